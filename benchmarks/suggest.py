@@ -25,13 +25,14 @@ from conditions import earlier, quick, shown, written
 from real_skins import REAL, known_by, recorded
 
 from eitsim.sensors.sensor_file import Sensor, read_sensor
-from surrogate.recordings import press_reader, templates
+from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.labels import PLACE, Labels, places_of
 from surrogate.recordings.pattern_process import matern
 from surrogate.recordings.physics.expectation import Pose, expectation_of
 from surrogate.recordings.presses import Presses, taken
 from surrogate.recordings.suggestion.next_presses import ACROSS, LENGTH, NOISE, SHARE, greedy, next_presses
+from surrogate.recordings.trained import press_reader
 from surrogate.recordings.trained.reader_scores import split_rows
 from surrogate.statistics.gaussian_process import squared_distance
 from touchcal.arrays import Array, Index

@@ -108,7 +108,7 @@ def rebuilt(kind: Any, name: str, arrays: Arrays) -> Any:
     """The inverse of flat for a field of this type."""
     if isinstance(kind, types.UnionType):
         (there,) = (one for one in typing.get_args(kind) if one is not type(None))
-        return rebuilt(there, name, arrays) if any(one.startswith(f"{name}.") for one in arrays) else None
+        return rebuilt(there, name, arrays) if any(f"{one}.".startswith(f"{name}.") for one in arrays) else None
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
         return kind(**{field.name: rebuilt(hints[field.name], f"{name}.{field.name}", arrays)

@@ -117,7 +117,7 @@ def _described(model: TrainedReader) -> dict[str, Any]:
     from surrogate.recordings.trained.train_reader import choice
 
     return {"presses": model.presses, "fit_s": model.fit_s, "choice": choice(model.reader),
-            "scores": [asdict(one) for one in model.scores]}
+            "scores": [asdict(one.score) for one in model.tested]}
 
 
 def _print_trained(model: TrainedReader) -> None:
@@ -127,12 +127,14 @@ def _print_trained(model: TrainedReader) -> None:
     from surrogate.recordings.trained.train_reader import choice
 
     table = Table("split", "trained", "tested", "output", "error", "kernel ridge", "mean", "in 90 %", "+-90 %",
+                  "in ellipse of 90 %",
                   title="mean error on presses that were not trained on; of a place, the distance; in 90 % of x, y")
-    for one in model.scores:
+    for one in (tested.score for tested in model.tested):
         table.add_row(one.split, str(one.trained), str(one.tested), one.output, f"{one.error:.3g} {one.unit}",
                       f"{one.ridge_error:.3g}", f"{one.mean_error:.3g}",
                       ", ".join(f"{100 * part:.0f}" for part in one.coverage),
-                      ", ".join(f"{half:.3g}" for half in one.half_width))
+                      ", ".join(f"{half:.3g}" for half in one.half_width),
+                      "-" if one.in_ellipse is None else f"{100 * one.in_ellipse:.0f}")
     Console().print(table)
     for line in choice(model.reader):
         print(line)

@@ -47,13 +47,15 @@ def fit(signal: Array, target: Array) -> KernelRidge:
     return _solved(view, scale, width, ridge, signal, target)
 
 
-def held_out(fitted: KernelRidge, signal: Array, target: Array, blocks: Index) -> Array:
-    """(n, k) targets of the training signals, each read without the rows of its block, settings as fitted."""
+def held_out(fitted: KernelRidge, signal: Array, target: Array, blocks: Index, seen: Array | None = None) -> Array:
+    """(n, k) targets of the training signals, or of the same presses as seen in other signals (n, m), each read without
+    the rows of its block, settings as fitted."""
+    seen = signal if seen is None else seen
     out = np.empty_like(target)
     for block in np.unique(blocks):
         kept = blocks != block
         part = _solved(fitted.view, fitted.scale, fitted.width, fitted.ridge, signal[kept], target[kept])
-        out[~kept] = part.read(signal[~kept])
+        out[~kept] = part.read(seen[~kept])
     return out
 
 

@@ -24,6 +24,7 @@ class Presses:
     age: Array  # (n,) time to the nearest untouched frame, in the unit of `rest_time`; 0 for differences
     rest: Array  # (k, m) untouched frames, in time order
     rest_time: Array  # (k,) their times, s, or their indices where the recording has no clock
+    time: Array  # (n,) time of each touched frame, likewise
 
 
 def presses_of(recording: Recording) -> Presses:
@@ -46,7 +47,8 @@ def presses_of(recording: Recording) -> Presses:
         used = touched | untouched
         baseline, age = tracked(np.asarray(frames[used], float), time[used], untouched[used])
         signal, following = signal - baseline, following - baseline
-    return Presses(recording.touch[touched], recording.index[touched], signal, following, age, rest, time[untouched])
+    return Presses(recording.touch[touched], recording.index[touched], signal, following, age, rest, time[untouched],
+                   time[touched])
 
 
 def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Labels]:
@@ -69,7 +71,7 @@ def cut(presses: Presses) -> Presses:
 def taken(presses: Presses, rows: NDArray[np.intp]) -> Presses:
     """Some of the presses, in this order."""
     return Presses(presses.name[rows], presses.index[rows], presses.signal[rows], presses.following[rows],
-                   presses.age[rows], presses.rest, presses.rest_time)
+                   presses.age[rows], presses.rest, presses.rest_time, presses.time[rows])
 
 
 def _following(frames: Array, index: NDArray[np.int64]) -> Array:

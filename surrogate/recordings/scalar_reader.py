@@ -9,13 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.recordings import kernel_ridge, networks, stacking
+from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
+from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import time_blocks
-from surrogate.recordings.intervals import Intervals, calibrated
+from surrogate.recordings.intervals import Bounds, Intervals, calibrated
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.labels import unit_of
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
-from surrogate.recordings.worth import check_worth
+from surrogate.recordings.worth import check_worth, distance
 from touchcal.arrays import Array
 
 FAMILIES = ("kernel ridge", "kernel ridge on place and size", "networks on place and size")
@@ -45,43 +47,60 @@ class ScalarReader:
     ridge: KernelRidge  # of signals
     sized: KernelRidge  # of the context
     networks: Networks  # of features and context
+    old: KernelRidge  # of the context of signals that drift spares
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
+    of_old: OldReadings  # of frames whose untouched frame is old
     held_out: Array  # (families + 2,) mean held-out error of each family, of all combined and of the mean
 
 
-def fit(name: str, target: Array, signal: Array, place: Array | None, cut: tuple[Array, Array | None],
+def fit(name: str, label: Array, known: Known, lacking: Array, taken_out: tuple[int, int], place: HeldOut | None,
         seed: int) -> ScalarReader:
-    """Learn a label (n,) from signals (n, m) in time order and the places (n, 2) read of them when they were held out;
-    cut: likewise without the frames that follow. NothingToRead where held-out presses are read no better than by the
-    mean."""
-    wanted, blocks = target[:, None], time_blocks(len(target))
-    known = _context(signal, place)
-    context = Context(known.mean(axis=0), np.maximum(known.std(axis=0), np.finfo(float).tiny))
-    features, known = learn_features(signal), context.of(signal, place)
-    ridge, sized = kernel_ridge.fit(signal, wanted), kernel_ridge.fit(known, wanted)
-    ensemble, of_networks = networks.fit(_inputs(features, signal, known), wanted, blocks, seed, EPOCHS)
-    each = np.stack([kernel_ridge.held_out(ridge, signal, wanted, blocks),
-                     kernel_ridge.held_out(sized, known, wanted, blocks), of_networks])
-    value, of_each = stacking.combined(each, wanted, blocks)
-    mean = np.broadcast_to(wanted.mean(axis=0), wanted.shape)
-    check_worth(value, mean, wanted, name, unit_of(name))
-    of_cut = networks.held_out(ensemble, _inputs(features, cut[0], context.of(*cut)), blocks)
-    return ScalarReader(name, context, features, ridge, sized, ensemble, stacking.weights(each, wanted),
-                        calibrated(value - wanted, _spread(of_each, each, value)),
-                        calibrated(of_cut - wanted, np.zeros_like(wanted)),
-                        np.array([float(np.abs(one - wanted).mean()) for one in (*each, value, mean)]))
+    """Learn a label (n,) from what is known of presses in time order, from their signals (n, m) without the frames that
+    follow, and from the places read of them when they were held out. taken_out: directions of drift, of all signals and
+    of those whose untouched frame is old. NothingToRead where held-out presses are read no better than by the mean."""
+    drift, target, blocks = known.signals.drift, label[:, None], time_blocks(len(label))
+    signal, cut = without(drift, known.signal, taken_out[0]), without(drift, lacking, taken_out[0])
+    at, at_cut, at_old = (place.place, place.cut, place.old) if place else (None, None, None)
+    raw = _context(signal, at)
+    context = Context(raw.mean(axis=0), np.maximum(raw.std(axis=0), np.finfo(float).tiny))
+    features, near = learn_features(signal), context.of(signal, at)
+    ridge, sized = kernel_ridge.fit(signal, target), kernel_ridge.fit(near, target)
+    ensemble, of_networks = networks.fit(_inputs(features, signal, near), target, blocks, seed, EPOCHS)
+    each = np.stack([kernel_ridge.held_out(ridge, signal, target, blocks),
+                     kernel_ridge.held_out(sized, near, target, blocks), of_networks])
+    value, of_each = stacking.combined(each, target, blocks)
+    mean, none = np.broadcast_to(target.mean(axis=0), target.shape), np.zeros_like(target)
+    check_worth(value, mean, target, name, unit_of(name))
+    of_cut = networks.held_out(ensemble, _inputs(features, cut, context.of(cut, at_cut)), blocks)
+    places = (at_old, *(place.aged if place else [None] * len(known.aged)))
+    spared, *views = (context.of(without(drift, one, taken_out[1]), there)
+                      for one, there in zip((known.signal, *(one.signal for one in known.aged)), places, strict=True))
+    old = kernel_ridge.fit(spared, target)
+    fresh, *seen = (kernel_ridge.held_out(old, spared, target, blocks, one) for one in (spared, *views))
+    return ScalarReader(name, context, features, ridge, sized, ensemble, old, stacking.weights(each, target),
+                        calibrated(value - target, _spread(of_each, each, value), none[:, 0]),
+                        calibrated(of_cut - target, none, none[:, 0]),
+                        calibrated_by_age(known.aged, target, (fresh, none), tuple((one, none) for one in seen)),
+                        np.array([distance(one, target) for one in (*each, value, mean)]))
 
 
-def read(reader: ScalarReader, signal: Array, place: Array | None) -> tuple[Array, Array]:
-    """The label of signals (n, m) at places as read, and the half width of its 90 % interval, (n,) each."""
-    known = reader.context.of(signal, place)
-    each = np.stack([reader.ridge.read(signal), reader.sized.read(known),
-                     reader.networks.read_each(_inputs(reader.features, signal, known)).mean(axis=0)])
+def read(reader: ScalarReader, signal: Array, place: Array | None) -> tuple[Array, Bounds]:
+    """The label (n,) of signals (n, m) at places as read, and its bounds."""
+    near = reader.context.of(signal, place)
+    each = np.stack([reader.ridge.read(signal), reader.sized.read(near),
+                     reader.networks.read_each(_inputs(reader.features, signal, near)).mean(axis=0)])
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value)
-    return value[:, 0], reader.intervals.half_width(spread)[:, 0]
+    return value[:, 0], reader.intervals.bounds(spread, np.zeros(len(value)))
+
+
+def read_old(reader: ScalarReader, spared: Array, place: Array | None, age: Array) -> tuple[Array, Bounds]:
+    """Likewise of signals that drift spares, against untouched frames of these ages (n,)."""
+    value = reader.old.read(reader.context.of(spared, place))
+    value, bounds = reader.of_old.read(age, value, np.zeros_like(value))
+    return value[:, 0], bounds
 
 
 def _context(signal: Array, place: Array | None) -> Array:

@@ -24,6 +24,7 @@ class Signals:
     readings: Readings  # of the signals with the late readings appended
     drift: Drift  # likewise
     greatest_age: float  # of an untouched frame in training
+    oldest: float  # greatest age of an untouched frame whose cost was learnt
     weakest: float  # norm of the weakest training signal
 
     @property
@@ -56,16 +57,19 @@ def learn_signals(presses: Presses, late: Index) -> tuple[Signals, Array]:
     readings = learn_readings(signal[whole])
     signal = filled(readings, signal)
     drift = learn_drift(np.hstack([presses.rest, presses.rest[:, late]]), presses.rest_time)
-    return Signals(late, readings, drift, float(presses.age.max()),
-                   float(np.linalg.norm(signal, axis=1).min())), signal
+    age = float(presses.age.max())
+    return Signals(late, readings, drift, age, age, float(np.linalg.norm(signal, axis=1).min())), signal
 
 
 def flags(signals: Signals, presses: Presses, strange: Mask) -> tuple[str, ...]:
     """(n,) why not to trust a press, `strange` those whose pattern is; empty where nothing speaks against it."""
     dead = np.isnan(presses.signal).sum(axis=1)
     weak = np.linalg.norm(signals.whole(presses), axis=1) < WEAK * signals.weakest
+    old = signals.old(presses)
+    beyond = old & (presses.age > signals.oldest)
     words = [(signals.cut(presses), "the frame that follows, which holds some readings of this one, is not there"),
-             (signals.old(presses), "the untouched frame is older than any in training, so the intervals may not hold"),
+             (old & ~beyond, "the untouched frame is older than any in training, and the intervals are wider for it"),
+             (beyond, "the untouched frame is older than any in training, and so much that the intervals may not hold"),
              (strange, "a pattern unlike those of the training presses"),
              (weak, "weaker than any training press")]
     return tuple("; ".join([f"{count} dead channels filled in"] * bool(count)

@@ -10,7 +10,7 @@ training places, whose spacing the standard deviation includes.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -90,44 +90,47 @@ class Fitted:
     place: Array  # (n, 2) mm
     sd: Array  # (n, 2) mm
     misfit: Array  # (n,) squared distance from the nearest template
+    seen: tuple[tuple[Array, Array], ...]  # place and sd, as above, of the same presses as seen in other signals
 
 
-def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, priors: Sequence[Prior] = (nothing,)) -> Fitted:
-    """Templates of the compressed readings or of the direction of signals (n, m) at places (n, 2), mm; they go on from
-    the first prior unless another leaves less than WORTH times as much of the patterns of held-out blocks."""
+def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, seen: tuple[Array, ...] = (),
+        priors: Sequence[Prior] = (nothing,)) -> Fitted:
+    """Templates of the compressed readings or of the direction of signals (n, m) at places (n, 2), mm; what they read
+    of held-out rows, and of these as seen in other signals, (n, m) each. They go on from the first prior unless another
+    leaves less than WORTH times as much of the patterns of held-out blocks."""
     last = slice(max(len(signal) - MOST_ROWS, 0), None)
     scale = compression_scale(signal[last]) if compress else 0.0
     pattern, at, grid = _pattern(scale, signal[last]), place[last], places_about(place[last])
     number = 0 if len(priors) == 1 else _chosen(pattern, at, blocks[last], priors)
-    prior = priors[number]
-    learnt = prior(pattern, at)
+    learnt = priors[number](pattern, at)
     process = choose(pattern, at, learnt(at))
-    parts = []
-    for kept, block, part in _held_out(pattern, at, blocks[last], prior):
-        parts.append((block, *mapped(process, pattern[kept], at[kept], part(at[kept]), grid, part(grid))))
-    best: tuple[float, float, float, Array, Array, Array] | None = None
-    held = np.ones(len(place), bool)
-    held[last] = False
+    parts = [(block, *mapped(process, pattern[kept], at[kept], part(at[kept]), grid, part(grid)))
+             for kept, block, part in _parts(pattern, at, blocks[last], priors[number])]
+    tried = []
     for shrink in SHRINKS:
         misfit = np.empty((len(pattern), len(grid)))
         for gone, mean, residual in parts:
             misfit[gone] = Templates(scale, grid, mean, _shrunk(residual, shrink), 1.0, number).misfit(
                 signal[last][gone])
         for temper in TEMPERS:
-            value, sd = _moments(grid, misfit * temper)
-            error = float(np.linalg.norm(value - at, axis=1).mean())
-            if best is None or error < best[0]:
-                best = error, shrink, temper, value, sd, misfit.min(axis=1)
-    assert best is not None
-    _, shrink, temper, value, sd, nearest = best
+            value, _ = _moments(grid, misfit * temper)
+            tried.append((float(np.linalg.norm(value - at, axis=1).mean()), shrink, -temper))
+    _, shrink, temper = min(tried)
     mean, residual = mapped(process, pattern, at, learnt(at), grid, learnt(grid))
-    templates = Templates(scale, grid, mean, _shrunk(residual, shrink), temper, number)
-    sd = np.hypot(sd, templates.spacing / np.sqrt(12))
-    if held.any():
-        earlier = templates.read(signal[held])
-        value, sd = np.concatenate([earlier[0], value]), np.concatenate([earlier[1], sd])
-        nearest = np.concatenate([earlier[2], nearest])
-    return Fitted(templates, value, sd, nearest)
+    templates = Templates(scale, grid, mean, _shrunk(residual, shrink), -temper, number)
+    without = [(last.start + block, replace(templates, pattern=mean, covariance=_shrunk(residual, shrink)))
+               for block, mean, residual in parts]
+    return Fitted(templates, *_held_out(templates, without, signal),
+                  tuple(_held_out(templates, without, one)[:2] for one in seen))
+
+
+def _held_out(templates: Templates, without: list[tuple[Index, Templates]],
+              signal: Array) -> tuple[Array, Array, Array]:
+    """What is read of signals (n, m), as Templates.read, of some rows by the templates that were made without them."""
+    value, sd, nearest = templates.read(signal)
+    for rows, part in without:
+        value[rows], sd[rows], nearest[rows] = part.read(signal[rows])
+    return value, sd, nearest
 
 
 def _chosen(pattern: Array, place: Array, blocks: Index, priors: Sequence[Prior]) -> int:
@@ -140,12 +143,12 @@ def _chosen(pattern: Array, place: Array, blocks: Index, priors: Sequence[Prior]
         process = choose(pattern, place, prior(pattern, place)(place))
         missed.append(sum(float(np.sum((mapped(process, pattern[kept], place[kept], part(place[kept]), place[block],
                                                part(place[block]))[0] - pattern[block])**2))
-                          for kept, block, part in _held_out(pattern, place, blocks, prior)))
+                          for kept, block, part in _parts(pattern, place, blocks, prior)))
     return int(np.argmin([WORTH * missed[0], *missed[1:]]))
 
 
-def _held_out(pattern: Array, place: Array, blocks: Index,
-              prior: Prior) -> Iterator[tuple[Index, Index, Callable[[Array], Array]]]:
+def _parts(pattern: Array, place: Array, blocks: Index,
+           prior: Prior) -> Iterator[tuple[Index, Index, Callable[[Array], Array]]]:
     """For each block the rows outside it, its rows, and what is expected by rows outside a run of blocks about it."""
     names = np.unique(blocks)
     for run in np.array_split(names, min(PRIOR_FOLDS, len(names))):

@@ -5,25 +5,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.recordings import kernel_ridge, networks, stacking, templates
+from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age, learn_known
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import time_blocks
-from surrogate.recordings.intervals import Intervals, calibrated
+from surrogate.recordings.intervals import Bounds, Intervals, calibrated, chosen
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, cut
-from surrogate.recordings.signals import Signals, learn_signals
-from surrogate.recordings.templates import Templates
+from surrogate.recordings.signals import Signals
+from surrogate.recordings.templates import Fitted, Templates
 from surrogate.recordings.waves import Waves, draw_waves
 from surrogate.recordings.worth import check_worth, distance
 from touchcal.arrays import Array, Mask
 
 FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates",
             "corrected templates")
-# Directions of drift that may be projected out of all signals, and those that are where the untouched frame is old.
-PROJECTED, PROJECTED_OLD = (0, 3, 6), 6
+PROJECTED = (0, 3, 6)  # directions of drift that may be projected out of signals
 STRANGE = 1.5  # times the greatest misfit of held-out presses: a signal further from all templates is flagged
 
 
@@ -33,6 +33,7 @@ class TouchReader:
 
     signals: Signals
     projected: int  # directions of drift taken out of signals
+    spared: int  # likewise, where the untouched frame is old
     ridge: KernelRidge
     direction: Templates
     compressed: Templates
@@ -41,10 +42,11 @@ class TouchReader:
     networks: Networks
     on_templates: Networks
     correction: Networks  # of the place by the templates of readings
-    old: Templates  # of signals with PROJECTED_OLD directions taken out
+    old: Templates  # of signals where the untouched frame is old
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
+    of_old: OldReadings  # of frames whose untouched frame is old, by the old templates
     greatest_misfit: float  # of a held-out press from the templates of direction
     held_out: Array  # (families + 2,) mean held-out distance of each family, of all combined and of the mean, mm
 
@@ -54,37 +56,31 @@ class Reading:
     """Places of some frames."""
 
     value: Array  # (n, 2) mm
-    half_width: Array  # (n, 2) half width of the 90 % interval, mm
+    bounds: Bounds  # mm
     strange: Mask  # (n,) whether the pattern is unlike those of the training presses
-
-
-@dataclass(frozen=True, eq=False)
-class Learnt:
-    """A reader of places, and what it says of training presses that were held out."""
-
-    reader: TouchReader
-    place: Array  # (n, 2) mm
-    cut_place: Array  # (n, 2) mm, without the frames that follow, by the networks
 
 
 def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     """Learn places (n, 2), mm, from presses in time order; errors as `learn`."""
-    return learn(presses, place, learn_signals(presses, late_readings(presses.signal, presses.following, place)),
-                 seed).reader
+    late = late_readings(presses.signal, presses.following, place)
+    return learn(presses, place, learn_known(presses, late), seed)[0]
 
 
-def learn(presses: Presses, place: Array, known: tuple[Signals, Array], seed: int,
-          expectation: Expectation | None = None) -> Learnt:
+def learn(presses: Presses, place: Array, known: Known, seed: int,
+          expectation: Expectation | None = None) -> tuple[TouchReader, HeldOut]:
     """Learn places (n, 2), mm, from presses in time order, from what is known of their signals and what a model of the
     sensor expects of them; NothingToRead where held-out presses are read no better than by the mean place."""
-    (signals, signal), drift = known, known[0].drift
+    signals, signal, drift = known.signals, known.signal, known.signals.drift
     blocks = time_blocks(len(place))
     columns = np.append(np.arange(signals.channels), signals.late)
     priors = (templates.nothing, *([expectation.taking(columns).learn] if expectation else []))
-    projected, direction = min(
-        ((count, templates.fit(without(drift, signal, count), place, blocks, compress=False)) for count in PROJECTED
-         if count <= len(drift.root) // 2 or not count),
-        key=lambda one: distance(one[1].place, place))
+    fits = {count: templates.fit(without(drift, signal, count), place, blocks, compress=False,
+                                 seen=tuple(without(drift, one.signal, count) for one in known.aged))
+            for count in PROJECTED if count <= len(drift.root)}
+    projected = min((count for count in fits if count <= len(drift.root) // 2),
+                    key=lambda count: distance(fits[count].place, place))
+    spared = min(fits, key=lambda count: _aged_distance(known, fits[count], place)) if known.aged else max(fits)
+    direction, old = fits[projected], fits[spared]
     kept = without(drift, signal, projected)
     if expectation:
         direction = templates.fit(kept, place, blocks, compress=False, priors=priors)
@@ -101,17 +97,20 @@ def learn(presses: Presses, place: Array, known: tuple[Signals, Array], seed: in
     weights = stacking.weights(each, place)
     value, of_each = stacking.combined(each, place, blocks)
     spread = _spread(of_each, each, value, direction.sd, compressed.sd)
+    cross = _cross(of_each, each, value)
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
     check_worth(value, mean, place, "the place", "mm")
-    old = (templates.fit(without(drift, signal, PROJECTED_OLD), place, blocks, compress=False, priors=priors)
-           if len(drift.root) else direction)
     of_cut = networks.held_out(ensemble, features.of(without(drift, signals.whole(cut(presses)), projected)), blocks)
-    reader = TouchReader(signals, projected, ridge, direction.templates, compressed.templates, features, waves,
+    of_old = calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen)
+    reader = TouchReader(signals, projected, spared, ridge, direction.templates, compressed.templates, features, waves,
                          ensemble, on_templates, correction, old.templates, weights,
-                         calibrated(value - place, spread), calibrated(of_cut - place, np.zeros_like(place)),
-                         float(direction.misfit.max()),
+                         calibrated(value - place, spread, cross),
+                         calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place))),
+                         of_old, float(direction.misfit.max()),
                          np.array([distance(one, place) for one in (*each, value, mean)]))
-    return Learnt(reader, value, of_cut)
+    fresh, *aged = (of_old.mean + gain * (one - of_old.mean)
+                    for gain, one in zip(of_old.gain, (old.place, *(one for one, _ in old.seen)), strict=True))
+    return reader, HeldOut(value, of_cut, fresh, tuple(aged))
 
 
 def read(reader: TouchReader, presses: Presses) -> Reading:
@@ -119,7 +118,8 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
 
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
     on presses that lack it. Where the untouched frame is far older than in training, templates of the signal without
-    the main directions of drift read the place; intervals then do not hold, which the flag says.
+    the main directions of drift read the place; intervals are those of presses against frames as old, as far as
+    training could show them.
     """
     signals = reader.signals
     signal, old = signals.whole(presses), signals.old(presses)
@@ -133,11 +133,20 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
                      compressed[0] + reader.correction.read_each(further).mean(axis=0)])
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
+    bounds = reader.intervals.bounds(spread, _cross(np.tile(reader.weights, (len(value), 1)), each, value))
+    none = np.zeros_like(value)
+    bounds = chosen(signals.cut(presses), reader.of_cut.bounds(none, none[:, 0]), bounds)
     if old.any():
-        value[old], spread[old], _ = reader.old.read(without(signals.drift, signal[old], PROJECTED_OLD))
-    half_width = reader.intervals.half_width(spread)
-    half_width[signals.cut(presses) & ~old] = reader.of_cut.half_width(np.zeros((1, 2)))
-    return Reading(value, half_width, direction[2] > STRANGE * reader.greatest_misfit)
+        there, sd, _ = reader.old.read(without(signals.drift, signal, reader.spared))
+        there, of_old = reader.of_old.read(presses.age, there, sd)
+        value, bounds = np.where(old[:, None], there, value), chosen(old, of_old, bounds)
+    return Reading(value, bounds, direction[2] > STRANGE * reader.greatest_misfit)
+
+
+def _aged_distance(known: Known, fitted: Fitted, place: Array) -> float:
+    """Mean distance of what is read of held-out presses against older untouched frames, over the ages."""
+    return float(np.mean([distance(value[one.rows], place[one.rows])
+                          for one, (value, _) in zip(known.aged, fitted.seen, strict=True)]))
 
 
 def _spread(weights: Array, each: Array, value: Array, direction_sd: Array, compressed_sd: Array) -> Array:
@@ -145,3 +154,8 @@ def _spread(weights: Array, each: Array, value: Array, direction_sd: Array, comp
     templates leave open."""
     variance = np.einsum("nf,fnk->nk", weights, (each - value) ** 2)
     return np.sqrt(variance + weights[:, [1]] * direction_sd**2 + weights[:, [2]] * compressed_sd**2)
+
+
+def _cross(weights: Array, each: Array, value: Array) -> Array:
+    """(n,) covariance of x and y among places (families, n, 2) of weights (n, families) about their mean (n, 2)."""
+    return np.einsum("nf,fn->n", weights, np.prod(each - value, axis=2))

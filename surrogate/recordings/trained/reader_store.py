@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.recordings.press_reader import PressReader
-from surrogate.recordings.trained.reader_scores import ReaderScore
+from surrogate.recordings.trained.press_reader import PressReader
+from surrogate.recordings.trained.reader_scores import Tested
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.array_store import flat, read_npz, rebuilt
 from touchcal.document import Keys, Number, check
@@ -17,7 +17,7 @@ from touchcal.json_file import digest, read_json, write_json
 from touchcal.whole_file import written
 
 METHOD, SCHEMA = "recording", 2
-DESCRIPTION, ARRAYS, PART = "model.json", "arrays.npz", "reader"
+DESCRIPTION, ARRAYS, PART, TESTED = "model.json", "arrays.npz", "reader", "tested"
 _HASH, _DESCRIBED = "arrays_sha256", "description_sha256"
 _RETRAIN = "A model is the folder that `surrogate train --out` writes; train it again."
 _COUNT = Number(0, 1e15, whole=True)
@@ -30,9 +30,11 @@ def save(model: TrainedReader, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / DESCRIPTION).unlink(missing_ok=True)
     text: dict[str, Any] = {"schema": SCHEMA, "method": METHOD, "kind": model.kind, "presses": model.presses,
-                            "seed": model.seed, "fit_s": model.fit_s, "scores": [asdict(one) for one in model.scores]}
+                            "seed": model.seed, "fit_s": model.fit_s,
+                            "scores": [asdict(one.score) for one in model.tested]}
     with written(folder / ARRAYS) as file:
         np.savez_compressed(file, allow_pickle=False, **dict(flat(model.reader, PART)),
+                            **dict(flat(model.tested, TESTED)),
                             **{_DESCRIBED: np.array(digest(text))})
     write_json(text | {_HASH: _file_hash(folder / ARRAYS)}, folder / DESCRIPTION)
 
@@ -56,10 +58,8 @@ def load(folder: Path) -> TrainedReader:
             raise ValueError(f"{ARRAYS} was changed, or is of another model")
         if str(arrays.pop(_DESCRIBED)) != digest(text):
             raise ValueError(f"{DESCRIPTION} was changed")
-        scores = tuple(ReaderScore(**one | {name: tuple(one[name]) for name in ("coverage", "half_width")})
-                       for one in text["scores"])
-        return TrainedReader(rebuilt(PressReader, PART, arrays), text["kind"], text["presses"], text["seed"], scores,
-                             text["fit_s"])
+        return TrainedReader(rebuilt(PressReader, PART, arrays), text["kind"], text["presses"], text["seed"],
+                             rebuilt(tuple[Tested, ...], TESTED, arrays), text["fit_s"])
     except (LookupError, TypeError, ValueError) as error:
         raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
                                      f"({error}). Train the model again.") from None

@@ -7,13 +7,14 @@ from functools import partial
 import numpy as np
 
 from eitsim.sensors.recording import Recording
-from surrogate.recordings import press_reader, scalar_reader, touch_reader
+from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.labels import Labels, unit_of
 from surrogate.recordings.physics.expectation import Expectation
-from surrogate.recordings.press_reader import PressReader
 from surrogate.recordings.presses import Presses, labelled, presses_of
 from surrogate.recordings.signals import FEWEST
-from surrogate.recordings.trained.reader_scores import SPLITS, TESTED, ReaderScore, score
+from surrogate.recordings.trained import press_reader
+from surrogate.recordings.trained.press_reader import PressReader
+from surrogate.recordings.trained.reader_scores import SPLITS, TESTED, Tested, read_split
 from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
 from touchcal.parallel.pool import Failed, answers
@@ -28,7 +29,7 @@ class TrainedReader:
     kind: str  # of the readings, one of recording.KINDS
     presses: int  # that it was trained on
     seed: int
-    scores: tuple[ReaderScore, ...]  # of readers of four fifths, a split after the other; none where these are too few
+    tested: tuple[Tested, ...]  # by readers of four fifths, a split after the other; none where these are too few
     fit_s: float  # CPU time of the reader, s
 
 
@@ -51,17 +52,17 @@ def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: i
     reader, fit_s = found[""]
     if isinstance(reader, NothingToRead):
         raise reader
-    scores = tuple(one for split in splits for one in found[split])
-    return TrainedReader(reader, recording.kind, count, seed, scores, fit_s)
+    tested = tuple(one for split in splits for one in found[split])
+    return TrainedReader(reader, recording.kind, count, seed, tested, fit_s)
 
 
 def _answer(presses: Presses, labels: Labels, seed: int, expectation: Expectation | None,
-            split: str) -> tuple[ReaderScore, ...] | tuple[PressReader | NothingToRead, float]:
-    """The scores of a split, none where four fifths say nothing; for no split the reader of all and its time."""
+            split: str) -> tuple[Tested, ...] | tuple[PressReader | NothingToRead, float]:
+    """What is read on a split, none where four fifths say nothing; for no split the reader of all and its time."""
     begun = time.process_time()
     try:
         if split:
-            return score(presses, labels, split, seed, expectation)
+            return read_split(presses, labels, split, seed, expectation)
         return press_reader.fit(presses, labels, seed, expectation), time.process_time() - begun
     except NothingToRead as refusal:
         return () if split else (refusal, 0.0)

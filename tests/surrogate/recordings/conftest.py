@@ -37,7 +37,8 @@ def synthetic_presses(seed: int, count: int, noise: float = 0.3) -> tuple[Presse
     signal = synthetic_signal(place, rng.uniform(0.7, 1.3, count))
     signal += noise * np.abs(signal).mean() * rng.standard_normal(signal.shape)
     return Presses(np.arange(count).astype(np.str_), np.arange(count), signal, np.full_like(signal, np.nan),
-                   np.zeros(count), np.empty((0, signal.shape[1])), np.empty(0)), place
+                   np.zeros(count), np.empty((0, signal.shape[1])), np.empty(0),
+                    np.arange(float(count))), place
 
 
 def labels_at(place: Array, **others: Array) -> Labels:

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from eitsim.sensors.recording import Recording
-from surrogate.recordings import networks, press_reader, touch_reader
+from surrogate.recordings import networks, touch_reader
 from surrogate.recordings.late_readings import late_readings, with_late
 from surrogate.recordings.presses import Presses, presses_of
+from surrogate.recordings.trained import press_reader
 from touchcal.arrays import Array, Index
 
 from .conftest import labels_at, synthetic_presses
@@ -57,8 +58,8 @@ def test_late_readings_help_and_their_lack_widens_intervals_and_is_flagged(monke
     unaware = touch_reader.fit(replace(known, following=np.full_like(known.following, np.nan)), place)
     miss = [np.linalg.norm(one.value - there, axis=1).mean() for one in (whole, touch_reader.read(unaware, lacking))]
     assert miss[0] < 0.95 * miss[1]
-    assert cut.half_width.mean() > whole.half_width.mean()
-    assert np.mean(np.abs(cut.value - there) <= cut.half_width) > 0.85
+    assert cut.bounds.half_width.mean() > whole.bounds.half_width.mean()
+    assert np.mean(np.abs(cut.value - there) <= cut.bounds.half_width) > 0.85
     every = press_reader.fit(known, labels_at(place))
     assert all("frame that follows" in flag for flag in press_reader.read(every, lacking).flag)
     assert not any("frame that follows" in flag for flag in press_reader.read(every, new).flag[:-1])

@@ -10,7 +10,7 @@ import pytest
 
 from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
-from surrogate.recordings.trained.reader_scores import scored
+from surrogate.recordings.trained.reader_scores import read_rows
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
@@ -36,7 +36,7 @@ def test_templates_read_the_hydrogel_from_a_hundred_presses() -> None:
 def test_a_hundred_presses_suffice(skin: str) -> None:
     _, presses, labels = recorded(skin)
     train, test = rows_of(Case(skin, 100, "time", "last"), len(labels.touch))
-    found = scored(presses, labels, train, test, "time", 0)[0]
+    found = read_rows(presses, labels, train, test, "time", 0)[0].score
     assert found.error <= HUNDRED[skin]
     assert found.error < found.ridge_error
     assert 0.85 <= np.mean(found.coverage) <= 0.95  # x and y together: the hydrogel has 70 tested presses
@@ -47,5 +47,5 @@ def test_a_hundred_presses_suffice(skin: str) -> None:
 def test_the_hydrogel_is_read_through_drift(drift: str, most: float) -> None:
     recording, presses, labels = recorded("hydrogel")
     train, test = rows_of(Case("hydrogel", 100, "time", "last"), len(labels.touch))
-    found = scored(with_drift(recording, presses, drift), labels, train, test, "time", 0)[0]
+    found = read_rows(with_drift(recording, presses, drift), labels, train, test, "time", 0)[0].score
     assert found.error <= most

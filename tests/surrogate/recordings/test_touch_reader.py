@@ -12,12 +12,12 @@ import pytest
 from typer.testing import CliRunner
 
 from surrogate.cli.main import app
-from surrogate.recordings import networks, press_reader, touch_reader
-from surrogate.recordings.press_reader import PressReader
+from surrogate.recordings import networks, touch_reader
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.touch_reader import Reading
-from surrogate.recordings.trained import reader_store
-from surrogate.recordings.trained.reader_scores import score, split_rows
+from surrogate.recordings.trained import press_reader, reader_store
+from surrogate.recordings.trained.press_reader import PressReader
+from surrogate.recordings.trained.reader_scores import read_split, split_rows
 from surrogate.recordings.trained.train_reader import TrainedReader, choice
 from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
@@ -54,7 +54,7 @@ def test_new_presses_are_read_and_held(reader: PressReader) -> None:
     assert reader.place
     error = np.linalg.norm(found.value - place, axis=1).mean()
     assert error < 1.3 * reader.place.held_out[:6].min()
-    assert 0.8 < np.mean(np.abs(found.value - place) <= found.half_width) < 0.99
+    assert 0.8 < np.mean(np.abs(found.value - place) <= found.bounds.half_width) < 0.99
     assert sum(map(bool, press_reader.read(reader, new).flag)) < 10
 
 
@@ -112,18 +112,41 @@ def drifting(seed: int, count: int, apart: int) -> tuple[Presses, Array]:
     old = rest[np.maximum(np.arange(count) - apart, 0)]
     return Presses(np.arange(count).astype(np.str_), 2 * np.arange(count) + 1, signal + rest - old,
                    np.full_like(signal, np.nan), np.full(count, 2.0 * apart + 1), rest,
-                   np.arange(0.0, 2 * count, 2)), place
+                   np.arange(0.0, 2 * count, 2), np.arange(1.0, 2 * count + 1, 2)), place
 
 
-def test_an_old_untouched_frame_is_read_by_what_drift_spares(quick: object) -> None:
+@pytest.fixture(scope="module")
+def of_drift(quick: object) -> PressReader:
     known, place = drifting(1, 60, 0)
-    trained = press_reader.fit(known, labels_at(place))
+    return press_reader.fit(known, labels_at(place))
+
+
+def test_an_old_untouched_frame_is_read_by_what_drift_spares(of_drift: PressReader) -> None:
     new, there = drifting(2, 60, 15)
-    found = place_read(trained, new)
-    assert all("older than any in training" in flag for flag in press_reader.read(trained, new).flag)
-    as_if_new = place_read(trained, replace(new, age=np.zeros(60)))
+    found = place_read(of_drift, new)
+    assert all("older than any in training, and the intervals are wider" in flag
+               for flag in press_reader.read(of_drift, new).flag)
+    as_if_new = place_read(of_drift, replace(new, age=np.zeros(60)))
     miss = [np.linalg.norm(one.value - there, axis=1).mean() for one in (found, as_if_new)]
     assert miss[0] < 0.7 * miss[1]
+
+
+def test_intervals_hold_where_the_untouched_frame_is_as_old_as_training_could_show(of_drift: PressReader) -> None:
+    held, width = [], []
+    for apart in (0, 15):
+        new, there = drifting(3, 300, apart)
+        found = place_read(of_drift, new)
+        held.append(np.mean(np.abs(found.value - there) <= found.bounds.half_width))
+        width.append(found.bounds.half_width.mean())
+    assert min(held) > 0.8
+    assert max(held) < 0.99
+    assert width[1] > 1.2 * width[0]
+
+
+def test_a_frame_older_than_training_could_show_is_said_so(of_drift: PressReader) -> None:
+    new, _ = drifting(2, 5, 0)
+    flag = press_reader.read(of_drift, replace(new, age=np.full(5, 1e4))).flag
+    assert all("so much that the intervals may not hold" in one for one in flag)
 
 
 def test_a_split_tests_rows_that_did_not_train(presses: Pressed, quick: object) -> None:
@@ -131,7 +154,9 @@ def test_a_split_tests_rows_that_did_not_train(presses: Pressed, quick: object) 
         train, test = split_rows(60, split, 0)
         assert sorted([*train, *test]) == list(range(60))
     assert split_rows(60, "time", 0)[1].min() == 48
-    (found,) = score(presses[0], labels_at(presses[1]), "time")
+    (tested,) = read_split(presses[0], labels_at(presses[1]), "time")
+    found = tested.score
+    assert found.in_ellipse is not None
     assert (found.output, found.trained, found.tested) == ("place", 48, 12)
     assert found.error < 0.3 * found.mean_error
 
@@ -144,7 +169,7 @@ def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: Pre
     new, _ = synthetic_presses(8, 5)
     one, two = (place_read(part.reader, new) for part in (model, again))
     np.testing.assert_array_equal(one.value, two.value)
-    np.testing.assert_array_equal(one.half_width, two.half_width)
+    np.testing.assert_array_equal(one.bounds.half_width, two.bounds.half_width)
     text = json.loads((tmp_path / "model.json").read_text())
     (tmp_path / "model.json").write_text(json.dumps(text | {"presses": 61}))
     with pytest.raises(InputFileError, match="was changed"):
@@ -171,7 +196,8 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
     found = run.invoke(app, ["predict", f"{tmp_path}/model", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/out.csv"])
     assert found.exit_code == 0, found.output
     table = pd.read_csv(tmp_path / "out.csv")
-    assert [*table] == ["touch", "x0_mm", "x0_lo90_mm", "x0_hi90_mm", "y0_mm", "y0_lo90_mm", "y0_hi90_mm", "flag"]
+    assert [*table] == ["touch", "x0_mm", "x0_lo90_mm", "x0_hi90_mm", "y0_mm", "y0_lo90_mm", "y0_hi90_mm",
+                        "x0_y0_correlation", "x0_y0_ellipse90", "flag"]
     assert table["touch"].tolist() == frames["touch"].tolist()
     assert np.hypot(table["x0_mm"] - place[:, 0], table["y0_mm"] - place[:, 1])[30:].mean() < 12
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])

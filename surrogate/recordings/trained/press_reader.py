@@ -8,17 +8,20 @@ from typing import TypeVar
 import numpy as np
 
 from surrogate.recordings import scalar_reader, touch_reader
+from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
+from surrogate.recordings.intervals import chosen
 from surrogate.recordings.labels import PLACE, Labels
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, cut
 from surrogate.recordings.scalar_reader import ScalarReader
-from surrogate.recordings.signals import FEWEST, Signals, flags, learn_signals
+from surrogate.recordings.signals import FEWEST, Signals, flags
 from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
 
+SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
 Found = TypeVar("Found")
 
 
@@ -67,33 +70,38 @@ def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectatio
         raise ValueError(" ".join(left_out))
     if {*PLACE} <= {*varied}:
         place = np.stack([varied.pop(name) for name in PLACE], axis=1)
-        known = learn_signals(presses, late_readings(presses.signal, presses.following, place))
+        known = learn_known(presses, late_readings(presses.signal, presses.following, place))
         learnt = _tried(partial(touch_reader.learn, presses, place, known, seed, expectation), left_out)
     else:
-        known, learnt = learn_signals(presses, np.zeros(0, np.intp)), None
-    reader, held_out, held_out_cut = (learnt.reader, learnt.place, learnt.cut_place) if learnt else (None, None, None)
-    whole, lacking = seen(known[0], reader, presses), seen(known[0], reader, cut(presses))
-    scalars = [_tried(partial(scalar_reader.fit, name, value, whole, held_out, (lacking, held_out_cut), seed), left_out)
+        known, learnt = learn_known(presses, np.zeros(0, np.intp)), None
+    reader, held_out = learnt or (None, None)
+    taken_out = (reader.projected, reader.spared) if reader else (0, SPARED)
+    gone = known.signals.whole(cut(presses))
+    scalars = [_tried(partial(scalar_reader.fit, name, value, known, gone, taken_out, held_out, seed), left_out)
                for name, value in varied.items()]
     scalars = tuple(one for one in scalars if one)
     if not reader and not scalars:
         raise NothingToRead(" ".join(left_out))
-    return PressReader(known[0], reader, scalars, tuple(left_out))
+    return PressReader(known.signals, reader, scalars, tuple(left_out))
 
 
 def read(reader: PressReader, presses: Presses) -> PressReading:
     """Labels of presses with their intervals and flags.
 
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
-    on presses that lack it.
+    on presses that lack it. Where the untouched frame is far older than in training, what drift spares is read.
     """
     place = touch_reader.read(reader.place, presses) if reader.place else None
-    signal, lacking = seen(reader.signals, reader.place, presses), reader.signals.cut(presses)
+    where, signals = place.value if place else None, reader.signals
+    signal = seen(signals, reader.place, presses)
+    spared = without(signals.drift, signals.whole(presses), reader.place.spared if reader.place else SPARED)
     scalars = []
     for one in reader.scalars:
-        value, half_width = scalar_reader.read(one, signal, place.value if place else None)
-        half_width[lacking] = one.of_cut.half_width(np.zeros((1, 1)))[0, 0]
-        scalars.append(ScalarReading(one.name, value, half_width))
+        value, bounds = scalar_reader.read(one, signal, where)
+        bounds = chosen(signals.cut(presses), one.of_cut.bounds(*np.zeros((2, len(signal), 1))), bounds)
+        old, of_old = scalar_reader.read_old(one, spared, where, presses.age)
+        bounds = chosen(signals.old(presses), of_old, bounds)
+        scalars.append(ScalarReading(one.name, np.where(signals.old(presses), old, value), bounds.half_width[:, 0]))
     strange = place.strange if place else np.zeros(len(signal), bool)
     return PressReading(place, tuple(scalars), flags(reader.signals, presses, strange))
 
