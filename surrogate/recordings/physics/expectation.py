@@ -2,8 +2,9 @@
 up to a gain of each reading; how the sensor lies in the coordinates of the labels is found from labelled presses.
 
 A pose is scored by the part of the patterns' variance that gains times the model's patterns, and a constant of each
-reading, leave unexplained. Turn and direction of counting are searched over the whole circle; then turn, middle and
-radius are refined by least squares, the last two with a prior about what the sensor file and the labels say.
+reading, leave unexplained. Turn and direction of counting are searched over the whole circle, the middle at the origin
+and in the middle of the labels; then turn, middle and radius are refined by least squares, the last two with a prior
+about the middle found and the radius that the sensor file says.
 """
 
 from collections.abc import Callable
@@ -14,7 +15,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from eitsim.sensors.sensor_file import Sensor
-from surrogate.recordings.body_middle import body_middle
 from surrogate.recordings.physics.disc_sensitivity import DiscSensitivity
 from surrogate.recordings.physics.simulated_patterns import read_simulated
 from surrogate.statistics.gaussian_process import spread_evenly
@@ -75,18 +75,18 @@ class Expectation:
         """How the sensor lies, by patterns (n, m) at places (n, 2), mm."""
         left = _centred(pattern)
         left /= max(float(np.linalg.norm(left)), np.finfo(float).tiny)
-        middle = complex(*body_middle(place, self.radius))
+        middles = 0j, complex(*((place.min(axis=0) + place.max(axis=0)) / 2))
 
         def missed(pose: Pose) -> Array:
             basis = _centred(self.patterns(pose, place))
             information = np.sum(basis**2, axis=0)
             return left - np.sum(left * basis, axis=0) / (information + PRIOR * information.mean()) * basis
 
-        start = min((Pose(middle, self.radius, turn, mirrored) for mirrored in (False, True)
+        start = min((Pose(middle, self.radius, turn, mirrored) for middle in middles for mirrored in (False, True)
                      for turn in 2 * np.pi * np.arange(TURNS) / TURNS), key=lambda one: float(np.sum(missed(one)**2)))
 
         def moved(by: Array) -> Pose:
-            return replace(start, middle=middle + MIDDLE * self.radius * (by[0] + 1j * by[1]),
+            return replace(start, middle=start.middle + MIDDLE * self.radius * (by[0] + 1j * by[1]),
                            radius=self.radius * float(np.exp(LOG_RADIUS * by[2])),
                            turn=start.turn + TURN * float(by[3]))
 

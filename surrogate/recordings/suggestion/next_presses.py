@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from surrogate.recordings.body_middle import body_middle
 from surrogate.recordings.pattern_process import matern
 from touchcal.arrays import Array, Index
 
@@ -40,7 +39,7 @@ def next_presses(radius: float, pressed: Array, count: int) -> NextPresses:
 
     ValueError where count is below 1 or above the places that are compared.
     """
-    middle = body_middle(pressed, radius)
+    middle = _middle(pressed, radius)
     place = _disc(middle, SHARE * radius)
     if not 1 <= count <= len(place):
         raise ValueError(f"{count} places to press next; ask for 1 to {len(place)}.")
@@ -64,6 +63,14 @@ def greedy(covariance: Array, weight: Array, count: int) -> tuple[Index, Array]:
         chosen[number], gain[number] = best, lowered[best]
         left -= np.outer(left[:, best], left[:, best]) / (left[best, best] + NOISE)
     return chosen, gain
+
+
+def _middle(pressed: Array, radius: float) -> Array:
+    """(2,) the origin where all pressed places lie on the body about it, or there are none; else the middle of their
+    range."""
+    if not len(pressed) or np.linalg.norm(pressed, axis=1).max() <= radius:
+        return np.zeros(2)
+    return np.asarray((pressed.min(axis=0) + pressed.max(axis=0)) / 2)
 
 
 def _disc(middle: Array, radius: float) -> Array:
