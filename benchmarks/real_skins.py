@@ -26,6 +26,7 @@ from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings.baselines import tracked
 from surrogate.recordings.labels import Labels, read_labels
+from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.presses import Presses, labelled, presses_of
 from surrogate.recordings.trained.reader_scores import ReaderScore, read_rows, split_rows
 from touchcal.arrays import Index
@@ -123,7 +124,8 @@ def measured(case: Case) -> pd.DataFrame:
     elif case.drift:
         presses = with_drift(recording, presses, case.drift)
     begun = time.process_time()
-    read = read_rows(known_by(presses, train), labels, train, test, case.split, 0)
+    expectation = expectation_of(read_sensor(REAL / case.skin / "sensor.toml"))
+    read = read_rows(known_by(presses, train), labels, train, test, case.split, 0, expectation)
     spent = round(time.process_time() - begun, 1)
     return pd.DataFrame([asdict(case) | {
         "output": one.output, "unit": one.unit, "trained": one.trained, "tested": one.tested,

@@ -29,7 +29,11 @@ TrainedOn = Annotated[Path, typer.Argument(metavar="DIR|RECORDING", help="Data s
                                                                         "recorded frames with --labels, --sensor.")]
 LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of x_mm, y_mm, d_mm, F_N, depth_mm, "
                "z_mm.")
-SENSOR_HELP = "Sensor file (TOML) of a recording."
+SENSOR_HELP = "Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote."
+SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrodes and drive: what its touches say of a "
+                  "recording's patterns is used in place of the sensitivity of a uniform disc.")
+SUGGEST_HELP = ("Name as many places to press next, and write them to suggested.csv next to the model. Needs no "
+                "labels, nor a recording, before the first press.")
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
@@ -45,7 +49,9 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
           method: Annotated[str, typer.Option(help=METHOD_HELP)] = "forward",
           outputs: Annotated[str, typer.Option(help=OUTPUTS_HELP)] = "all",
           labels: Annotated[Path | None, typer.Option(help=LABELS_HELP)] = None,
-          sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None, seed: SeedOption = 0,
+          sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None,
+          simulated: Annotated[Path | None, typer.Option(help=SIMULATED_HELP)] = None,
+          suggest: Annotated[int | None, typer.Option(min=1, help=SUGGEST_HELP)] = None, seed: SeedOption = 0,
           epochs: Annotated[int | None, typer.Option(help=f"Most steps; where left out {STEPS}.")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
@@ -58,14 +64,15 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     import surrogate
     from surrogate.data.outputs import chosen
     from surrogate.model import store
+    from surrogate.recordings.suggestion.next_presses import SUGGESTED
 
     check_out(out, folder=True)
-    store.check_own(out)
-    if folder.is_file() or labels is not None or sensor is not None:
+    store.check_own(out, (SUGGESTED,))
+    if folder.is_file() or any(one is not None for one in (labels, sensor, simulated, suggest)):
         if (method, outputs, epochs, calibrate) != ("forward", "all", None, None):
             raise ValueError("--method, --outputs, --epochs and --calibrate are for sweeps; a recording is learnt by "
                              "all families of readers, for all of its labels. Leave them out.")
-        train_recording(folder, labels, sensor, out, seed, workers or _cores(), as_json)
+        train_recording(folder, labels, sensor, simulated, suggest, out, seed, workers or _cores(), as_json)
         return
     method_of(method)
     names, levels = chosen(outputs), _levels(noise_db)

@@ -31,6 +31,13 @@ def labels_of(labels: Labels, rows: Index) -> Labels:
     return Labels(labels.touch[rows], labels.names, labels.values[rows])
 
 
+def places_of(labels: Labels) -> Array:
+    """(n, 2) x and y, mm; ValueError where they are not labelled."""
+    if any(name not in labels.names for name in PLACE):
+        raise ValueError(f"the labels are {', '.join(labels.names)}; places need {' and '.join(PLACE)}.")
+    return labels.values[:, [labels.names.index(name) for name in PLACE]]
+
+
 def unit_of(name: str) -> str:
     """The unit of a label, which ends its name."""
     return name.rpartition("_")[2]

@@ -13,6 +13,7 @@ from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
+from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, cut
 from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Fitted, Templates
@@ -65,11 +66,14 @@ def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
     return learn(presses, place, learn_known(presses, late), seed)[0]
 
 
-def learn(presses: Presses, place: Array, known: Known, seed: int) -> tuple[TouchReader, HeldOut]:
-    """Learn places (n, 2), mm, from presses in time order and from what is known of their signals; NothingToRead where
-    held-out presses are read no better than by the mean place."""
+def learn(presses: Presses, place: Array, known: Known, seed: int,
+          expectation: Expectation | None = None) -> tuple[TouchReader, HeldOut]:
+    """Learn places (n, 2), mm, from presses in time order, from what is known of their signals and what a model of the
+    sensor expects of them; NothingToRead where held-out presses are read no better than by the mean place."""
     signals, signal, drift = known.signals, known.signal, known.signals.drift
     blocks = time_blocks(len(place))
+    columns = np.append(np.arange(signals.channels), signals.late)
+    priors = (templates.nothing, *([expectation.taking(columns).learn] if expectation else []))
     fits = {count: templates.fit(without(drift, signal, count), place, blocks, compress=False,
                                  seen=tuple(without(drift, one.signal, count) for one in known.aged))
             for count in PROJECTED if count <= len(drift.root)}
@@ -78,8 +82,10 @@ def learn(presses: Presses, place: Array, known: Known, seed: int) -> tuple[Touc
     spared = min(fits, key=lambda count: _aged_distance(known, fits[count], place)) if known.aged else max(fits)
     direction, old = fits[projected], fits[spared]
     kept = without(drift, signal, projected)
+    if expectation:
+        direction = templates.fit(kept, place, blocks, compress=False, priors=priors)
     ridge = kernel_ridge.fit(kept, place)
-    compressed = templates.fit(kept, place, blocks, compress=True)
+    compressed = templates.fit(kept, place, blocks, compress=True, priors=priors)
     features, waves = learn_features(kept), draw_waves(place, seed)
     inputs = features.of(kept)
     ensemble, of_networks = networks.fit(inputs, place, blocks, seed)

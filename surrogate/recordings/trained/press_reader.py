@@ -13,6 +13,7 @@ from surrogate.recordings.baselines import without
 from surrogate.recordings.intervals import chosen
 from surrogate.recordings.labels import PLACE, Labels
 from surrogate.recordings.late_readings import late_readings
+from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, cut
 from surrogate.recordings.scalar_reader import ScalarReader
 from surrogate.recordings.signals import FEWEST, Signals, flags
@@ -52,8 +53,9 @@ class PressReading:
     flag: tuple[str, ...]  # (n,) why not to trust a frame; empty where nothing speaks against it
 
 
-def fit(presses: Presses, labels: Labels, seed: int = 0) -> PressReader:
-    """Learn the labels of presses, in the same time order; frames with dead channels are filled in.
+def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectation | None = None) -> PressReader:
+    """Learn the labels of presses, in the same time order; frames with dead channels are filled in. What a model of the
+    sensor expects is used where it explains held-out presses better.
 
     A label that is the same in all presses, or of which held-out presses are read no better than by its mean, is left
     out. ValueError where there are fewer than FEWEST presses or no label differs; NothingToRead where none is read.
@@ -69,7 +71,7 @@ def fit(presses: Presses, labels: Labels, seed: int = 0) -> PressReader:
     if {*PLACE} <= {*varied}:
         place = np.stack([varied.pop(name) for name in PLACE], axis=1)
         known = learn_known(presses, late_readings(presses.signal, presses.following, place))
-        learnt = _tried(partial(touch_reader.learn, presses, place, known, seed), left_out)
+        learnt = _tried(partial(touch_reader.learn, presses, place, known, seed, expectation), left_out)
     else:
         known, learnt = learn_known(presses, np.zeros(0, np.intp)), None
     reader, held_out = learnt or (None, None)

@@ -6,6 +6,7 @@ import numpy as np
 
 from surrogate.recordings.intervals import radius
 from surrogate.recordings.labels import PLACE, Labels, labels_of, unit_of
+from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, taken
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.worth import distance
@@ -49,17 +50,18 @@ def split_rows(rows: int, split: str, seed: int) -> tuple[Index, Index]:
     return np.sort(order[:rows - tested]), np.sort(order[rows - tested:])
 
 
-def read_split(presses: Presses, labels: Labels, split: str, seed: int = 0) -> tuple[Tested, ...]:
+def read_split(presses: Presses, labels: Labels, split: str, seed: int = 0,
+               expectation: Expectation | None = None) -> tuple[Tested, ...]:
     """Train on four fifths of labelled presses and read the rest, for each output that is read; errors as
     press_reader.fit."""
     train, test = split_rows(len(labels.touch), split, seed)
-    return read_rows(presses, labels, train, test, split, seed)
+    return read_rows(presses, labels, train, test, split, seed, expectation)
 
 
-def read_rows(presses: Presses, labels: Labels, train: Index, test: Index, split: str,
-                seed: int) -> tuple[Tested, ...]:
+def read_rows(presses: Presses, labels: Labels, train: Index, test: Index, split: str, seed: int,
+              expectation: Expectation | None = None) -> tuple[Tested, ...]:
     """What a reader trained on some rows reads of others."""
-    reader = press_reader.fit(taken(presses, train), labels_of(labels, train), seed)
+    reader = press_reader.fit(taken(presses, train), labels_of(labels, train), seed, expectation)
     tested = taken(presses, test)
     found = press_reader.read(reader, tested)
     known = dict(zip(labels.names, labels.values.T, strict=True))

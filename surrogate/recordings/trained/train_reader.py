@@ -9,6 +9,7 @@ import numpy as np
 from eitsim.sensors.recording import Recording
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.labels import Labels, unit_of
+from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, labelled, presses_of
 from surrogate.recordings.signals import FEWEST
 from surrogate.recordings.trained import press_reader
@@ -32,8 +33,10 @@ class TrainedReader:
     fit_s: float  # CPU time of the reader, s
 
 
-def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1) -> TrainedReader:
-    """Learn the labels of a recording's presses, and score readers of four fifths of them on the rest.
+def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
+                 expectation: Expectation | None = None) -> TrainedReader:
+    """Learn the labels of a recording's presses, next to what a model of the sensor expects, and score readers of four
+    fifths of them on the rest.
 
     ValueError and NothingToRead as press_reader.fit.
     """
@@ -42,7 +45,7 @@ def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: i
     splits = SPLITS if count - count // TESTED >= FEWEST else ()
     found = {}
     with processes(min(workers, 1 + len(splits))) as pool:
-        for item, answer in answers(pool, partial(_answer, presses, known, seed), ("", *splits)):
+        for item, answer in answers(pool, partial(_answer, presses, known, seed, expectation), ("", *splits)):
             if isinstance(answer, Failed):
                 raise answer.error
             found[item] = answer
@@ -53,14 +56,14 @@ def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: i
     return TrainedReader(reader, recording.kind, count, seed, tested, fit_s)
 
 
-def _answer(presses: Presses, labels: Labels, seed: int,
+def _answer(presses: Presses, labels: Labels, seed: int, expectation: Expectation | None,
             split: str) -> tuple[Tested, ...] | tuple[PressReader | NothingToRead, float]:
     """What is read on a split, none where four fifths say nothing; for no split the reader of all and its time."""
     begun = time.process_time()
     try:
         if split:
-            return read_split(presses, labels, split, seed)
-        return press_reader.fit(presses, labels, seed), time.process_time() - begun
+            return read_split(presses, labels, split, seed, expectation)
+        return press_reader.fit(presses, labels, seed, expectation), time.process_time() - begun
     except NothingToRead as refusal:
         return () if split else (refusal, 0.0)
 
@@ -72,8 +75,11 @@ def choice(reader: PressReader) -> tuple[str, ...]:
     if reader.place:
         taken_out = (f"; {reader.place.projected} directions of drift are projected out" if reader.place.projected
                      else "")
+        informed = [name for name, one in (("direction", reader.place.direction), ("readings", reader.place.compressed))
+                   if one.prior]
+        expected = f"; templates of {' and of '.join(informed)} go on from the model of the sensor" if informed else ""
         said.append("place: " + _families(touch_reader.FAMILIES, reader.place.weights, reader.place.held_out,
-                                          "distance", "mm") + taken_out)
+                                          "distance", "mm") + taken_out + expected)
     said += [f"{one.name}: " + _families(scalar_reader.FAMILIES, one.weights, one.held_out, "error", unit_of(one.name))
              for one in reader.scalars]
     return (*said, *reader.left_out)

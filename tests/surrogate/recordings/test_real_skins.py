@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
+from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.trained.reader_scores import read_rows
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
+import suggest  # noqa: E402  # pyright: ignore
 from real_skins import REAL, Case, recorded, rows_of, with_drift  # noqa: E402  # pyright: ignore
 
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recordings of real skins are not here")
@@ -29,6 +32,29 @@ def test_templates_read_the_hydrogel_from_a_hundred_presses() -> None:
     fitted = templates.fit(presses.signal[train], place[train], time_blocks(100), compress=False)
     error = fitted.templates.read(presses.signal[test])[0] - place[test]
     assert np.linalg.norm(error, axis=1).mean() <= 3.0
+
+
+@pytest.mark.parametrize(("skin", "used"), [("hydrogel", 1), ("skin_plain", 1), ("skin_radial", 0)])
+def test_physics_is_used_on_homogeneous_skins_alone_and_helps_there(skin: str, used: int) -> None:
+    _, presses, labels = recorded(skin)
+    place, expectation = labels.values[:, :2], expectation_of(read_sensor(REAL / skin / "sensor.toml"))
+    train, test = rows_of(Case(skin, 20, "time", "last"), len(place))
+    miss = []
+    for priors in ((templates.nothing,), (templates.nothing, expectation.learn)):
+        found = templates.fit(presses.signal[train], place[train], time_blocks(20), compress=False,
+                              priors=priors).templates
+        miss.append(np.linalg.norm(found.read(presses.signal[test])[0] - place[test], axis=1).mean())
+    assert found.prior == used
+    assert miss[1] < 0.9 * miss[0] if used else miss[1] == miss[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("skin", suggest.CHOSEN_ON)
+def test_twenty_suggested_presses_teach_as_much_as_thirty_random_ones(skin: str) -> None:
+    random, suggested = (suggest.measured(suggest.Case(skin, "templates", way, 0, count))
+                         for way, count in (("random", 30), ("suggested", 20)))
+    error, spread = (np.array([float(str(one[key])) for one in (random, suggested)]) for key in ("error_mm", "se_mm"))
+    assert error[1] <= error[0] + np.hypot(*spread)
 
 
 @pytest.mark.slow
