@@ -1,11 +1,11 @@
 """Whether a signal looks like those of the calibration rows, for learners that do not model signals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from surrogate.data.sensor_ring import Ring, impedances_read
-from touchcal.arrays import Array, Mask
+from touchcal.arrays import Array, Index, Mask
 
 MOST = 80  # principal directions that trained signals are made of, where twice as many rows tell them
 # Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
@@ -33,6 +33,24 @@ def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:
     one_way = bool(np.all(unit @ mean > 0))
     return Novelty(axes, max(float(_left(axes, unit[1::2] if len(unit) > 1 else unit).max()), LEAST),
                    mean if one_way else np.zeros_like(mean), float(size.max()))
+
+
+def with_directions(novelty: Novelty, root: Array) -> Novelty:
+    """The novelty of signals to which any combination of the columns of root (readings, k) may be added."""
+    axes, size, _ = np.linalg.svd(np.hstack([novelty.axes.T, root / max(np.linalg.norm(root), np.finfo(float).tiny)]),
+                                  full_matrices=False)
+    return replace(novelty, axes=axes[:, size > 1e-9 * size[0]].T)
+
+
+def one_column(novelty: Novelty, signal_V: Array, columns: Array) -> tuple[Index, Array, Array]:
+    """Of columns (readings, k) the one (n,) that explains most of what the span leaves of signals (n, readings), its
+    factor, and the part of the squares that it explains."""
+    left, free = (rows - rows @ novelty.axes.T @ novelty.axes for rows in (signal_V, columns.T))
+    size = np.maximum(np.sum(free**2, axis=1), np.finfo(float).tiny)
+    along = left @ free.T
+    best = np.argmax(along**2 / size, axis=1)
+    factor = np.take_along_axis(along / size, best[:, None], axis=1)[:, 0]
+    return best, factor, factor**2 * size[best] / np.maximum(np.sum(left**2, axis=1), np.finfo(float).tiny)
 
 
 def _reciprocal(ring: Ring) -> Array:

@@ -7,15 +7,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from surrogate.data import outputs
+from surrogate.data.frame_drift import by_gain
 from surrogate.data.frame_rows import Lines
-from surrogate.learners.base import Estimate
-from surrogate.learners.novelty import Novelty, fit_novelty, novelty_score, of_other_sign
+from surrogate.learners.base import Estimate, Learner
+from surrogate.learners.novelty import (
+    Novelty,
+    fit_novelty,
+    novelty_score,
+    of_other_sign,
+    one_column,
+    with_directions,
+)
 from surrogate.learners.registry import METHODS
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
-from surrogate.model.trained import TrainedModel, estimate, interval_scale
+from surrogate.model.trained import TrainedModel, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Index, Mask
 
@@ -35,6 +44,8 @@ STRONG, WILD = 1.2, 30.0
 # Least factor by which a touch outside the training range widens the intervals; but for the place, they are as wide as
 # the range of the training there.
 OUTSIDE_WIDENED = 10.0
+# Part of the squares of what is strange in a signal from which the gain of one channel is named.
+EXPLAINED = 0.8
 PARTS = ("noise", "material", "model")  # what makes up the standard deviation of a force
 
 
@@ -43,11 +54,14 @@ class Predictor:
     """A model with what does not change from frame to frame."""
 
     model: TrainedModel
+    learner: Learner  # the model's, or that with drift
     baseline_V: Array  # (readings,) the untouched frame, V
     noise_V: float  # standard deviation of the noise of a signal, V
     scale: Array  # (outputs,) standard deviations that make a 90 % interval
     novelty: Novelty
     dead: Mask  # (readings,) channels that are dead whatever a frame reads
+    drift_root: Array  # (readings, k) root of the covariance by drift between the frames, V; k = 0 for none
+    gains: Array  # (readings, electrodes) derivatives of the readings by gains, V; no columns where drift is counted
     left: float  # stresses of the foam at the time of reading, over those of the training
     # predictors of the readings that are left, by the bytes of a mask of dead channels
     reduced: dict[bytes, Predictor] = field(default_factory=dict)
@@ -73,20 +87,34 @@ class Predictions:
 
 
 def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None, *,
-            calibrate: bool = True, held_s: float | None = None) -> Predictor:
+            calibrate: bool = True, held_s: float | None = None, drift_root: Array | None = None) -> Predictor:
     """What predicting frames needs, once for a stream of frames.
 
     dead: (readings,) channels known to be dead, besides those that the baseline shows; calibrate: whether intervals are
-    calibrated, which may invert every calibration row; held_s: as `holding_time.stress_left`. ValueError for a noise
-    that is no finite number from 0, or a holding time that the model has no relaxation for.
+    calibrated, which may invert every calibration row; held_s: as `holding_time.stress_left`; drift_root: (readings, k)
+    root of the covariance of what drifts between the frames, V, which the calibration of intervals does not draw.
+    ValueError for a noise that is no finite number from 0, a holding time that the model has no relaxation for, or a
+    drift that the method does not know.
     """
     if not 0 <= noise_V < np.inf:
         raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
                          "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
     scale = interval_scale(model, noise_V) if calibrate else np.ones(len(model.names))
-    return Predictor(model, baseline_V, noise_V, scale, fit_novelty(model.ring, model.calibration.signal_V), lost,
+    novelty, learner = fit_novelty(model.ring, model.calibration.signal_V), model.learner
+    if drift_root is None or not drift_root.size:
+        drift_root, gains = np.zeros((len(baseline_V), 0)), _gains(model)
+    else:
+        learner, novelty, gains = learner.drifting(drift_root), with_directions(novelty, drift_root), drift_root[:, :0]
+    return Predictor(model, learner, baseline_V, noise_V, scale, novelty, lost, drift_root, gains,
                      stress_left(model, held_s))
+
+
+def _gains(model: TrainedModel) -> Array:
+    try:
+        return by_gain(model.ring, model.baseline_V)
+    except ValueError:  # of a sensor whose potentials are not foreseen, no channel is named
+        return np.zeros((len(model.baseline_V), 0))
 
 
 def predict(predictor: Predictor, volts: Array) -> Predictions:
@@ -125,7 +153,8 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
                            none[:, :_force_part_count(predictor.model)])
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
-        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V)
+        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V,
+                        drift_root=predictor.drift_root[kept])
         predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale), left=predictor.left)
     part = _sound(predictor.reduced[key], volts[:, kept])
     return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
@@ -145,13 +174,14 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     reverse |= volts @ predictor.baseline_V < 0
     parts = np.full((len(signal), _force_part_count(model)), np.nan)
     if np.any(touched):
-        found = estimate(model, signal[touched], predictor.noise_V)
+        found = predictor.learner.estimate(signal[touched], predictor.noise_V)
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
         outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
         value[touched] = found.value
         below[touched], above[touched] = (_widened(model, side * predictor.scale, strange, outside)
                                           for side in (found.below, found.above))
         flags[touched] = _flags(model, found, strange > 1, outside)
+        _name_gain(predictor, signal, np.flatnonzero(touched)[strange > 1], flags)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
     flags[reverse] += f"; {OTHER_SIGN}"
@@ -203,6 +233,16 @@ def _several(model: TrainedModel, width: Array) -> Mask:
 def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
     odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
     return ["; ".join([OUTSIDE] * bool(b) + [MISFIT] * bool(o)) for b, o in zip(outside, odd, strict=True)]
+
+
+def _name_gain(predictor: Predictor, signal: Array, rows: Index, flags: NDArray[np.object_]) -> None:
+    """Adds to the flags of strange signals the channel whose gain explains what is strange, if there is one."""
+    if not len(rows) or not predictor.gains.shape[1]:
+        return
+    channel, change, share = one_column(predictor.novelty, signal[rows], predictor.gains)
+    for row, k, by, part in zip(rows.tolist(), channel.tolist(), change.tolist(), share.tolist(), strict=True):
+        if part > EXPLAINED:
+            flags[row] += f"; as if the gain of channel {k} (from 0) had drifted by {100 * by:+.2g} %"
 
 
 def columns(model: TrainedModel) -> list[str]:

@@ -1,7 +1,7 @@
 """Sensors, drives and choices of readings by how well they tell a touch: Cramer-Rao bounds of x, y, F over the disc."""
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -168,7 +168,7 @@ def design_document(design: SensorDesign) -> dict[str, Any]:
                 "pairs": design.pairs}}
 
 
-def _document(one: Rated, unknowns: Iterable[str]) -> Mapping[str, Any]:
+def _document(one: Rated, unknowns: Iterable[str]) -> dict[str, Any]:
     names = [f"sd_{name}" for name in unknowns]
     return {"name": one.name, "readings": one.readings, "over_own": one.over_own,
             "median": dict(zip(names, one.median.tolist(), strict=True)),

@@ -1,4 +1,4 @@
-"""Bounds by drive and choice of readings: slopes of any pairs from one solution, a greedy choice by rank-one updates."""
+"""Bounds by drive and choice of readings: slopes of any pairs from one solution, a greedy choice of readings."""
 
 from __future__ import annotations
 
