@@ -11,6 +11,8 @@ MOST = 80  # principal directions that trained signals are made of, where twice 
 # Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
 LEAST = 1e-3
 SURE = 3.0  # standard deviations of noise from which a sign is sure
+# Standard deviations of noise from which a column is seen in a signal, and part of what is strange that it explains.
+CLEAR, EXPLAINED = 6.0, 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +44,24 @@ def with_directions(novelty: Novelty, root: Array) -> Novelty:
     return replace(novelty, axes=axes[:, size > 1e-9 * size[0]].T)
 
 
-def one_column(novelty: Novelty, signal_V: Array, columns: Array) -> tuple[Index, Array, Array]:
+def one_column(novelty: Novelty, signal_V: Array, columns: Array, noise_V: float) -> tuple[Index, Array, Mask]:
     """Of columns (readings, k) the one (n,) that explains most of what the span leaves of signals (n, readings), its
-    factor, and the part of the squares that it explains."""
+    factor, and whether it is clear of noise and explains EXPLAINED of what is more than expected in the squares."""
     left, free = (rows - rows @ novelty.axes.T @ novelty.axes for rows in (signal_V, columns.T))
     size = np.maximum(np.sum(free**2, axis=1), np.finfo(float).tiny)
     along = left @ free.T
     best = np.argmax(along**2 / size, axis=1)
     factor = np.take_along_axis(along / size, best[:, None], axis=1)[:, 0]
-    return best, factor, factor**2 * size[best] / np.maximum(np.sum(left**2, axis=1), np.finfo(float).tiny)
+    explained = factor**2 * size[best]
+    expected = _expected(novelty, signal_V, noise_V)
+    clear = explained > (CLEAR * noise_V) ** 2
+    return best, factor, clear & (explained > EXPLAINED * (np.sum(left**2, axis=1) - expected**2))
+
+
+def _expected(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
+    """(n,) norm, V, that the span is expected to leave of signals (n, readings)."""
+    free = max(signal_V.shape[1] - len(novelty.axes), 0)
+    return np.sqrt((novelty.worst * np.linalg.norm(signal_V, axis=1)) ** 2 + free * noise_V**2)
 
 
 def _reciprocal(ring: Ring) -> Array:
@@ -65,8 +76,7 @@ def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
     leaves; infinite for a signal of the other sign than all trained ones."""
     size = np.maximum(np.linalg.norm(signal_V, axis=1), np.finfo(float).tiny)
     unit = signal_V / size[:, None]
-    free = max(signal_V.shape[1] - len(novelty.axes), 0)
-    expected = np.sqrt(novelty.worst**2 + free * (noise_V / size) ** 2)
+    expected = _expected(novelty, signal_V, noise_V) / size
     return np.where(unit @ novelty.mean < 0, np.inf, _left(novelty.axes, unit) / expected)
 
 

@@ -44,8 +44,6 @@ STRONG, WILD = 1.2, 30.0
 # Least factor by which a touch outside the training range widens the intervals; but for the place, they are as wide as
 # the range of the training there.
 OUTSIDE_WIDENED = 10.0
-# Part of the squares of what is strange in a signal from which the gain of one channel is named.
-EXPLAINED = 0.8
 PARTS = ("noise", "material", "model")  # what makes up the standard deviation of a force
 
 
@@ -181,7 +179,7 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
         below[touched], above[touched] = (_widened(model, side * predictor.scale, strange, outside)
                                           for side in (found.below, found.above))
         flags[touched] = _flags(model, found, strange > 1, outside)
-        _name_gain(predictor, signal, np.flatnonzero(touched)[strange > 1], flags)
+        _name_gain(predictor, signal, np.flatnonzero([MISFIT in flag for flag in flags]), flags)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
     flags[reverse] += f"; {OTHER_SIGN}"
@@ -239,9 +237,9 @@ def _name_gain(predictor: Predictor, signal: Array, rows: Index, flags: NDArray[
     """Adds to the flags of strange signals the channel whose gain explains what is strange, if there is one."""
     if not len(rows) or not predictor.gains.shape[1]:
         return
-    channel, change, share = one_column(predictor.novelty, signal[rows], predictor.gains)
-    for row, k, by, part in zip(rows.tolist(), channel.tolist(), change.tolist(), share.tolist(), strict=True):
-        if part > EXPLAINED:
+    channel, change, explains = one_column(predictor.novelty, signal[rows], predictor.gains, predictor.noise_V)
+    for row, k, by, clear in zip(rows.tolist(), channel.tolist(), change.tolist(), explains.tolist(), strict=True):
+        if clear:
             flags[row] += f"; as if the gain of channel {k} (from 0) had drifted by {100 * by:+.2g} %"
 
 
