@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from surrogate.data.baseline_frame import Comparison, Untouched
+    from surrogate.data.frame_drift import FrameDrift
     from surrogate.data.frame_rows import Lines
     from surrogate.model.model import Model
     from surrogate.single_frame.simulator_likelihood import Simulator
-    from touchcal.arrays import Array, Mask
+    from touchcal.arrays import Mask
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 FRAMES_HELP = "CSV, one frame of voltages a row; - reads lines from standard input and answers each as it comes."
@@ -117,7 +118,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
         simulator = None if card is None else _simulator(model, card, data, scene, reference)
         table = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
     else:
-        table = _plain_table(model, read, reference, dead, noise, held, _drift_root(model, changes, data, scene))
+        table = _plain_table(model, read, reference, dead, noise, held, _frame_drift(model, changes, data, scene))
     _written(table, model_folder, out, as_json)
 
 
@@ -134,11 +135,11 @@ def _drift_of(text: str) -> dict[str, float]:
     return found
 
 
-def _drift_root(model: Model, changes: dict[str, float], data: Path | None, scene: Path | None) -> Array:
+def _frame_drift(model: Model, changes: dict[str, float], data: Path | None, scene: Path | None) -> FrameDrift:
     from eitsim.electrics.forward.untouched import sensor_of
     from eitsim.scene.scene import read_scene
     from eitsim.sweeps.dataset.parquet import read_manifest
-    from surrogate.data.frame_drift import drift_root
+    from surrogate.data.frame_drift import frame_drift
     from surrogate.data.sensor_ring import ring_of, same_ring
 
     sensor = None
@@ -147,7 +148,7 @@ def _drift_root(model: Model, changes: dict[str, float], data: Path | None, scen
             read_manifest(data)["design"]["tables"])
     if sensor is not None and not same_ring(ring_of(sensor), model.ring):
         raise ValueError("--drift: the scene has another sensor than the model; give the one of its sweep.")
-    return drift_root(model.ring, model.baseline_V, changes.get("gain", 0.0), changes.get("contact", 0.0), sensor)
+    return frame_drift(model.ring, model.baseline_V, changes.get("gain", 0.0), changes.get("contact", 0.0), sensor)
 
 
 def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,
@@ -163,11 +164,11 @@ def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None,
 
 
 def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float,
-                 held_s: float | None, drift_root: Array) -> pd.DataFrame:
+                 held_s: float | None, drift: FrameDrift) -> pd.DataFrame:
     from surrogate.model.predict import prepare, sign_caution, table_of
 
     _say_intervals(model, noise)
-    table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s, drift_root=drift_root), frames)
+    table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s, drift=drift), frames)
     if words := sign_caution(table["flag"].tolist()):
         _say(words)
     return table

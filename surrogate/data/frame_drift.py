@@ -8,12 +8,16 @@ With S the covariance of these changes and G their derivatives, readings get the
 Toivanen, Hanninen, Kolehmainen, Hyvonen, arXiv 2412.15009, 2024, who project it off altogether).
 """
 
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from eitsim.electrics.forward.untouched import by_contact, conductance_of
 from eitsim.scene.scene import Scene
 from surrogate.data.sensor_ring import MODES, Ring
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 
 # Relative difference, 2-norm, of a ring's foreseen untouched readings from those of a model, up to which its potentials
 # are believed.
@@ -43,23 +47,45 @@ def by_gain(ring: Ring, baseline_V: Array) -> Array:
     return out
 
 
-def drift_root(ring: Ring, baseline_V: Array, gain_sd: float = 0.0, contact_sd: float = 0.0,
-               scene: Scene | None = None) -> Array:
-    """(readings, k) G S^(1/2), V, of independent relative changes of gains and of contact impedances of these standard
-    deviations; those of contacts need the scene of the sensor.
+@dataclass(frozen=True, eq=False)
+class FrameDrift:
+    """G S^(1/2): what one standard deviation of each change adds to the readings, V."""
+
+    gain: Array  # (readings, electrodes), no columns where gains do not drift
+    contact: Array  # (readings, electrodes), likewise
+
+    @property
+    def root(self) -> Array:
+        """(readings, k) both."""
+        return np.hstack([self.gain, self.contact])
+
+    def of(self, kept: Mask) -> FrameDrift:
+        """That of the readings that are kept."""
+        return FrameDrift(self.gain[kept], self.contact[kept])
+
+
+def no_drift(readings: int) -> FrameDrift:
+    """None of that many readings."""
+    return FrameDrift(np.zeros((readings, 0)), np.zeros((readings, 0)))
+
+
+def frame_drift(ring: Ring, baseline_V: Array, gain_sd: float = 0.0, contact_sd: float = 0.0,
+                scene: Scene | None = None) -> FrameDrift:
+    """Independent relative changes of gains and of contact impedances of these standard deviations; those of contacts
+    need the scene of the sensor.
 
     ValueError for a standard deviation below 0, contacts without a scene, or as by_gain and conductance_of.
     """
     for name, sd in (("gain", gain_sd), ("contact", contact_sd)):
         if not 0 <= sd < 1:
             raise ValueError(f"the drift of a {name} is a relative standard deviation from 0 to 1, got {sd:g}.")
-    parts = [np.zeros((len(baseline_V), 0))]
+    found = no_drift(len(baseline_V))
     if gain_sd:
-        parts.append(gain_sd * by_gain(ring, baseline_V))
+        found = replace(found, gain=gain_sd * by_gain(ring, baseline_V))
     if contact_sd:
         if scene is None:
             raise ValueError("what a contact impedance changes of the readings follows from the sensor's electrodes; "
                              "give --scene FILE, or --data DIR.")
         sheet = conductance_of(scene, baseline_V)
-        parts.append(contact_sd * by_contact(scene.body, scene.electrodes, scene.drive, sheet))
-    return np.hstack(parts)
+        found = replace(found, contact=contact_sd * by_contact(scene.body, scene.electrodes, scene.drive, sheet))
+    return found

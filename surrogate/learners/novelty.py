@@ -53,12 +53,12 @@ def one_column(novelty: Novelty, signal_V: Array, columns: Array, noise_V: float
     best = np.argmax(along**2 / size, axis=1)
     factor = np.take_along_axis(along / size, best[:, None], axis=1)[:, 0]
     explained = factor**2 * size[best]
-    expected = _expected(novelty, signal_V, noise_V)
+    expected = expected_left(novelty, signal_V, noise_V)
     clear = explained > (CLEAR * noise_V) ** 2
     return best, factor, clear & (explained > EXPLAINED * (np.sum(left**2, axis=1) - expected**2))
 
 
-def _expected(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
+def expected_left(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
     """(n,) norm, V, that the span is expected to leave of signals (n, readings)."""
     free = max(signal_V.shape[1] - len(novelty.axes), 0)
     return np.sqrt((novelty.worst * np.linalg.norm(signal_V, axis=1)) ** 2 + free * noise_V**2)
@@ -76,7 +76,7 @@ def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
     leaves; infinite for a signal of the other sign than all trained ones."""
     size = np.maximum(np.linalg.norm(signal_V, axis=1), np.finfo(float).tiny)
     unit = signal_V / size[:, None]
-    expected = _expected(novelty, signal_V, noise_V) / size
+    expected = expected_left(novelty, signal_V, noise_V) / size
     return np.where(unit @ novelty.mean < 0, np.inf, _left(novelty.axes, unit) / expected)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from eitsim.scene.scene import Scene
 from surrogate.data.baseline_frame import compared, untouched
-from surrogate.data.frame_drift import drift_root
+from surrogate.data.frame_drift import frame_drift
 from surrogate.model import store
 from surrogate.model.holding_time import holding_caution
 from surrogate.model.missing_channels import silent, stuck
@@ -63,7 +63,7 @@ class Model(TrainedModel):
         ------
         ValueError
             For frames of another number of readings, a noise that is no finite number from 0, another word for
-            scale_baseline, a drift that `drift_root` refuses, or a holding time that the model has no relaxation for.
+            scale_baseline, a drift that `frame_drift` refuses, or a holding time that the model has no relaxation for.
 
         Examples
         --------
@@ -78,9 +78,9 @@ class Model(TrainedModel):
         found = compared(self.baseline_V, self.ring, known.volts, noise, scale_baseline)
         for words in filter(None, (found.words, holding_caution(self, held_s))):
             warnings.warn(words, stacklevel=2)
-        root = drift_root(self.ring, self.baseline_V, gain_drift, contact_drift, scene)
+        drift = frame_drift(self.ring, self.baseline_V, gain_drift, contact_drift, scene)
         ready = prepare(self, known.volts * found.gain, noise * found.noise_factor, dead, held_s=held_s,
-                        drift_root=root)
+                        drift=drift)
         return si_table(self, predict(ready, frames * found.gain))
 
     def save(self, folder: Path | str) -> None:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from surrogate.data import outputs
-from surrogate.data.frame_drift import by_gain
+from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
-from surrogate.learners.base import Estimate, Learner
+from surrogate.learners.base import Estimate, Parts
 from surrogate.learners.novelty import (
     Novelty,
     fit_novelty,
@@ -22,9 +23,10 @@ from surrogate.learners.novelty import (
     with_directions,
 )
 from surrogate.learners.registry import METHODS
+from surrogate.model.drift_choice import drift_groups
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
-from surrogate.model.trained import TrainedModel, interval_scale
+from surrogate.model.trained import TrainedModel, estimate, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Index, Mask
 
@@ -52,13 +54,13 @@ class Predictor:
     """A model with what does not change from frame to frame."""
 
     model: TrainedModel
-    learner: Learner  # the model's, or that with drift
     baseline_V: Array  # (readings,) the untouched frame, V
     noise_V: float  # standard deviation of the noise of a signal, V
     scale: Array  # (outputs,) standard deviations that make a 90 % interval
-    novelty: Novelty
+    span: Novelty  # of the touches
+    novelty: Novelty  # the same, with what drift may add
     dead: Mask  # (readings,) channels that are dead whatever a frame reads
-    drift_root: Array  # (readings, k) root of the covariance by drift between the frames, V; k = 0 for none
+    drift: FrameDrift  # between the untouched and the touched frames
     gains: Array  # (readings, electrodes) derivatives of the readings by gains, V; no columns where drift is counted
     left: float  # stresses of the foam at the time of reading, over those of the training
     # predictors of the readings that are left, by the bytes of a mask of dead channels
@@ -85,27 +87,45 @@ class Predictions:
 
 
 def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None, *,
-            calibrate: bool = True, held_s: float | None = None, drift_root: Array | None = None) -> Predictor:
+            calibrate: bool = True, held_s: float | None = None, drift: FrameDrift | None = None) -> Predictor:
     """What predicting frames needs, once for a stream of frames.
 
     dead: (readings,) channels known to be dead, besides those that the baseline shows; calibrate: whether intervals are
-    calibrated, which may invert every calibration row; held_s: as `holding_time.stress_left`; drift_root: (readings, k)
-    root of the covariance of what drifts between the frames, V, which the calibration of intervals does not draw.
-    ValueError for a noise that is no finite number from 0, a holding time that the model has no relaxation for, or a
-    drift that the method does not know.
+    calibrated, which may invert every calibration row; held_s: as `holding_time.stress_left`; drift: what may change
+    between the frames, which the calibration of intervals does not draw. ValueError for a noise that is no finite
+    number from 0, a holding time that the model has no relaxation for, or a drift that the method does not know.
     """
     if not 0 <= noise_V < np.inf:
         raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
                          "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
     scale = interval_scale(model, noise_V) if calibrate else np.ones(len(model.names))
-    novelty, learner = fit_novelty(model.ring, model.calibration.signal_V), model.learner
-    if drift_root is None or not drift_root.size:
-        drift_root, gains = np.zeros((len(baseline_V), 0)), _gains(model)
+    span, drift = fit_novelty(model.ring, model.calibration.signal_V), drift or no_drift(len(baseline_V))
+    novelty, gains = span, drift.gain[:, :0]
+    if drift.root.size:
+        model.learner.drifting(drift.root)
+        novelty = with_directions(span, drift.root)
     else:
-        learner, novelty, gains = learner.drifting(drift_root), with_directions(novelty, drift_root), drift_root[:, :0]
-    return Predictor(model, learner, baseline_V, noise_V, scale, novelty, lost, drift_root, gains,
-                     stress_left(model, held_s))
+        gains = _gains(model)
+    return Predictor(model, baseline_V, noise_V, scale, span, novelty, lost, drift, gains, stress_left(model, held_s))
+
+
+def _estimate(predictor: Predictor, signal: Array) -> Estimate:
+    """Outputs of signals (n, readings), V; where drift is counted, of each with the gains that drifted."""
+    model = predictor.model
+    if not predictor.drift.root.size:
+        return estimate(model, signal, predictor.noise_V)
+    groups = list(drift_groups(predictor.drift, predictor.span, signal, predictor.noise_V))
+    found = [model.learner.drifting(root).estimate(signal[rows], predictor.noise_V) for rows, root in groups]
+    order = np.argsort(np.concatenate([rows for rows, _ in groups]))
+
+    def whole(each: Sequence[Any]) -> Any:
+        return np.concatenate(each)[order]
+
+    names = [one.name for one in fields(Estimate) if one.name != "parts"]
+    parts = [one.parts for one in found if one.parts is not None]
+    return Estimate(*(whole([getattr(one, name) for one in found]) for name in names), parts=Parts(
+        whole([one.noise for one in parts]), whole([one.material for one in parts])))
 
 
 def _gains(model: TrainedModel) -> Array:
@@ -152,7 +172,7 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
         fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V,
-                        drift_root=predictor.drift_root[kept])
+                        drift=predictor.drift.of(kept))
         predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale), left=predictor.left)
     part = _sound(predictor.reduced[key], volts[:, kept])
     return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
@@ -172,7 +192,7 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     reverse |= volts @ predictor.baseline_V < 0
     parts = np.full((len(signal), _force_part_count(model)), np.nan)
     if np.any(touched):
-        found = predictor.learner.estimate(signal[touched], predictor.noise_V)
+        found = _estimate(predictor, signal[touched])
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
         outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
         value[touched] = found.value

@@ -69,7 +69,7 @@ def _starts(forward: ForwardMap, signal: Array, drift: Drift) -> tuple[Array, Ar
     return place[chosen.ravel()], (norm[:, None] / size[chosen]).ravel()
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def _planes(forward: ForwardMap, count: int, drift: Drift) -> tuple[Array, Array, Array]:
     """Places (count, 2), mm, orthonormal axes (count, readings, MATCHED) of the signals of the first orders there, and
     norms (count,) of those of unit dipoles."""

@@ -11,7 +11,7 @@ from eitsim.electrics.forward.untouched import untouched_impedance, untouched_re
 from eitsim.scene.drive import Drive
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Scene
-from surrogate.data.frame_drift import by_gain, drift_root
+from surrogate.data.frame_drift import by_gain, frame_drift
 from surrogate.data.sensor_ring import ring_of
 
 SHEET_S = 6e-4
@@ -36,7 +36,7 @@ def test_gains_scale_the_potentials_of_the_complete_electrode_model(scene: Scene
 def test_contacts_change_readings_as_new_solutions_do() -> None:
     scene = Scene()
     rest = untouched_readings(scene, SHEET_S)
-    root = drift_root(ring_of(scene), rest, contact_sd=0.02, scene=scene)
+    root = frame_drift(ring_of(scene), rest, contact_sd=0.02, scene=scene).root
     z = np.ones(16)
     z[3] = 1.02
     other = replace(scene, electrodes=replace(scene.electrodes, contact_impedance_Ohm_m=tuple(z.tolist())))
@@ -47,10 +47,10 @@ def test_contacts_change_readings_as_new_solutions_do() -> None:
 def test_both_drifts_stand_next_to_each_other() -> None:
     scene = Scene()
     rest, ring = untouched_readings(scene, SHEET_S), ring_of(scene)
-    both = drift_root(ring, rest, 1e-3, 1e-2, scene)
+    both = frame_drift(ring, rest, 1e-3, 1e-2, scene).root
     assert both.shape == (208, 32)
     assert np.array_equal(both[:, :16], 1e-3 * by_gain(ring, rest))
-    assert drift_root(ring, rest).shape == (208, 0)
+    assert frame_drift(ring, rest).root.shape == (208, 0)
 
 
 @pytest.mark.parametrize(("given", "named"), [
@@ -58,7 +58,7 @@ def test_both_drifts_stand_next_to_each_other() -> None:
 def test_what_is_not_known_of_a_drift_is_refused(given: dict[str, float], named: str) -> None:
     scene = Scene()
     with pytest.raises(ValueError, match=named):
-        drift_root(ring_of(scene), untouched_readings(scene, SHEET_S), **given)
+        frame_drift(ring_of(scene), untouched_readings(scene, SHEET_S), **given)
 
 
 def test_potentials_are_not_foreseen_of_another_frame() -> None:
