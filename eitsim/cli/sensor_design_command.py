@@ -12,7 +12,7 @@ from touchcal.terminal import JsonOption, check_apart, check_out, counter, print
 
 
 def design(sensors: Annotated[list[Path], typer.Argument(
-               metavar="SENSOR...", help="Sensor files, or scene files, whose punch, force and diameter count; several "
+               metavar="SENSOR", help="Sensor files, or scene files, whose punch, force and diameter count; several "
                                          "are layouts of electrodes to compare.")],
            card: Annotated[Path, typer.Option("--card", help="Material card.")],
            noise_db: Annotated[float, typer.Option(help="Noise of one reading, dB below the RMS of the first sensor's "
@@ -34,7 +34,7 @@ def design(sensors: Annotated[list[Path], typer.Argument(
     any unbiased reading of a touch can have (Cramer-Rao), over the disc and under white noise.
 
     Each sensor takes some 25 to 40 CPU seconds. Bounds hold for the same noise in every reading, however many there
-    are, and count no error of a model. Errors of reading near the bounds are a matter of the method.
+    are, and count no error of a model.
 
     Example: eitsim sensor design sensor.toml --card card.json --readings 32 --out pairs.csv
     """

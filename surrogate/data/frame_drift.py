@@ -31,8 +31,8 @@ def by_gain(ring: Ring, baseline_V: Array) -> Array:
     readings. ValueError where these do not give the untouched readings, as of patches or of a very uneven ring.
     """
     mode = np.arange(1, MODES + 1)
-    apart = ring.angle_rad[:, None] - ring.angle_rad
-    kernel = np.cos(apart[..., None] * mode) @ (ring.modes**2 / mode)
+    turns = ring.angle_rad[:, None] - ring.angle_rad
+    kernel = np.cos(turns[..., None] * mode) @ (ring.modes**2 / mode)
     potential = kernel[:, ring.source] - kernel[:, ring.sink]
     potential -= potential.mean(axis=0)
     rows = np.arange(len(ring.read))
