@@ -79,10 +79,11 @@ def test_its_jacobian_equals_finite_differences(whole: forward_map.ForwardMap) -
 
 def test_touches_near_the_rim_are_told_to_err_more_and_alike(whole: forward_map.ForwardMap) -> None:
     unknown = to_unknown(np.array([[5.0, 3.0, 14.0, 1.0], [80.0, 10.0, 14.0, 1.0]]), whole.p0)
-    told = reading_covariance.at(whole, unknown, np.ones(2), 0.0)
+    no_drift = reading_covariance.no_drift(len(whole.ring.read))
+    told = reading_covariance.at(whole, unknown, np.ones(2), 0.0, no_drift)
     assert np.all(told.shrink[0] == 0)
     assert np.max(told.shrink[1]) > 0.5
-    noisy = reading_covariance.at(whole, unknown, np.ones(2), 1.0)
+    noisy = reading_covariance.at(whole, unknown, np.ones(2), 1.0, no_drift)
     assert noisy.white == pytest.approx([1.0, 1.0], rel=1e-3)
     assert np.max(noisy.shrink) < np.max(told.shrink)
 
