@@ -16,7 +16,7 @@ OUTLINES = ("disc", "rectangle", "polygon")
 MOST_POINTS = 2000  # Corners of an outline with its holes, at most.
 # Chords of a quarter of a rounded corner, and of a round hole: they enclose the area of the arc, so that they lie as
 # much outside it as inside.
-_QUARTER, _ROUND = 16, 48
+_QUARTER, _ROUND = 24, 72
 _TOUCHING = 1e-7  # Edges closer than this share of the outline's size touch.
 
 

@@ -157,7 +157,7 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
 }
 # Keys that may hold a list of one number an electrode, and those that always hold a list.
 EACH = ("width_mm", "length_mm", "turn_deg", "shape", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
-_LISTS = {"electrodes": ("angles_deg", "missing", "positions_mm", "shares", "x_mm", "y_mm"),
+LISTS = {"drive": MATRICES, "electrodes": ("angles_deg", "missing", "positions_mm", "shares", "x_mm", "y_mm"),
           "body": ("points_mm", "holes_mm")}
 # Keys that hold one of a few words.
 _KNOWN: dict[tuple[str, str], Collection[str]] = {
@@ -169,7 +169,7 @@ _CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes
 
 def is_list(table: str, key: str, value: Any) -> bool:
     """Whether a value is a list that a key itself holds, not a range that a design draws one number from."""
-    whole = (table == "drive" and key in MATRICES) or key in _LISTS.get(table, ())
+    whole = key in LISTS.get(table, ())
     return isinstance(value, list) and (whole or (table == "electrodes" and key in EACH and len(value) > 2))
 
 
@@ -226,7 +226,7 @@ def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
             "electrodes": ("first_angle_deg",) if surface else ("shape", "turn_deg", "opening_deg")}
     if outlined and not surface:
         idle["electrodes"] += ("length_mm",)
-    empty = {"body": _LISTS["body"], "electrodes": ("positions_mm", "shares", "x_mm", "y_mm") + (
+    empty = {"body": LISTS["body"], "electrodes": ("positions_mm", "shares", "x_mm", "y_mm") + (
         ("angles_deg",) if outlined else ())}
     for table, keys in idle.items():
         for key in (*keys, *(key for key in empty[table] if tables[table].get(key) == [])):

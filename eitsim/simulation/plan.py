@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.electrics.cem.boundary_integral import unsolvable
+from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
 from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP, rim_problem
@@ -72,7 +73,7 @@ def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fals
     material = material_of(scene, card)
     decisions = _decisions(scene, material, reused or [None] * len(scene.punches), exact)
     refusal, skin = unresolvable(scene, material), material.card.conductivity
-    if not refusal and scene.electrodes.kind == "line" and skin is not None:
+    if not refusal and scene.electrodes.kind == "line" and not scene.body.has_outline and skin is not None:
         refusal = unsolvable(scene.body, present(scene.electrodes), untouched_conductance(skin, scene.skin))
     return Plan(tuple(_exactly(decisions) if exact else decisions), refusal or _refusal(scene))
 
@@ -120,6 +121,8 @@ def _clusters(scene: Scene) -> tuple[tuple[int, ...], ...]:
 
 def _together_problem(scene: Scene, group: Sequence[int]) -> str:
     """Why these touches cannot be solved together, without a full stop; empty where they can."""
+    if scene.body.has_outline:
+        return "touches near each other on outlines other than the disc are not solved yet"
     for i in group:
         if near_rim(scene, scene.punches[i]):
             gap_mm = rim_gap_m(scene.body, scene.punches[i]) * 1e3
@@ -268,12 +271,18 @@ def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[D
 
 
 def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
-    if scene.electrodes.kind == "patch":
-        yield Decision("the skin is solved on a mesh that follows the touch", "patch electrodes cover part of it; the "
-                       "mesh's estimate counts in the result's own error", 0.0)
+    if scene.electrodes.kind != "line" or scene.body.has_outline:
+        why = "the skin has an outline" if scene.body.has_outline else "patch electrodes cover part of it"
+        yield Decision("the skin is solved on a mesh that follows the touch", f"{why}; the mesh's estimate counts in "
+                       "the result's own error", 0.0)
+    if scene.body.has_outline:
+        yield Decision("untouched readings by triangles that their own solution refines", "until halving them once "
+                       f"more would change the readings by less than {READINGS:g}; the signal does not hold that error",
+                       0.0)
+    if scene.electrodes.kind != "line":
         yield Decision("patches conduct by their untouched area", "their contact impedance does not follow what a "
                        "touch next to them stretches; the cost is unknown and not in the bound", 0.0, unbounded=True)
-    else:
+    elif not scene.body.has_outline:
         yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
                        "requested error, a mesh that follows the touch takes over; the estimate counts in the result's "
                        "own error", 0.0)
@@ -285,7 +294,10 @@ def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
 
 def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     gap = rim_gap_m(scene.body, punch)
-    where = f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses"
+    edge = "nearest edge" if scene.body.has_outline else "rim"
+    where = f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
+    if scene.body.has_outline:
+        where += "; solved on the disc of the outline's area, and bounded by what the rim of a disc changes at this gap"
     creeps = bool(scene.hold.time_s) and not scene.hold.keeps_deformation
     if exact and not creeps and not rim_problem(scene.body, punch):
         return Decision("exact: mechanics in three dimensions on the whole disc, as a change of the axisymmetric touch",

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.scene.drive import MATRICES
-from eitsim.scene.scene import check_value, scene_from, scene_keys
+from eitsim.scene.scene import LISTS, check_value, scene_from, scene_keys
 from eitsim.scene.scene_files import with_files
 from eitsim.sweeps.design.design import Design, design_from, read_design, with_scenes
 from eitsim.sweeps.design.sampling import row_tables
@@ -19,7 +18,6 @@ from touchcal.input_file import regular
 from touchcal.toml_file import read_toml
 
 MOST_TOUCHES = 20  # Touches that a table may have columns for.
-_LISTS = (*MATRICES, "angles_deg", "missing", "positions_mm", "shares", "x_mm", "y_mm", "points_mm", "holes_mm")  # Keys that hold lists, which no cell can.
 # What a scene file may hold for the sake of a design.
 _OF_DESIGNS = ("seed", "material", "measurement", "fields")
 _RIVALS = {"force_N": "depth_mm", "depth_mm": "force_N"}
@@ -135,7 +133,7 @@ def _known_columns() -> dict[str, Where]:
     known: dict[str, Where] = {}
     for table, keys in scene_keys().items():
         for key in keys:
-            if key not in _LISTS:
+            if key not in LISTS.get(table, ()):  # a cell holds no list
                 known[f"{table}.{key}"] = known[key_column(table, key)] = table, 0, key
     for key in scene_keys()["punch"]:
         known[key] = "punch", 0, key
