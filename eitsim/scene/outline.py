@@ -136,6 +136,7 @@ def squared_distance(points: Array, start: Array, end: Array) -> Array:
     return np.sum((points - start - way[..., None] * along) ** 2, axis=-1)
 
 
+@lru_cache(maxsize=64)
 def check_outline(outline: Outline) -> None:
     """ValueError for an outline that crosses itself, and holes that touch it or each other; names the key of [body]."""
     _require(outline.outline in OUTLINES, "outline", f"'{outline.outline}' is unknown; known: {', '.join(OUTLINES)}, "

@@ -149,15 +149,22 @@ def _check_patches(outline: Outline, electrodes: Electrodes) -> None:
     patches = patch_loops(electrodes)
     start, end = corners_and_edges(outline)
     least = _CLOSEST * float(np.ptp(loops(outline)[0], axis=0).max())
+    middle = np.array([patch.mean(axis=0) for patch in patches])
+    reach = np.array([np.linalg.norm(patch - at, axis=1).max() for patch, at in zip(patches, middle, strict=True)])
+    room = edge_distance_m(outline, middle)
     for k, patch in enumerate(patches):
-        off = not np.all(edge_distance_m(outline, patch) > least) or _touches(patch, start, end, least)
+        near = room[k] <= reach[k] + least
+        off = room[k] < 0 or (near and (_touches(patch, start, end, least) or inside(
+            start, patch, np.roll(patch, -1, axis=0)).any()))
         require(not off, "x_mm and y_mm", f"electrode {k} (from 0) lies off the skin, or on its edge; move it inwards")
-        for j, other in enumerate(patches[:k]):
-            ends = np.roll(other, -1, axis=0)
-            overlap = _touches(patch, other, ends, least) or inside(patch[0], other, ends) or inside(
-                other[0], patch, np.roll(patch, -1, axis=0))
-            require(not overlap, "x_mm and y_mm", f"electrodes {j} and {k} (from 0) overlap or touch; place them "
-                    "further from each other or make them smaller")
+        for j in np.flatnonzero(np.linalg.norm(middle[:k] - middle[k], axis=1) < reach[:k] + reach[k] + least):
+            require(not _overlap(patch, patches[j], least), "x_mm and y_mm", f"electrodes {j} and {k} (from 0) overlap or "
+                    "touch; place them further from each other or make them smaller")
+
+
+def _overlap(one: Array, other: Array, within: float) -> bool:
+    ends, others = np.roll(one, -1, axis=0), np.roll(other, -1, axis=0)
+    return bool(_touches(one, other, others, within) or inside(one[0], other, others) or inside(other[0], one, ends))
 
 
 def _touches(patch: Array, start: Array, end: Array, within: float) -> bool:

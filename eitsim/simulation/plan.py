@@ -176,7 +176,7 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
         return problem and f"{problem}."
     return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
             f"rim may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
-            f"of signal in [accuracy]). There, {problem}; {_advice(scene, allowed)}.")
+            f"of signal in [accuracy]). There, {problem}; {_advice(scene)}.")
 
 
 def near_rim(scene: Scene, punch: Punch) -> bool:
@@ -188,10 +188,17 @@ def _rim_effect(scene: Scene, punch: Punch) -> float:
     return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
 
 
-def _advice(scene: Scene, allowed: float) -> str:
+def least_gap_m(scene: Scene) -> float:
+    """Least distance, m, of a punch's edge to the rim or an edge at which neglecting it costs no more than its share of
+    the requested error; infinite beyond ten thicknesses."""
     thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
     effects = np.array([rim_effect(g * thickness, thickness, scene.skin.strain) for g in gaps])
-    gap = float(gaps[np.argmax(effects <= allowed)] * thickness) if effects[-1] <= allowed else math.inf
+    near = effects > _RIM_SHARE * scene.accuracy.signal
+    return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness)
+
+
+def _advice(scene: Scene) -> str:
+    gap = least_gap_m(scene)
     inwards = f"move the punch inwards to a gap of {gap * 1e3:.0f} mm or " if gap < scene.body.radius_m else ""
     return f"{inwards}ask for less accuracy (a larger signal in [accuracy])"
 

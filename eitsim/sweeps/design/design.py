@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from eitsim.electrics.forward.gridded_fields import StoredFields, check_one_grid, fields_from
+from eitsim.electrics.forward.gridded_fields import StoredFields, check_on_skin, check_one_grid, fields_from
 from eitsim.scene.scene import Scene, scene_from, scene_keys
 from eitsim.scene.scene_files import with_files
 from eitsim.sweeps.design import nested_design
@@ -75,7 +75,9 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     design = Design(count, seed, sampler, tables, material, measurement, stored, touches)
     if stored is not None:
         check_one_grid(drawn_keys(design))
-    representative_scene(design)
+    body = representative_scene(design).body
+    if stored is not None:
+        check_on_skin(stored, body)
     return design
 
 
