@@ -18,7 +18,7 @@ from eitsim.scene.outline import (
 )
 from touchcal.arrays import Array
 
-_CHORDS = 24  # Corners of a round electrode, which has the circle's area; of a sector on its arc, at most.
+_CHORDS = 16  # Corners of a round electrode, which has the circle's area; of a sector on its arc, at most.
 _CLOSEST = 1e-6  # Least gap between electrodes on the surface, or to an edge, over the outline's size.
 
 

@@ -33,7 +33,7 @@ MOST_TOUCHES = 100
 
 @dataclass(frozen=True)
 class Body(Outline):
-    """Foam of one thickness, bottom fixed: a disc, unless the outline is another."""
+    """Foam of one thickness, bottom fixed: a disc, unless the outline is another. ValueError for one that is none."""
 
     radius_m: float = 0.1  # of the disc; of another outline, that of the disc of its area
     thickness_m: float = 0.01
@@ -41,13 +41,14 @@ class Body(Outline):
     def __post_init__(self) -> None:
         for name in ("points_m", "holes_m"):
             object.__setattr__(self, name, as_tuples(getattr(self, name)))
+        check_outline(self)
         if self.has_outline:
-            object.__setattr__(self, "radius_m", math.sqrt(max(area_m2(self), 0.0) / math.pi))
+            object.__setattr__(self, "radius_m", math.sqrt(area_m2(self) / math.pi))
 
     @property
     def has_outline(self) -> bool:
         """Whether it is no disc."""
-        return self.outline != "disc" and (self.outline == "rectangle" or len(self.points_m) > 2)
+        return self.outline != "disc"
 
 
 @dataclass(frozen=True)
@@ -350,7 +351,6 @@ def _electrodes(raw: Any) -> Electrodes:
 
 def _check(scene: Scene) -> None:
     body, electrodes = scene.body, scene.electrodes
-    check_outline(body)
     for part in (body, scene.skin, scene.accuracy, *scene.punches):
         for key, value in vars(part).items():
             if isinstance(value, float) and not key.startswith("contact_impedance"):

@@ -23,7 +23,8 @@ def outlined_sensor(axes: Axes, scene: Scene) -> None:
     colours = [style.GREY if k in electrodes.missing else style.INK for k in range(electrodes.count)]
     if electrodes.kind == "surface":
         for patch, colour in zip(patch_loops(electrodes), colours, strict=True):
-            axes.add_patch(Polygon(patch * 1e3, facecolor=colour, edgecolor="none", alpha=0.5))
+            axes.add_patch(Polygon(patch * 1e3, facecolor=colour, edgecolor="none"))
+        middles = middles - [0.0, _NUMBER * size]
     else:
         ends = stretches_along(body, electrodes)
         for (first, last), colour in zip(ends, colours, strict=True):

@@ -28,6 +28,7 @@ class Untouched:
 
     impedance_Ohm: Array  # (N, N) impedance, Ohm, on the halved mesh
     error: float  # estimated relative error of the readings between neighbouring electrodes
+    nodes: int  # nodes of that mesh
     triangles: Triangles  # the mesh before it was halved
     history: tuple[tuple[Triangles, float], ...]  # meshes from the first one, and the estimated error on each
 
@@ -55,7 +56,7 @@ def solve_untouched(body: Body, electrodes: Electrodes, conductance_S: float, er
         history.append((triangles, found))
         if found <= error:
             fine.flags.writeable = False
-            return Untouched(fine, found, triangles, tuple(history))
+            return Untouched(fine, found, len(halved.nodes_m), triangles, tuple(history))
         triangles = cut(triangles, _limit(triangles, indicators(mesh, potential)))
     raise NotConverged(f"the readings of the untouched skin are known to {found:.1e} only, {error:g} was asked for; "
                        "give wider electrodes or larger contact impedances.")
