@@ -165,8 +165,9 @@ def _check_rectangle(width: float, height: float, corner: float) -> None:
 
 
 def _check_points(name: str, points: Point | Loop) -> None:
-    if name == "holes_mm" and points and not isinstance(points[0], tuple):
-        _require(len(points) == 3 and points[2] > 0, name, "must hold circles [x, y, radius] and lists of points [x, "
+    numbers = [part for part in points if not isinstance(part, tuple)]
+    if name == "holes_mm" and numbers:
+        _require(len(points) == len(numbers) == 3 and numbers[2] > 0, name, "must hold circles [x, y, radius] and lists of points [x, "
                  f"y], got {list(points)} in mm")
         return
     _require(len(points) >= 3 and all(isinstance(p, tuple) and len(p) == 2 for p in points), name,

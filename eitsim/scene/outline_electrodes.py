@@ -71,9 +71,9 @@ def stretches_along(outline: Outline, electrodes: Electrodes) -> Array:
     middle, half = np.mod(middle, whole)[order], widths(electrodes)[order] / 2
     gaps = np.append(middle[1:], middle[0] + whole) - middle - half - np.roll(half, -1)
     k = int(np.argmin(gaps))
-    require(gaps[k] > -TOUCHING * whole, "width_mm", f"electrodes {order[k]} and {order[(k + 1) % len(order)]} (from 0) "
-            f"overlap by {-gaps[k] * 1e3:.3g} mm of the outline's {whole * 1e3:.4g}; place them further from each other "
-            "or make them narrower")
+    require(gaps[k] > -TOUCHING * whole, "width_mm",
+            f"electrodes {order[k]} and {order[(k + 1) % len(order)]} (from 0) overlap by {-gaps[k] * 1e3:.3g} mm of "
+            f"the outline's {whole * 1e3:.4g}; place them further from each other or make them narrower")
     return ends
 
 
@@ -129,8 +129,7 @@ def check_on_outline(outline: Outline, electrodes: Electrodes) -> None:
 def _check_line(electrodes: Electrodes) -> None:
     given = [key for key, value in (("angles_deg", electrodes.angles_rad), ("positions_mm", electrodes.positions_m),
                                     ("shares", electrodes.shares)) if value]
-    require(len(given) <= 1, given[-1] if given else "", f"has no effect with {given[0] if given else ''}; leave one of "
-            "them out")
+    require(len(given) <= 1, "".join(given[1:2]), f"has no effect with {''.join(given[:1])}; leave one of them out")
     require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
             "has no effect with angles_deg; leave it out")
 
@@ -158,8 +157,8 @@ def _check_patches(outline: Outline, electrodes: Electrodes) -> None:
             start, patch, np.roll(patch, -1, axis=0)).any()))
         require(not off, "x_mm and y_mm", f"electrode {k} (from 0) lies off the skin, or on its edge; move it inwards")
         for j in np.flatnonzero(np.linalg.norm(middle[:k] - middle[k], axis=1) < reach[:k] + reach[k] + least):
-            require(not _overlap(patch, patches[j], least), "x_mm and y_mm", f"electrodes {j} and {k} (from 0) overlap or "
-                    "touch; place them further from each other or make them smaller")
+            require(not _overlap(patch, patches[j], least), "x_mm and y_mm", f"electrodes {j} and {k} (from 0) overlap "
+                    "or touch; place them further from each other or make them smaller")
 
 
 def _overlap(one: Array, other: Array, within: float) -> bool:

@@ -44,13 +44,14 @@ def _csv(path: Path) -> list[Array]:
 
 def _dxf(path: Path) -> list[Array]:
     try:
-        import ezdxf
+        from ezdxf import filemanagement
         from ezdxf import path as paths
+        from ezdxf.lldxf.const import DXFError
     except ImportError:
         raise _missing("ezdxf", ".dxf") from None
     try:
-        space = ezdxf.readfile(path).modelspace()
-    except (ezdxf.DXFError, OSError) as error:
+        space = filemanagement.readfile(path).modelspace()
+    except (DXFError, OSError) as error:
         raise InputFileError(path, f"no DXF file that can be read ({error}).") from None
     curves = space.query("LINE ARC CIRCLE ELLIPSE LWPOLYLINE POLYLINE SPLINE")
     return _joined(path, [np.array([[p.x, p.y] for p in paths.make_path(curve).flattening(_SAG_MM)])
@@ -93,7 +94,8 @@ def _mesh(path: Path) -> list[Array]:
     try:
         mesh = meshio.read(path)
     except (meshio.ReadError, ValueError, KeyError, OSError, SystemExit) as error:
-        raise InputFileError(path, f"no outline: neither .csv, .dxf, .svg nor a mesh that meshio reads ({error}).") from None
+        raise InputFileError(path, "no outline: neither .csv, .dxf, .svg nor a mesh that meshio reads "
+                                   f"({error}).") from None
     cells = [block.data for block in mesh.cells if block.type.startswith("triangle")]
     if not cells:
         raise InputFileError(path, "the mesh has no triangles; save the skin's surface.")
@@ -115,7 +117,8 @@ def _joined(path: Path, pieces: Sequence[Array]) -> list[Array]:
                     for side in (0, -1)]
             near, k, side = min(away, default=(math.inf, 0, 0))
             if near > _SAME_MM:
-                raise InputFileError(path, f"the outline is open at ({loop[-1][0]:.6g}, {loop[-1][1]:.6g}) mm; close it.")
+                at = ", ".join(f"{part:.6g}" for part in loop[-1])
+                raise InputFileError(path, f"the outline is open at ({at}) mm; close it.")
             piece = ahead.pop(k)
             loop = np.vstack([loop, (piece if side == 0 else piece[::-1])[1:]])
         loops.append(loop[:-1])

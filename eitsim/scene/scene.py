@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +41,10 @@ class Body(Outline):
     def __post_init__(self) -> None:
         for name in ("points_m", "holes_m"):
             object.__setattr__(self, name, as_tuples(getattr(self, name)))
-        check_outline(self)
+        own = Outline(**{part.name: getattr(self, part.name) for part in fields(Outline)})
+        check_outline(own)
         if self.has_outline:
-            object.__setattr__(self, "radius_m", math.sqrt(area_m2(self) / math.pi))
+            object.__setattr__(self, "radius_m", math.sqrt(area_m2(own) / math.pi))
 
     @property
     def has_outline(self) -> bool:

@@ -77,8 +77,8 @@ def _grid(electrodes: Mapping[str, Any]) -> dict[str, list[float]]:
 def _listed(path: Path) -> dict[str, list[Any]]:
     """Columns of a file of electrodes: x_mm and y_mm, and what it gives of each one's size."""
     if not path.exists():
-        raise InputFileError(path, "no such file, which places in [electrodes] names. Check the name, which is relative "
-                                   "to the scene file.")
+        raise InputFileError(path, "no such file, which places in [electrodes] names. Check the name, which is "
+                                   "relative to the scene file.")
     with open(regular(path), newline="", encoding="utf-8-sig") as file:
         rows = [[cell.strip() for cell in row] for row in csv.reader(file) if any(row)]
     names = rows[0] if rows else []

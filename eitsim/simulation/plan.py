@@ -14,7 +14,7 @@ from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap
 from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP, rim_problem
 from eitsim.mechanics.rim.two_punches import pair_problem
 from eitsim.scene.drive import protocol
-from eitsim.scene.electrodes import present
+from eitsim.scene.electrodes import lengths, present
 from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 from eitsim.simulation.material import Material, material_of
@@ -154,8 +154,9 @@ def _punch_refusal(scene: Scene, punch: Punch) -> str:
     if punch.depth_m is not None and punch.depth_m > _DEEPEST * scene.body.thickness_m:
         return (f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is above {_DEEPEST:.0%} of the foam's thickness, "
                 f"which squeezes it flat; give at most {_DEEPEST * scene.body.thickness_m * 1e3:g}.")
-    if scene.electrodes.kind == "patch" and (onto := scene.electrodes.length_m - rim_gap_m(scene.body, punch)) >= 0:
-        return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {scene.electrodes.length_m * 1e3:g} mm "
+    length_m = float(lengths(scene.electrodes)[0])
+    if scene.electrodes.kind == "patch" and (onto := length_m - rim_gap_m(scene.body, punch)) >= 0:
+        return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {length_m * 1e3:g} mm "
                 "that the patch electrodes lie on, where touches are not built; move the punch inwards by more than "
                 "that, or make length_mm in [electrodes] smaller.")
     if punch.friction != "none" and scene.hold.time_s and not scene.hold.keeps_deformation:

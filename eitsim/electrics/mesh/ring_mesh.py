@@ -9,7 +9,7 @@ import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.cem.floating_electrodes import shunt_ends
-from eitsim.scene.electrodes import TOUCHING, arcs, widths
+from eitsim.scene.electrodes import TOUCHING, arcs, lengths, widths
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
@@ -70,7 +70,7 @@ def patch_radii(body: Body, electrodes: Electrodes, level: int = 1) -> Array:
     if electrodes.kind == "line":
         return np.array([body.radius_m])
     steps = np.append(_graded(_ALONG * level), 1.0)
-    return body.radius_m - electrodes.length_m * (1 - steps)
+    return body.radius_m - lengths(electrodes)[0] * (1 - steps)
 
 
 def rim_angles(body: Body, electrodes: Electrodes, level: int = 1, *, under: int = _UNDER, between: int = _BETWEEN,

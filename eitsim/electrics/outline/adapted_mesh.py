@@ -67,7 +67,8 @@ def impedance_by_log_contact(body: Body, electrodes: Electrodes, conductance_S: 
     """dZ/dlog z_e (N, N, N), Ohm, e first, of the untouched skin, on a mesh finer than its readings need: currents that
     crowd at the ends of electrodes count twice. On a disc given as a polygon within 0.3 %, 2-norm."""
     z = contact_impedances(electrodes)
-    mesh = uniform_refinement(skin_mesh(solve_untouched(body, electrodes, conductance_S, _CONTACTS).triangles, electrodes))
+    found = solve_untouched(body, electrodes, conductance_S, _CONTACTS)
+    mesh = uniform_refinement(skin_mesh(found.triangles, electrodes))
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), z)
     return impedance_by_contact(mesh, potential, z) * z[:, None, None]
 

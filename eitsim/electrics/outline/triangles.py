@@ -59,8 +59,8 @@ def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: 
         patches = patch_loops(electrodes)
     parts = [outer, *holes, *patches, *lines]
     starts = np.cumsum([0, *map(len, parts)])
-    segments = np.vstack([np.column_stack([start + np.arange(len(part)), start + (np.arange(len(part)) + 1) % len(part)])
-                          for start, part in zip(starts, parts, strict=False)])
+    numbers = [start + np.arange(len(part)) for start, part in zip(starts, parts, strict=False)]
+    segments = np.vstack([np.column_stack([number, np.roll(number, -1)]) for number in numbers])
     markers = np.concatenate([marker, np.full(len(segments) - len(marker), _BARE)])
     graph: dict[str, Any] = {"vertices": np.vstack(parts), "segments": segments, "segment_markers": markers[:, None]}
     if holes:
@@ -69,7 +69,7 @@ def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: 
 
 
 def _outer(outline: Outline, electrodes: Electrodes) -> tuple[Array, Indices]:
-    """Corners (n, 2), m, of the outer edge with the ends of line electrodes, and the marker (n,) of the edge after each.
+    """Corners (n, 2), m, of the outer edge with the ends of line electrodes, and markers (n,) of the edges after them.
     """
     starts = edge_starts(outline)
     whole, ends = starts[-1], stretches_along(outline, electrodes)

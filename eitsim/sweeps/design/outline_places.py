@@ -23,7 +23,8 @@ def _cells(body: Body) -> tuple[Array, Array, float, Array]:
     outer = loops(body)[0]
     low, high = outer.min(axis=0), outer.max(axis=0)
     side = float((high - low).max()) / _CELLS
-    x, y = (start + side * (np.arange(math.ceil(reach / side)) + 0.5) for start, reach in zip(low, high - low, strict=True))
+    x, y = (start + side * (np.arange(math.ceil(reach / side)) + 0.5)
+            for start, reach in zip(low, high - low, strict=True))
     rows = [edge_distance_m(body, np.column_stack([x, np.full(len(x), each)])) for each in y]
     return x, y, side, np.array(rows)
 
@@ -44,14 +45,15 @@ def on_outline(u: float, v: float, scene: Scene, diameter_mm: float, gap_mm: flo
     gap_m = least_gap_m(scene) if gap_mm is None else gap_mm / 1e3
     corner = side / math.sqrt(2)
     fits = (distance >= diameter_mm / 2e3 + gap_m + corner) & (np.hypot(x, y[:, None]) + corner <= within_mm / 1e3)
-    columns = np.cumsum(fits.sum(axis=0))
+    columns = np.cumsum(fits.sum(axis=0), dtype=float)
     if columns[-1] == 0:
         room = float(distance.max() - corner) * 1e3 - diameter_mm / 2
-        raise ValueError(f"a punch of diameter_mm = {diameter_mm:g} finds no place that keeps {gap_m * 1e3:.3g} mm from "
-                         f"all edges of the skin; the largest gap there is {max(room, 0.0):.3g} mm. Make it smaller, ask "
-                         "for less accuracy (a larger signal in [accuracy]), or give gap_mm of place in [punch].")
+        raise ValueError(f"a punch of diameter_mm = {diameter_mm:g} finds no place that keeps {gap_m * 1e3:.3g} mm "
+                         f"from all edges of the skin; the largest gap there is {max(room, 0.0):.3g} mm. Make it "
+                         "smaller, ask for less accuracy (a larger signal in [accuracy]), or give gap_mm of place in "
+                         "[punch].")
     column, across = _chosen(u, columns)
-    row, along = _chosen(v, np.cumsum(fits[:, column]))
+    row, along = _chosen(v, np.cumsum(fits[:, column], dtype=float))
     return 1e3 * float(x[column] + side * (across - 0.5)), 1e3 * float(y[row] + side * (along - 0.5))
 
 

@@ -59,8 +59,9 @@ def test_a_disc_given_as_a_round_rectangle_is_the_disc():
 def test_the_rectangle_converges_to_a_cosine_series_and_knows_its_error(outlines):
     """32 electrodes, 928 readings; two resolutions of the series tell its own error."""
     electrodes = Electrodes(count=32, width_m=0.006, positions_m=POSITIONS)
-    coarse, series = (outlines.rectangle_impedance(0.12, 0.08, POSITIONS, 0.006, 1.0, S, degree=n, modes=m, mixed=m // 4)
-                      for n, m in ((10, 2000), (14, 4000)))
+    coarse, series = (
+        outlines.rectangle_impedance(0.12, 0.08, POSITIONS, 0.006, 1.0, S, degree=n, modes=m, mixed=m // 4)
+        for n, m in ((10, 2000), (14, 4000)))
     assert readings_difference(coarse, series) < 3e-6
     for asked in (1e-3, 1e-4):
         found = solve_untouched(RECTANGLE, electrodes, S, asked)
@@ -156,5 +157,5 @@ def test_missing_electrodes_draw_no_current():
 
 def test_what_cannot_be_reached_says_how_far_it_came(monkeypatch):
     monkeypatch.setattr("eitsim.electrics.outline.adapted_mesh._STEPS", 2)
-    with pytest.raises(NotConverged, match="known to .* only, 1e-09 was asked for"):
+    with pytest.raises(NotConverged, match=r"known to .* only, 1e-09 was asked for"):
         solve_untouched(RECTANGLE, Scene(RECTANGLE).electrodes, 1.1 * S, 1e-9)

@@ -93,7 +93,7 @@ def test_fields_conserve_current_on_the_mesh_of_the_touch():
     assert cell == "triangle6"
     assert np.abs(points[:, 0]).max() == pytest.approx(0.1)
     assert np.ptp(fields["potential_V_00"]) > 0
-    # the power put in by the electrodes is what the sheet, j . S^-1 j at the middles of the sides, and their contacts take
+    # the power put in by the electrodes is what the sheet, j . S^-1 j at the middles of sides, and their contacts take
     corners = points[numbers[:, :3]][..., :2]
     a, b, c = np.moveaxis(corners, 1, 0)
     area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2

@@ -58,7 +58,8 @@ def test_the_gap_of_a_punch_is_that_to_the_nearest_edge():
     assert rim_gap_m(L_SHAPE, Punch(0.04, 0.12, 0.014)) == pytest.approx(0.013, abs=2e-5)
 
 
-@pytest.mark.parametrize("body", [SIZES | {"corner_radius_mm": 10, "holes_mm": [[10, 0, 5], [[30, 0], [40, 0], [35, 9]]]},
+@pytest.mark.parametrize("body", [SIZES | {"corner_radius_mm": 10,
+                                           "holes_mm": [[10, 0, 5], [[30, 0], [40, 0], [35, 9]]]},
                                   {"outline": "polygon", "points_mm": [[0, 0], [100, 0], [90, 80]], "thickness_mm": 5}])
 def test_a_scene_with_an_outline_comes_back_from_its_tables(body):
     scene = scene_from({"body": body, "electrodes": {"count": 8}})

@@ -73,9 +73,10 @@ def test_grids_and_files_of_places_are_written_out(tmp_path):
 def test_missing_electrodes_leave_the_others_where_they_are():
     line = Scene(RECTANGLE, electrodes=Electrodes(count=8, missing=(2,))).electrodes
     np.testing.assert_allclose(middles_m(RECTANGLE, present(line)), np.delete(middles_m(RECTANGLE, line), 2, axis=0))
-    grid = scene_from({"body": TABLE, "electrodes": {**FOUR, "x_mm": [*FOUR["x_mm"], 0], "y_mm": [*FOUR["y_mm"], 0],
-                                                     "count": 5, "missing": [0], "shape": ["disc"] * 4 + ["rectangle"]}})
-    np.testing.assert_allclose(middles_m(RECTANGLE, present(grid.electrodes)), middles_m(RECTANGLE, grid.electrodes)[1:])
+    five = {**FOUR, "x_mm": [*FOUR["x_mm"], 0], "y_mm": [*FOUR["y_mm"], 0], "count": 5, "missing": [0],
+            "shape": ["disc"] * 4 + ["rectangle"]}
+    grid = scene_from({"body": TABLE, "electrodes": five}).electrodes
+    np.testing.assert_allclose(middles_m(RECTANGLE, present(grid)), middles_m(RECTANGLE, grid)[1:])
 
 
 @pytest.mark.parametrize(("electrodes", "said"), [
@@ -100,7 +101,7 @@ def test_electrodes_that_overlap_or_lie_off_the_skin_are_refused(electrodes, sai
 
 
 def test_an_electrode_over_a_hole_is_refused():
-    with pytest.raises(ValueError, match="electrode 3 .* lies off the skin"):
+    with pytest.raises(ValueError, match=r"electrode 3 .* lies off the skin"):
         scene_from({"body": TABLE | {"holes_mm": [[31, 21, 1]]}, "electrodes": FOUR | {"width_mm": 8}})
 
 
