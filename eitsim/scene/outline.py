@@ -17,6 +17,7 @@ MOST_POINTS = 2000  # Corners of an outline with its holes, at most.
 # Chords of a quarter of a rounded corner, and of a round hole: they enclose the area of the arc, so that they lie as
 # much outside it as inside.
 _QUARTER, _ROUND = 24, 72
+_FARTHEST_M = 10.0  # Largest size, and coordinate, m.
 _TOUCHING = 1e-7  # Edges closer than this share of the outline's size touch.
 
 
@@ -159,19 +160,22 @@ def check_outline(outline: Outline) -> None:
 
 
 def _check_rectangle(width: float, height: float, corner: float) -> None:
-    _require(width > 0 and height > 0, "width_mm and height_mm", "must be positive")
+    _require(0 < width <= _FARTHEST_M and 0 < height <= _FARTHEST_M, "width_mm and height_mm",
+             f"must be positive and at most {_FARTHEST_M:g} m")
     _require(0 <= corner <= min(width, height) / 2 * (1 + 1e-12), "corner_radius_mm",
              f"must be 0 to half of the shorter side, {min(width, height) * 500:g}, got {corner * 1e3:g}")
 
 
 def _check_points(name: str, points: Point | Loop) -> None:
-    numbers = [part for part in points if not isinstance(part, tuple)]
-    if name == "holes_mm" and numbers:
-        _require(len(points) == len(numbers) == 3 and numbers[2] > 0, name, "must hold circles [x, y, radius] and lists of points [x, "
-                 f"y], got {list(points)} in mm")
-        return
-    _require(len(points) >= 3 and all(isinstance(p, tuple) and len(p) == 2 for p in points), name,
-             f"must hold three points [x, y] or more, got {len(points)}")
+    kinds = [isinstance(part, tuple) for part in points] if isinstance(points, tuple) else []
+    if name == "holes_mm" and not all(kinds or [False]):
+        _require(kinds == [False] * 3 and points[2] > 0, name, "must hold circles [x, y, radius] and lists of points "
+                 "[x, y]")
+    else:
+        _require(len(points) >= 3 and all(kinds) and {len(np.ravel(p)) for p in points} == {2}, name,
+                 f"must hold three points [x, y] or more, got {len(points)}")
+    _require(np.all(np.abs(np.array(points, dtype=float)) <= _FARTHEST_M), name, f"must lie within {_FARTHEST_M:g} m "
+             "of the origin")
 
 
 def _check_loops(outline: Outline) -> None:

@@ -73,7 +73,7 @@ def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
         place, free = punch.pop("place", {}), placed or not {"x_mm", "y_mm"} & punch.keys()
         own = list(_parted("punch", k, punch))
         largest = _end(punch, own, "punch", "diameter_mm", Punch().diameter_m * 1e3, 1)
-        if "grid" in place and plain.get("body", {}).get("outline", "disc") != "disc":
+        if isinstance(place, Mapping) and "grid" in place and plain.get("body", {}).get("outline", "disc") != "disc":
             raise ValueError("grid of place in [punch] is laid on discs alone; on a skin with an outline leave it out, "
                              "or give list or choice.")
         places.append(places_of(place, radius, largest) if free else None)
