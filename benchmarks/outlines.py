@@ -125,7 +125,7 @@ def reference(name: str) -> tuple[Array, str]:
         return untouched_impedance(Body(), Electrodes(), S), "integral equation"
     if name == "rectangle":
         return rectangle_impedance(0.12, 0.08, np.array(electrodes.positions_m), 0.006, 1.0, S), "cosine series"
-    return solve_untouched(body, electrodes, S, quick(2e-6, 1e-5)).impedance_Ohm, "least error asked for"
+    return solve_untouched(body, electrodes, S, quick(3e-6, 1e-5)).impedance_Ohm, "least error asked for"
 
 
 def apart(one: Array, other: Array) -> float:
@@ -164,7 +164,7 @@ def touches(name: str, count: int) -> Iterator[tuple[Punch, Touch]]:
 def touched(name: str) -> Iterator[dict[str, object]]:
     body, electrodes = sensor(name)
     untouched_impedance(body, electrodes, S)
-    for punch, touch in touches(name, quick(10, 2)):
+    for punch, touch in touches(name, quick(10 if name == "disc of 400 corners" else 6, 2)):
         found = solve(body, Skin(), electrodes, Drive(), ((punch, touch),), LAW)
         if name == "disc of 400 corners":
             known = solve(Body(), Skin(), Electrodes(), Drive(), ((punch, touch),), LAW, signal=1e-4).signal_V

@@ -41,15 +41,19 @@ class Body(Outline):
     def __post_init__(self) -> None:
         for name in ("points_m", "holes_m"):
             object.__setattr__(self, name, as_tuples(getattr(self, name)))
-        own = Outline(**{part.name: getattr(self, part.name) for part in fields(Outline)})
-        check_outline(own)
+        check_outline(self.shape)
         if self.has_outline:
-            object.__setattr__(self, "radius_m", math.sqrt(area_m2(own) / math.pi))
+            object.__setattr__(self, "radius_m", math.sqrt(area_m2(self.shape) / math.pi))
 
     @property
     def has_outline(self) -> bool:
         """Whether it is no disc."""
         return self.outline != "disc"
+
+    @property
+    def shape(self) -> Outline:
+        """Its outline alone, whatever the foam's thickness."""
+        return Outline(**{part.name: getattr(self, part.name) for part in fields(Outline)})
 
 
 @dataclass(frozen=True)

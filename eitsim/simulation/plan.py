@@ -15,6 +15,7 @@ from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP, rim_problem
 from eitsim.mechanics.rim.two_punches import pair_problem
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import lengths, present
+from eitsim.scene.outline import quarter_distances_m
 from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 from eitsim.simulation.material import Material, material_of
@@ -186,15 +187,21 @@ def near_rim(scene: Scene, punch: Punch) -> bool:
 
 
 def _rim_effect(scene: Scene, punch: Punch) -> float:
-    return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
+    """What neglecting the rim may cost; with an outline the sum of what the rim of a disc would, as near as the nearest
+    edge in each quarter about the punch."""
+    gaps = [rim_gap_m(scene.body, punch)]
+    if scene.body.has_outline:
+        gaps = (quarter_distances_m(scene.body, (punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()
+    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps)
 
 
 def least_gap_m(scene: Scene) -> float:
-    """Least distance, m, of a punch's edge to the rim or an edge at which neglecting it costs no more than its share of
-    the requested error; infinite beyond ten thicknesses."""
+    """Least distance, m, of a punch's edge to the rim, or to both edges of a right-angled corner, at which neglecting
+    them costs no more than its share of the requested error; infinite beyond ten thicknesses."""
     thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
-    effects = np.array([rim_effect(g * thickness, thickness, scene.skin.strain) for g in gaps])
-    near = effects > _RIM_SHARE * scene.accuracy.signal
+    ways = (1.0, 1.0, math.sqrt(2), math.sqrt(2)) if scene.body.has_outline else (1.0,)
+    near = np.array([sum(rim_effect(way * gap * thickness, thickness, scene.skin.strain) for way in ways)
+                     for gap in gaps]) > _RIM_SHARE * scene.accuracy.signal
     return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness)
 
 
@@ -305,7 +312,8 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     edge = "nearest edge" if scene.body.has_outline else "rim"
     where = f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
     if scene.body.has_outline:
-        where += "; solved on the disc of the outline's area, and bounded by what the rim of a disc changes at this gap"
+        where += ("; solved on the disc of the outline's area, and bounded by what rims of discs change that are as near "
+                  "as the edges in each quarter about it")
     creeps = bool(scene.hold.time_s) and not scene.hold.keeps_deformation
     if exact and not creeps and not rim_problem(scene.body, punch):
         return Decision("exact: mechanics in three dimensions on the whole disc, as a change of the axisymmetric touch",

@@ -73,7 +73,7 @@ def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: 
     own = present(electrodes)
     count = own.count
     if body.has_outline:
-        slopes = list(impedance_by_log_contact(body, own, conductance_S))
+        slopes = list(impedance_by_log_contact(body.shape, own, conductance_S))
     elif identical(own):
         first = _impedance_by(body, own, conductance_S, 0)
         slopes = [np.roll(first, (k, k), axis=(0, 1)) for k in range(count)]
@@ -101,7 +101,7 @@ def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float
     """Impedance matrix (N, N), Ohm, of electrodes that all have contact, on a skin of sheet conductance S, S;
     read-only."""
     if body.has_outline:
-        return solve_untouched(body, electrodes, conductance_S).impedance_Ohm
+        return solve_untouched(body.shape, electrodes, conductance_S).impedance_Ohm
     if electrodes.kind == "line":
         return solve_rim(body, electrodes, conductance_S).impedance_Ohm
     return _with_patches(body, electrodes, conductance_S)

@@ -11,8 +11,8 @@ from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.triangles import Triangles, cut, refined, skin_mesh, triangulated
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.outline import area_m2
-from eitsim.scene.scene import Body, Electrodes
+from eitsim.scene.outline import Outline, area_m2
+from eitsim.scene.scene import Electrodes
 from touchcal.errors import NotConverged
 
 READINGS = 1e-4  # Relative error of the readings between neighbouring electrodes, unless given.
@@ -35,7 +35,7 @@ class Untouched:
 
 
 @lru_cache(maxsize=16)
-def solve_untouched(body: Body, electrodes: Electrodes, conductance_S: float, error: float = READINGS) -> Untouched:
+def solve_untouched(outline: Outline, electrodes: Electrodes, conductance_S: float, error: float = READINGS) -> Untouched:
     """Solve the complete electrode model of a uniform skin of sheet conductance S, S, with P2 triangles.
 
     Every triangle is cut to the size at which its part of the energy's error, the squared difference of the gradient
@@ -44,8 +44,8 @@ def solve_untouched(body: Body, electrodes: Electrodes, conductance_S: float, er
     well. NotConverged where it stays above `error`.
     """
     z = contact_impedances(electrodes)
-    even = area_m2(body) / _FIRST
-    triangles = refined(triangulated(body, electrodes), lambda mesh: np.full(len(mesh.cells), even))
+    even = area_m2(outline) / _FIRST
+    triangles = refined(triangulated(outline, electrodes), lambda mesh: np.full(len(mesh.cells), even))
     history = []
     for _ in range(_STEPS):
         mesh = skin_mesh(triangles, electrodes)
@@ -63,11 +63,11 @@ def solve_untouched(body: Body, electrodes: Electrodes, conductance_S: float, er
                        "give wider electrodes or larger contact impedances.")
 
 
-def impedance_by_log_contact(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
+def impedance_by_log_contact(outline: Outline, electrodes: Electrodes, conductance_S: float) -> Array:
     """dZ/dlog z_e (N, N, N), Ohm, e first, of the untouched skin, on a mesh finer than its readings need: currents that
     crowd at the ends of electrodes count twice. On a disc given as a polygon within 0.3 %, 2-norm."""
     z = contact_impedances(electrodes)
-    found = solve_untouched(body, electrodes, conductance_S, _CONTACTS)
+    found = solve_untouched(outline, electrodes, conductance_S, _CONTACTS)
     mesh = uniform_refinement(skin_mesh(found.triangles, electrodes))
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), z)
     return impedance_by_contact(mesh, potential, z) * z[:, None, None]

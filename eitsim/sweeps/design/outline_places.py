@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.scene.outline import edge_distance_m, loops
-from eitsim.scene.scene import Body, Scene, scene_from
+from eitsim.scene.outline import Outline, edge_distance_m, loops
+from eitsim.scene.scene import Scene, scene_from
 from eitsim.simulation.plan import least_gap_m
 from touchcal.arrays import Array
 
@@ -17,15 +17,15 @@ _TABLES = ("body", "skin", "accuracy")  # Those that decide how near an edge a t
 
 
 @lru_cache(maxsize=8)
-def _cells(body: Body) -> tuple[Array, Array, float, Array]:
+def _cells(outline: Outline) -> tuple[Array, Array, float, Array]:
     """Middles (nx,) and (ny,) of square cells about an outline, m, their side, m, and their distance (ny, nx) to the
     nearest edge or hole, m."""
-    outer = loops(body)[0]
+    outer = loops(outline)[0]
     low, high = outer.min(axis=0), outer.max(axis=0)
     side = float((high - low).max()) / _CELLS
     x, y = (start + side * (np.arange(math.ceil(reach / side)) + 0.5)
             for start, reach in zip(low, high - low, strict=True))
-    rows = [edge_distance_m(body, np.column_stack([x, np.full(len(x), each)])) for each in y]
+    rows = [edge_distance_m(outline, np.column_stack([x, np.full(len(x), each)])) for each in y]
     return x, y, side, np.array(rows)
 
 
@@ -41,7 +41,7 @@ def on_outline(u: float, v: float, scene: Scene, diameter_mm: float, gap_mm: flo
     """A place, mm, from two uniform numbers: uniform, by squares of 1/256 of the skin, where the punch's edge keeps
     `gap_mm` from all edges, or where the plan solves it, and lies `within_mm` of the origin; ValueError where there is
     none."""
-    x, y, side, distance = _cells(scene.body)
+    x, y, side, distance = _cells(scene.body.shape)
     gap_m = least_gap_m(scene) if gap_mm is None else gap_mm / 1e3
     corner = side / math.sqrt(2)
     fits = (distance >= diameter_mm / 2e3 + gap_m + corner) & (np.hypot(x, y[:, None]) + corner <= within_mm / 1e3)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from eitsim.scene.outline import area_m2, centroid_m, edge_distance_m, loops
+from eitsim.scene.outline import area_m2, centroid_m, edge_distance_m, loops, quarter_distances_m
 from eitsim.scene.scene import Body, Punch, Scene, rim_gap_m, scene_from, scene_tables
 
 SIZES = {"outline": "rectangle", "width_mm": 120, "height_mm": 80}
@@ -50,6 +50,13 @@ def test_distances_to_edges_and_holes_are_those_of_many_points_on_them():
     on = (x > 0) & (y > 0) & (x < 0.2) & (y < 0.2) & ~((x > 0.08) & (y > 0.08)) & (np.hypot(x - 0.04, y - 0.15) > 0.01)
     on &= ~((y > 0.02) & (np.abs(x - 0.11) < 0.01 * (0.05 - y) / 0.03))
     np.testing.assert_array_equal(found > 0, on)
+
+
+def test_distances_by_quarters_are_those_to_the_four_sides():
+    """Quarters part at 45 degrees to the nearest side, along which the same side may lie."""
+    np.testing.assert_allclose(quarter_distances_m(RECTANGLE, (0.0, 0.0)), [0.04, 0.04 * 2**0.5, 0.04, 0.04 * 2**0.5],
+                               rtol=1e-2)
+    np.testing.assert_allclose(np.sort(quarter_distances_m(RECTANGLE, (0.045, 0.026)))[:2], [0.014, 0.015], rtol=1e-3)
 
 
 def test_the_gap_of_a_punch_is_that_to_the_nearest_edge():
