@@ -174,10 +174,12 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
         problem = ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
                    "loading_s = 0")
     gap, allowed = rim_gap_m(scene.body, punch), _RIM_SHARE * scene.accuracy.signal
-    if not problem or gap < LEAST_GAP * scene.body.radius_m:
+    outlined = scene.body.has_outline
+    if not problem or (gap < LEAST_GAP * scene.body.radius_m and not outlined):
         return problem and f"{problem}."
-    return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
-            f"rim may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
+    near, edge = ("the nearest edge of the skin", "edges") if outlined else ("the rim", "the rim")
+    return (f"the punch's edge is {gap * 1e3:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
+            f"{edge} may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
             f"of signal in [accuracy]). There, {problem}; {_advice(scene)}.")
 
 
@@ -312,8 +314,8 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     edge = "nearest edge" if scene.body.has_outline else "rim"
     where = f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
     if scene.body.has_outline:
-        where += ("; solved on the disc of the outline's area, and bounded by what rims of discs change that are as near "
-                  "as the edges in each quarter about it")
+        where += ("; solved on the disc of the outline's area, and bounded by what rims of discs change that are as "
+                  "near as the edges in each quarter about it")
     creeps = bool(scene.hold.time_s) and not scene.hold.keeps_deformation
     if exact and not creeps and not rim_problem(scene.body, punch):
         return Decision("exact: mechanics in three dimensions on the whole disc, as a change of the axisymmetric touch",

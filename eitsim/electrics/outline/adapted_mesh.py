@@ -35,7 +35,8 @@ class Untouched:
 
 
 @lru_cache(maxsize=16)
-def solve_untouched(outline: Outline, electrodes: Electrodes, conductance_S: float, error: float = READINGS) -> Untouched:
+def solve_untouched(outline: Outline, electrodes: Electrodes, conductance_S: float,
+                    error: float = READINGS) -> Untouched:
     """Solve the complete electrode model of a uniform skin of sheet conductance S, S, with P2 triangles.
 
     Every triangle is cut to the size at which its part of the energy's error, the squared difference of the gradient

@@ -50,7 +50,8 @@ def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m
 
 
 def _base(body: Body, electrodes: Electrodes, conductance_S: float) -> Triangles:
-    return next(mesh for mesh, error in solve_untouched(body.shape, electrodes, conductance_S).history if error <= FIELDS)
+    history = solve_untouched(body.shape, electrodes, conductance_S).history
+    return next(mesh for mesh, error in history if error <= FIELDS)
 
 
 def _gaps(body: Body, touches: Touches) -> Array:

@@ -79,7 +79,10 @@ def test_the_least_gap_parts_what_is_solved_from_what_is_not_in_a_corner():
 
 @pytest.mark.parametrize("y_m", [0.036, 0.06])
 def test_a_punch_over_the_edge_is_refused(y_m):
-    assert "not solved yet" in make_plan(at(0.0, y_m), CARD).refusal
+    refused = make_plan(at(0.0, y_m), CARD).refusal
+    assert "not solved yet" in refused
+    assert "from the nearest edge of the skin" in refused
+    assert "move the punch inwards to a gap of" in refused
 
 
 def test_touches_near_each_other_are_refused_and_far_ones_solved():
