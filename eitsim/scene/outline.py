@@ -186,8 +186,8 @@ def _check_rectangle(width: float, height: float, corner: float) -> None:
 def _check_points(name: str, points: Point | Loop) -> None:
     kinds = [isinstance(part, tuple) for part in points] if isinstance(points, tuple) else []
     if name == "holes_mm" and not all(kinds or [False]):
-        _require(kinds == [False] * 3 and points[2] > 0, name, "must hold circles [x, y, radius] and lists of points "
-                 "[x, y]")
+        _require(kinds == [False] * 3 and np.asarray(points[2:], dtype=float) > 0, name, "must hold circles [x, y, "
+                 "radius] and lists of points [x, y]")
     else:
         _require(len(points) >= 3 and all(kinds) and {len(np.ravel(p)) for p in points} == {2}, name,
                  f"must hold three points [x, y] or more, got {len(points)}")
