@@ -126,7 +126,7 @@ def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
             words += ", extrapolated" if part == "foam" and stability["least_strain"] < fitted[0] else ""
         table.add_row(f"{part.capitalize()} law fitted over strains", words)
     share = stability.get("signal_share_extrapolated")
-    table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc"
+    table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of it"
                   + ("" if share is None else f", {share:.0%} of the signal"))
 
 
