@@ -1,0 +1,166 @@
+"""Skins that answer a press with readings: the simulator from its tables, or the model's own map."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from eitsim.electrics.forward.gridded_fields import QUANTITIES
+from eitsim.mechanics.load_paths.types import Table
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Scene, read_scene
+from eitsim.simulation.material import Material, material_of
+from eitsim.simulation.reuse import served, shape_for, table_for
+from eitsim.simulation.simulate import solve_scene
+from matcal.card import read_card
+from surrogate.bounds.dataset_bound import example_of
+from surrogate.bounds.material_spread import known_material
+from surrogate.forward_map.forward_map import ForwardMap, linearise
+from surrogate.forward_map.load_coordinates import to_unknown
+from surrogate.learners.forward import TouchInversion
+from surrogate.live.controls import Controls, Limits
+from surrogate.model.trained import TrainedModel
+from surrogate.single_frame.rows import check_baseline
+from surrogate.single_frame.simulator_likelihood import Simulator, check_sensor, scene_at, untouched_of
+from touchcal.arrays import Array
+
+# Pixels along a side of a picture of the skin about a punch, and half that side over the punch's radius.
+PIXELS, ABOUT = 49, 6.0
+MOST_DIAMETERS, CHOICE = 12, 5  # most diameters that are taken for those of known punches, else so many in equal steps
+FIELDS = ("strain", "conductivity")
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """What a press makes of the skin."""
+
+    signal_V: Array  # (readings,) V
+    fields: dict[str, Any]  # pictures of the skin about the punch, as the page draws them; empty where none is known
+    problem: str = ""  # why there is no answer to this press; the signal is 0 then
+
+
+class Skin(Protocol):
+    """Something that can be pressed."""
+
+    baseline_V: Array
+
+    def pressed(self, controls: Controls) -> Pressed:
+        """The answer to a press."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedSkin:
+    """The map that a forward model has learned: it answers as its reader believes."""
+
+    forward: ForwardMap
+    baseline_V: Array
+
+    def pressed(self, controls: Controls) -> Pressed:
+        """The map's signal."""
+        touch = np.array([[controls.x_mm, controls.y_mm, controls.diameter_mm, controls.force_N]])
+        return Pressed(linearise(self.forward, to_unknown(touch, self.forward.p0)).signal_V[0], {})
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedSkin:
+    """The simulator with load paths from a table, some 10 ms a press."""
+
+    simulator: Simulator
+    material: Material
+    table: Table
+    baseline_V: Array
+
+    def pressed(self, controls: Controls) -> Pressed:
+        """The simulator's signal and fields; a problem where the table does not serve the press, which would take
+        seconds to solve."""
+        scene = scene_at(self.simulator, np.array([controls.x_mm, controls.y_mm, controls.diameter_mm,
+                                                   controls.force_N]))
+        nothing = np.zeros_like(self.baseline_V)
+        if served(self.table, self.material.law, scene)[0] is None:
+            return Pressed(nothing, {}, "no stored load path serves this press: it is too close to the rim, or too "
+                                        "deep")
+        found = solve_scene(scene, self.material, table=self.table)
+        if found.readings is None:
+            return Pressed(nothing, {}, f"not simulated ({found.outcome}): {found.message}")
+        return Pressed(found.readings.signal_V.ravel(), _pictures(scene, found.touches[0], self.material))
+
+
+def _pictures(scene: Scene, touch: Touch, material: Material) -> dict[str, Any]:
+    """Fields on a square about the punch, each in 255 steps up to its largest size, as base64."""
+    (punch,) = scene.punches
+    half = ABOUT * punch.diameter_m / 2
+    along = np.linspace(-half, half, PIXELS)
+    points = np.stack(np.meshgrid(punch.x_m + along, punch.y_m + along), axis=-1).reshape(-1, 2)
+    on_disc = np.linalg.norm(points, axis=1) < scene.body.radius_m
+    made: dict[str, Any] = {"half_mm": half * 1e3, "pixels": PIXELS}
+    for name in FIELDS:
+        values = np.zeros(len(points))
+        values[on_disc] = QUANTITIES[name].values(points[on_disc], ((punch, touch),), scene, material.skin)
+        largest = max(float(np.abs(values).max()), 1e-12)
+        steps = np.round(127 * values / largest).astype(np.int8)
+        made[name] = {"largest": largest, "steps": base64.b64encode(steps.tobytes()).decode()}
+    return made
+
+
+def forward_of(model: TrainedModel) -> ForwardMap:
+    """The learned map of a forward model; ValueError for another method."""
+    if not isinstance(model.learner, TouchInversion):
+        raise ValueError(f"the model's method is {model.method}, and only forward has a map from touch to signal. Give "
+                         "--simulate CARD, or train with --method forward.")
+    return model.learner.forward
+
+
+def learned_skin(model: TrainedModel) -> LearnedSkin:
+    """The skin of a forward model; ValueError for another method."""
+    return LearnedSkin(forward_of(model), model.baseline_V)
+
+
+def simulated_skin(model: TrainedModel, card_path: Path, data: Path | None = None, scene_path: Path | None = None,
+                   each: Callable[[Iterable[Any]], Iterable[Any]] = lambda items: items) -> SimulatedSkin:
+    """The simulator of a card and the sensor of a data set's design, a scene file, or else the usual one.
+
+    `each` goes through load paths that are solved where none are stored. ValueError where the sensor is not that of
+    the model.
+    """
+    scene = example_of(data) if data is not None else Scene() if scene_path is None else read_scene(scene_path)
+    simulator = Simulator(scene, read_card(card_path), known_material())
+    check_sensor(simulator, model.ring)
+    baseline = untouched_of(simulator)
+    check_baseline(baseline, model.baseline_V)
+    material, pressable = material_of(scene, simulator.card), limits_of(model)
+    d = [one / 1e3 for one in pressable.diameters_mm]
+    varied = len(known_diameters(model)) > 0
+    shape = shape_for(scene, material.law, d if varied else [d[0], d[-1]], not varied and len(d) > 1)
+    table, _ = table_for(shape, lambda function, items: map(function, each(items)))
+    return SimulatedSkin(replace(simulator, scene=replace(scene, punches=scene.punches[:1])), material, table, baseline)
+
+
+def known_diameters(model: TrainedModel) -> Array:
+    """Diameters of the punches that calibrating rows share, mm; none where these are many."""
+    if "d" not in model.names:
+        return np.zeros(0)
+    found = np.unique(model.calibration.target[:, model.names.index("d")])
+    return found if len(found) <= MOST_DIAMETERS else np.zeros(0)
+
+
+def limits_of(model: TrainedModel) -> Limits:
+    """What may be pressed on the skin of a model: what it was trained on. ValueError where it does not read x0, y0, d
+    and F."""
+    missing = [name for name in ("x0", "y0", "d", "F") if name not in model.names]
+    if missing:
+        raise ValueError(f"the model does not read {', '.join(missing)}, which the page shows. Train with --outputs "
+                         "all.")
+    k = {name: model.names.index(name) for name in ("x0", "y0", "d", "F")}
+    lowest, highest = model.trained.lowest, model.trained.highest
+    places = model.calibration.target[:, [k["x0"], k["y0"]]]
+    reach = max(float(np.hypot(*places.T).max()), *(float(abs(end[k[n]])) for end in (lowest, highest)
+                                                    for n in ("x0", "y0")))
+    d = known_diameters(model)
+    d = d if len(d) else np.linspace(lowest[k["d"]], highest[k["d"]], CHOICE)
+    return Limits(min(reach, model.ring.radius_mm), tuple(np.round(d, 6).tolist()), float(highest[k["F"]]))
