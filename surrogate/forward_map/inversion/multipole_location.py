@@ -58,7 +58,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
 def _starts(forward: ForwardMap, signal: Array) -> tuple[Array, Array]:
     """(n PLACES, 2) candidates whose first MATCHED orders leave least of the signals, mm, and sizes (n PLACES,) of the
     strengths there, V."""
-    place, axes, size = _planes(forward, CANDIDATES)
+    place, axes, size = planes(forward, CANDIDATES)
     match = np.sum(np.tensordot(signal, axes, axes=(1, 1)) ** 2, axis=2)
     chosen = np.argsort(-match, axis=1)[:, :PLACES]
     norm = np.maximum(np.linalg.norm(signal, axis=1), np.finfo(float).tiny ** 0.25)
@@ -66,7 +66,7 @@ def _starts(forward: ForwardMap, signal: Array) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=8)
-def _planes(forward: ForwardMap, count: int) -> tuple[Array, Array, Array]:
+def planes(forward: ForwardMap, count: int) -> tuple[Array, Array, Array]:
     """Places (count, 2), mm, orthonormal axes (count, readings, MATCHED) of the signals of the first orders there, and
     norms (count,) of those of unit dipoles."""
     place = spiral(forward, count)

@@ -36,6 +36,14 @@ def white(sd: Array, readings: int) -> Uncertainty:
 def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Uncertainty:
     """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of these sizes
     (n,), V."""
+    floor, axes, sd = own_error(forward, unknown, size)
+    whole = np.hypot(noise_V, floor)
+    return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
+
+
+def own_error(forward: ForwardMap, unknown: Array, size: Array) -> tuple[Array, Array, Array]:
+    """The map's own error at such touches: standard deviation (n,) of what is white, V, orthonormal axes (n, readings,
+    k) of the rest, and standard deviations (n, k) along these, V."""
     ring, fitted = forward.ring, forward.beside
     floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
     near = electrode_correction.reaches(fitted.rim, z)
@@ -48,8 +56,7 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Unce
         sd[near] = along * norm[:, None]
         left = norm * np.sqrt(rest / len(fitted.rim.fill))
         floor[near] = np.hypot(left * np.sqrt(ring.copies), floor[near])
-    whole = np.hypot(noise_V, floor)
-    return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
+    return floor, axes, sd
 
 
 def whitened(sd: Uncertainty, values: Array) -> Array:
