@@ -71,19 +71,16 @@ def _show(model: Model, frames: str | None, replay: Path | None, simulate: Path 
     from surrogate.live.shows import pressed_show, read_untouched, recorded_show, streamed_show
     from surrogate.live.skins import learned_skin, simulated_skin
 
-    reference = None if baseline is None else read_untouched(baseline, len(model.baseline_V))
-    noise_V = noise_v if noise_v is not None else (reference and reference.noise_V) or 0.0
-    untouched_V = None if reference is None else reference.volts
+    untouched_V = None if baseline is None else read_untouched(baseline, len(model.baseline_V))
     if replay is not None:
-        return recorded_show(model, replay, untouched_V, noise_V)
+        return recorded_show(model, replay, untouched_V, noise_v)
     if frames == "-":
-        _say("the first line is awaited.")
-        return streamed_show(model, open(sys.stdin.fileno(), "rb", closefd=False), untouched_V, noise_V)
+        return streamed_show(model, open(sys.stdin.fileno(), "rb", closefd=False), untouched_V, noise_v)
     if simulate is None:
         _say("presses are answered by the model's own learned map. Give --simulate CARD for the simulator.")
-        return pressed_show(model, learned_skin(model), noise_V)
+        return pressed_show(model, learned_skin(model), noise_v)
     _say("load paths are read, or solved where none are stored, which takes minutes once.")
-    return pressed_show(model, simulated_skin(model, simulate, data, scene, counted("load paths")), noise_V)
+    return pressed_show(model, simulated_skin(model, simulate, data, scene, counted("load paths")), noise_v)
 
 
 def _say(words: str) -> None:

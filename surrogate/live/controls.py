@@ -30,9 +30,10 @@ class Limits:
 
     reach_mm: float  # largest distance of the punch's axis from the centre
     diameters_mm: tuple[float, ...]
-    force_N: float  # largest force
-    noise_mV: float = 4.0
-    drift_mV_per_min: float = 4.0
+    # largest force, noise and drift
+    force_N: float
+    noise_mV: float
+    drift_mV_per_min: float
 
 
 def controls_of(text: str, limits: Limits) -> Controls:

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_zone
 from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_discrepancy
 from surrogate.forward_map.inversion.multipole_location import MARGIN, MARGIN_MM, RIM, spiral
-from surrogate.live.messages import ELLIPSE, hello
+from surrogate.live.messages import hello
 from surrogate.live.serve import PAGE
 from surrogate.live.skins import forward_of, limits_of
-from surrogate.model.predict import MISFIT_FACTOR, NO_TOUCH, WEAK
+from surrogate.model.predict import MISFIT_FACTOR, WEAK
 from surrogate.model.trained import TrainedModel, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
 from surrogate.statistics.gaussian_process import GaussianProcess
@@ -79,8 +79,8 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "most_radius": RIM, "candidates": _packed(spiral(forward, CANDIDATES)),
         "rim": _rim(forward) if electrode_correction.teaches(forward.beside.rim) else None,
         "weakest_V": WEAK * model.trained.weakest_V, "misfit": MISFIT_FACTOR * max(model.trained.misfit, 1.0),
-        "interval": np.maximum(interval_scale(model)[k], normal(COVERAGE)).tolist(), "ellipse": ELLIPSE,
-        "no_touch": NO_TOUCH}
+        "interval": np.maximum(interval_scale(model)[k], normal(COVERAGE)).tolist(),
+        "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
 
 
 def _process(process: GaussianProcess) -> dict[str, Any]:

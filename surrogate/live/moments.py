@@ -27,6 +27,9 @@ class Moment:
     time_s: float  # s since the first one
     volts: Array  # (readings,) V
     true: Controls | None = None  # the press that made it; None where that is not known
+    # of a simulated frame: its noise, and the untouched frame with the drift so far, V
+    noise_V: float | None = None
+    untouched_V: Array | None = None
     answers_ms: float | None = None  # when the browser sent the press that this is the first answer to, by its clock
     pictures: dict[str, Any] = field(default_factory=dict)  # as Pressed.fields
     note: str = ""  # what is to be known of the frame
@@ -40,19 +43,20 @@ def pressed_moments(skin: Skin, latest: Latest, seed: int = 0) -> Iterator[Momen
     """
     rng, start = np.random.default_rng(seed), time.perf_counter()
     slope, drift = rng.normal(size=len(skin.baseline_V)), np.zeros(len(skin.baseline_V))
-    untouched = Pressed(np.zeros(len(skin.baseline_V)), {})
+    nothing = Pressed(np.zeros(len(skin.baseline_V)), {})
     due = before = start
-    asked, answer = None, untouched
+    asked, answer = None, nothing
     while True:
         controls, new = latest.wait(due - time.perf_counter())
         now = time.perf_counter()
         due = max(due + 1 / RATE_HZ, now if not new else now + 1 / RATE_HZ)
         press = replace(controls, noise_mV=0.0, drift_mV_per_min=0.0, sent_ms=0.0)
         if press != asked:
-            asked, answer = press, skin.pressed(controls) if controls.force_N > 0 else untouched
+            asked, answer = press, skin.pressed(controls) if controls.force_N > 0 else nothing
         drift, before = drift + slope * controls.drift_mV_per_min / 1e3 * (now - before) / S_PER_MIN, now
-        noise = rng.normal(size=len(drift)) * controls.noise_mV / 1e3
-        yield Moment(now - start, skin.baseline_V + answer.signal_V + drift + noise, controls,
+        untouched, noise_V = skin.baseline_V + drift, controls.noise_mV / 1e3
+        noise = rng.normal(size=len(drift)) * noise_V
+        yield Moment(now - start, untouched + answer.signal_V + noise, controls, noise_V, untouched,
                      controls.sent_ms if new else None, answer.fields, answer.problem)
 
 

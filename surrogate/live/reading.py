@@ -1,26 +1,26 @@
-"""A touch read from each frame, in the form that the page shows."""
+"""A touch read from each frame by a tracker."""
+
+from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
-from surrogate.live.messages import Touch
 from surrogate.live.moments import Moment
-from surrogate.model.predict import Predictor, predict
-from surrogate.statistics.conformal import COVERAGE, normal
+from surrogate.model.tracked import Tracked
+from surrogate.model.tracker import Tracker
+from surrogate.model.trained import TrainedModel
+from touchcal.arrays import Array
 
-SHOWN = {"x0": "x_mm", "y0": "y_mm", "d": "d_mm", "F": "F_N"}
 
+def reader_of(model: TrainedModel, untouched_V: Array | None, noise_V: float | None,
+              say: Callable[[str], object]) -> Callable[[Moment], Tracked]:
+    """Follows frames from an untouched one (or several) and its noise, which the tracker learns where they are not
+    given; a new tracker begins where a moment states another noise."""
+    tracker, known = Tracker(model, untouched_V, noise_V, say=say), noise_V
 
-def reader_of(predictor: Predictor) -> Callable[[Moment], Touch]:
-    """Reads frames one by one as `predict` does."""
-    names = predictor.model.names
-
-    def read(moment: Moment) -> Touch:
-        found = predict(predictor, moment.volts[None])
-        value, half = ({SHOWN[name]: float(part[0, names.index(name)]) for name in SHOWN if name in names
-                        and np.isfinite(part[0, names.index(name)])} for part in (found.value, found.half_width))
-        sd = np.array([half.get(name, 0.0) for name in ("x_mm", "y_mm")]) / normal(COVERAGE)
-        return Touch(value, half, np.diag(sd**2), found.flag[0])
+    def read(moment: Moment) -> Tracked:
+        nonlocal tracker, known
+        if moment.noise_V is not None and moment.noise_V != known:
+            tracker, known = Tracker(model, moment.untouched_V, moment.noise_V, say=say), moment.noise_V
+        return tracker.update(moment.volts, moment.time_s)
 
     return read

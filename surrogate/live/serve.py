@@ -19,9 +19,8 @@ import numpy as np
 from surrogate.live import messages
 from surrogate.live.controls import MOST_BYTES, Latest, Limits, controls_of
 from surrogate.live.guard import App, guarded
-from surrogate.live.messages import Touch
 from surrogate.live.moments import Moment
-from touchcal.arrays import Array
+from surrogate.model.tracked import UNREADABLE, Tracked
 
 HOST = "127.0.0.1"
 PAGE = Path(__file__).parent / "page"
@@ -36,8 +35,8 @@ class Show:
 
     hello: dict[str, Any]  # messages.hello
     moments: Iterator[Moment]
-    read: Callable[[Moment], Touch]
-    baseline_V: Array  # (readings,) the frame that differences are shown to, V
+    read: Callable[[Moment], Tracked]
+    cautions: list[str]  # what was found of the untouched frame, in words, as it is found
     limits: Limits | None = None  # None where nothing can be pressed
     latest: Latest | None = None
 
@@ -128,28 +127,23 @@ def _hear(text: str, show: Show) -> None:
 
 def _reading(show: Show, loop: asyncio.AbstractEventLoop, watchers: _Watchers) -> None:
     """Read frame after frame, and tell who watches."""
-    moment, number = Moment(0.0, show.baseline_V), 0
+    number, at_s = 0, 0.0
     try:
-        for number, moment in enumerate(show.moments, start=1):
-            _tell(show, loop, watchers, moment, number)
+        for moment in show.moments:
+            number, at_s, begun = number + 1, moment.time_s, time.perf_counter()
+            found = show.read(moment)
+            text = messages.frame(number, moment, found, " ".join(show.cautions), (time.perf_counter() - begun) * 1e3)
+            loop.call_soon_threadsafe(watchers.tell, text)
         problem = "the input ended"
-    except RuntimeError:  # the loop is closed: the server stops
-        return
-    except Exception as error:  # whatever the input holds, the page says it
+    except Exception as error:  # whatever the input holds, the page says it; a closed loop has nobody to say it to
         problem = f"stopped: {error}"
-    nothing = Touch({}, {}, np.zeros((2, 2)), problem)
+    none = np.full(4, np.nan)
+    last = Tracked(at_s, UNREADABLE, none, np.zeros((4, 4)), none, none, np.zeros(0), np.nan, 0, "")
+    text = messages.frame(number + 1, Moment(at_s, np.zeros(0), note=problem), last, "", 0.0)
     with contextlib.suppress(RuntimeError):
         while True:  # for those who open the page later, too
-            loop.call_soon_threadsafe(watchers.tell, messages.frame(
-                number + 1, Moment(moment.time_s, show.baseline_V, note=problem), nothing, show.baseline_V, 0.0))
+            loop.call_soon_threadsafe(watchers.tell, text)
             time.sleep(1.0)
-
-
-def _tell(show: Show, loop: asyncio.AbstractEventLoop, watchers: _Watchers, moment: Moment, number: int) -> None:
-    begun = time.perf_counter()
-    touch = show.read(moment)
-    spent = (time.perf_counter() - begun) * 1e3
-    loop.call_soon_threadsafe(watchers.tell, messages.frame(number, moment, touch, show.baseline_V, spent))
 
 
 def serve(show: Show, port: int = 0, say: Callable[[str], object] = print) -> None:

@@ -32,6 +32,7 @@ from touchcal.arrays import Array
 # Pixels along a side of a picture of the skin about a punch, and half that side over the punch's radius.
 PIXELS, ABOUT = 49, 6.0
 MOST_DIAMETERS, CHOICE = 12, 5  # most diameters that are taken for those of known punches, else so many in equal steps
+MOST_NOISE = 1e-3  # most noise, and most drift in a minute, over the RMS of the untouched readings: 60 dB
 FIELDS = ("strain", "conductivity")
 
 
@@ -47,7 +48,10 @@ class Pressed:
 class Skin(Protocol):
     """Something that can be pressed."""
 
-    baseline_V: Array
+    @property
+    def baseline_V(self) -> Array:
+        """(readings,) of the untouched skin, V."""
+        ...
 
     def pressed(self, controls: Controls) -> Pressed:
         """The answer to a press."""
@@ -161,6 +165,8 @@ def limits_of(model: TrainedModel) -> Limits:
     places = model.calibration.target[:, [k["x0"], k["y0"]]]
     reach = max(float(np.hypot(*places.T).max()), *(float(abs(end[k[n]])) for end in (lowest, highest)
                                                     for n in ("x0", "y0")))
+    noise = 1e3 * MOST_NOISE * float(np.sqrt(np.mean(model.baseline_V**2)))
     d = known_diameters(model)
     d = d if len(d) else np.linspace(lowest[k["d"]], highest[k["d"]], CHOICE)
-    return Limits(min(reach, model.ring.radius_mm), tuple(np.round(d, 6).tolist()), float(highest[k["F"]]))
+    return Limits(min(reach, model.ring.radius_mm), tuple(np.round(d, 6).tolist()), float(highest[k["F"]]), noise,
+                  noise)

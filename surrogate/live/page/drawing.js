@@ -3,12 +3,16 @@
 
 const HISTORY_S = 10;
 
+let known = null;
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { known = null; });
+
 function colours() {
+  if (known) return known;
   const style = getComputedStyle(document.documentElement);
   const named = {};
   for (const name of ["card", "ink", "soft", "line", "skin", "pressed", "read", "stretched", "squeezed"])
     named[name] = style.getPropertyValue("--" + name).trim();
-  return named;
+  return known = named;
 }
 
 // The context of a canvas, cleared, in CSS pixels.

@@ -346,5 +346,5 @@ function learnedMap(given) {
   }
 
   const press = (x, y, d, F) => at([x, y, Math.log(d), Math.asinh(F / (d * d * given.p0))]).signal;
-  return { press, read, readings, noTouch: given.no_touch };
+  return { press, read, readings };
 }

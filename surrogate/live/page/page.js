@@ -8,8 +8,8 @@
     learned: "simulated presses, answered by the model's own learned map", streamed: "frames from standard input",
     exported: "simulated presses: the model's learned map makes and reads them in this browser" };
   const ROWS = { x: ["x_mm", 1, 2], y: ["y_mm", 1, 2], d: ["d_mm", 1, 2], F: ["F_N", 3, 3] };
-  const SPOKEN_EVERY_MS = 1500;
-  let hello = null, frame = null, frames = [], drawn = null, hands = null, spoken = 0, arrivals = [], missed = 0;
+  const SPOKEN_EVERY_MS = 1500, PLOTTED_EVERY_MS = 60;
+  let hello = null, frame = null, frames = [], drawn = null, hands = null, spoken = 0, arrivals = [], missed = 0, stale = true, plotted = 0;
   const latencies = [];
 
   const number = (value, digits) => value === undefined || value === null ? "–" : value.toFixed(digits);
@@ -17,7 +17,7 @@
   function greet(message) {
     const again = hello !== null;
     hello = message;
-    byId("source").textContent = SOURCES[hello.source] + (hello.caution ? ". Caution: " + hello.caution : "");
+    byId("source").textContent = SOURCES[hello.source];
     byId("counted").textContent = hello.readings + " of them";
     byId("shown-field").hidden = hello.source !== "simulated";
     byId("reach").hidden = !hello.limits || hello.limits.reach_mm > hello.radius_mm - 1;
@@ -37,9 +37,7 @@
   function lost() { byId("state").textContent = "the connection is closed; trying again"; }
 
   function words() {
-    if (frame.note && !frame.read) return frame.note;
-    const state = frame.read ? "touch" : "no touch";
-    return [state, frame.flag === state ? "" : frame.flag, frame.note].filter(Boolean).join("; ");
+    return [frame.note && !frame.read ? "" : frame.state, frame.flag, frame.note].filter(Boolean).join("; ");
   }
 
   function write() {
@@ -48,10 +46,12 @@
       byId("read-" + row).textContent = number(frame.read && frame.read[key], digits);
       byId("half-" + row).textContent = number(frame.half_width[key], finer);
     }
+    if (latencies.length) byId("latency").value = Math.round(latencies[latencies.length - 1]);
     const state = words();
     if (byId("state").textContent !== state) byId("state").textContent = state;
     if (arrivals.length > 1)
       byId("rate").value = Math.round(1000 * (arrivals.length - 1) / (arrivals[arrivals.length - 1] - arrivals[0]));
+    byId("caution").textContent = frame.caution;
     const field = byId("field").value, picture = frame.pictures[field];
     byId("shade").textContent = picture
       ? `${field === "strain" ? "strain" : "relative change of conductance"}, at most ${picture.largest.toPrecision(2)}` : "";
@@ -63,30 +63,39 @@
     }
   }
 
+  function drawPlots() {
+    const truth = name => f => f.true && f.true[name], read = name => f => f.read && f.read[name];
+    drawLines(byId("force-plot"), frames, [{ value: truth("F_N"), colour: "pressed" },
+                                           { value: read("F_N"), colour: "read" }], 0.5);
+    drawLines(byId("place-plot"), frames, [
+      { value: truth("x_mm"), colour: "pressed" }, { value: truth("y_mm"), colour: "pressed", dash: [4, 3] },
+      { value: read("x_mm"), colour: "read" }, { value: read("y_mm"), colour: "read", dash: [4, 3] }], 10);
+    drawBars(byId("bars"), frame.difference_mV);
+  }
+
+  // The skin with every frame; numbers and plots, which nobody reads as fast, less often.
   function draw(now) {
     requestAnimationFrame(draw);
     if (!hello) return;
-    if (hands) hands.tick(now);
+    const moved = hands ? hands.tick(now) : false;
+    if (frame === drawn && !moved && !stale) return;
     drawSkin(byId("skin"), hello, frame, hands && hands.cursor(), byId("field").value);
-    if (!frame || frame === drawn) return;
-    const field = name => f => f.true && f.true[name], read = name => f => f.read && f.read[name];
-    write();
-    drawLines(byId("force-plot"), frames, [{ value: field("F_N"), colour: "pressed" },
-                                           { value: read("F_N"), colour: "read" }], 0.5);
-    drawLines(byId("place-plot"), frames, [
-      { value: field("x_mm"), colour: "pressed" }, { value: field("y_mm"), colour: "pressed", dash: [4, 3] },
-      { value: read("x_mm"), colour: "read" }, { value: read("y_mm"), colour: "read", dash: [4, 3] }], 10);
-    drawBars(byId("bars"), frame.difference_mV);
     for (const one of frames.filter(f => !f.seen)) {
       one.seen = true;
-      if (one.answers_ms === null) continue;
-      latencies.push(performance.now() - one.answers_ms);
-      byId("latency").value = Math.round(latencies[latencies.length - 1]);
+      if (one.answers_ms !== null) latencies.push(performance.now() - one.answers_ms);
     }
     if (latencies.length > 5000) latencies.splice(0, 1000);
     drawn = frame;
+    stale = false;
+    if (!frame || now - plotted < PLOTTED_EVERY_MS) return;
+    plotted = now;
+    write();
+    drawPlots();
   }
 
+  const redraw = () => { stale = true; };
+  addEventListener("resize", redraw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   const send = connect(greet, take, lost);
   window.shown = () => ({ frame, missed, latencies, count: frame ? frame.number : 0 });
   requestAnimationFrame(draw);

@@ -6,12 +6,13 @@ const MOVE_MM = 1, FAR_MM = 5, FORCE_STEP_N = 0.05, GROWS_IN_S = 4, SENT_EVERY_M
 function pressing(hello, send) {
   const byId = id => document.getElementById(id), canvas = byId("skin"), limits = hello.limits;
   const place = { x_mm: 0, y_mm: 0 };
-  let down = false, held = false, grown = 0, last = performance.now(), sent = 0, waits = false;
+  let moved = true, down = false, held = false, grown = 0, last = performance.now(), sent = 0, waits = false;
 
   byId("force").max = Math.floor(limits.force_N / FORCE_STEP_N) * FORCE_STEP_N;
   byId("force").value = limits.force_N / 4;
   byId("noise").max = limits.noise_mV;
-  byId("noise").value = hello.noise_mV || 0;
+  byId("noise").step = byId("drift").step = limits.noise_mV / 100;
+  byId("noise").value = hello.noise_mV;
   byId("drift").max = limits.drift_mV_per_min;
   byId("drift").value = 0;
   for (const d of limits.diameters_mm) byId("diameter").add(new Option(d, d));
@@ -22,6 +23,7 @@ function pressing(hello, send) {
   function cursor() { return { ...place, diameter_mm: Number(byId("diameter").value) }; }
 
   function changed() {
+    moved = true;
     byId("force-now").value = force().toFixed(2);
     byId("noise-now").value = Number(byId("noise").value).toFixed(2);
     byId("drift-now").value = Number(byId("drift").value).toFixed(2);
@@ -80,15 +82,20 @@ function pressing(hello, send) {
     event.preventDefault();
   });
 
-  for (const id of ["force", "diameter", "noise", "drift"]) byId(id).addEventListener("input", changed);
+  for (const id of ["force", "diameter", "drift"]) byId(id).addEventListener("input", changed);
+  byId("noise").addEventListener("input", () => { byId("noise-now").value = Number(byId("noise").value).toFixed(2); });
+  byId("noise").addEventListener("change", changed);
 
-  // Once a picture: forces that grow, and what came too soon after the last message.
+  // Once a picture: forces that grow, and what came too soon after the last message; whether anything changed.
   function tick(now) {
     if (held && byId("grow").checked && force() < limits.force_N) {
       grown += (now - last) / 1e3 * limits.force_N / GROWS_IN_S;
       changed();
     } else if (waits) changed();
     last = now;
+    const was = moved;
+    moved = false;
+    return was;
   }
 
   changed();
