@@ -54,10 +54,10 @@ def test_noise_and_drift_are_those_of_the_controls() -> None:
 def test_frames_come_at_their_rate() -> None:
     begun = time.perf_counter()
     differences(Latest(Controls(0.0, 0.0, 10.0)), 11)
-    assert 10 / RATE_HZ <= time.perf_counter() - begun + 1e-3
+    assert time.perf_counter() - begun >= 10 / RATE_HZ - 1e-3
     begun = time.perf_counter()
     found = list(recorded_moments(np.zeros((4, 3)), np.array([5.0, 5.1, 5.2, 5.3])))
-    assert 0.3 <= time.perf_counter() - begun + 1e-3
+    assert time.perf_counter() - begun >= 0.3 - 1e-3
     assert [round(one.time_s, 6) for one in found] == [0.0, 0.1, 0.2, 0.3]
     assert found[-1].note == "the recording ended"
 
