@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from surrogate.bounds.cramer_rao import cramer_rao as cramer_rao
     from surrogate.learners.base import Learner as Learner
     from surrogate.learners.registry import METHODS as METHODS
-    from surrogate.live.export_page import export_page as export_page
     from surrogate.model.evaluate import evaluate as evaluate
     from surrogate.model.model import Model as Model
     from surrogate.model.model import load as load
@@ -26,5 +25,5 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = attach(__name__, {
     "METHODS": "surrogate.learners.registry", "Learner": "surrogate.learners.base", "Model": "surrogate.model.model",
     "cramer_rao": "surrogate.bounds.cramer_rao", "evaluate": "surrogate.model.evaluate",
-    "export_page": "surrogate.live.export_page", "load": "surrogate.model.model", "train": "surrogate.model.train",
+    "load": "surrogate.model.model", "train": "surrogate.model.train",
     "Tracked": "surrogate.model.tracked", "Tracker": "surrogate.model.tracker"})

@@ -41,12 +41,13 @@ def live(model_folder: ModelFolder,
     Example: surrogate live forward --simulate card.json
     """
     import surrogate
+    from surrogate.live.export_page import export_page
     from surrogate.live.serve import check_installed, serve
 
     _check_choice(frames, replay, simulate, data or scene, export)
     if export is not None:
         check_out(export, "--export")
-        surrogate.export_page(surrogate.load(model_folder), export)
+        export_page(surrogate.load(model_folder), export)
         print(f"page: {export}, {export.stat().st_size / 1e6:.2f} MB")
         return
     check_installed()

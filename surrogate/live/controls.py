@@ -88,6 +88,12 @@ class Latest:
             self._controls, self._new = controls, True
             self._changed.notify()
 
+    def lift(self) -> None:
+        """The same controls with nothing pressed."""
+        with self._changed:
+            self._controls, self._new = replace(self._controls, force_N=0.0), True
+            self._changed.notify()
+
     def wait(self, timeout_s: float) -> tuple[Controls, bool]:
         """The controls, and whether they were set since the last call, as soon as they are or after the time."""
         with self._changed:

@@ -49,7 +49,7 @@ def export_page(model: TrainedModel, path: Path | str) -> None:
 
     Examples
     --------
-    >>> surrogate.export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
+    >>> export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
     """
     data = {"hello": hello(model, limits_of(model), "exported"), "map": document(model)}
     text = _whole(json.dumps(data, allow_nan=False))

@@ -101,6 +101,8 @@ def app_of(show: Show, hosts: tuple[str, ...], token: str) -> App:
         finally:
             watchers.waiting = [other for other in watchers.waiting if other is not queue]
             sending.cancel()
+            if show.latest is not None:
+                show.latest.lift()
 
     return guarded(Starlette(lifespan=running, routes=[Mount(f"/{token}", routes=[
         Route("/", page), WebSocketRoute("/frames", frames), Mount("/", StaticFiles(directory=PAGE))])]), hosts, token)

@@ -11,6 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from eitsim.electrics.forward.gridded_fields import QUANTITIES
+from eitsim.electrics.forward.untouched import untouched_readings
+from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene, read_scene
@@ -19,14 +21,13 @@ from eitsim.simulation.reuse import served, shape_for, table_for
 from eitsim.simulation.simulate import solve_scene
 from matcal.card import read_card
 from surrogate.bounds.dataset_bound import example_of
-from surrogate.bounds.material_spread import known_material
+from surrogate.data.baseline_frame import OTHER_BASELINE, relative_difference
+from surrogate.data.sensor_ring import ring_of, same_ring
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
 from surrogate.live.controls import Controls, Limits
 from surrogate.model.trained import TrainedModel
-from surrogate.single_frame.rows import check_baseline
-from surrogate.single_frame.simulator_likelihood import Simulator, check_sensor, scene_at, untouched_of
 from touchcal.arrays import Array
 
 # Pixels along a side of a picture of the skin about a punch, and half that side over the punch's radius.
@@ -75,7 +76,7 @@ class LearnedSkin:
 class SimulatedSkin:
     """The simulator with load paths from a table, some 10 ms a press."""
 
-    simulator: Simulator
+    scene: Scene  # the sensor and one punch
     material: Material
     table: Table
     baseline_V: Array
@@ -83,8 +84,9 @@ class SimulatedSkin:
     def pressed(self, controls: Controls) -> Pressed:
         """The simulator's signal and fields; a problem where the table does not serve the press, which would take
         seconds to solve."""
-        scene = scene_at(self.simulator, np.array([controls.x_mm, controls.y_mm, controls.diameter_mm,
-                                                   controls.force_N]))
+        punch = replace(self.scene.punches[0], x_m=controls.x_mm / 1e3, y_m=controls.y_mm / 1e3, depth_m=None,
+                        diameter_m=controls.diameter_mm / 1e3, force_N=controls.force_N)
+        scene = replace(self.scene, punches=(punch,))
         nothing = np.zeros_like(self.baseline_V)
         if served(self.table, self.material.law, scene)[0] is None:
             return Pressed(nothing, {}, "no stored load path serves this press: it is too close to the rim, or too "
@@ -133,16 +135,25 @@ def simulated_skin(model: TrainedModel, card_path: Path, data: Path | None = Non
     the model.
     """
     scene = example_of(data) if data is not None else Scene() if scene_path is None else read_scene(scene_path)
-    simulator = Simulator(scene, read_card(card_path), known_material())
-    check_sensor(simulator, model.ring)
-    baseline = untouched_of(simulator)
-    check_baseline(baseline, model.baseline_V)
-    material, pressable = material_of(scene, simulator.card), limits_of(model)
+    material, pressable = material_of(scene, read_card(card_path)), limits_of(model)
+    baseline = _untouched(scene, material, model)
     d = [one / 1e3 for one in pressable.diameters_mm]
     varied = len(known_diameters(model)) > 0
     shape = shape_for(scene, material.law, d if varied else [d[0], d[-1]], not varied and len(d) > 1)
     table, _ = table_for(shape, lambda function, items: map(function, each(items)))
-    return SimulatedSkin(replace(simulator, scene=replace(scene, punches=scene.punches[:1])), material, table, baseline)
+    return SimulatedSkin(scene, material, table, baseline)
+
+
+def _untouched(scene: Scene, material: Material, model: TrainedModel) -> Array:
+    """(readings,) of the untouched sensor of a scene, V; ValueError where it is not that of the model."""
+    fix = "Give the --data or --scene, and the card, that the model was trained with."
+    # the foreseen modes aside
+    if not same_ring(replace(ring_of(scene), modes=model.ring.modes), model.ring):
+        raise ValueError(f"the scene's disc, electrodes or drive are not those that the model was trained on. {fix}")
+    readings = untouched_readings(scene, untouched_conductance(material.skin, scene.skin))
+    if (off := relative_difference(readings, model.baseline_V)) > OTHER_BASELINE:
+        raise ValueError(f"the untouched sensor's readings differ by {off:.0%} from the training's. {fix}")
+    return readings
 
 
 def known_diameters(model: TrainedModel) -> Array:

@@ -108,7 +108,7 @@ function drawLines(canvas, frames, series, least) {
   if (!frames.length) return;
   const end = frames[frames.length - 1].time_s;
   const values = frames.flatMap(f => series.map(s => s.value(f)).filter(v => v !== null && v !== undefined));
-  const low = Math.min(0, ...values), high = Math.max(least, ...values), left = 34;
+  const low = Math.min(0, ...values), high = Math.max(least, ...values), left = 40;
   const X = t => left + (width - left - 4) * (1 - (end - t) / HISTORY_S);
   const Y = v => height - 8 - (height - 16) * (v - low) / (high - low);
   c.font = "11px system-ui, sans-serif"; c.fillStyle = colour.soft; c.textAlign = "right"; c.textBaseline = "middle";
@@ -135,7 +135,7 @@ function drawLines(canvas, frames, series, least) {
 
 function drawBars(canvas, values) {
   const colour = colours(), { context: c, width, height } = cleared(canvas);
-  const largest = Math.max(1e-3, ...values.map(v => Math.abs(v || 0))), left = 34, middle = height / 2;
+  const largest = Math.max(1e-3, ...values.map(v => Math.abs(v || 0))), left = 40, middle = height / 2;
   const step = (width - left - 4) / values.length;
   c.fillStyle = colour.ink;
   values.forEach((v, k) => {

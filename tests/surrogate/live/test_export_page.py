@@ -12,7 +12,7 @@ import pytest
 import surrogate
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.load_coordinates import to_unknown
-from surrogate.live.export_page import MOST_BYTES
+from surrogate.live.export_page import MOST_BYTES, export_page
 
 PLACE_MM = 0.2  # the most that a place read in the browser may differ from that of `predict`
 READ = "return arguments[0].map(s => learned.read(s, arguments[1], null).read).map(r => [r.x_mm, r.y_mm])"
@@ -33,7 +33,7 @@ def differs_mm(page: Any, model: surrogate.Model, signal_V: np.ndarray, noise_V:
 
 
 def test_one_file_presses_and_reads_without_a_network(page: Any, live_model: surrogate.Model, tmp_path: Path) -> None:
-    surrogate.export_page(live_model, tmp_path / "page.html")
+    export_page(live_model, tmp_path / "page.html")
     assert (tmp_path / "page.html").stat().st_size < MOST_BYTES
     opened(page, tmp_path / "page.html")
     page.run("document.getElementById('noise').value = 0; "
@@ -46,7 +46,7 @@ def test_one_file_presses_and_reads_without_a_network(page: Any, live_model: sur
 
 
 def test_a_request_would_be_refused(page: Any, live_model: surrogate.Model, tmp_path: Path) -> None:
-    surrogate.export_page(live_model, tmp_path / "page.html")
+    export_page(live_model, tmp_path / "page.html")
     page.open((tmp_path / "page.html").as_uri())
     page.run("window.went = null; fetch('http://127.0.0.1:9/').catch(e => { went = e.name; })")
     page.wait("went")
@@ -56,7 +56,7 @@ def test_a_request_would_be_refused(page: Any, live_model: surrogate.Model, tmp_
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
 def test_unseen_touches_are_read_as_predict_reads_them(
         page: Any, live_model: surrogate.Model, synthetic: Callable[..., Any], tmp_path: Path, noise: float) -> None:
-    surrogate.export_page(live_model, tmp_path / "page.html")
+    export_page(live_model, tmp_path / "page.html")
     opened(page, tmp_path / "page.html")
     _, signal_V = synthetic(40, 77)
     noise_V = noise * float(np.sqrt(np.mean(live_model.baseline_V**2)))
@@ -76,7 +76,7 @@ def test_the_map_in_the_browser_is_that_of_the_model(
     forward = model.learner.forward
     assert len(forward.beside.rim.process.nodes)
     assert len(forward.beside.polarization.nodes)
-    surrogate.export_page(model, tmp_path / "page.html")
+    export_page(model, tmp_path / "page.html")
     opened(page, tmp_path / "page.html")
     asked, fresh_V = synthetic(30, 5, (), 86.0)
     expected = linearise(forward, to_unknown(asked, forward.p0)).signal_V
@@ -88,5 +88,5 @@ def test_the_map_in_the_browser_is_that_of_the_model(
 
 def test_other_methods_have_no_map_to_export(sweep: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="only forward"):
-        surrogate.export_page(surrogate.train(sweep, "ridge", seed=1), tmp_path / "page.html")
+        export_page(surrogate.train(sweep, "ridge", seed=1), tmp_path / "page.html")
     assert not (tmp_path / "page.html").exists()

@@ -90,6 +90,15 @@ def test_a_press_is_read(address: str) -> None:
         assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx((20.0, -10.0), abs=0.2)
 
 
+def test_what_is_pressed_is_lifted_when_the_browser_goes_away(address: str) -> None:
+    with connected(address) as socket:
+        pressed(socket)
+    with connected(address) as socket:
+        socket.recv()
+        frames = [json.loads(socket.recv(timeout=20)) for _ in range(100)]
+    assert frames[-1]["true"] is None
+
+
 def test_five_thousand_malformed_messages_do_not_end_the_server(address: str) -> None:
     rng = random.Random(1)
 
