@@ -15,7 +15,7 @@ from surrogate.data.baseline_frame import compared, untouched
 from surrogate.data.untouched_stream import CALIBRATION, Background
 from surrogate.forward_map.inversion.touch_filter import Unsure
 from surrogate.learners.forward import TouchInversion
-from surrogate.learners.novelty import fit_novelty
+from surrogate.learners.novelty import fit_novelty, reciprocal
 from surrogate.learners.registry import METHODS
 from surrogate.model import contact, follow_by_map
 from surrogate.model.contact import Contact
@@ -83,6 +83,7 @@ class Tracker:
         self._background: Background | None = None
         self._predictor: Predictor | None = None
         self._fewer: dict[bytes, Predictor] = {}
+        self._spans: dict[bytes, Array] = {}
         patterns = contact.patterns_of(model.calibration.signal_V)
         self._contact = Contact(patterns, (BELIEVED * model.trained.weakest_V) ** 2)
         self._touch: Touch | None = None
@@ -158,7 +159,8 @@ class Tracker:
             return self._nothing(UNTOUCHED, named(dead) if dead.any() else "", signal)
         if background.last is not None:
             self._background = untouched_stream.interrupted(background)
-        unsure = Unsure(background.noise_V, math.sqrt(background.variance), background.root * math.sqrt(since_s), ~dead)
+        unsure = Unsure(background.noise_V, math.sqrt(background.variance), background.root * math.sqrt(since_s), ~dead,
+                        self._axes(dead))
         return self._touched(volts, signal, unsure, max(self._time_s - before_s, 0.0))
 
     def _calibrated(self, volts: Array) -> Tracked:
@@ -212,6 +214,13 @@ class Tracker:
             self._fewer[key] = replace(self._predictor, model=fewer, dead=np.zeros(len(fewer.baseline_V), bool),
                                        novelty=fit_novelty(fewer.ring, fewer.calibration.signal_V), reduced={})
         return replace(self._fewer[key], baseline_V=now.baseline_V[~dead], noise_V=now.noise_V)
+
+    def _axes(self, dead: Mask) -> Array:
+        """(alive, m) orthonormal readings of symmetric impedances, without dead channels."""
+        key = dead.tobytes()
+        if key not in self._spans:
+            self._spans[key] = reciprocal(self._model.ring, ~dead)
+        return self._spans[key]
 
     def _tracked(self, state: str, read: Predictions, covariance: Array | None, signal: Array) -> Tracked:
         names = outputs.NAMES[:outputs.TOUCH]
