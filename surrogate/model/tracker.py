@@ -115,7 +115,8 @@ class Tracker:
         at = 0.0 if isinstance(model.learner, TouchInversion) else self._background.noise_V
         self._predictor = prepare(model, self._background.volts, at, self._dead, held_s=self._held_s)
         # what a search keeps is made now, and not when something touches
-        model.learner.estimate(model.calibration.signal_V[:1], self._background.noise_V)
+        across = np.argsort(np.linalg.norm(model.calibration.target[:, :2], axis=1))[[0, -1]]
+        model.learner.estimate(model.calibration.signal_V[across], self._background.noise_V)
 
     def update(self, frame_V: ArrayLike, time_s: float | None = None) -> Tracked:
         """What one more frame says.
@@ -204,7 +205,8 @@ class Tracker:
 
     def _for(self, dead: Mask) -> Predictor:
         """The predictor of frames that lack these channels, against the untouched frame as it is now."""
-        assert self._predictor is not None and self._background is not None
+        assert self._predictor is not None
+        assert self._background is not None
         now = replace(self._predictor, baseline_V=self._background.volts, noise_V=self._background.noise_V)
         if not dead.any() or not METHODS[self._model.method].handles_missing_channels:
             return now

@@ -26,7 +26,9 @@ WALK = np.array([10.0, 10.0, 0.0, 2.0])
 # Movement of x, y, mm, log d and g over which the map's error is another one, and the part of it that is counted at
 # once, since noise moves a touch too.
 RENEWED, AT_ONCE = np.array([20.0, 20.0, 0.5, 1.0]), 0.25
-STEPS, ENOUGH = 4, 0.1  # most steps of a frame, and the step, in standard deviations, that is the last
+# Most steps of a frame; movement over which the map is nearly linear, the part of a signal's norm that it bends by over
+# one, and the part of the error of a reading that it may bend by in the last step.
+STEPS, STRAIGHT, BENT, ENOUGH = 5, np.array([3.0, 3.0, 0.1, 0.2]), 0.05, 0.5
 # Cells of the range of log d, alone and besides known punches; standard deviation of log d of a known punch.
 CELLS, OTHER_CELLS, KNOWN = 6, 3, 1e-6
 RULED_OUT = 10.0  # log weight below the largest from which a filter ends
@@ -114,8 +116,9 @@ def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, s
         innovation = (signal - here.signal_V)[:, kept] @ unsure.axes - _times(slope, before.mean - state)
         update = _update(before, slope, white, alike, innovation, unsure)
         trial = on_range(forward, before.mean + update.step)
-        step, state = np.abs(trial - state), trial
-        if np.all(step < ENOUGH * np.sqrt(np.einsum("kpp->kp", update.covariance))):
+        bent = BENT * np.sum(((trial - state) / STRAIGHT) ** 2, axis=1) * np.linalg.norm(here.signal_V, axis=1)
+        state = trial
+        if np.all(bent < ENOUGH * np.hypot(white, unsure.noise_V)):
             break
     log_weight = before.log_weight - 0.5 * (update.cost + update.log_size)
     log_weight -= np.logaddexp.reduce(log_weight)
