@@ -10,8 +10,7 @@ from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.inversion import followed_punch, touch_filter
 from surrogate.forward_map.inversion.invert import Inversion, invert
 from surrogate.forward_map.inversion.multipole_location import CANDIDATES, planes
-from surrogate.forward_map.inversion.touch_filter import Followed, Unsure
-from surrogate.forward_map.load_coordinates import to_unknown
+from surrogate.forward_map.inversion.touch_filter import Followed, Unsure, best
 from surrogate.learners.base import Estimate
 from surrogate.learners.forward import TouchInversion, answered
 from touchcal.arrays import Array
@@ -35,7 +34,11 @@ class Touch:
 
 def fits(touch: Touch, unsure: Unsure) -> bool:
     """Whether the latest frame is one of a single touch."""
-    return touch.filter.misfit < 1 + UNFIT * np.sqrt(2 / unsure.kept.sum())
+    return _misfit(touch) < 1 + UNFIT * np.sqrt(2 / unsure.axes.shape[1])
+
+
+def _misfit(touch: Touch) -> float:
+    return float(touch.filter.misfit[best(touch.filter)])
 
 
 def several(forward: ForwardMap, touch: Touch, signal: Array, unsure: Unsure) -> bool:
@@ -43,7 +46,7 @@ def several(forward: ForwardMap, touch: Touch, signal: Array, unsure: Unsure) ->
     to first order in what it changes in that one."""
     if fits(touch, unsure):
         return False
-    here = linearise(forward, touch.filter.mean[None])
+    here = linearise(forward, touch.filter.mean[[best(touch.filter)]])
     slope, kept = np.linalg.qr(here.jacobian[0, unsure.kept])[0], unsure.kept
     left = (signal - here.signal_V[0])[kept]
     left = left - slope @ (slope.T @ left)
@@ -65,9 +68,9 @@ def follow(learner: TouchInversion, sought_by: TouchInversion, before: Touch | N
         if touch.wait:
             return touch, followed_punch.inversion(forward, touch.filter)
     found = invert(sought_by.forward, signal[unsure.kept][None], float(np.hypot(unsure.noise_V, unsure.rest_V)))
-    start = to_unknown(found.touch, forward.p0)[0]
-    again = Touch(touch_filter.seen(forward, touch_filter.unseen(forward, unsure), signal, unsure, start), sought=True)
-    if before is None or again.filter.misfit < BETTER * touch.filter.misfit:
+    again = Touch(touch_filter.seen(forward, touch_filter.unseen(forward, unsure), signal, unsure, found.touch[0]),
+                  sought=True)
+    if before is None or _misfit(again) < BETTER * _misfit(touch):
         return again, found
     waited = min(2 * touch.waited, MOST_WAITED)
     return replace(touch, wait=waited, waited=waited), followed_punch.inversion(forward, touch.filter)

@@ -15,7 +15,7 @@ from surrogate.data.baseline_frame import compared, untouched
 from surrogate.data.untouched_stream import CALIBRATION, Background
 from surrogate.forward_map.inversion.touch_filter import Unsure
 from surrogate.learners.forward import TouchInversion
-from surrogate.learners.novelty import fit_novelty
+from surrogate.learners.novelty import fit_novelty, reciprocal
 from surrogate.learners.registry import METHODS
 from surrogate.model import contact, follow_by_map
 from surrogate.model.contact import Contact
@@ -83,6 +83,7 @@ class Tracker:
         self._background: Background | None = None
         self._predictor: Predictor | None = None
         self._fewer: dict[bytes, Predictor] = {}
+        self._spans: dict[bytes, Array] = {}
         patterns = contact.patterns_of(model.calibration.signal_V)
         self._contact = Contact(patterns, (BELIEVED * model.trained.weakest_V) ** 2)
         self._touch: Touch | None = None
@@ -114,7 +115,8 @@ class Tracker:
         at = 0.0 if isinstance(model.learner, TouchInversion) else self._background.noise_V
         self._predictor = prepare(model, self._background.volts, at, self._dead, held_s=self._held_s)
         # what a search keeps is made now, and not when something touches
-        model.learner.estimate(model.calibration.signal_V[:1], self._background.noise_V)
+        across = np.argsort(np.linalg.norm(model.calibration.target[:, :2], axis=1))[[0, -1]]
+        model.learner.estimate(model.calibration.signal_V[across], self._background.noise_V)
 
     def update(self, frame_V: ArrayLike, time_s: float | None = None) -> Tracked:
         """What one more frame says.
@@ -158,7 +160,8 @@ class Tracker:
             return self._nothing(UNTOUCHED, named(dead) if dead.any() else "", signal)
         if background.last is not None:
             self._background = untouched_stream.interrupted(background)
-        unsure = Unsure(background.noise_V, math.sqrt(background.variance), background.root * math.sqrt(since_s), ~dead)
+        unsure = Unsure(background.noise_V, math.sqrt(background.variance), background.root * math.sqrt(since_s), ~dead,
+                        self._axes(dead))
         return self._touched(volts, signal, unsure, max(self._time_s - before_s, 0.0))
 
     def _calibrated(self, volts: Array) -> Tracked:
@@ -202,7 +205,8 @@ class Tracker:
 
     def _for(self, dead: Mask) -> Predictor:
         """The predictor of frames that lack these channels, against the untouched frame as it is now."""
-        assert self._predictor is not None and self._background is not None
+        assert self._predictor is not None
+        assert self._background is not None
         now = replace(self._predictor, baseline_V=self._background.volts, noise_V=self._background.noise_V)
         if not dead.any() or not METHODS[self._model.method].handles_missing_channels:
             return now
@@ -212,6 +216,13 @@ class Tracker:
             self._fewer[key] = replace(self._predictor, model=fewer, dead=np.zeros(len(fewer.baseline_V), bool),
                                        novelty=fit_novelty(fewer.ring, fewer.calibration.signal_V), reduced={})
         return replace(self._fewer[key], baseline_V=now.baseline_V[~dead], noise_V=now.noise_V)
+
+    def _axes(self, dead: Mask) -> Array:
+        """(alive, m) orthonormal readings of symmetric impedances, without dead channels."""
+        key = dead.tobytes()
+        if key not in self._spans:
+            self._spans[key] = reciprocal(self._model.ring, ~dead)
+        return self._spans[key]
 
     def _tracked(self, state: str, read: Predictions, covariance: Array | None, signal: Array) -> Tracked:
         names = outputs.NAMES[:outputs.TOUCH]
