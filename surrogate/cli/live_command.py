@@ -43,8 +43,12 @@ def live(model_folder: ModelFolder,
     import surrogate
     from surrogate.live.export_page import export_page
     from surrogate.live.serve import check_installed, serve
+    from surrogate.recordings.reader_store import is_reader
 
     _check_choice(frames, replay, simulate, data or scene, export)
+    if is_reader(model_folder):
+        raise ValueError(f"{model_folder} was trained on a recording, and the page shows models of sweeps. Read its "
+                         "frames with `surrogate predict`.")
     if export is not None:
         check_out(export, "--export")
         export_page(surrogate.load(model_folder), export)

@@ -16,7 +16,7 @@ from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_dis
 from surrogate.forward_map.inversion.multipole_location import MARGIN, MARGIN_MM, RIM, spiral
 from surrogate.live.messages import hello
 from surrogate.live.serve import PAGE
-from surrogate.live.skins import forward_of, limits_of
+from surrogate.live.skins import forward_of, limits_of, usual_noise_V
 from surrogate.model.predict import MISFIT_FACTOR, WEAK
 from surrogate.model.trained import TrainedModel, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -51,7 +51,7 @@ def export_page(model: TrainedModel, path: Path | str) -> None:
     --------
     >>> export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
     """
-    data = {"hello": hello(model, limits_of(model), "exported"), "map": document(model)}
+    data = {"hello": hello(model, limits_of(model), "exported", usual_noise_V(model)), "map": document(model)}
     text = _whole(json.dumps(data, allow_nan=False))
     if len(text.encode()) > MOST_BYTES:
         raise ValueError(f"the page would have {len(text.encode()) / 1e6:.1f} MB, at most {MOST_BYTES / 1e6:g} are "

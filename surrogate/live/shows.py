@@ -16,18 +16,16 @@ from surrogate.live.messages import hello
 from surrogate.live.moments import Moment, pressed_moments, recorded_moments, streamed_moments
 from surrogate.live.reading import reader_of
 from surrogate.live.serve import Show
-from surrogate.live.skins import LearnedSkin, Skin, limits_of
+from surrogate.live.skins import LearnedSkin, Skin, limits_of, usual_noise_V
 from surrogate.model.trained import TrainedModel
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-USUAL_NOISE = 1e-4  # noise of a skin that is pressed, over the RMS of its untouched readings: 80 dB
-
 
 def pressed_show(model: TrainedModel, skin: Skin, noise_V: float | None = None) -> Show:
-    """A skin that is pressed on the page, with this noise to begin with; USUAL_NOISE where it is not given."""
+    """A skin that is pressed on the page, with this noise to begin with, V; the usual one where it is not given."""
     limits = limits_of(model)
-    noise = USUAL_NOISE * float(np.sqrt(np.mean(skin.baseline_V**2))) if noise_V is None else noise_V
+    noise = usual_noise_V(model) if noise_V is None else noise_V
     limits = replace(limits, noise_mV=max(limits.noise_mV, noise * 1e3))
     latest = Latest(Controls(0.0, 0.0, limits.diameters_mm[len(limits.diameters_mm) // 2], noise_mV=noise * 1e3))
     source = "learned" if isinstance(skin, LearnedSkin) else "simulated"

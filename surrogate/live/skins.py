@@ -33,7 +33,8 @@ from touchcal.arrays import Array
 # Pixels along a side of a picture of the skin about a punch, and half that side over the punch's radius.
 PIXELS, ABOUT = 49, 6.0
 MOST_DIAMETERS, CHOICE = 12, 5  # most diameters that are taken for those of known punches, else so many in equal steps
-MOST_NOISE = 1e-3  # most noise, and most drift in a minute, over the RMS of the untouched readings: 60 dB
+# Usual noise over the RMS of the untouched readings, 80 dB; most noise, and most drift in a minute, over the usual one
+USUAL_NOISE, MOST_OF_USUAL = 1e-4, 10.0
 FIELDS = ("strain", "conductivity")
 
 
@@ -89,8 +90,8 @@ class SimulatedSkin:
         scene = replace(self.scene, punches=(punch,))
         nothing = np.zeros_like(self.baseline_V)
         if served(self.table, self.material.law, scene)[0] is None:
-            return Pressed(nothing, {}, "no stored load path serves this press: it is too close to the rim, or too "
-                                        "deep")
+            return Pressed(nothing, {}, "no stored load path serves this press: it is too close to the rim, too "
+                                        "light or too deep")
         found = solve_scene(scene, self.material, table=self.table)
         if found.readings is None:
             return Pressed(nothing, {}, f"not simulated ({found.outcome}): {found.message}")
@@ -156,6 +157,11 @@ def _untouched(scene: Scene, material: Material, model: TrainedModel) -> Array:
     return readings
 
 
+def usual_noise_V(model: TrainedModel) -> float:
+    """Noise of the readings of a skin that is pressed, unless another is given, V."""
+    return USUAL_NOISE * float(np.sqrt(np.mean(model.baseline_V**2)))
+
+
 def known_diameters(model: TrainedModel) -> Array:
     """Diameters of the punches that calibrating rows share, mm; none where these are many."""
     if "d" not in model.names:
@@ -176,7 +182,7 @@ def limits_of(model: TrainedModel) -> Limits:
     places = model.calibration.target[:, [k["x0"], k["y0"]]]
     reach = max(float(np.hypot(*places.T).max()), *(float(abs(end[k[n]])) for end in (lowest, highest)
                                                     for n in ("x0", "y0")))
-    noise = 1e3 * MOST_NOISE * float(np.sqrt(np.mean(model.baseline_V**2)))
+    noise = 1e3 * MOST_OF_USUAL * usual_noise_V(model)
     d = known_diameters(model)
     d = d if len(d) else np.linspace(lowest[k["d"]], highest[k["d"]], CHOICE)
     return Limits(min(reach, model.ring.radius_mm), tuple(np.round(d, 6).tolist()), float(highest[k["F"]]), noise,
