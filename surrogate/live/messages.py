@@ -41,7 +41,7 @@ def frame(number: int, moment: Moment, found: Tracked, caution: str, spent_ms: f
         "ellipse": None if not values else {"long_mm": round(1e3 * long_m, 4), "short_mm": round(1e3 * short_m, 4),
                                             "angle_rad": round(angle_rad, 4)},
         "state": _state(found), "flag": found.flag, "caution": caution, "note": moment.note,
-        "pictures": moment.pictures, "answers_ms": moment.answers_ms, "spent_ms": round(spent_ms, 2)},
+        "fields": moment.fields, "answers_ms": moment.answers_ms, "spent_ms": round(spent_ms, 2)},
         allow_nan=False)
 
 

@@ -31,7 +31,7 @@ class Moment:
     noise_V: float | None = None
     untouched_V: Array | None = None
     answers_ms: float | None = None  # when the browser sent the press that this is the first answer to, by its clock
-    pictures: dict[str, Any] = field(default_factory=dict)  # as Pressed.fields
+    fields: dict[str, Any] = field(default_factory=dict)  # as of Pressed
     note: str = ""  # what is to be known of the frame
 
 

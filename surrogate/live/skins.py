@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import base64
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.reuse import served, shape_for, table_for
 from eitsim.simulation.simulate import solve_scene
 from matcal.card import read_card
+from matcal.laws.conductivity import conductivity
 from surrogate.bounds.dataset_bound import example_of
 from surrogate.data.baseline_frame import OTHER_BASELINE, relative_difference
 from surrogate.data.sensor_ring import ring_of, same_ring
@@ -30,8 +31,8 @@ from surrogate.live.controls import Controls, Limits
 from surrogate.model.trained import TrainedModel
 from touchcal.arrays import Array
 
-# Pixels along a side of a picture of the skin about a punch, and half that side over the punch's radius.
-PIXELS, ABOUT = 49, 6.0
+# Samples of a field from the axis of a punch outwards, and how far over its radius.
+SAMPLES, ABOUT = 49, 6.0
 MOST_DIAMETERS, CHOICE = 12, 5  # most diameters that are taken for those of known punches, else so many in equal steps
 # Usual noise over the RMS of the untouched readings, 80 dB; most noise, and most drift in a minute, over the usual one
 USUAL_NOISE, MOST_OF_USUAL = 1e-4, 10.0
@@ -43,7 +44,7 @@ class Pressed:
     """What a press makes of the skin."""
 
     signal_V: Array  # (readings,) V
-    fields: dict[str, Any]  # pictures of the skin about the punch, as the page draws them; empty where none is known
+    fields: dict[str, Any]  # profiles of fields about the punch, as the page draws them; empty where none is known
     problem: str = ""  # why there is no answer to this press; the signal is 0 then
 
 
@@ -95,23 +96,22 @@ class SimulatedSkin:
         found = solve_scene(scene, self.material, table=self.table)
         if found.readings is None:
             return Pressed(nothing, {}, f"not simulated ({found.outcome}): {found.message}")
-        return Pressed(found.readings.signal_V.ravel(), _pictures(scene, found.touches[0], self.material))
+        return Pressed(found.readings.signal_V.ravel(), _profiles(scene, found.touches[0], self.material))
 
 
-def _pictures(scene: Scene, touch: Touch, material: Material) -> dict[str, Any]:
-    """Fields on a square about the punch, each in 255 steps up to its largest size, as base64."""
+def _profiles(scene: Scene, touch: Touch, material: Material) -> dict[str, Any]:
+    """Fields of an axisymmetric touch along a line from the punch's axis through the disc's centre, each over its
+    largest size."""
     (punch,) = scene.punches
-    half = ABOUT * punch.diameter_m / 2
-    along = np.linspace(-half, half, PIXELS)
-    points = np.stack(np.meshgrid(punch.x_m + along, punch.y_m + along), axis=-1).reshape(-1, 2)
-    on_disc = np.linalg.norm(points, axis=1) < scene.body.radius_m
-    made: dict[str, Any] = {"half_mm": half * 1e3, "pixels": PIXELS}
-    for name in FIELDS:
-        values = np.zeros(len(points))
-        values[on_disc] = QUANTITIES[name].values(points[on_disc], ((punch, touch),), scene, material.skin)
-        largest = max(float(np.abs(values).max()), 1e-12)
-        steps = np.round(127 * values / largest).astype(np.int8)
-        made[name] = {"largest": largest, "steps": base64.b64encode(steps.tobytes()).decode()}
+    reach_m = ABOUT * punch.diameter_m / 2
+    inwards = math.atan2(-punch.y_m, -punch.x_m)
+    along = np.linspace(0.0, reach_m, SAMPLES)[:, None] * [math.cos(inwards), math.sin(inwards)]
+    strain = QUANTITIES["strain"].values(along + [punch.x_m, punch.y_m], ((punch, touch),), scene, material.skin)
+    change = conductivity(material.skin, strain) / material.skin.c0_S_per_m - 1
+    made: dict[str, Any] = {"reach_mm": reach_m * 1e3}
+    for name, values in zip(FIELDS, (strain, change), strict=True):
+        largest = max(float(np.abs(values).max()), np.finfo(float).tiny)
+        made[name] = {"largest": largest, "parts": np.round(values / largest, 3).tolist()}
     return made
 
 

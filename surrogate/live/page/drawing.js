@@ -29,22 +29,15 @@ function cleared(canvas) {
 // Pixels per mm of a skin of this radius, electrodes and their numbers around it.
 function skinScale(width, radius_mm) { return width / 2 / (radius_mm * 1.13); }
 
-function rgb(colour) { return [1, 3, 5].map(i => parseInt(colour.slice(i, i + 2), 16)); }
+function rgb(colour) { return [1, 3, 5].map(i => parseInt(colour.slice(i, i + 2), 16)).join(","); }
 
-// A small picture whose pixels are as opaque as the field is strong.
-function shade(picture, pixels, colour) {
-  const raw = atob(picture.steps), small = document.createElement("canvas");
-  small.width = small.height = pixels;
-  const context = small.getContext("2d"), image = context.createImageData(pixels, pixels);
-  const stretched = rgb(colour.stretched), squeezed = rgb(colour.squeezed);
-  for (let i = 0; i < raw.length; i++) {
-    const step = (raw.charCodeAt(i) << 24) >> 24;
-    const row = pixels - 1 - Math.floor(i / pixels), at = 4 * (row * pixels + i % pixels);
-    image.data.set(step > 0 ? stretched : squeezed, at);
-    image.data[at + 3] = 2 * Math.abs(step);
-  }
-  context.putImageData(image, 0, 0);
-  return small;
+// A field about a punch, as opaque as it is strong.
+function shaded(c, field, x, y, reach, colour) {
+  const gradient = c.createRadialGradient(x, y, 0, x, y, reach);
+  field.parts.forEach((part, k) => gradient.addColorStop(
+    k / (field.parts.length - 1), `rgba(${rgb(part > 0 ? colour.stretched : colour.squeezed)},${Math.abs(part)})`));
+  c.fillStyle = gradient;
+  c.fillRect(x - reach, y - reach, 2 * reach, 2 * reach);
 }
 
 function drawSkin(canvas, hello, frame, cursor, field) {
@@ -54,12 +47,10 @@ function drawSkin(canvas, hello, frame, cursor, field) {
   const circle = (x, y, r) => { c.beginPath(); c.arc(X(x), Y(y), Math.max(r * scale, 0), 0, 2 * Math.PI); };
   circle(0, 0, hello.radius_mm);
   c.fillStyle = colour.skin; c.fill();
-  const pictures = frame && frame.pictures, truth = frame && frame.true;
-  if (truth && pictures && pictures[field]) {
-    const half = pictures.half_mm * scale;
+  const fields = frame && frame.fields, truth = frame && frame.true;
+  if (truth && fields && fields[field]) {
     c.save(); c.clip();
-    c.drawImage(shade(pictures[field], pictures.pixels, colour), X(truth.x_mm) - half, Y(truth.y_mm) - half,
-                2 * half, 2 * half);
+    shaded(c, fields[field], X(truth.x_mm), Y(truth.y_mm), fields.reach_mm * scale, colour);
     c.restore();
   }
   c.strokeStyle = colour.line; c.lineWidth = 1;

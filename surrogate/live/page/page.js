@@ -52,7 +52,7 @@
     if (arrivals.length > 1)
       byId("rate").value = Math.round(1000 * (arrivals.length - 1) / (arrivals[arrivals.length - 1] - arrivals[0]));
     byId("caution").textContent = frame.caution;
-    const field = byId("field").value, picture = frame.pictures[field];
+    const field = byId("field").value, picture = frame.fields[field];
     byId("shade").textContent = picture
       ? `${field === "strain" ? "strain" : "relative change of conductance"}, at most ${picture.largest.toPrecision(2)}` : "";
     if (performance.now() - spoken > SPOKEN_EVERY_MS) {
