@@ -37,7 +37,9 @@ function shaded(c, field, x, y, reach, colour) {
   field.parts.forEach((part, k) => gradient.addColorStop(
     k / (field.parts.length - 1), `rgba(${rgb(part > 0 ? colour.stretched : colour.squeezed)},${Math.abs(part)})`));
   c.fillStyle = gradient;
-  c.fillRect(x - reach, y - reach, 2 * reach, 2 * reach);
+  c.beginPath();
+  c.arc(x, y, reach, 0, 2 * Math.PI);
+  c.fill();
 }
 
 function drawSkin(canvas, hello, frame, cursor, field) {
