@@ -56,7 +56,8 @@ def begun(volts: Array, time_s: float) -> Background:
 
 def followed(of: Background, volts: Array, time_s: float) -> Background:
     """With one more untouched frame (readings,); NaN is a dead channel, which tells nothing."""
-    there, volts = np.isfinite(volts), np.where(np.isfinite(volts), volts, of.volts)
+    there = np.isfinite(volts) & np.isfinite(of.volts)
+    volts = np.where(there, volts, of.volts)
     step_s = max(time_s - of.time_s, 0.0)
     walked = float(np.sum(of.root**2)) / len(volts) * step_s
     noise, frames = of.noise, of.frames
