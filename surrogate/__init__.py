@@ -18,9 +18,12 @@ if TYPE_CHECKING:
     from surrogate.model.evaluate import evaluate as evaluate
     from surrogate.model.model import Model as Model
     from surrogate.model.model import load as load
+    from surrogate.model.tracked import Tracked as Tracked
+    from surrogate.model.tracker import Tracker as Tracker
     from surrogate.model.train import train as train
 
 __getattr__, __dir__, __all__ = attach(__name__, {
     "METHODS": "surrogate.learners.registry", "Learner": "surrogate.learners.base", "Model": "surrogate.model.model",
     "cramer_rao": "surrogate.bounds.cramer_rao", "evaluate": "surrogate.model.evaluate",
-    "load": "surrogate.model.model", "train": "surrogate.model.train"})
+    "load": "surrogate.model.model", "train": "surrogate.model.train",
+    "Tracked": "surrogate.model.tracked", "Tracker": "surrogate.model.tracker"})

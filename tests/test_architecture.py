@@ -19,11 +19,11 @@ HOUSE = {
     "touchcal": ("", "parallel"),
     "matcal": ("statistics", "laws", "card", "readers", "reduction", "fitting", "posterior", "record", "", "cli"),
     "eitsim": ("numerics", "scene", "electrics", "mechanics", "simulation", "sensors", "sweeps", "", "cli"),
-    "surrogate": ("statistics", "data", "recordings", "forward_map", "bounds", "learners", "model", "single_frame", "",
-                  "cli"),
+    "surrogate": ("statistics", "data", "recordings", "forward_map", "bounds", "learners", "model", "single_frame",
+                  "live", "", "cli"),
     "reports": ("document", "calibration", "touch", "sweep", "surrogate", "benchmarks", "paper", ""),
 }
-MOST_ROOMS, MOST_FLOORS, MOST_FILES = 9, 6, 20
+MOST_ROOMS, MOST_FLOORS, MOST_FILES = 10, 6, 20
 DRAWING = {"matplotlib", "typst", "corner"}
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from surrogate.cli.limit_command import counted, limit
+from surrogate.cli.live_command import live
 from surrogate.cli.predict_command import ModelFolder, predict
 from surrogate.cli.recording_command import train_recording
 from surrogate.learners.registry import METHODS, method_of
@@ -173,6 +174,7 @@ def _cores() -> int:
 
 
 app.command()(predict)
+app.command()(live)
 app.command()(limit)
 
 

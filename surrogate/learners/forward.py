@@ -97,11 +97,15 @@ class DriftingInversion(TouchInversion):
 
 
 def _estimate(learner: TouchInversion, signal: Array, noise_V: float, drift: Drift | None) -> Estimate:
-    found = invert(learner.forward, signal, noise_V, drift)
+    return answered(learner, invert(learner.forward, signal, noise_V, drift))
+
+
+def answered(learner: TouchInversion, found: Inversion) -> Estimate:
+    """Requested outputs of touches that were found."""
     value, sd, own = found.touch, np.sqrt(np.einsum("npp->np", found.covariance)), 0.0
     sides = np.stack([found.below, found.above])
-    slope = np.concatenate([np.broadcast_to(np.eye(4), (len(signal), 4, 4)),
-                            np.zeros((len(signal), 4, found.material.shape[1]))], axis=2)
+    slope = np.concatenate([np.broadcast_to(np.eye(4), (len(value), 4, 4)),
+                            np.zeros((len(value), 4, found.material.shape[1]))], axis=2)
     if learner.response.processes:
         answer = mechanical_response.respond(learner.response, found.touch, found.material)
         mechanical = np.concatenate([np.zeros((*answer.sd.shape, 2)), answer.slope], axis=2)
@@ -128,11 +132,14 @@ def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tupl
     """Mechanical outputs, their standard deviations and the one-sided ones (2, n, outputs); over the posterior of the
     punches where that speaks, none of these below LEAST_SIDE of the whole."""
     carried = np.einsum("nop,npq,noq->no", answer.slope, found.peak.joint[:, 2:, 2:], answer.slope)
+    peak = np.sqrt(carried + answer.sd**2)
+    if found.punches is None:
+        return answer.value, peak, np.stack([peak, peak])
     nodes, variance = _table_response(learner)
     discrepancy = drawn(found.punches, variance)
     mean, covariance = moments(drawn(found.punches, nodes))
     own, widened = np.maximum(discrepancy.mean(axis=1), 0.0), np.maximum(found.misfit, 1.0)[:, None]
-    k, peak = found.broad[:, None], np.sqrt(carried + answer.sd**2)
+    k = found.broad[:, None]
     whole = np.where(k, np.sqrt(np.einsum("npp->np", covariance) * widened + own), peak)
     likely = np.sqrt(one_sided(found.punches, nodes, mean) ** 2 * widened + own)
     sides = np.where(k, np.maximum(likely, LEAST_SIDE * whole), peak)

@@ -30,7 +30,7 @@ def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:
     leaves; of few rows all that a symmetric impedance matrix can read."""
     size = np.linalg.norm(signal_V, axis=1)
     unit = signal_V / size[:, None]
-    axes = np.linalg.svd(unit[::2], full_matrices=False)[2][:MOST] if len(unit) >= 4 * MOST else _reciprocal(ring)
+    axes = np.linalg.svd(unit[::2], full_matrices=False)[2][:MOST] if len(unit) >= 4 * MOST else reciprocal(ring).T
     mean = unit.mean(axis=0)
     one_way = bool(np.all(unit @ mean > 0))
     return Novelty(axes, max(float(_left(axes, unit[1::2] if len(unit) > 1 else unit).max()), LEAST),
@@ -64,11 +64,12 @@ def expected_left(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
     return np.sqrt((novelty.worst * np.linalg.norm(signal_V, axis=1)) ** 2 + free * noise_V**2)
 
 
-def _reciprocal(ring: Ring) -> Array:
-    """(k, readings) orthonormal readings of symmetric impedance matrices: driving and reading may be exchanged."""
+def reciprocal(ring: Ring, kept: Mask | None = None) -> Array:
+    """(readings, k) orthonormal readings of symmetric impedance matrices, since driving and reading may be exchanged;
+    of some readings, a mask, where given."""
     read = impedances_read(ring, np.arange(len(ring.angle_rad)))
-    _, singular, axes = np.linalg.svd(read.T, full_matrices=False)
-    return axes[singular > 1e-9 * singular[0]]
+    axes, singular, _ = np.linalg.svd(read if kept is None else read[kept], full_matrices=False)
+    return axes[:, singular > 1e-9 * singular[0]]
 
 
 def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -179,7 +179,12 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
 
 
 def _sound(predictor: Predictor, volts: Array) -> Predictions:
-    """Predictions of frames that have all their channels."""
+    return judged(predictor, volts, lambda signal: _estimate(predictor, signal))
+
+
+def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]) -> Predictions:
+    """Predictions of frames (n, readings), V, that have all their channels, from what `read` says of the signals of
+    those that may be touches."""
     model, signal = predictor.model, volts - predictor.baseline_V
     size = np.linalg.norm(signal, axis=1)
     wild = size > WILD * predictor.novelty.strongest_V
@@ -192,7 +197,7 @@ def _sound(predictor: Predictor, volts: Array) -> Predictions:
     reverse |= volts @ predictor.baseline_V < 0
     parts = np.full((len(signal), _force_part_count(model)), np.nan)
     if np.any(touched):
-        found = _estimate(predictor, signal[touched])
+        found = read(signal[touched])
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
         outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
         value[touched] = found.value

@@ -22,7 +22,8 @@ NAMES = ("x0", "F", "sigma_max", "A_c")
 
 
 def test_the_names_are_those_that_are_listed() -> None:
-    assert surrogate.__all__ == ["Learner", "METHODS", "Model", "cramer_rao", "evaluate", "load", "train"]
+    assert surrogate.__all__ == ["Learner", "METHODS", "Model", "Tracked", "Tracker", "cramer_rao", "evaluate", "load",
+                                 "train"]
     assert all(getattr(surrogate, name) is not None for name in surrogate.__all__)
     assert surrogate.METHODS is METHODS
 

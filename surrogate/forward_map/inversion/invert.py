@@ -75,7 +75,7 @@ class Inversion:
     misfit: Array  # (n,) squared residual over what noise and the map's error explain, a degree of freedom
     inside: Mask  # (n,) whether the solution's radius, d and F lie among those of the training touches
     broad: Mask  # (n,) whether d and F are the mean over the posterior of punches rather than its peak
-    punches: Posterior  # that posterior
+    punches: Posterior | None  # that posterior; None for touches that are read without it
     below: Array  # (n, 4) one-sided standard deviations of the touch, towards smaller values
     above: Array  # (n, 4) and towards larger ones
 
@@ -213,6 +213,7 @@ def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: 
 def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
     """With d and F over the posterior of punches where that may speak, and one-sided standard deviations; a punch among
     the trained ones fits there, wherever about an end of their range the peak lies."""
+    assert found.punches is not None
     nodes, k = found.punches.table.touch[None], found.broad
     mean, covariance = moments(drawn(found.punches, nodes))
     widened = np.maximum(found.misfit, 1.0)[:, None]

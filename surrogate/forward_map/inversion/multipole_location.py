@@ -61,7 +61,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Locat
 def _starts(forward: ForwardMap, signal: Array, drift: Drift) -> tuple[Array, Array]:
     """(n PLACES, 2) candidates whose first MATCHED orders leave least of the signals, mm, and sizes (n PLACES,) of the
     strengths there, V; a drift is projected off both."""
-    place, axes, size = _planes(forward, CANDIDATES, drift)
+    place, axes, size = planes(forward, CANDIDATES, drift)
     signal = signal - signal @ drift.axes @ drift.axes.T
     match = np.sum(np.tensordot(signal, axes, axes=(1, 1)) ** 2, axis=2)
     chosen = np.argsort(-match, axis=1)[:, :PLACES]
@@ -70,7 +70,7 @@ def _starts(forward: ForwardMap, signal: Array, drift: Drift) -> tuple[Array, Ar
 
 
 @lru_cache(maxsize=32)
-def _planes(forward: ForwardMap, count: int, drift: Drift) -> tuple[Array, Array, Array]:
+def planes(forward: ForwardMap, count: int, drift: Drift) -> tuple[Array, Array, Array]:
     """Places (count, 2), mm, orthonormal axes (count, readings, MATCHED) of the signals of the first orders there, and
     norms (count,) of those of unit dipoles."""
     place = spiral(forward, count)

@@ -60,6 +60,17 @@ def white(sd: Array, drift: Drift) -> Uncertainty:
 def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float, drift: Drift) -> Uncertainty:
     """White noise noise_V, a drift and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of
     these sizes (n,), V."""
+    floor, axes, sd = own_error(forward, unknown, size)
+    whole = np.hypot(noise_V, floor)
+    if drift.sd.size:
+        each = np.broadcast_to(drift.axes * drift.sd, (len(whole), *drift.axes.shape))
+        axes, sd, _ = np.linalg.svd(np.concatenate([axes * sd[:, None], each], axis=2), full_matrices=False)
+    return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
+
+
+def own_error(forward: ForwardMap, unknown: Array, size: Array) -> tuple[Array, Array, Array]:
+    """The map's own error at such touches: standard deviation (n,) of what is white, V, orthonormal axes (n, readings,
+    k) of the rest, and standard deviations (n, k) along these, V."""
     ring, fitted = forward.ring, forward.beside
     floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
     near = electrode_correction.reaches(fitted.rim, z)
@@ -72,12 +83,7 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float, drift: 
         sd[near] = along * norm[:, None]
         left = norm * np.sqrt(rest / len(fitted.rim.fill))
         floor[near] = np.hypot(left * np.sqrt(ring.copies), floor[near])
-    whole = np.hypot(noise_V, floor)
-    if drift.sd.size:
-        root = np.concatenate([axes * sd[:, None], np.broadcast_to(drift.axes * drift.sd, (len(z), *drift.axes.shape))],
-                              axis=2)
-        axes, sd, _ = np.linalg.svd(root, full_matrices=False)
-    return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
+    return floor, axes, sd
 
 
 def whitened(sd: Uncertainty, values: Array) -> Array:
