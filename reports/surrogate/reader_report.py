@@ -123,8 +123,8 @@ def _map(tested: Sequence[Tested]) -> ReportFigure:
     data = pd.concat([pd.DataFrame({"split": one.score.split, "x_mm": one.target[:, 0], "y_mm": one.target[:, 1],
                                     "x0_mm": one.value[:, 0], "y0_mm": one.value[:, 1]}) for one in tested])
     return ReportFigure("map", figure, f"Distance of each tested press from where it is read, at its place, with a "
-                        f"line between both; the largest is {number(worst)} mm. Colours end at {number(most)} mm, which "
-                        "95 % do not pass.", {"map": data})
+                        f"line between both; the largest is {number(worst)} mm. Colours end at {number(most)} mm, "
+                        "which 95 % do not pass.", {"map": data})
 
 
 def _arrows(axes: Axes, one: Tested) -> None:
