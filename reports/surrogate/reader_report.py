@@ -30,7 +30,7 @@ def write(model_dir: Path, out: Path) -> None:
     """Write the PDF of a reader: scores on both splits, families, errors over the skin. InputFileError where
     `model_dir` is no model of a recording; ValueError where the folder of `out` is missing."""
     with house():
-        write_pdf(report(reader_store.load(model_dir), model_dir), out)
+        write_pdf(report(reader_store.load_reader(model_dir), model_dir), out)
 
 
 def report(model: TrainedReader, model_dir: Path) -> Report:

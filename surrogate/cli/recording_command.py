@@ -29,7 +29,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, o
     frames = read_recording(recording, kind=known.kind, readings=len(known.protocol.weights.reshape(-1,
                             known.electrodes.count)))
     model = train_reader(frames, read_labels(labels), seed, workers)
-    reader_store.save(model, out)
+    reader_store.save_reader(model, out)
     if as_json:
         print_json(_described(model) | {"model": out})
     else:
@@ -43,7 +43,7 @@ def predict_recording(model_folder: Path, recording: Path) -> pd.DataFrame:
     from surrogate.recordings.trained import reader_store
     from surrogate.recordings.trained.reader_table import read_touches
 
-    model = reader_store.load(model_folder)
+    model = reader_store.load_reader(model_folder)
     return read_touches(model, read_recording(recording, kind=model.kind, readings=model.reader.signals.channels))
 
 
