@@ -144,14 +144,16 @@ def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="To
 @app.command()
 def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
     """Write a PDF of a model: predictions against targets, scores, training record; the least possible errors next to
-    its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before.
+    its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before. Of a recording's model:
+    its scores on both splits, its families, and its errors over the skin.
 
     Example: surrogate report forward --out forward.pdf
     """
-    from reports.surrogate.surrogate_report import write
+    from reports.surrogate import reader_report, surrogate_report
+    from surrogate.recordings.trained.reader_store import is_reader
 
     check_out(out)
-    write(model_folder, out)
+    (reader_report if is_reader(model_folder) else surrogate_report).write(model_folder, out)
     print(f"report: {out}")
 
 
