@@ -22,14 +22,12 @@ from conditions import quick, shown, written
 from eitsim.electrics.forward.untouched import sensor_of
 from eitsim.sensors.sensor_file import Sensor
 from eitsim.sweeps.dataset.parquet import open_dataset
-from surrogate.data.samples import read_samples
+from surrogate.data.samples import read_samples, take
 from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
-from surrogate.recordings.pattern_process import choose
-from surrogate.recordings.patterns import direction
 from surrogate.recordings.physics.disc_sensitivity import DiscSensitivity
 from surrogate.recordings.physics.expectation import Expectation, Model
-from surrogate.recordings.physics.simulated_patterns import SimulatedPatterns
+from surrogate.recordings.physics.simulated_patterns import simulated_patterns
 from touchcal.arrays import Array
 
 NAME = "simulated_prior"
@@ -42,14 +40,11 @@ PRIORS = ("nothing", "disc", "sweep")
 def main(folder: Path) -> None:
     samples, scene = read_samples(folder), sensor_of(open_dataset(folder).design["tables"])
     sensor = Sensor(scene.body, scene.skin, scene.electrodes, scene.drive)
-    disc = samples.targets(["x0", "y0"]) / samples.ring.radius_mm  # electrode 0 is at +x in the design
-    order = np.random.default_rng(0).permutation(len(samples))
-    taught, pressed = np.array_split(order, 2)
-    pattern = direction(samples.signal_V[taught])
-    sweep = SimulatedPatterns(disc[taught], pattern, choose(pattern, disc[taught], np.zeros_like(pattern)))
-    models: dict[str, Model] = {"disc": DiscSensitivity(sensor.protocol), "sweep": sweep}
+    taught, pressed = np.array_split(np.random.default_rng(0).permutation(len(samples)), 2)
+    models: dict[str, Model] = {"disc": DiscSensitivity(sensor.protocol),
+                                "sweep": simulated_patterns(take(samples, taught), sensor.protocol)}
     radius = samples.ring.radius_mm
-    signal, place = synthetic_presses(samples.signal_V[pressed], disc[pressed] * radius)
+    signal, place = synthetic_presses(samples.signal_V[pressed], samples.targets(["x0", "y0"])[pressed])
     rows = []
     for labels, name in product(LABELS, PRIORS):
         priors = [templates.nothing, *([Expectation(models[name], radius).learn] if name in models else [])]

@@ -40,7 +40,7 @@ from touchcal.arrays import Array, Index
 NAME = "suggest"
 CHOSEN_ON, CHECKED_ON = quick((("hydrogel", "skin_plain"), ("skin_radial", "skin_carbon")), (("hydrogel",), ()))
 KEYS = ("skin", "reader", "way", "first", "presses")
-REPEATS = {"templates": quick(20, 2), "all": quick(4, 1)}
+REPEATS = {"templates": quick(20, 2), "all": quick(10, 1)}
 CLOSE = 0.2  # of the radius: length over which held-out errors are averaged
 
 
@@ -72,16 +72,13 @@ class Skin:
 def cases() -> Iterator[Case]:
     """The rows of the table in the order in which they are measured."""
     asked = (("random", 0, 20), ("random", 0, 30), ("suggested", 0, 20))
-    for skin, one in product(CHOSEN_ON, asked):
+    for skin, one in product((*CHOSEN_ON, *CHECKED_ON), asked):
         yield Case(skin, "templates", *one)
+    for way, first, skin in product(("gradient", "nearest", "suggested", "error"), (0, 10), CHOSEN_ON):
+        if first or way in ("gradient", "nearest"):
+            yield Case(skin, "templates", way, first, 20)
     for skin, one in product(CHOSEN_ON, asked):
         yield Case(skin, "all", *one)
-    for skin, one in product(CHECKED_ON, asked):
-        yield Case(skin, "templates", *one)
-    for skin in CHOSEN_ON:
-        for way, first in (("suggested", 5), ("suggested", 10), ("nearest", 0), ("nearest", 10), ("gradient", 0),
-                           ("gradient", 10), ("error", 10)):
-            yield Case(skin, "templates", way, first, 20)
 
 
 def skin_of(name: str) -> Skin:

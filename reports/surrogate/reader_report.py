@@ -30,7 +30,7 @@ def write(model_dir: Path, out: Path) -> None:
     """Write the PDF of a reader: scores on both splits, families, errors over the skin. InputFileError where
     `model_dir` is no model of a recording; ValueError where the folder of `out` is missing."""
     with house():
-        write_pdf(report(reader_store.load(model_dir), model_dir), out)
+        write_pdf(report(reader_store.load_reader(model_dir), model_dir), out)
 
 
 def report(model: TrainedReader, model_dir: Path) -> Report:
@@ -122,8 +122,8 @@ def _map(tested: Sequence[Tested]) -> ReportFigure:
     worst = max(float(_distance(one).max()) for one in tested)
     data = pd.concat([pd.DataFrame({"split": one.score.split, "x_mm": one.target[:, 0], "y_mm": one.target[:, 1],
                                     "x0_mm": one.value[:, 0], "y0_mm": one.value[:, 1]}) for one in tested])
-    return ReportFigure("map", figure, f"Distance of each tested press from where it is read, at its place, with "
-                        f"a line between both; the largest is {number(worst)} mm. Colours end at {number(most)} mm, "
+    return ReportFigure("map", figure, f"Distance of each tested press from where it is read, at its place, with a "
+                        f"line between both; the largest is {number(worst)} mm. Colours end at {number(most)} mm, "
                         "which 95 % do not pass.", {"map": data})
 
 

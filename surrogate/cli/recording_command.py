@@ -49,7 +49,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
         if not as_json:
             _print_suggested(ahead)
         raise
-    reader_store.save(model, out)
+    reader_store.save_reader(model, out)
     if as_json:
         print_json(_described(model) | {"model": out, "sensor": file_kind} | _listed(ahead))
     else:
@@ -107,7 +107,7 @@ def predict_recording(model_folder: Path, recording: Path) -> pd.DataFrame:
     from surrogate.recordings.trained import reader_store
     from surrogate.recordings.trained.reader_table import read_touches
 
-    model = reader_store.load(model_folder)
+    model = reader_store.load_reader(model_folder)
     return read_touches(model, read_recording(recording, kind=model.kind, readings=model.reader.signals.channels))
 
 

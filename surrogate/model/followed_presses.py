@@ -57,7 +57,8 @@ class FollowedPresses:
     def __init__(self, model: TrainedReader) -> None:
         reader = model.reader
         if reader.place is None:
-            raise ValueError("this model reads no place, which a touch is followed by. Train it on labels x_mm and y_mm.")
+            raise ValueError("this model reads no place, which a touch is followed by. Train it on labels x_mm and "
+                             "y_mm.")
         self.readings = reader.signals.channels
         self.patterns = patterns_of(reader.place.direction.pattern[:, :self.readings])
         self.weakest = reader.signals.weakest

@@ -44,7 +44,19 @@ def unit_of(name: str) -> str:
 
 
 def read_labels(path: Path | str) -> Labels:
-    """Read a CSV of labels; InputFileError names the line and column of what is no label."""
+    """Read a CSV of labels, a row a touch: `touch` and any of NAMES, in the units of the names.
+
+    InputFileError names the line and column of what is no label.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "touches.csv"
+    ...     _ = path.write_text("touch,x_mm,y_mm,depth_mm\\na,1,2,10\\nb,3,4,15\\n")
+    ...     labels = read_labels(path)
+    >>> labels.names, labels.values.shape
+    (('x_mm', 'y_mm', 'depth_mm'), (2, 3))
+    """
     path = Path(path)
     try:
         with open(regular(path), newline="", encoding="utf-8-sig") as file:

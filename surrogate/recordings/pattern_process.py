@@ -53,17 +53,41 @@ def choose(pattern: Array, place: Array, expected: Array) -> Process:
     return Process(*min(scored)[1:])
 
 
-def mapped(process: Process, pattern: Array, place: Array, expected: Array, grid: Array,
-           expected_there: Array) -> tuple[Array, Array]:
-    """Mean patterns (g, m) on a grid (g, 2), mm, and leave-one-out residuals (n, m) of patterns (n, m) at places
-    (n, 2), mm; expected (n, m) at the places and (g, m) on the grid."""
+@dataclass(frozen=True, eq=False)
+class Conditioned:
+    """The process, given patterns at some places."""
+
+    length: float  # mm
+    place: Array  # (n, 2) mm
+    weights: Array  # (n, m) of the kernels about the places
+    gains: Array  # (m,)
+    mean: Array  # (m,) of the patterns
+    expected: Array  # (m,) mean of what is expected at the places
+    residual: Array  # (n, m) of the patterns, leave-one-out
+
+    def at(self, place: Array, expected: Array) -> Array:
+        """Mean patterns (g, m) at places (g, 2), mm, where `expected` (g, m) is expected."""
+        return (self.mean + self.gains * (expected - self.expected)
+                + matern(place, self.place, self.length) @ self.weights)
+
+
+def conditioned(process: Process, pattern: Array, place: Array, expected: Array) -> Conditioned:
+    """The process given patterns (n, m) at places (n, 2), mm, where `expected` (n, m) is expected."""
     left, basis = _centred(pattern), _centred(expected)
     factor = cho_factor(matern(place, place, process.length) + process.noise * np.eye(len(place)))
     inverse = cho_solve(factor, np.eye(len(place)))
     gains = _gains(left, basis, inverse @ basis)
     weights = inverse @ (left - gains * basis)
-    mean = pattern.mean(axis=0) + gains * (expected_there - expected.mean(axis=0))
-    return mean + matern(grid, place, process.length) @ weights, weights / np.diag(inverse)[:, None]
+    return Conditioned(process.length, place, weights, gains, pattern.mean(axis=0), expected.mean(axis=0),
+                       weights / np.diag(inverse)[:, None])
+
+
+def mapped(process: Process, pattern: Array, place: Array, expected: Array, grid: Array,
+           expected_there: Array) -> tuple[Array, Array]:
+    """Mean patterns (g, m) on a grid (g, 2), mm, and leave-one-out residuals (n, m) of patterns (n, m) at places
+    (n, 2), mm; expected (n, m) at the places and (g, m) on the grid."""
+    found = conditioned(process, pattern, place, expected)
+    return found.at(grid, expected_there), found.residual
 
 
 def _gains(left: Array, basis: Array, weighted: Array) -> Array:

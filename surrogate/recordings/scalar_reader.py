@@ -77,8 +77,9 @@ def fit(name: str, label: Array, known: Known, lacking: Array, taken_out: tuple[
     places = (at_old, *(place.aged if place else [None] * len(known.aged)))
     spared, *views = (context.of(without(drift, one, taken_out[1]), there)
                       for one, there in zip((known.signal, *(one.signal for one in known.aged)), places, strict=True))
-    old = kernel_ridge.fit(spared, target)
-    fresh, *seen = (kernel_ridge.held_out(old, spared, target, blocks, one) for one in (spared, *views))
+    old = kernel_ridge.fit(spared, target) if len(drift.root) else sized
+    fresh, *seen = ((kernel_ridge.held_out(old, spared, target, blocks, one) for one in (spared, *views))
+                    if len(drift.root) else each[1:2])
     return ScalarReader(name, context, features, ridge, sized, ensemble, old, stacking.weights(each, target),
                         calibrated(value - target, _spread(of_each, each, value), none[:, 0]),
                         calibrated(of_cut - target, none, none[:, 0]),

@@ -1,17 +1,18 @@
-"""Patterns of simulated touches as a model of the sensor: a process over the rows of a sweep gives the mean pattern at
-each place, whatever the force and the punch of the rows."""
+"""Patterns of simulated touches as a model of the sensor: a process over the rows of a sweep, which goes on from the
+sensitivity of a uniform disc, gives the mean pattern at each place, whatever the force and the punch of the rows."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from eitsim.scene.drive import Protocol
 from eitsim.sensors.sensor_file import Sensor
-from surrogate.data.samples import read_samples
+from surrogate.data.samples import Samples, read_samples, take
 from surrogate.data.sensor_ring import Ring
-from surrogate.recordings.pattern_process import Process, choose, matern
+from surrogate.recordings.pattern_process import Conditioned, choose, conditioned
 from surrogate.recordings.patterns import direction
+from surrogate.recordings.physics.disc_sensitivity import DiscSensitivity
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Complex
 from touchcal.errors import InputFileError
@@ -21,22 +22,15 @@ MOST_ROWS = 400  # rows of the sweep that are kept, evenly spread
 
 @dataclass(frozen=True, eq=False)
 class SimulatedPatterns:
-    """The mean pattern of a sweep's touches by their place."""
+    """The mean pattern of a sweep's touches by their place: gains times the sensitivity of a uniform disc, and a
+    process."""
 
-    place: Array  # (k, 2) on the disc of radius 1, electrode 0 at (1, 0) and the others counter-clockwise
-    pattern: Array  # (k, m) directions of the signals
-    process: Process  # its length over the radius
-
-    @cached_property
-    def weights(self) -> Array:
-        """(k, m) weights of the kernels about the places."""
-        kernel = matern(self.place, self.place, self.process.length) + self.process.noise * np.eye(len(self.place))
-        return np.linalg.solve(kernel, self.pattern - self.pattern.mean(axis=0))
+    linear: DiscSensitivity
+    found: Conditioned  # at places on the disc of radius 1, electrode 0 at (1, 0) and the others counter-clockwise
 
     def __call__(self, place: Complex) -> Array:
         """(n, m) patterns at places (n,) of the disc of radius 1."""
-        there = np.stack([place.real, place.imag], axis=1)
-        return self.pattern.mean(axis=0) + matern(there, self.place, self.process.length) @ self.weights
+        return self.found.at(_plane(place), self.linear(place))
 
 
 def read_simulated(folder: Path, sensor: Sensor) -> SimulatedPatterns:
@@ -44,11 +38,20 @@ def read_simulated(folder: Path, sensor: Sensor) -> SimulatedPatterns:
     such folder, holds no row of one touch, or has other electrodes, another number of readings or another protocol."""
     samples = read_samples(folder)
     _check_protocol(folder, samples.ring, sensor)
-    rows = spread_evenly(len(samples), MOST_ROWS)
-    x, y = samples.targets(["x0", "y0"])[rows].T / samples.ring.radius_mm
-    turned = (x + 1j * y) * np.exp(-1j * samples.ring.angle_rad[0])
-    place, pattern = np.stack([turned.real, turned.imag], axis=1), direction(samples.signal_V[rows])
-    return SimulatedPatterns(place, pattern, choose(pattern, place, np.zeros_like(pattern)))
+    return simulated_patterns(take(samples, spread_evenly(len(samples), MOST_ROWS)), sensor.protocol)
+
+
+def simulated_patterns(samples: Samples, asked: Protocol) -> SimulatedPatterns:
+    """The patterns of samples whose readings are those of a protocol."""
+    x, y = samples.targets(["x0", "y0"]).T / samples.ring.radius_mm
+    place = (x + 1j * y) * np.exp(-1j * samples.ring.angle_rad[0])
+    linear, pattern = DiscSensitivity(asked), direction(samples.signal_V)
+    process = choose(pattern, _plane(place), linear(place))
+    return SimulatedPatterns(linear, conditioned(process, pattern, _plane(place), linear(place)))
+
+
+def _plane(place: Complex) -> Array:
+    return np.stack([place.real, place.imag], axis=1)
 
 
 def _check_protocol(folder: Path, ring: Ring, sensor: Sensor) -> None:

@@ -25,7 +25,7 @@ _SHAPE = Keys({"schema": _COUNT, "method": str, "kind": str, "presses": _COUNT, 
                "fit_s": Number(0), "scores": list, _HASH: str})
 
 
-def save(model: TrainedReader, folder: Path) -> None:
+def save_reader(model: TrainedReader, folder: Path) -> None:
     """Write a model; model.json comes last, so that a folder that has it is whole."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / DESCRIPTION).unlink(missing_ok=True)
@@ -45,7 +45,7 @@ def is_reader(folder: Path) -> bool:
     return path.is_file() and read_json(path, "a model", _RETRAIN).get("method") == METHOD
 
 
-def load(folder: Path) -> TrainedReader:
+def load_reader(folder: Path) -> TrainedReader:
     """Read a model; InputFileError where the folder is none, of another schema, damaged or changed."""
     text = read_json(folder / DESCRIPTION, "a model", _RETRAIN)
     if text.get("schema") != SCHEMA:

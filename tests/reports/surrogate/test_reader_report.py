@@ -40,7 +40,7 @@ def model() -> TrainedReader:
 
 def test_the_command_writes_verdict_scores_families_and_errors(
         model: TrainedReader, tmp_path: Path, read_pdf: Callable[[Path], Any], drawn: list[Figure]) -> None:
-    reader_store.save(model, tmp_path / "model")
+    reader_store.save_reader(model, tmp_path / "model")
     done = CliRunner().invoke(app, ["report", f"{tmp_path}/model", "--out", f"{tmp_path}/reader.pdf"])
     assert done.exit_code == 0, done.output
     assert len(drawn) == 2
@@ -52,7 +52,7 @@ def test_the_command_writes_verdict_scores_families_and_errors(
 
 
 def test_the_verdict_is_that_of_the_worse_split(model: TrainedReader, tmp_path: Path) -> None:
-    reader_store.save(model, tmp_path)
+    reader_store.save_reader(model, tmp_path)
     bad = tuple(replace(one, score=replace(one.score, error=one.score.mean_error)) if one.score.split == "time" else one
                 for one in model.tested)
     found = report(replace(model, tested=bad), tmp_path)

@@ -118,8 +118,8 @@ def test_stored_readers_with_and_without_places_read_the_same(reader: PressReade
     presses, place, depth = deep(1, 60)
     of_depth = press_reader.fit(presses, only(labels_at(place, depth_mm=depth), "depth_mm"))
     for name, one in (("both", reader), ("depth", of_depth)):
-        reader_store.save(TrainedReader(one, "difference", 60, 0, (), 1.5), tmp_path / name)
-        again = reader_store.load(tmp_path / name).reader
+        reader_store.save_reader(TrainedReader(one, "difference", 60, 0, (), 1.5), tmp_path / name)
+        again = reader_store.load_reader(tmp_path / name).reader
         first, second = (press_reader.read(part, synthetic_presses(8, 5)[0]).scalars[0] for part in (one, again))
         np.testing.assert_array_equal(first.value, second.value)
         np.testing.assert_array_equal(first.half_width, second.half_width)

@@ -13,6 +13,7 @@ from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.trained.reader_scores import read_rows
+from surrogate.recordings.worth import SURE
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
@@ -54,7 +55,7 @@ def test_twenty_suggested_presses_teach_as_much_as_thirty_random_ones(skin: str)
     random, suggested = (suggest.measured(suggest.Case(skin, "templates", way, 0, count))
                          for way, count in (("random", 30), ("suggested", 20)))
     error, spread = (np.array([float(str(one[key])) for one in (random, suggested)]) for key in ("error_mm", "se_mm"))
-    assert error[1] <= error[0] + np.hypot(*spread)
+    assert error[1] <= error[0] + SURE * np.hypot(*spread)  # chance alone exceeds it once in 20 times
 
 
 @pytest.mark.slow

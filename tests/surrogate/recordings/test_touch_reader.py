@@ -11,6 +11,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+import eitsim
+import surrogate
 from surrogate.cli.main import app
 from surrogate.recordings import networks, touch_reader
 from surrogate.recordings.presses import Presses
@@ -163,9 +165,9 @@ def test_a_split_tests_rows_that_did_not_train(presses: Pressed, quick: object) 
 
 def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: PressReader, tmp_path: Path) -> None:
     model = TrainedReader(reader, "difference", 60, 0, (), 1.5)
-    reader_store.save(model, tmp_path)
+    reader_store.save_reader(model, tmp_path)
     assert reader_store.is_reader(tmp_path)
-    again = reader_store.load(tmp_path)
+    again = reader_store.load_reader(tmp_path)
     new, _ = synthetic_presses(8, 5)
     one, two = (place_read(part.reader, new) for part in (model, again))
     np.testing.assert_array_equal(one.value, two.value)
@@ -173,10 +175,10 @@ def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: Pre
     text = json.loads((tmp_path / "model.json").read_text())
     (tmp_path / "model.json").write_text(json.dumps(text | {"presses": 61}))
     with pytest.raises(InputFileError, match="was changed"):
-        reader_store.load(tmp_path)
+        reader_store.load_reader(tmp_path)
     (tmp_path / "model.json").write_text(json.dumps(text | {"schema": 1}))
     with pytest.raises(InputFileError, match="schema 1, and this version reads schema 2"):
-        reader_store.load(tmp_path)
+        reader_store.load_reader(tmp_path)
 
 
 def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
@@ -200,6 +202,9 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
                         "x0_y0_correlation", "x0_y0_ellipse90", "flag"]
     assert table["touch"].tolist() == frames["touch"].tolist()
     assert np.hypot(table["x0_mm"] - place[:, 0], table["y0_mm"] - place[:, 1])[30:].mean() < 12
+    again = surrogate.read_touches(surrogate.load_reader(tmp_path / "model"),
+                                   eitsim.read_recording(tmp_path / "frames.csv", kind="difference"))
+    np.testing.assert_allclose(again["x0_mm"], table["x0_mm"], rtol=1e-5)
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
     assert isinstance(refused.exception, ValueError)
     assert "needs its labels and its sensor" in str(refused.exception)
