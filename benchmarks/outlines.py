@@ -3,7 +3,7 @@
 Untouched readings (adjacent drive, 2-norm) are compared with an integral equation on the rim (a disc given as a polygon
 of 400 corners), with a cosine series (a rectangle of 120 x 80 mm with 32 electrodes, 928 readings), and with their own
 mesh of the least error asked for (an L with a hole; a grid of electrodes on the surface). dV of random touches is
-compared with that by rings on the disc, or on a mesh halved once more. Run by `make bench`; writes
+compared with that by rings on the disc, or on a mesh halved once more than it needs. Run by `make bench`; writes
 results/outlines.csv beside this file.
 """
 

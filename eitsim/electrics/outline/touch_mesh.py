@@ -12,7 +12,7 @@ from eitsim.scene.outline import circle, edge_distance_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
-FIELDS = 2e-3  # Estimated error of the untouched readings from which the mesh is fine enough outside the touches.
+FIELDS = 1e-3  # Estimated error of the untouched readings from which the mesh is fine enough outside the touches.
 _EVEN = 0.433  # Area of an even triangle over the square of its sides.
 # Length of the triangles' sides over the width of the rings that an axisymmetric mesh would have there.
 _STRETCHED = 3.0
