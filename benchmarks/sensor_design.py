@@ -13,17 +13,18 @@ part "retrained": root mean square errors of x0, y0, F of the method forward on 
 readings alone; bound: the ratio of the medians over the sweep's part of the disc, its diameters unknown.
 part "skins": mean distance of kernel ridge regression, trained on the first presses and tested on the last fifth in
 time, of 48 of 192 readings. "physics": chosen by the bounds of the sensor file's disc with CARD, which is not the
-skins' material, and without labels; "presses": chosen by the training presses, the last 400 at most, so that they
-explain waves of the place best by stepwise regression, on the view of the readings whose choice is read best in blocks
-held out of the training; "chance": the mean of two choices by chance. Reads ../shared/real, measured by others, and
-leaves the part out where it is not there.
+skins' material, and without labels; "chance": the mean of two choices by chance. part "presses": the same, chosen by
+the training presses, the last 300 at most, so that they explain waves of the place best by stepwise regression, in the
+way that reads blocks best which are held out of choice and training. Both read ../shared/real, measured by others, and
+are left out where it is not there.
 """
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,14 +43,14 @@ from surrogate.data.samples import Samples, read_samples, split, take
 from surrogate.recordings import kernel_ridge
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.patterns import compressed, compression_scale, direction
-from surrogate.recordings.waves import draw_waves
+from surrogate.recordings.waves import EACH, draw_waves
 from touchcal.arrays import Array, Index
 
-PARTS = ("bounds", "retrained", "skins")
+PARTS = ("bounds", "retrained", "skins", "presses")
 NOISE_DB, KEPT = 80.0, quick((24, 32, 48, 64, 72, 96, 128), (32,))
 RETRAINED, WITHIN_M = quick((32, 72), (32,)), 0.045
 ON_SKINS, LABELS = 48, quick((100, 0), (100,))
-MOST = 400  # training presses, the last ones, that readings are chosen by
+MOST = 300  # training presses, the last ones, that readings are chosen by
 RIDGE = 0.1  # of a reading's variance, added in stepwise regression
 
 
@@ -139,48 +140,82 @@ def errors(sweep: Samples, noise_V: float) -> dict[str, float]:
     return dict(zip(("x_mm", "y_mm", "F_N"), np.sqrt(np.mean(miss**2, axis=0)).tolist(), strict=True))
 
 
-def skin_rows(card: MaterialCard) -> Iterator[dict[str, object]]:
-    """Mean distances of kernel ridge on real skins."""
-    known: dict[Sensor, Index] = {}
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Presses that train and presses that test."""
+
+    signal: Array
+    place: Array
+    train: Index
+    test: Index
+
+    def distance(self, kept: Index) -> float:
+        """Mean distance, mm, of tested presses from kernel ridge on some readings."""
+        fitted = kernel_ridge.fit(self.signal[self.train][:, kept], self.place[self.train])
+        return mean_distance(fitted.read(self.signal[self.test][:, kept]), self.place[self.test])
+
+    def rows(self, part: str, skin: str, labels: int, **of: float) -> Iterator[dict[str, object]]:
+        """One row for all readings, and one for each distance that is given."""
+        whole = self.distance(np.arange(self.signal.shape[1]))
+        shared = {"part": part, "skin": skin, "labels": labels}
+        yield shared | {"what": "all", "readings": self.signal.shape[1], "distance_mm": whole}
+        for what, miss in of.items():
+            yield shared | {"what": what, "readings": ON_SKINS, "distance_mm": miss, "ratio": miss / whole}
+
+
+def mean_distance(value: Array, place: Array) -> float:
+    """Of places (n, 2) from others."""
+    return float(np.linalg.norm(value - place, axis=1).mean())
+
+
+def splits() -> Iterator[tuple[str, int, Split]]:
+    """Skins and numbers of labels, 0 for all."""
     for skin in SKINS:
+        _, presses, place = recorded(skin)
+        for labels in LABELS:
+            yield skin, labels, Split(presses.signal, place, *rows_of(Case(skin, labels, "time", "last"), len(place)))
+
+
+def skin_rows(card: MaterialCard) -> Iterator[dict[str, object]]:
+    """Mean distances with readings chosen by physics and by chance."""
+    known: dict[Sensor, Index] = {}
+    for skin, labels, one in splits():
         sensor = read_sensor(REAL / skin / "sensor.toml")
         pairs = pairs_of(sensor)
         if sensor not in known:
             slopes = touch_slopes(sensor.scene, card)
             known[sensor] = chosen(over_noise(slopes, pairs, pairs, 3), ON_SKINS,
                                    spread_before(slopes, sensor.scene)[:3])
-        physics = known[sensor]
-        _, presses, place = recorded(skin)
-        for labels in LABELS:
-            train, test = rows_of(Case(skin, labels, "time", "last"), len(place))
-            rng = np.random.default_rng(0)
+        rng = np.random.default_rng(0)
+        chance = [one.distance(np.sort(rng.permutation(len(pairs))[:ON_SKINS])) for _ in range(quick(2, 1))]
+        yield from one.rows("skins", skin, labels, physics=one.distance(known[sensor]),
+                            chance=float(np.mean(chance)))
 
-            def distance(kept: Index, train: Index = train, test: Index = test, signal: Array = presses.signal,
-                         place: Array = place) -> float:
-                fitted = kernel_ridge.fit(signal[train][:, kept], place[train])
-                return float(np.linalg.norm(fitted.read(signal[test][:, kept]) - place[test], axis=1).mean())
 
-            whole = distance(np.arange(len(pairs)))
-            yield {"part": "skins", "what": "all", "readings": len(pairs), "skin": skin, "labels": labels,
-                   "distance_mm": whole}
-            chance = [distance(np.sort(rng.permutation(len(pairs))[:ON_SKINS])) for _ in range(quick(2, 1))]
-            for what, miss in (("physics", distance(physics)), ("chance", float(np.mean(chance))),
-                               ("presses", distance(by_presses(presses.signal[train][-MOST:], place[train][-MOST:])))):
-                yield {"part": "skins", "what": what, "readings": ON_SKINS, "skin": skin, "labels": labels,
-                       "distance_mm": miss, "ratio": miss / whole}
+def press_rows() -> Iterator[dict[str, object]]:
+    """Mean distances with readings chosen by the training presses."""
+    for skin, labels, one in splits():
+        used = one.train[-MOST:]
+        kept = by_presses(one.signal[used], one.place[used])
+        yield from one.rows("presses", skin, labels, presses=one.distance(kept))
 
 
 def by_presses(signal: Array, place: Array) -> Index:
-    """(ON_SKINS,) the readings by stepwise regression on the view whose choice is read best in held-out blocks."""
+    """(ON_SKINS,) readings by stepwise regression of waves of the place on a view of the readings; which view, and
+    whether fine waves count, is what reads blocks best that were held out of choice and training."""
     views = (signal, direction(signal), compressed(signal, compression_scale(signal)))
-    tried, blocks = [stepwise(view, draw_waves(place, 0).of(place)) for view in views], time_blocks(len(place))
+    waves, blocks = draw_waves(place, 0).of(place), time_blocks(len(place))
+    ways = list(itertools.product(views, (waves, waves[:, :2 + EACH])))
 
-    def held_out(kept: Index) -> float:
-        part = signal[:, kept]
-        value = kernel_ridge.held_out(kernel_ridge.fit(part, place), part, place, blocks)
-        return float(np.linalg.norm(value - place, axis=1).mean())
+    def held_out(way: tuple[Array, Array]) -> float:
+        value = np.empty_like(place)
+        for block in np.unique(blocks):
+            rest = blocks != block
+            kept = stepwise(way[0][rest], way[1][rest])
+            value[~rest] = kernel_ridge.fit(signal[rest][:, kept], place[rest]).read(signal[~rest][:, kept])
+        return mean_distance(value, place)
 
-    return min(tried, key=held_out)
+    return stepwise(*min(ways, key=held_out))
 
 
 def stepwise(signal: Array, target: Array) -> Index:
@@ -205,14 +240,14 @@ def rows_of_part(part: str, card: MaterialCard, sweep: Path) -> Iterator[dict[st
         return bound_rows(touch_slopes(scene, card), scene)
     if part == "retrained":
         return retrained_rows(touch_slopes(scene, card, within_m=WITHIN_M), scene, read_samples(sweep))
-    return skin_rows(card)
+    return skin_rows(card) if part == "skins" else press_rows()
 
 
 def main(card_path: Path, sweep: Path, parts: Sequence[str]) -> None:
     """Write the rows of some parts and print them."""
     card = read_card(card_path)
     for part in parts:
-        if part == "skins" and not REAL.is_dir():
+        if part in ("skins", "presses") and not REAL.is_dir():
             print(f"{REAL} is not there; the real skins are left out.")
             continue
         rows = pd.DataFrame(list(rows_of_part(part, card, sweep)))
