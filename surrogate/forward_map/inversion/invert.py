@@ -43,10 +43,10 @@ from touchcal.arrays import Array, Index, Mask
 
 BANDS = 5  # bands of loads that each give one start
 # Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
-SHORT, MIDDLE, LONG = 6, 12, 100
+SHORT, MIDDLE, LONG = 12, 12, 100
 BRANCHES, HELD = 2, 20  # branches of each frame that known punches are tried from, and the steps of each
 LEAST_SIDE = 0.25  # least one-sided standard deviation over the two-sided one
-RIM_PART = 0.1  # part of a signal that the rim may add where the table of punches speaks for the peak
+RIM_PART = 0.01  # part of a signal that the rim may add where the table of punches speaks for the peak
 FORCE, LOAD = 3, 3  # column of F in a touch, and that of g among the unknowns
 # Standard deviation of g from which known punches are tried aside of an end, too, and how many of these aside.
 WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
