@@ -318,7 +318,9 @@ function learnedMap(given) {
 
   // The most probable touch of a signal, from the last state where one is given and explains it.
   function read(signal, noise_V, before) {
-    if (norm(signal) < given.weakest_V) return null;
+    // no touch: weaker than any trained one, or than five standard deviations of what noise adds up to
+    const noisy = noise_V * Math.sqrt(readings + 5 * Math.sqrt(2 * readings));
+    if (norm(signal) < Math.max(given.weakest_V, noisy)) return null;
     let found = before ? descend(signal, before, noise_V, 12) : null;
     if (!found || found.misfit > given.misfit) {
       const short = starts(signal).map(s => descend(signal, s, noise_V, 6)).sort((a, b) => a.cost - b.cost);
