@@ -80,7 +80,7 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "rim": _rim(forward) if electrode_correction.teaches(forward.beside.rim) else None,
         "weakest_V": WEAK * model.trained.weakest_V, "misfit": MISFIT_FACTOR * max(model.trained.misfit, 1.0),
         "interval": np.maximum(interval_scale(model)[k], normal(COVERAGE)).tolist(),
-        "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
+        "normal": normal(COVERAGE), "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
 
 
 def _process(process: GaussianProcess) -> dict[str, Any]:
@@ -90,10 +90,10 @@ def _process(process: GaussianProcess) -> dict[str, Any]:
 
 def _rim(forward: ForwardMap) -> dict[str, Any]:
     """What the rim adds: the skin's answer, what electrodes add, and how large the error of both is."""
-    beside = forward.beside
-    answer, metal, error = beside.polarization, beside.rim, beside.error
+    fitted = forward.beside
+    answer, metal, error = fitted.polarization, fitted.rim, fitted.error
     return {
-        "step": beside.step if np.isfinite(beside.step) else None,
+        "step": fitted.step if np.isfinite(fitted.step) else None,
         "answer": {name: _packed(getattr(answer, name)) for name in ("nodes", "centre", "lengths", "weights")},
         "answer_soft": polarization.SOFT, "answer_orders": polarization.ORDERS,
         "metal": {"turn": [[one.real, one.imag] for one in metal.symmetry.turn.tolist()],

@@ -29,7 +29,8 @@ function connect(onHello, onFrame) {
     if (!found) for (let j = 0; j < signal.length; j++) untouched[j] += FORGETS * signal[j];
     onFrame({
       number: ++number, time_s: (now - start) / 1e3, difference_mV: Array.from(signal, v => 1e3 * v),
-      true: pressed ? { x_mm: controls.x_mm, y_mm: controls.y_mm, d_mm: controls.diameter_mm, F_N: controls.force_N } : null,
+      true: !pressed ? null : { x_mm: controls.x_mm, y_mm: controls.y_mm, d_mm: controls.diameter_mm,
+                                F_N: controls.force_N },
       read: found && found.read, half_width: found ? found.half_width : {}, ellipse: found && found.ellipse,
       state: found ? "touch" : "untouched", flag: found ? found.flag : "", caution: "", note: "", fields: {}, answers_ms: isNew ? controls.sent_ms : null });
     isNew = false;

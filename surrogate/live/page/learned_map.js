@@ -335,15 +335,16 @@ function learnedMap(given) {
     const inverse = solved(found.normal, unit), widened = Math.max(found.misfit, 1);
     const c = (i, j) => inverse[i][j] * given.sd[i] * given.sd[j] * widened;
     const shift = given.shift_mm ** 2 * widened, a = c(0, 0) + shift, b = c(0, 1), d = c(1, 1) + shift;
-    const middle = (a + d) / 2, apart = Math.hypot((a - d) / 2, b), F = force(logD, g), by = 1 / Math.tanh(g);
+    const middle = (a + d) / 2, more = Math.hypot((a - d) / 2, b); // eigenvalues of the place's covariance
+    const F = force(logD, g), by = 1 / Math.tanh(g);
     const sdF = F * Math.sqrt(4 * c(2, 2) + 4 * by * c(2, 3) + by * by * c(3, 3));
-    const sds = [Math.sqrt(a), Math.sqrt(d), Math.exp(logD) * Math.sqrt(c(2, 2)), sdF], named = ["x_mm", "y_mm", "d_mm", "F_N"];
-    const wide = given.interval[0] / 1.6448536;
+    const sds = [Math.sqrt(a), Math.sqrt(d), Math.exp(logD) * Math.sqrt(c(2, 2)), sdF];
+    const named = ["x_mm", "y_mm", "d_mm", "F_N"], wide = given.ellipse * given.interval[0] / given.normal;
     return {
       state: found.state, misfit: found.misfit, read: { x_mm: x, y_mm: y, d_mm: Math.exp(logD), F_N: F },
       half_width: Object.fromEntries(named.map((name, i) => [name, given.interval[i] * sds[i]])),
-      ellipse: { long_mm: wide * given.ellipse * Math.sqrt(middle + apart), angle_rad: Math.atan2(middle + apart - a, b || 1e-30),
-                 short_mm: wide * given.ellipse * Math.sqrt(Math.max(middle - apart, 0)) },
+      ellipse: { long_mm: wide * Math.sqrt(middle + more), short_mm: wide * Math.sqrt(Math.max(middle - more, 0)),
+                 angle_rad: Math.atan2(middle + more - a, b || 1e-30) },
       flag: found.misfit > given.misfit ? "unlike the trained touches" : "" };
   }
 

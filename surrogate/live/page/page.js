@@ -9,7 +9,8 @@
     exported: "simulated presses: the model's learned map makes and reads them in this browser" };
   const ROWS = { x: ["x_mm", 1, 2], y: ["y_mm", 1, 2], d: ["d_mm", 1, 2], F: ["F_N", 3, 3] };
   const SPOKEN_EVERY_MS = 1500, PLOTTED_EVERY_MS = 60;
-  let hello = null, frame = null, frames = [], drawn = null, hands = null, spoken = 0, arrivals = [], missed = 0, stale = true, plotted = 0;
+  let hello = null, hands = null, frame = null, frames = [], arrivals = [], missed = 0;
+  let drawn = null, stale = true, plotted = 0, spoken = 0;
   const latencies = [];
 
   const number = (value, digits) => value === undefined || value === null ? "–" : value.toFixed(digits);
