@@ -27,8 +27,9 @@ WALK = np.array([10.0, 10.0, 0.0, 2.0])
 # once, since noise moves a touch too.
 RENEWED, AT_ONCE = np.array([20.0, 20.0, 0.5, 1.0]), 0.25
 # Most steps of a frame; movement over which the map is nearly linear, the part of a signal's norm that it bends by over
-# one, and the part of the error of a reading that it may bend by in the last step.
-STEPS, STRAIGHT, BENT, ENOUGH = 5, np.array([3.0, 3.0, 0.1, 0.2]), 0.05, 0.5
+# one, and the part of the error of a reading that it may bend by in the last step: over the frames of a touch such
+# errors of log d add up.
+STEPS, STRAIGHT, BENT, ENOUGH = 6, np.array([3.0, 3.0, 0.1, 0.2]), 0.05, 0.03
 # Cells of the range of log d, alone and besides known punches; standard deviation of log d of a known punch.
 CELLS, OTHER_CELLS, KNOWN = 6, 3, 1e-6
 RULED_OUT = 10.0  # log weight below the largest from which a filter ends
@@ -82,9 +83,8 @@ def _diameters(forward: ForwardMap) -> tuple[Array, Array, Array]:
     known = np.log(forward.known_mm)
     cells = (OTHER_CELLS if len(known) else CELLS) if highest > lowest + 1e-3 else 1
     other, width = 1 / (forward.rows + 2) if len(known) else 1.0, (highest - lowest) / cells
-    log_weight = np.r_[np.full(len(known), np.log((1 - other) / max(len(known), 1))),
-                       np.full(cells, np.log(other / cells))]
-    return (log_weight, np.r_[known, lowest + width * (np.arange(cells) + 0.5)],
+    weight = np.r_[np.full(len(known), (1 - other) / max(len(known), 1)), np.full(cells, other / cells)]
+    return (np.log(weight), np.r_[known, lowest + width * (np.arange(cells) + 0.5)],
             np.r_[np.full(len(known), KNOWN), np.full(cells, max(width / 2, KNOWN))])
 
 
