@@ -1,5 +1,5 @@
-"""Whether two touches explain a signal that one does not: the best pair of places of a grid, each with free strengths of
-its first multipoles."""
+"""Whether two touches explain a signal that one does not: the best pair of places of a grid, each with free strengths
+of its first multipoles."""
 
 from dataclasses import dataclass
 from functools import lru_cache
