@@ -32,7 +32,8 @@ function connect(onHello, onFrame) {
       true: !pressed ? null : { x_mm: controls.x_mm, y_mm: controls.y_mm, d_mm: controls.diameter_mm,
                                 F_N: controls.force_N },
       read: found && found.read, half_width: found ? found.half_width : {}, ellipse: found && found.ellipse,
-      state: found ? "touch" : "untouched", flag: found ? found.flag : "", caution: "", note: "", fields: {}, answers_ms: isNew ? controls.sent_ms : null });
+      state: found ? "touch" : "untouched", flag: found ? found.flag : "", caution: "", note: "", fields: {},
+      answers_ms: isNew ? controls.sent_ms : null });
     isNew = false;
   }
 

@@ -54,8 +54,8 @@
       byId("rate").value = Math.round(1000 * (arrivals.length - 1) / (arrivals[arrivals.length - 1] - arrivals[0]));
     byId("caution").textContent = frame.caution;
     const field = byId("field").value, picture = frame.fields[field];
-    byId("shade").textContent = picture
-      ? `${field === "strain" ? "strain" : "relative change of conductance"}, at most ${picture.largest.toPrecision(2)}` : "";
+    const quantity = field === "strain" ? "strain" : "relative change of conductance";
+    byId("shade").textContent = picture ? `${quantity}, at most ${picture.largest.toPrecision(2)}` : "";
     if (performance.now() - spoken > SPOKEN_EVERY_MS) {
       spoken = performance.now();
       const said = frame.read ? `read x ${number(frame.read.x_mm, 0)}, y ${number(frame.read.y_mm, 0)} millimetres, ` +
