@@ -7,7 +7,7 @@ screen shows it at its next refresh. missed: frames that the server made and the
 server's reading of a frame. server_cpu_ms and browser_cpu_ms: CPU time of each, a frame: 50 frames a second need both
 below 20 ms on two cores of their own. load: processes that asked for the machine's cores in the minute before; those of
 others lengthen latencies. Run as `python benchmarks/live_page.py MODEL_DIR CARD`; needs chromium, chromedriver and
-selenium; writes results/live_page.csv beside this file.
+selenium; writes results/live_page.csv next to this file.
 """
 
 from __future__ import annotations

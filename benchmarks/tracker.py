@@ -8,9 +8,10 @@ other touches, is not tested on itself. Presses hold, slide, roll off, or are li
 random walk of the untouched frame along 3 directions, `dead channel` loses one reading in the second press, `pair`
 adds the signals of two presses (superposition, not a simulation of two).
 
-found_2: part of presses that are found within two frames from the first of 0.1 N; false: contacts in untouched frames,
-a thousand; p95_delay_ms, last of each: read-out delay at 50 frames a second by the CPU times in turn. Coverage is of
-frames that have values, 90 % intervals.
+found_2: part of presses that are found within two frames from the first of 0.1 N; let_go_2: that are let go within
+two; false: contacts in other untouched frames, a thousand; several: frames of 0.1 N and more that are said to be more
+than one touch; p95_delay_ms: read-out delay at 50 frames a second by the CPU times in turn. Coverage is of frames that
+have values, 90 % intervals.
 """
 
 from __future__ import annotations
@@ -128,7 +129,11 @@ def scored(name: str, stream: Stream, said: list[Tracked], spent: Array, rows: N
     held = (error[read] <= below[read]) & (-error[read] <= above[read])
     presses = [p for p in np.unique(stream.press[rows]) if p >= 0]
     found = [touches[np.flatnonzero((stream.press == p) & (stream.touch[:, 3] >= FOUND_N))[:2]].any() for p in presses]
-    rest, apart = rows & (stream.press < 0), np.hypot(*error[read, :2].T)
+    lifted = np.flatnonzero((stream.press[1:] < 0) & (stream.press[:-1] >= 0)) + 1
+    rest = rows & (stream.press < 0)
+    rest[np.concatenate([lifted, lifted + 1])] = False
+    let_go = np.array([k for k in lifted if rows[k]])
+    apart = np.hypot(*error[read, :2].T)
     strong = rows & (stream.touch[:, 3] >= FOUND_N)
     return {"stream": name, "frames": int(rows.sum()), "presses": len(presses),
             "read": float(np.mean(np.isfinite(error[strong, 0]))) if strong.any() else np.nan,
@@ -136,6 +141,7 @@ def scored(name: str, stream: Stream, said: list[Tracked], spent: Array, rows: N
             "d_rmse_mm": rms(error[read, 2]), "F_rmse_N": rms(error[read, 3]),
             "in_ellipse": float(np.mean(off <= -2 * np.log1p(-COVERAGE))), "x_in": float(held[:, 0].mean()),
             "d_in": float(held[:, 2].mean()), "F_in": float(held[:, 3].mean()), "found_2": float(np.mean(found)),
+            "let_go_2": 1 - float(np.mean(touches[let_go + 1])),
             "false": 1e3 * float(np.mean(touches[rest])) if rest.any() else np.nan,
             "several": float(np.mean([said[k].state == SEVERAL_TOUCHES for k in np.flatnonzero(strong)])),
             "cpu_ms": float(spent[rows].mean()), "cpu_95_ms": float(np.quantile(spent[rows], 0.95)),

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from surrogate.data.frame_drift import FrameDrift
     from surrogate.data.frame_rows import Lines
     from surrogate.model.model import Model
+    from surrogate.recordings.trained.train_reader import TrainedReader
     from surrogate.single_frame.simulator_likelihood import Simulator
-    from touchcal.arrays import Mask
+    from touchcal.arrays import Array, Mask
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 FRAMES_HELP = "CSV, one frame of voltages a row; - reads lines from standard input and answers each as it comes."
@@ -33,6 +34,7 @@ CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the sim
 MOST_NOISE_V = 1000.0  # no instrument reads more, and equations of more noise are singular
 SCALE_HELP = ("Multiply all readings by the training's untouched ones over those measured: yes, no, or auto, where "
               "that explains a difference larger than noise.")
+RATE_HELP = "Frames a second of standard input, for how fast touches and drift may move between two lines."
 HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
 DRIFT_HELP = ("What may have changed between the untouched and the touched frames, as relative standard deviations: "
               "gain=0.001,contact=0.01; contact needs --scene or --data. Method forward.")
@@ -46,6 +48,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             scale_baseline: Annotated[str, typer.Option(help=SCALE_HELP)] = "auto",
             held: Annotated[float | None, typer.Option(help=HELD_HELP)] = None,
             drift: Annotated[str, typer.Option(metavar="gain=SD,contact=SD", help=DRIFT_HELP)] = "",
+            rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = 50.0,
             touches: Annotated[int, typer.Option(min=1, max=2, help=TOUCHES_HELP)] = 1,
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
             data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card or "
@@ -74,7 +77,8 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
     import surrogate
-    from surrogate.recordings.trained.reader_store import is_reader
+    from surrogate.learners.registry import METHODS
+    from surrogate.recordings.trained.reader_store import is_reader, load_reader
 
     if out is not None:
         check_out(out)
@@ -94,6 +98,9 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
         raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
                          "or --scene FILE for the sensor.")
     if is_reader(model_folder):
+        if frames == "-" and (card, data, scene, held) == (None,) * 4 and not direct and not posterior and not changes:
+            _track_stream(load_reader(model_folder), baseline, noise_v, out, rate)
+            return
         if (frames == "-" or (baseline, noise_v, card, data, scene, held) != (None,) * 6 or direct or posterior
                 or changes):
             raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
@@ -103,6 +110,10 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     model = surrogate.load(model_folder)
     if held is not None and (direct or posterior or touches == 2):
         raise ValueError("--held is for plain predictions; leave it out with --direct, --posterior and --touches 2.")
+    if frames == "-" and METHODS[model.method].separates_errors:
+        _say_holding(model, held)
+        _track_stream(model, baseline, noise_v, out, rate, scale_baseline, held)
+        return
     if frames == "-":
         _predict_stream(model, baseline, noise_v, out, scale_baseline, held)
         return
@@ -262,6 +273,30 @@ def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, 
         print(f"{out}: {_counted(counts.answered, counts.flagged)}")
 
 
+def _track_stream(model: Model | TrainedReader, baseline: Path | None, noise_V: float | None, out: Path | None,
+                  rate_hz: float, scaling: str = "auto", held_s: float | None = None) -> None:
+    from contextlib import nullcontext
+
+    from surrogate.model.stream import widen_pipe
+    from surrogate.model.tracked_stream import track
+    from surrogate.model.tracker import Tracker
+    from surrogate.model.trained import TrainedModel
+
+    if isinstance(model, TrainedModel):
+        _say_intervals(model, 0.0)
+        readings = len(model.baseline_V)
+    else:
+        readings = model.reader.signals.channels
+    untouched = None if baseline is None else _sound_lines(baseline, readings)
+    tracker = Tracker(model, untouched, noise_V, rate_hz=rate_hz, scale_baseline=scaling, held_s=held_s, say=_say)
+    widen_pipe(sys.stdin.fileno())
+    with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
+          nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
+        counts = track(tracker, model, source, sink, _say)
+    if out is not None:
+        print(f"{out}: {_counted(counts.answered, counts.flagged)}")
+
+
 def _counted(frames: int, flagged: int) -> str:
     return f"{frames} frames, {flagged} of them flagged."
 
@@ -308,16 +343,23 @@ def _say(words: str) -> None:
 
 def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
     from surrogate.data.baseline_frame import untouched
-    from surrogate.data.frame_rows import read_lines
     from surrogate.model.missing_channels import check_needed, silent, stuck
+
+    volts = _sound_lines(baseline, len(model.baseline_V))
+    dead = stuck(volts) | silent(volts, model.baseline_V).any(axis=0)
+    check_needed(model, dead, str(baseline))
+    return untouched(volts), dead
+
+
+def _sound_lines(path: Path, readings: int) -> Array:
+    """(n, readings) V of a file all of whose lines are frames."""
+    from surrogate.data.frame_rows import read_lines
     from touchcal.errors import InputFileError
 
-    read = read_lines(baseline, len(model.baseline_V))
+    read = read_lines(path, readings)
     if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
-        raise InputFileError(baseline, f"{read.problem[bad]}. Fix it, or leave the line out.", line=int(read.line[bad]))
-    dead = stuck(read.volts) | silent(read.volts, model.baseline_V).any(axis=0)
-    check_needed(model, dead, str(baseline))
-    return untouched(read.volts), dead
+        raise InputFileError(path, f"{read.problem[bad]}. Fix it, or leave the line out.", line=int(read.line[bad]))
+    return read.volts
 
 
 def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Lines, Untouched, Mask]:

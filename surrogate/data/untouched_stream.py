@@ -101,7 +101,7 @@ def _without_noise(moved: Array, noise: float) -> Array:
     """Root (k, readings) of the covariance of movements (k, readings), those along which noise of this variance a
     reading may have moved alone left out."""
     _, size, axes = np.linalg.svd(moved, full_matrices=False)
-    # largest singular value of k rows of noise
-    edge = np.sqrt(noise) * (np.sqrt(moved.shape[1]) + np.sqrt(len(moved)))
+    # largest singular value of k rows of noise; neighbouring ones share a mean, so that some sum has twice the variance
+    edge = np.sqrt(2 * noise) * (np.sqrt(moved.shape[1]) + np.sqrt(len(moved)))
     kept = size > 1.1 * edge
     return np.sqrt(np.maximum(size[kept] ** 2 - edge**2, 0.0) / len(moved))[:, None] * axes[kept]

@@ -73,14 +73,14 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "size": {"centre": _packed(forward.size.centre), "weights": _packed(forward.size.weights)},
         "strengths": [_process(one) for one in forward.strengths],
         "strength_sd": np.median(strength_discrepancy(forward, unknown), axis=0).tolist(),
-        "handover": forward.handover.tolist(), "kept_orders": rim_zone.ORDERS, "zone": list(rim_zone.ZONE),
+        "high_end": list(rim_zone.HIGH_END), "kept_orders": rim_zone.ORDERS, "zone": list(rim_zone.ZONE),
         "p0": forward.p0, "floor": forward.floor, "shift_mm": forward.shift_mm, "mean": forward.mean.tolist(),
         "sd": forward.sd.tolist(), "bounds": forward.bounds.tolist(), "margin_mm": MARGIN_MM, "margin": MARGIN,
         "most_radius": RIM, "candidates": _packed(spiral(forward, CANDIDATES)),
         "rim": _rim(forward) if electrode_correction.teaches(forward.beside.rim) else None,
         "weakest_V": WEAK * model.trained.weakest_V, "misfit": MISFIT_FACTOR * max(model.trained.misfit, 1.0),
         "interval": np.maximum(interval_scale(model)[k], normal(COVERAGE)).tolist(),
-        "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
+        "normal": normal(COVERAGE), "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
 
 
 def _process(process: GaussianProcess) -> dict[str, Any]:
@@ -90,10 +90,10 @@ def _process(process: GaussianProcess) -> dict[str, Any]:
 
 def _rim(forward: ForwardMap) -> dict[str, Any]:
     """What the rim adds: the skin's answer, what electrodes add, and how large the error of both is."""
-    beside = forward.beside
-    answer, metal, error = beside.polarization, beside.rim, beside.error
+    fitted = forward.beside
+    answer, metal, error = fitted.polarization, fitted.rim, fitted.error
     return {
-        "step": beside.step if np.isfinite(beside.step) else None,
+        "replaces": bool(fitted.replaces), "step": fitted.step if np.isfinite(fitted.step) else None,
         "answer": {name: _packed(getattr(answer, name)) for name in ("nodes", "centre", "lengths", "weights")},
         "answer_soft": polarization.SOFT, "answer_orders": polarization.ORDERS,
         "metal": {"turn": [[one.real, one.imag] for one in metal.symmetry.turn.tolist()],

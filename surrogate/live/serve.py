@@ -46,9 +46,24 @@ class _Watchers:
     """Who watches, by the frames that wait for each."""
 
     waiting: list[deque[str]] = field(default_factory=list)
+    there: threading.Event = field(default_factory=threading.Event)  # set while somebody is
     new: asyncio.Event = field(default_factory=asyncio.Event)
 
+    def join(self) -> deque[str]:
+        """One more, with the frames to come."""
+        queue: deque[str] = deque(maxlen=WAITING)
+        self.waiting.append(queue)
+        self.there.set()
+        return queue
+
+    def leave(self, queue: deque[str]) -> None:
+        """One fewer."""
+        self.waiting = [other for other in self.waiting if other is not queue]
+        if not self.waiting:
+            self.there.clear()
+
     def tell(self, text: str) -> None:
+        """One more frame for all."""
         for queue in self.waiting:
             queue.append(text)
         self.new.set()
@@ -90,8 +105,7 @@ def app_of(show: Show, hosts: tuple[str, ...], token: str) -> App:
             await socket.close(1013)
             return
         await socket.accept()
-        queue: deque[str] = deque(maxlen=WAITING)
-        watchers.waiting.append(queue)
+        queue = watchers.join()
         sending = asyncio.create_task(_send(socket, queue, watchers, show))
         try:
             while True:
@@ -99,7 +113,7 @@ def app_of(show: Show, hosts: tuple[str, ...], token: str) -> App:
         except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
             pass
         finally:
-            watchers.waiting = [other for other in watchers.waiting if other is not queue]
+            watchers.leave(queue)
             sending.cancel()
             if show.latest is not None:
                 show.latest.lift()
@@ -128,10 +142,14 @@ def _hear(text: str, show: Show) -> None:
 
 
 def _reading(show: Show, loop: asyncio.AbstractEventLoop, watchers: _Watchers) -> None:
-    """Read frame after frame, and tell who watches."""
+    """Read frame after frame, and tell who watches; only those of a device are taken while nobody does."""
     number, at_s = 0, 0.0
+    if show.hello["source"] != "streamed":
+        watchers.there.wait()
     try:
         for moment in show.moments:
+            if show.latest is not None:
+                watchers.there.wait()
             number, at_s, begun = number + 1, moment.time_s, time.perf_counter()
             found = show.read(moment)
             text = messages.frame(number, moment, found, " ".join(show.cautions), (time.perf_counter() - begun) * 1e3)

@@ -105,8 +105,9 @@ def _profiles(scene: Scene, touch: Touch, material: Material) -> dict[str, Any]:
     (punch,) = scene.punches
     reach_m = ABOUT * punch.diameter_m / 2
     inwards = math.atan2(-punch.y_m, -punch.x_m)
-    along = np.linspace(0.0, reach_m, SAMPLES)[:, None] * [math.cos(inwards), math.sin(inwards)]
-    strain = QUANTITIES["strain"].values(along + [punch.x_m, punch.y_m], ((punch, touch),), scene, material.skin)
+    along = np.linspace(0.0, reach_m, SAMPLES)
+    points = np.column_stack([punch.x_m + along * math.cos(inwards), punch.y_m + along * math.sin(inwards)])
+    strain = QUANTITIES["strain"].values(points, ((punch, touch),), scene, material.skin)
     change = conductivity(material.skin, strain) / material.skin.c0_S_per_m - 1
     made: dict[str, Any] = {"reach_mm": reach_m * 1e3}
     for name, values in zip(FIELDS, (strain, change), strict=True):

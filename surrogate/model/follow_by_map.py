@@ -9,8 +9,7 @@ import numpy as np
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.inversion import followed_punch, touch_filter
 from surrogate.forward_map.inversion.invert import Inversion, invert
-from surrogate.forward_map.inversion.multipole_location import CANDIDATES, planes
-from surrogate.forward_map.inversion.reading_covariance import no_drift
+from surrogate.forward_map.inversion.pair_search import left_by_pair
 from surrogate.forward_map.inversion.touch_filter import Followed, Unsure, best
 from surrogate.learners.base import Estimate
 from surrogate.learners.forward import TouchInversion, answered
@@ -19,7 +18,7 @@ from touchcal.arrays import Array
 # Misfit of a frame over what its noise lets be from which the touch is sought again, and of the new one over the old
 # misfit from which it is taken for another touch.
 UNFIT, BETTER = 6.0, 0.8
-FURTHER = 0.5  # part of what one touch leaves that a second one must explain
+FURTHER = 0.5  # part of what one touch leaves that two may leave
 MOST_WAITED = 64  # frames that a search in vain is waited for, at most; it doubles each time
 
 
@@ -43,16 +42,12 @@ def _misfit(touch: Touch) -> float:
 
 
 def several(forward: ForwardMap, touch: Touch, signal: Array, unsure: Unsure) -> bool:
-    """Whether a further touch somewhere explains most of what one leaves of a signal (readings,) that it does not fit,
-    to first order in what it changes in that one."""
-    if fits(touch, unsure):
+    """Whether two touches leave far less of a signal (readings,) than the one that does not fit it; not told where
+    channels are dead."""
+    if fits(touch, unsure) or not unsure.kept.all():
         return False
-    here = linearise(forward, touch.filter.mean[[best(touch.filter)]])
-    slope, kept = np.linalg.qr(here.jacobian[0, unsure.kept])[0], unsure.kept
-    left = (signal - here.signal_V[0])[kept]
-    left = left - slope @ (slope.T @ left)
-    axes = planes(forward, CANDIDATES, no_drift(len(signal)))[1][:, kept]
-    return float(np.max(np.sum((left @ axes) ** 2, axis=1))) > FURTHER * float(left @ left)
+    left = signal - linearise(forward, touch.filter.mean[[best(touch.filter)]]).signal_V[0]
+    return left_by_pair(forward, signal) < FURTHER * float(left @ left)
 
 
 def follow(learner: TouchInversion, sought_by: TouchInversion, before: Touch | None, signal: Array, unsure: Unsure,

@@ -35,9 +35,12 @@ class FollowedModel:
         self.readings, self.weakest = len(model.baseline_V), model.trained.weakest_V
         self.patterns = patterns_of(model.calibration.signal_V)
         self._model, self._scaling, self._held_s = model, scaling, held_s
-        self._predictor: Predictor | None = None
         self._fewer: dict[bytes, tuple[Predictor, Array]] = {}
         self._touch: Touch | None = None
+        self._predictor = prepare(model, model.baseline_V, 0.0, held_s=held_s)
+        # what a search keeps is made now, so that no frame waits for it
+        across = np.argsort(np.linalg.norm(model.calibration.target[:, :2], axis=1))[[0, -1]]
+        model.learner.estimate(model.calibration.signal_V[across], 0.0)
 
     def dead(self, volts: Array) -> Mask:
         """Channels that read nothing."""
@@ -51,16 +54,13 @@ class FollowedModel:
         """No touch is followed."""
         self._touch = None
 
-    def ready(self, background: Background, dead: Mask) -> tuple[Array, str]:
-        """Calibrate intervals, and make what a search keeps, so that the first touch does not wait for it."""
+    def ready(self, background: Background) -> tuple[Array, str]:
+        """Compare the untouched frame; intervals of methods without a map are calibrated at its noise."""
         model = self._model
         found = compared(model.baseline_V, model.ring, background.volts, background.noise_V, self._scaling)
-        noise = background.noise_V * found.noise_factor
-        self._predictor = prepare(model, background.volts * found.gain,
-                                  0.0 if isinstance(model.learner, TouchInversion) else noise, dead,
-                                  held_s=self._held_s)
-        across = np.argsort(np.linalg.norm(model.calibration.target[:, :2], axis=1))[[0, -1]]
-        model.learner.estimate(model.calibration.signal_V[across], noise)
+        if not isinstance(model.learner, TouchInversion):
+            noise = background.noise_V * found.noise_factor
+            self._predictor = prepare(model, model.baseline_V, noise, held_s=self._held_s)
         return found.gain, found.words
 
     def read(self, volts: Array, background: Background, since_s: float, step_s: float) -> Read:
@@ -86,7 +86,6 @@ class FollowedModel:
     def _without(self, dead: Mask, background: Background) -> tuple[Predictor, Array]:
         """The predictor of frames that lack these channels, against the untouched frame as it is now, and (alive, m)
         orthonormal readings of symmetric impedances. Intervals keep the scale of those with all channels."""
-        assert self._predictor is not None
         key, model = dead.tobytes(), self._model
         if key not in self._fewer:
             fewer = without(model, dead) if dead.any() and not why_not(model, dead) else model

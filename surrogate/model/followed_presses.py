@@ -77,7 +77,7 @@ class FollowedPresses:
         """No touch is followed."""
         self._place = None
 
-    def ready(self, background: Background, dead: Mask) -> tuple[Array, str]:
+    def ready(self, background: Background) -> tuple[Array, str]:
         """Readings are taken as they are."""
         return np.ones(self.readings), ""
 

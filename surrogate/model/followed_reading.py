@@ -43,7 +43,7 @@ class Following(Protocol):
         """(readings,) channels of a frame that read nothing."""
         ...
 
-    def ready(self, background: Background, dead: Mask) -> tuple[Array, str]:
+    def ready(self, background: Background) -> tuple[Array, str]:
         """Factors (readings,) of all readings that make the untouched frame the training's, and words on it."""
         ...
 

@@ -73,7 +73,7 @@ class Tracker:
             raise ValueError("a model of a recording reads no forces; leave the holding time out.")
         self._following: Following = (FollowedPresses(model) if isinstance(model, TrainedReader)
                                       else FollowedModel(model, scale_baseline, held_s))
-        self._rate_hz, self._say, self._noise_V = rate_hz, say, noise_V
+        self.rate_hz, self._say, self._noise_V = rate_hz, say, noise_V
         self._gain = np.ones(self._following.readings)
         self._dead = np.zeros(self._following.readings, bool)
         self._left = 1 if noise_V is not None else CALIBRATION
@@ -82,6 +82,21 @@ class Tracker:
         self._time_s = -1 / rate_hz
         if baseline_V is not None:
             self._from_baseline(np.asarray(baseline_V, np.float64).reshape(-1, self._following.readings))
+
+    @property
+    def readings(self) -> int:
+        """Readings of a frame."""
+        return self._following.readings
+
+    @property
+    def calibration(self) -> int:
+        """Frames that tell the noise, where it is not stated."""
+        return CALIBRATION
+
+    @property
+    def noise_V(self) -> float:
+        """Standard deviation of one reading, V, as known so far; NaN before two frames."""
+        return math.nan if self._background is None else self._background.noise_V
 
     def _from_baseline(self, frames: Array) -> None:
         self._dead = stuck(frames)
@@ -101,7 +116,7 @@ class Tracker:
         """Compare the untouched frame with that of the training, once its noise is known."""
         assert self._background is not None
         self._left = 0
-        self._gain, words = self._following.ready(self._background, self._dead)
+        self._gain, words = self._following.ready(self._background)
         self._background = untouched_stream.scaled(self._background, self._gain)
         if words:
             self._say(words)
@@ -128,7 +143,7 @@ class Tracker:
         volts = np.asarray(frame_V, np.float64).ravel()
         if volts.size != len(self._gain):
             raise ValueError(f"a frame of {volts.size} readings; the trained sensor has {len(self._gain)}.")
-        before_s, self._time_s = self._time_s, self._time_s + 1 / self._rate_hz if time_s is None else time_s
+        before_s, self._time_s = self._time_s, self._time_s + 1 / self.rate_hz if time_s is None else time_s
         background = self._background
         dead = self._following.dead(volts) | self._dead
         if background is not None:
@@ -165,7 +180,6 @@ class Tracker:
         return unread(UNTOUCHED, "")
 
     def _told(self, read: Read, signal: Array | None = None) -> Tracked:
-        noise = math.nan if self._background is None else self._background.noise_V
         signal = np.full(len(self._gain), np.nan) if signal is None else signal
-        return Tracked(self._time_s, read.state, read.value, read.covariance, read.below, read.above, signal, noise,
-                       self._left, read.flag, read.predictions)
+        return Tracked(self._time_s, read.state, read.value, read.covariance, read.below, read.above, signal,
+                       self.noise_V, self._left, read.flag, read.predictions)

@@ -7,8 +7,9 @@ methods to navigation problems, Adv. Control Systems 3 (1966) 293): a filter kee
 with e. Where the touch moves or its load changes, e is renewed by the part of its length that was gone.
 
 Punches of different d and F have nearly one signal, on a curved ridge. So each known diameter has a filter of its own,
-and so have some cells of the range; each is weighed by the likelihood of its innovations (Alspach, Sorenson, Nonlinear
-Bayesian estimation using Gaussian sum approximations, IEEE Trans. Autom. Control 17 (1972) 439).
+and so have some cells of the range (Alspach, Sorenson, Nonlinear Bayesian estimation using Gaussian sum approximations,
+IEEE Trans. Autom. Control 17 (1972) 439). Each is weighed by the likelihood of the mean of what frames left since the
+touch was where e was another: these share e, so that those of single frames are no independent evidence.
 """
 
 from dataclasses import dataclass, replace
@@ -27,8 +28,9 @@ WALK = np.array([10.0, 10.0, 0.0, 2.0])
 # once, since noise moves a touch too.
 RENEWED, AT_ONCE = np.array([20.0, 20.0, 0.5, 1.0]), 0.25
 # Most steps of a frame; movement over which the map is nearly linear, the part of a signal's norm that it bends by over
-# one, and the part of the error of a reading that it may bend by in the last step.
-STEPS, STRAIGHT, BENT, ENOUGH = 5, np.array([3.0, 3.0, 0.1, 0.2]), 0.05, 0.5
+# one, and the part of the error of a reading that it may bend by in the last step: over the frames of a touch such
+# errors of log d add up.
+STEPS, STRAIGHT, BENT, ENOUGH = 6, np.array([3.0, 3.0, 0.1, 0.2]), 0.05, 0.03
 # Cells of the range of log d, alone and besides known punches; standard deviation of log d of a known punch.
 CELLS, OTHER_CELLS, KNOWN = 6, 3, 1e-6
 RULED_OUT = 10.0  # log weight below the largest from which a filter ends
@@ -41,6 +43,10 @@ class Followed:
     """A touch after some frames: k filters."""
 
     log_weight: Array  # (k,) log probabilities
+    log_before: Array  # (k,) those before the frames that `left` is the mean of
+    left: Array  # (k, m) mean of what the latest frames left, V
+    frames: int  # how many these are
+    since: Array  # (4,) mean when they began
     mean: Array  # (k, 4) x, y, mm, log d, g
     covariance: Array  # (k, 4, 4)
     # (k, 4, constants) covariance of the error s - mean with e: of each reading, of the map's discrepancies, of the
@@ -73,7 +79,8 @@ def unseen(forward: ForwardMap, unsure: Unsure) -> Followed:
     log_weight, log_d, sd = _diameters(forward)
     mean, covariance = np.tile(forward.mean, (len(log_d), 1)), np.tile(np.diag(forward.sd**2), (len(log_d), 1, 1))
     mean[:, LOG_D], covariance[:, LOG_D, LOG_D] = log_d, sd**2
-    return Followed(log_weight, mean, covariance, np.zeros((len(log_d), 4, constants)), mean, np.ones(len(log_d)))
+    return Followed(log_weight, log_weight, np.zeros((len(log_d), 0)), 0, forward.mean, mean, covariance,
+                    np.zeros((len(log_d), 4, constants)), mean, np.ones(len(log_d)))
 
 
 def _diameters(forward: ForwardMap) -> tuple[Array, Array, Array]:
@@ -82,9 +89,8 @@ def _diameters(forward: ForwardMap) -> tuple[Array, Array, Array]:
     known = np.log(forward.known_mm)
     cells = (OTHER_CELLS if len(known) else CELLS) if highest > lowest + 1e-3 else 1
     other, width = 1 / (forward.rows + 2) if len(known) else 1.0, (highest - lowest) / cells
-    log_weight = np.r_[np.full(len(known), np.log((1 - other) / max(len(known), 1))),
-                       np.full(cells, np.log(other / cells))]
-    return (log_weight, np.r_[known, lowest + width * (np.arange(cells) + 0.5)],
+    weight = np.r_[np.full(len(known), (1 - other) / max(len(known), 1)), np.full(cells, other / cells)]
+    return (np.log(weight), np.r_[known, lowest + width * (np.arange(cells) + 0.5)],
             np.r_[np.full(len(known), KNOWN), np.full(cells, max(width / 2, KNOWN))])
 
 
@@ -120,11 +126,25 @@ def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, s
         state = trial
         if np.all(bent < ENOUGH * np.hypot(white, unsure.noise_V)):
             break
-    log_weight = before.log_weight - 0.5 * (update.cost + update.log_size)
-    log_weight -= np.logaddexp.reduce(log_weight)
-    anchor = state if start is not None else before.anchor
-    misfit = update.cost / innovation.shape[1]
-    return _fewer(Followed(log_weight, state, update.covariance, update.shared, anchor, misfit))
+    weighed = _weighed(before, innovation - _times(slope, update.step), update.whole, unsure.noise_V)
+    return _fewer(replace(weighed, mean=state, covariance=update.covariance, shared=update.shared,
+                          anchor=state if start is not None else before.anchor,
+                          since=state[best(before)] if not before.frames else weighed.since,
+                          misfit=update.cost / innovation.shape[1]))
+
+
+def _weighed(before: Followed, left: Array, whole: Array, noise_V: float) -> Followed:
+    """With the probabilities by what one more frame left (k, m), of innovations of covariance (k, m, m): large along
+    what the touch may have moved by, where little is left."""
+    gone = np.linalg.norm((before.mean[best(before)] - before.since) / RENEWED)
+    again = left.shape[1] != before.left.shape[1] or gone > 1
+    log_before, frames = (before.log_weight, 0) if again else (before.log_before, before.frames)
+    mean = left if not frames else before.left + (left - before.left) / (frames + 1)
+    averaged = whole - noise_V**2 * frames / (frames + 1) * np.eye(left.shape[1])
+    cost = np.sum(mean * np.linalg.solve(averaged, mean[..., None])[..., 0], axis=1)
+    log_weight = log_before - 0.5 * (cost + np.linalg.slogdet(averaged)[1])
+    return replace(before, log_weight=log_weight - np.logaddexp.reduce(log_weight), log_before=log_before,
+                   left=mean, frames=frames + 1, since=before.mean[best(before)] if again else before.since)
 
 
 def _with_force(forward: ForwardMap, mean: Array, touch: Array) -> Array:
@@ -139,7 +159,7 @@ class _Update:
     covariance: Array  # (k, 4, 4)
     shared: Array  # (k, 4, constants)
     cost: Array  # (k,) squared innovation over its covariance
-    log_size: Array  # (k,) log determinant of that
+    whole: Array  # (k, m, m) that covariance
 
 
 def _update(before: Followed, slope: Array, white: Array, alike: Array, innovation: Array, unsure: Unsure) -> _Update:
@@ -158,7 +178,7 @@ def _update(before: Followed, slope: Array, white: Array, alike: Array, innovati
     shared[:, :, own] -= scaled * (gain @ unsure.axes.T)
     shared[:, :, others] -= gain @ alike
     return _Update(_times(gain, innovation), (covariance + _turned(covariance)) / 2, shared,
-                   np.sum(innovation * solved[..., 4], axis=1), np.linalg.slogdet(whole)[1])
+                   np.sum(innovation * solved[..., 4], axis=1), whole)
 
 
 def _turned(matrix: Array) -> Array:
@@ -172,16 +192,17 @@ def _times(matrix: Array, vector: Array) -> Array:
 def _fewer(touch: Followed) -> Followed:
     """Without filters that are ruled out, or that follow what a more probable one does."""
     kept: list[int] = []
-    log_weight = touch.log_weight.copy()
+    added = touch.log_before.copy()
     for one in np.argsort(-touch.log_weight).tolist():
-        if log_weight[one] < log_weight.max() - RULED_OUT:
+        if touch.log_weight[one] < touch.log_weight.max() - RULED_OUT:
             break
         same = next((other for other in kept if _alike(touch, one, other)), None)
         if same is None:
             kept.append(one)
         else:
-            log_weight[same] = np.logaddexp(log_weight[same], log_weight[one])
-    return _some(replace(touch, log_weight=log_weight), np.array(kept))
+            added[same] = np.logaddexp(added[same], touch.log_before[one])
+    gained = touch.log_weight - touch.log_before
+    return _some(replace(touch, log_before=added, log_weight=added + gained), np.array(kept))
 
 
 def _alike(touch: Followed, one: int, other: int) -> bool:
@@ -192,5 +213,6 @@ def _alike(touch: Followed, one: int, other: int) -> bool:
 
 def _some(touch: Followed, kept: Index) -> Followed:
     log_weight = touch.log_weight[kept]
-    return Followed(log_weight - np.logaddexp.reduce(log_weight), *(
-        getattr(touch, name)[kept] for name in ("mean", "covariance", "shared", "anchor", "misfit")))
+    names = ("log_before", "left", "mean", "covariance", "shared", "anchor", "misfit")
+    return replace(touch, log_weight=log_weight - np.logaddexp.reduce(log_weight),
+                   **{name: getattr(touch, name)[kept] for name in names})

@@ -60,7 +60,8 @@ function drawSkin(canvas, hello, frame, cursor, field) {
   for (const r of [0.25, 0.5, 0.75]) { circle(0, 0, r * hello.radius_mm); c.globalAlpha = 0.5; c.stroke(); }
   c.globalAlpha = 1;
   if (hello.limits && hello.limits.reach_mm < hello.radius_mm - 1) {
-    c.setLineDash([2, 5]); c.strokeStyle = colour.soft; circle(0, 0, hello.limits.reach_mm); c.stroke(); c.setLineDash([]);
+    c.setLineDash([2, 5]); c.strokeStyle = colour.soft; circle(0, 0, hello.limits.reach_mm); c.stroke();
+    c.setLineDash([]);
   }
   c.fillStyle = colour.soft; c.strokeStyle = colour.ink; c.lineWidth = 4;
   c.font = "11px system-ui, sans-serif"; c.textAlign = "center"; c.textBaseline = "middle";
@@ -106,7 +107,8 @@ function drawLines(canvas, frames, series, least) {
   const Y = v => height - 8 - (height - 16) * (v - low) / (high - low);
   c.font = "11px system-ui, sans-serif"; c.fillStyle = colour.soft; c.textAlign = "right"; c.textBaseline = "middle";
   for (const v of new Set([low, 0, high])) {
-    if (v !== 0 || low === 0 || (Y(low) - Y(0) > 12 && Y(0) - Y(high) > 12)) c.fillText(+v.toPrecision(2), left - 5, Y(v));
+    const legible = v !== 0 || low === 0 || (Y(low) - Y(0) > 12 && Y(0) - Y(high) > 12);
+    if (legible) c.fillText(+v.toPrecision(2), left - 5, Y(v));
     c.strokeStyle = colour.line; c.lineWidth = 1;
     c.beginPath(); c.moveTo(left, Y(v)); c.lineTo(width - 4, Y(v)); c.stroke();
   }

@@ -55,7 +55,7 @@ function learnedMap(given) {
 
   // The series' basis [order][reading].
   function basisOf(f, radius) {
-    const high = 1 - share(radius, given.handover), out = [];
+    const high = 1 - share(radius, given.high_end), out = [];
     for (let k = 0; k < orders; k++) {
       const a = f.real[k], b = f.imaginary[k], column = new Float64Array(readings);
       const part = k < given.kept_orders ? 1 : high;
@@ -98,12 +98,15 @@ function learnedMap(given) {
     const f = fieldsAt(zx, zy), basis = basisOf(f, radius);
     const input = new Array(inputs).fill(0);
     input[0] = logD; input[1] = g; input[2] = Math.min(radius, given.interior) ** 2;
-    const strength = sizeAt(input) * force(logD, g), signal = new Float64Array(readings);
+    const strength = sizeAt(input) * force(logD, g), signal = new Float64Array(readings), dipole = norm(basis[0]);
+    if (rim && rim.replaces) {
+      const kept = 1 - share(radius, given.zone);
+      for (const column of basis) for (let j = 0; j < readings; j++) column[j] *= kept;
+    }
     processes.forEach((process, k) => {
       const p = strength * processMean(process, input), column = basis[k];
       for (let j = 0; j < readings; j++) signal[j] += p * column[j];
     });
-    const dipole = norm(basis[0]);
     if (rim && radius > given.zone[0]) addRim(signal, f, zx, zy, radius, logD, g, strength, dipole);
     return { signal, basis, strength, shape: strength * dipole, radius, half: Math.exp(logD) / 2 / ring.radius_mm };
   }
@@ -318,7 +321,9 @@ function learnedMap(given) {
 
   // The most probable touch of a signal, from the last state where one is given and explains it.
   function read(signal, noise_V, before) {
-    if (norm(signal) < given.weakest_V) return null;
+    // no touch: weaker than any trained one, or than five standard deviations of what noise adds up to
+    const noisy = noise_V * Math.sqrt(readings + 5 * Math.sqrt(2 * readings));
+    if (norm(signal) < Math.max(given.weakest_V, noisy)) return null;
     let found = before ? descend(signal, before, noise_V, 12) : null;
     if (!found || found.misfit > given.misfit) {
       const short = starts(signal).map(s => descend(signal, s, noise_V, 6)).sort((a, b) => a.cost - b.cost);
@@ -333,15 +338,16 @@ function learnedMap(given) {
     const inverse = solved(found.normal, unit), widened = Math.max(found.misfit, 1);
     const c = (i, j) => inverse[i][j] * given.sd[i] * given.sd[j] * widened;
     const shift = given.shift_mm ** 2 * widened, a = c(0, 0) + shift, b = c(0, 1), d = c(1, 1) + shift;
-    const middle = (a + d) / 2, apart = Math.hypot((a - d) / 2, b), F = force(logD, g), by = 1 / Math.tanh(g);
+    const middle = (a + d) / 2, more = Math.hypot((a - d) / 2, b); // eigenvalues of the place's covariance
+    const F = force(logD, g), by = 1 / Math.tanh(g);
     const sdF = F * Math.sqrt(4 * c(2, 2) + 4 * by * c(2, 3) + by * by * c(3, 3));
-    const sds = [Math.sqrt(a), Math.sqrt(d), Math.exp(logD) * Math.sqrt(c(2, 2)), sdF], named = ["x_mm", "y_mm", "d_mm", "F_N"];
-    const wide = given.interval[0] / 1.6448536;
+    const sds = [Math.sqrt(a), Math.sqrt(d), Math.exp(logD) * Math.sqrt(c(2, 2)), sdF];
+    const named = ["x_mm", "y_mm", "d_mm", "F_N"], wide = given.ellipse * given.interval[0] / given.normal;
     return {
       state: found.state, misfit: found.misfit, read: { x_mm: x, y_mm: y, d_mm: Math.exp(logD), F_N: F },
       half_width: Object.fromEntries(named.map((name, i) => [name, given.interval[i] * sds[i]])),
-      ellipse: { long_mm: wide * given.ellipse * Math.sqrt(middle + apart), angle_rad: Math.atan2(middle + apart - a, b || 1e-30),
-                 short_mm: wide * given.ellipse * Math.sqrt(Math.max(middle - apart, 0)) },
+      ellipse: { long_mm: wide * Math.sqrt(middle + more), short_mm: wide * Math.sqrt(Math.max(middle - more, 0)),
+                 angle_rad: Math.atan2(middle + more - a, b || 1e-30) },
       flag: found.misfit > given.misfit ? "unlike the trained touches" : "" };
   }
 

@@ -9,7 +9,8 @@
     exported: "simulated presses: the model's learned map makes and reads them in this browser" };
   const ROWS = { x: ["x_mm", 1, 2], y: ["y_mm", 1, 2], d: ["d_mm", 1, 2], F: ["F_N", 3, 3] };
   const SPOKEN_EVERY_MS = 1500, PLOTTED_EVERY_MS = 60;
-  let hello = null, frame = null, frames = [], drawn = null, hands = null, spoken = 0, arrivals = [], missed = 0, stale = true, plotted = 0;
+  let hello = null, hands = null, frame = null, frames = [], arrivals = [], missed = 0;
+  let drawn = null, stale = true, plotted = 0, spoken = 0;
   const latencies = [];
 
   const number = (value, digits) => value === undefined || value === null ? "–" : value.toFixed(digits);
@@ -53,8 +54,8 @@
       byId("rate").value = Math.round(1000 * (arrivals.length - 1) / (arrivals[arrivals.length - 1] - arrivals[0]));
     byId("caution").textContent = frame.caution;
     const field = byId("field").value, picture = frame.fields[field];
-    byId("shade").textContent = picture
-      ? `${field === "strain" ? "strain" : "relative change of conductance"}, at most ${picture.largest.toPrecision(2)}` : "";
+    const quantity = field === "strain" ? "strain" : "relative change of conductance";
+    byId("shade").textContent = picture ? `${quantity}, at most ${picture.largest.toPrecision(2)}` : "";
     if (performance.now() - spoken > SPOKEN_EVERY_MS) {
       spoken = performance.now();
       const said = frame.read ? `read x ${number(frame.read.x_mm, 0)}, y ${number(frame.read.y_mm, 0)} millimetres, ` +

@@ -45,6 +45,18 @@ def test_one_file_presses_and_reads_without_a_network(page: Any, live_model: sur
     assert page.browser.get_log("browser") == []
 
 
+def test_noise_and_drift_alone_are_no_touch(page: Any, live_model: surrogate.Model, tmp_path: Path) -> None:
+    export_page(live_model, tmp_path / "page.html")
+    page.open((tmp_path / "page.html").as_uri())
+    page.run("window.touches = 0; const read = learned.read; "
+             "learned.read = (...given) => { const found = read(...given); touches += found !== null; return found; };"
+             "for (const id of ['noise', 'drift']) { const one = document.getElementById(id); one.value = one.max; "
+             "one.dispatchEvent(new Event('input')); one.dispatchEvent(new Event('change')); }")
+    begun = page.run("return shown().count")
+    page.wait(f"shown().count > {begun} + 150")
+    assert page.run("return touches") == 0
+
+
 def test_a_request_would_be_refused(page: Any, live_model: surrogate.Model, tmp_path: Path) -> None:
     export_page(live_model, tmp_path / "page.html")
     page.open((tmp_path / "page.html").as_uri())

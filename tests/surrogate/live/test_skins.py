@@ -55,7 +55,8 @@ def test_a_press_is_answered_as_the_simulator_answers(skin: SimulatedSkin) -> No
     assert 0.01 < found.fields["strain"]["largest"] < 1
 
 
-@pytest.mark.parametrize(("press", "why"), [((0.0, 0.0, 14.0, 40.0), "too deep"), ((92.0, 0.0, 14.0, 0.3), "rim"), ((0.0, 0.0, 14.0, 0.01), "light")])
+@pytest.mark.parametrize(("press", "why"), [((0.0, 0.0, 14.0, 40.0), "too deep"),
+                                            ((92.0, 0.0, 14.0, 0.3), "rim"), ((0.0, 0.0, 14.0, 0.01), "light")])
 def test_a_press_that_no_table_serves_is_named_at_once(skin: SimulatedSkin, press: tuple[float, ...], why: str) -> None:
     found = skin.pressed(Controls(*press))
     assert why in found.problem
