@@ -20,10 +20,10 @@ import numpy as np
 import pandas as pd
 from conditions import earlier, quick, shown, written
 
+from eitsim.sensors.labels import read_labels
 from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings.baselines import tracked
-from surrogate.recordings.labels import read_labels
 from surrogate.recordings.presses import Presses, labelled, presses_of
 from surrogate.recordings.reader_scores import scored, split_rows
 from touchcal.arrays import Array, Index

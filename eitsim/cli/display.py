@@ -164,6 +164,14 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
             table.add_row(name, " to ".join(dict.fromkeys(ends)), f"{max(one['sd'] for one in each):.2g}",
                           f"{max(one['prior_sd'] for one in each):.2g}")
         _console().print(table)
+    for electrode, why in document["left_out"].items():
+        print(f"electrode {electrode} is left out: {why}")
+    if (presses := document["presses"]) is not None:
+        one, left = document["parameters"]["ln_moment_mm2"], presses["unexplained"]
+        print(f"{presses['count']} labelled presses: ln of the moment in mm2 {one['value']:.3g} +- {one['sd']:.2g}; "
+              f"{_percent(left['size']['held_out'])} of presses that were not fitted stay unexplained"
+              + (f", with a gain for each reading {_percent(left['gains']['held_out'])}"
+                 if document["kind"] == "changes only" else ""))
     if document["not_determined"]:
         print(f"not determined by the data: {', '.join(document['not_determined'])}")
     print(f"absolute model: {document['absolute_model']}" + (f": {document['reason']}" if document["reason"] else ""))

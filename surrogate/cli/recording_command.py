@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 def train_recording(recording: Path, labels: Path | None, sensor: Path | None, out: Path, seed: int, workers: int,
                     as_json: bool) -> None:
     """Train on a recording, write the model, print its scores."""
+    from eitsim.sensors.labels import read_labels
     from eitsim.sensors.recording import read_recording
     from eitsim.sensors.sensor_file import read_sensor
     from surrogate.recordings import reader_store
-    from surrogate.recordings.labels import read_labels
     from surrogate.recordings.train_reader import train_reader
 
     if labels is None or sensor is None:

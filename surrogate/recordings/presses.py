@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.sensors.labels import PLACE, Labels
 from eitsim.sensors.recording import Recording
 from surrogate.recordings.baselines import in_order, tracked
-from surrogate.recordings.labels import PLACE, Labels
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
+from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from surrogate.recordings import touch_reader
-from surrogate.recordings.labels import Labels
 from surrogate.recordings.presses import Presses, labelled, presses_of
 from surrogate.recordings.reader_scores import SPLITS, TESTED, ReaderScore, score
 from surrogate.recordings.touch_reader import FAMILIES, FEWEST, NothingToRead, TouchReader

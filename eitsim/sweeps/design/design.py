@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from eitsim.electrics.forward.gridded_fields import StoredFields, check_one_grid, fields_from
-from eitsim.scene.drive import with_matrices
+from eitsim.scene.calibrated_electrodes import with_files
 from eitsim.scene.scene import Scene, scene_from, scene_keys
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Material, material_from
@@ -49,7 +49,7 @@ def read_design(path: Path | str, scenes: int | None = None) -> Design:
     path = Path(path)
     raw = read_toml(path)
     try:
-        return design_from(with_matrices(raw, path.parent), scenes)
+        return design_from(with_files(raw, path.parent), scenes)
     except ValueError as error:
         raise InputFileError(path, str(error)) from None
 

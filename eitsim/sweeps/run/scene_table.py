@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.scene.drive import MATRICES, with_matrices
+from eitsim.scene.calibrated_electrodes import with_files
+from eitsim.scene.drive import MATRICES
 from eitsim.scene.scene import check_value, scene_from, scene_keys
 from eitsim.sweeps.design.design import Design, design_from, read_design, with_scenes
 from eitsim.sweeps.design.sampling import row_tables
@@ -80,7 +81,7 @@ def read_scene_table(path: Path | str, base: Path | str | None = None, scenes: i
 
 def _base(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """The tables of a scene file, and what else it holds for a design."""
-    raw = with_matrices(read_toml(path), path.parent)
+    raw = with_files(read_toml(path), path.parent)
     tables = {name: value for name, value in raw.items() if name not in (*_OF_DESIGNS, "card")}
     more = {name: value for name, value in raw.items() if name in _OF_DESIGNS}
     try:
