@@ -13,6 +13,7 @@ from eitsim.sensors.calibration.faults import dead_electrodes, left_by_electrode
 from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
 from eitsim.sensors.calibration.labelled_presses import Presses, SignalSize, labelled_presses, signal_size
 from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
+from eitsim.sensors.calibration.placement import placement
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit_best, random_starts, staged
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame
@@ -124,11 +125,20 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
     else:
         electrodes, channels = sensor.electrodes, Channels(conductance_S=(_FIRST_CONDUCTANCE,))
     sheet = channels.conductance_S[0]
-    shape = 1e-6 * signal_by_touch(sensor.body, electrodes, sheet, channels, asked, presses.place_m)
     rest = channel_readings(asked, channels, untouched_impedance(sensor.body, electrodes, sheet)).ravel()
-    signs = {"voltage": [1.0], "magnitude": [np.sign(rest)], "difference": [1.0, np.sign(rest)]}[sensor.kind]
-    return min((signal_size(presses, sign * shape, seed, gains=not usable) for sign in signs),
-               key=lambda one: one.held_out)
+    there = np.isfinite(presses.signal).all(axis=0)
+    seen = Presses(presses.place_m, presses.signal[:, there])
+
+    def sized(sign: Array) -> SignalSize:
+        def shape_of(places_m: Array) -> Array:
+            return 1e-6 * (sign * signal_by_touch(sensor.body, electrodes, sheet, channels, asked, places_m))[:, there]
+
+        lies = placement(seen.place_m, seen.signal, shape_of, sensor.body.radius_m)
+        return signal_size(presses, there, shape_of(lies.placed(seen.place_m)), lies, seed, gains=not usable)
+
+    one, magnitudes = np.ones(rest.size), np.sign(rest)
+    signs = {"voltage": [one], "magnitude": [magnitudes], "difference": [one, magnitudes]}[sensor.kind]
+    return min((sized(sign) for sign in signs), key=lambda each: each.held_out)
 
 
 def untouched(sensor: Sensor, recording: Recording) -> Untouched:

@@ -58,7 +58,9 @@ def calibration_document(found: Calibration) -> dict[str, Any]:
             "unexplained_by_electrode": list(found.by_electrode), "dead_readings": list(found.dead),
             "left_out": {str(electrode): why for electrode, why in found.left_out.items()},
             "presses": None if size is None else {
-                "count": size.presses, "sign": size.sign, "gains_kept": size.gains_kept,
+                "count": size.presses, "sign": size.sign, "centre_mm": [1e3 * one for one in size.lies.centre_m],
+                "turn_deg": float(np.degrees(size.lies.turn_rad)), "mirrored": size.lies.mirrored,
+                "gains_kept": size.gains_kept,
                 "unexplained": {"size": {"fitted": size.fitted, "held_out": size.held_out},
                                 "gains": {"fitted": size.fitted_gains, "held_out": size.held_out_gains}}}}
 

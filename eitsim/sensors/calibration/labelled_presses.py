@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eitsim.sensors.calibration.placement import Placement
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.reading_checks import mean_frame
 from eitsim.sensors.recording import Recording
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 from touchcal.errors import InputFileError
 
 PLACE = ("x_mm", "y_mm")
@@ -36,6 +37,7 @@ class SignalSize:
     """What the presses gave."""
 
     presses: int
+    lies: Placement  # where the sensor lies in the coordinates of the labels
     moments_mm2: Array  # (k,) A_k; of readings in counts by the board's factor
     gain: Array  # (m,) gain of each reading, 1 where none is fitted
     gain_sd: Array  # (m,) its standard deviation, GAIN_SD where none is fitted
@@ -81,13 +83,14 @@ def labelled_presses(recording: Recording, labels: Labels) -> Presses:
     return Presses(1e-3 * np.array([place[name] for name in names]), np.array(signals))
 
 
-def signal_size(presses: Presses, by_moment: Array, seed: int, *, gains: bool) -> SignalSize:
+def signal_size(presses: Presses, there: Mask, shape: Array, lies: Placement, seed: int, *,
+                gains: bool) -> SignalSize:
     """Sizes of the presses' signals, and gains where they are asked for and explain presses that were not fitted.
 
-    by_moment: (k, m) s at the places of the presses, by mm^2.
+    there: (m,) readings that all presses have; shape: (k, of these) s at the places of the presses, by mm^2; lies:
+    where these are.
     """
-    there = np.isfinite(presses.signal).all(axis=0) & (np.abs(by_moment).max(axis=0) > 0)
-    signal, shape = presses.signal[:, there], by_moment[:, there]
+    signal = presses.signal[:, there]
     one = np.ones(shape.shape[1])
     half = np.random.default_rng(seed).permutation(len(signal)) % 2 == 0
     seen, _ = _gains(signal[half], shape[half])
@@ -99,11 +102,11 @@ def signal_size(presses: Presses, by_moment: Array, seed: int, *, gains: bool) -
     gain, gain_sd = np.ones(len(there)), np.full(len(there), GAIN_SD)
     if kept:
         gain[there], gain_sd[there] = fitted, sd
-    return SignalSize(len(signal), _moments(signal, shape * gain[there]), gain, gain_sd, kept, *left)
+    return SignalSize(len(signal), lies, _moments(signal, shape * gain[there]), gain, gain_sd, kept, *left)
 
 
 def _gains(signal: Array, shape: Array) -> tuple[Array, Array]:
-    """Gains (m,) and their standard deviations by turns with the moments, readings weighted alike."""
+    """Gains (m,) and their standard deviations by turns with the moments, all readings of one weight."""
     gain, sd = np.ones(shape.shape[1]), np.full(shape.shape[1], GAIN_SD)
     for _ in range(_ROUNDS):
         model = _moments(signal, shape * gain)[:, None] * shape

@@ -21,6 +21,7 @@ from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.calibration.calibrate import calibrate
 from eitsim.sensors.calibration.calibration_file import calibration_document, parameters_of
+from eitsim.sensors.calibration.placement import Placement
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor, read_sensor
@@ -146,3 +147,33 @@ def test_a_refused_model_is_written_for_changes_and_read_as_a_sensor(
     assert said["presses"]["count"] == len(PLACES)
     assert (tmp_path / "sensor.pdf").read_bytes().startswith(b"%PDF")
     assert read_sensor(tmp_path / "sensor.json") == read_sensor(tmp_path / "sensor.toml")
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_sensor_is_found_in_the_labels_coordinates(mirrored: bool) -> None:
+    """Labels of a robot: another centre, turned, and counting the other way."""
+    point = (PLACES @ np.array([1.0, 1j])) * np.exp(-1j * 0.7)
+    point = (point.conj() if mirrored else point) + (400 - 300j)
+    robot = Labels(labels().touch, labels().names, np.column_stack([point.real, point.imag]))
+    found = calibrate(replace(SENSOR, kind="difference"), recorded(signals(Channels(), 30.0 * np.ones(len(PLACES))),
+                                                                   np.zeros(1), "difference"), robot)
+    assert found.size is not None
+    lies = found.size.lies
+    assert lies.mirrored == mirrored
+    assert np.hypot(lies.centre_m[0] - 0.4, lies.centre_m[1] + 0.3) < 2e-3
+    assert np.abs(np.exp(1j * (lies.turn_rad - 0.7)) - 1) < 0.03
+    assert found.size.held_out < 0.1
+
+
+def test_labels_in_the_sensor_s_own_coordinates_are_kept_there() -> None:
+    found = calibrate(replace(SENSOR, kind="difference"), recorded(signals(Channels(), 30.0 * np.ones(len(PLACES))),
+                                                                   np.zeros(1), "difference"), labels())
+    assert found.size is not None
+    assert found.size.lies == Placement()
+
+
+def test_places_that_do_not_fit_into_the_body_are_refused() -> None:
+    wide = Labels(labels().touch, labels().names, 3 * PLACES)
+    with pytest.raises(ValueError, match="mm from the middle of their range, and radius_mm"):
+        calibrate(replace(SENSOR, kind="difference"), recorded(signals(Channels(), np.ones(len(PLACES))), np.zeros(1),
+                                                               "difference"), wide)
