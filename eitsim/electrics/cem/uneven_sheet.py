@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from touchcal.arrays import Array
 
@@ -31,7 +32,7 @@ class RimChange:
     slope: Array  # (M, M) its derivative by the angle of the first place
     waves: Array  # (2 h, M) K^(1/2) times the waves at the places
     crossed: Array  # (2 h, M) X times those
-    by_mode: Array  # (modes, 2 h, 2 h) dX/dc
+    by_mode: tuple[csr_array, ...]  # (2 h, 2 h) dX/dc by each mode
 
     def by_sheet(self, flow: Array) -> Array:
         """(modes, N, N) derivative by c of the quadratic form of inflows (M, N)."""
@@ -50,16 +51,19 @@ def rim_change(angles: Array, modes: Array, harmonics: int) -> RimChange:
     turned = np.outer(order, angles)
     root = 1 / np.sqrt(order)[:, None]
     waves = np.vstack([root * np.cos(turned), root * np.sin(turned)])
+    if not modes.any():
+        nothing = np.zeros((len(angles), len(angles)))
+        return RimChange(nothing, nothing, waves, np.zeros_like(waves), by_mode)
     along = np.vstack([-np.sin(turned) / root, np.cos(turned) / root])
-    crossed = np.tensordot(modes, by_mode, 1) @ waves
-    twice = np.tensordot(modes, by_mode, 1) @ crossed
-    whole = crossed + twice / 2
+    change = sum((c * one for c, one in zip(modes.tolist(), by_mode, strict=True)), start=0 * by_mode[0])
+    crossed = change @ waves
+    whole = crossed + change @ crossed / 2
     return RimChange(waves.T @ whole, along.T @ whole, waves, crossed, by_mode)
 
 
 @lru_cache(maxsize=2)
-def _by_mode(harmonics: int) -> Array:
-    """(modes, 2 h, 2 h) dX/dc of cosines, then sines."""
+def _by_mode(harmonics: int) -> tuple[csr_array, ...]:
+    """(2 h, 2 h) dX/dc of cosines, then sines, which couples few harmonics, by each mode."""
     out = np.zeros((len(MODES), 2, harmonics, 2, harmonics))
     for found, (p, q, sine) in zip(out, MODES, strict=True):
         low = np.arange(1, harmonics + 1 - q)
@@ -71,7 +75,7 @@ def _by_mode(harmonics: int) -> Array:
             found[one, low - 1, other, high - 1] += value
             found[other, high - 1, one, low - 1] += value
             found[one, low - 1, one, low - 1] += _mean(p, q) if q == 0 else 0.0
-    return out.reshape(len(MODES), 2 * harmonics, 2 * harmonics)
+    return tuple(csr_array(found.reshape(2 * harmonics, 2 * harmonics)) for found in out)
 
 
 def _mean(p: int, q: int) -> float:

@@ -27,8 +27,8 @@ from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 
 COUNT = 8
-CARD = matcal.MaterialCard("foam", matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm"),
-                           conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+CARD = matcal.MaterialCard("foam", matcal.Hyperfoam(np.array([9530.0]), np.array([8.0]), np.array([0.0]), "longterm"),
+                           conductivity=matcal.Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0, 0.4)))
 SENSOR = Sensor(Body(), Skin(), Electrodes(count=COUNT, width_m=0.012, first_angle_rad=0.1),
                 Drive(1e-3, "skip-1", "differential"))
 TOUCH = '[punch]\nx_mm = 30\nforce_N = 0.2\n[accuracy]\nsignal = 0.05\n'

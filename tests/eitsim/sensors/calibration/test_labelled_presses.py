@@ -50,8 +50,9 @@ def signals(channels: Channels, moments_mm2: np.ndarray) -> np.ndarray:
 
 def test_a_small_touch_is_what_the_simulator_makes_of_a_light_one() -> None:
     """A press of 4 mm whose signal has the pattern of a point's, to a few per cent."""
-    foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
-    card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    foam = matcal.Hyperfoam(np.array([9530.0]), np.array([8.0]), np.array([0.0]), "longterm")
+    law = matcal.Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0, 0.4))
+    card = matcal.MaterialCard("foam", foam, conductivity=law)
     punch = eitsim.Punch(x_m=0.03, y_m=-0.02, diameter_m=0.004, force_N=0.01)
     scene = replace(SENSOR.scene, punches=(punch,))
     found = eitsim.simulate(scene, card).readings
