@@ -13,7 +13,7 @@ import eitsim
 import matcal
 from eitsim.electrics.cem.boundary_integral import rim_admittance, solve_rim
 from eitsim.scene.channels import Channels, channel_changes, channel_readings
-from eitsim.scene.drive import Drive, protocol, readings
+from eitsim.scene.drive import Drive, protocol, readings, voltage_columns
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Scene, Skin, read_scene, scene_from, scene_tables
 from eitsim.sensors.calibration.calibrate import Calibration
@@ -22,7 +22,9 @@ from eitsim.sensors.calibration.instrument_model import Instrument, sources, vol
 from eitsim.sensors.calibration.stages import Fit
 from eitsim.sensors.sensor_file import Sensor
 from eitsim.simulation.simulate import plan
+from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import read_design, scene_at
+from eitsim.sweeps.run.rows import solve_rows
 from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 
@@ -146,13 +148,18 @@ def test_images_are_of_the_calibrated_sensor(tmp_path: Path) -> None:
 def test_designs_take_calibrated_electrodes(tmp_path: Path) -> None:
     written(state_of("gains", "positions"), tmp_path / "sensor.json")
     (tmp_path / "design.toml").write_text('scenes = 2\n[electrodes]\ncalibrated = "sensor.json"\n[punch]\n'
-                                          'force_N = [0.1, 0.3]\n', encoding="utf-8")
+                                          'force_N = [0.1, 0.3]\n[accuracy]\nsignal = 0.05\n', encoding="utf-8")
     design = read_design(tmp_path / "design.toml")
     scene = scene_at(design, 1)
     assert scene.channels == scene_of(tmp_path).channels
     assert len(set(scene.channels.gains)) == COUNT
     assert scene.electrodes.angles_rad
     assert "calibrated" not in design.tables["electrodes"]
+    (row,) = solve_rows(design, Cards(CARD), [1])
+    alone = eitsim.simulate(scene, CARD).readings
+    assert alone is not None
+    found = np.array([row[name] for name in voltage_columns(alone.signal_V.size, "dv")])
+    np.testing.assert_allclose(found, alone.signal_V.ravel(), rtol=1e-12)
 
 
 @pytest.mark.parametrize(("text", "words"), [
