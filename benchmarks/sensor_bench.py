@@ -116,7 +116,8 @@ def rows_of(seed: int) -> Iterator[dict[str, Any]]:
     found = calibrate(sensor, one.recording)
     assert found.fit is not None
     assert found.instrument is not None
-    real = CalibratedSensor(sensor, found.instrument, found.fit.state, found.fit.misfit)
+    real = CalibratedSensor(sensor, found.instrument, found.fit.state, found.fit.misfit,
+                            np.sqrt(np.diag(found.fit.covariance)))
     made = to_ideal(real)
     spent = time.process_time() - begun
     ideal_rest = made.untouched_V

@@ -107,7 +107,7 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     Example: eitsim sensor correct frames.csv --sensor sensor.json --out corrected.csv
     """
     from eitsim.sensors.calibration.calibration_file import read_calibration
-    from eitsim.sensors.calibration.ideal_frames import ideal_frames, to_ideal
+    from eitsim.sensors.calibration.ideal_frames import frame_noise, ideal_frames, to_ideal
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.recording import write_recording
 
@@ -119,8 +119,10 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     found = to_ideal(calibrated)
     frames = ideal_frames(found, calibrated, open_recording(recording, kind=known.kind, readings=patterns * each))
     write_recording(frames, out)
+    noise = frame_noise(calibrated, found)
     if as_json:
-        print_json({"out": out, "frames": len(frames.readings), "left": found.left})
+        print_json({"out": out, "frames": len(frames.readings), "left": found.left, "noise_V": noise})
     else:
         print(f"frames: {out} ({len(frames.readings)}); {100 * found.left:.2g} % of the ideal sensor's signals are "
-              "not in the calibrated one's")
+              f"not in the calibrated one's")
+        print(f"noise, with the error of the map: {noise:.3g} V a reading (--noise-V of `surrogate predict`)")

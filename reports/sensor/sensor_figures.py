@@ -12,6 +12,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
+from eitsim.electrics.cem.uneven_sheet import sheet_modes
 from eitsim.scene.electrodes import arcs, contact_impedances
 from eitsim.scene.scene import Scene
 from reports.document import style
@@ -26,8 +27,9 @@ def electrodes(sensor: Scene) -> ReportFigure:
     figure = _ring(sensor, impedance, LogNorm(low, max(high, 1.01 * low)), style.SEQUENTIAL,
                    "Contact impedance (Ω m)")
     poorest = int(np.argmax(impedance))
+    uneven = _draw_sheet(figure.axes[0], sensor)
     caption = (f"Electrodes from above where the calibration puts them, displacements ten times too large, by contact "
-               f"impedance: {number(low)} to {number(high)} Ω m; electrode {poorest} has the poorest contact.")
+               f"impedance: {number(low)} to {number(high)} Ω m; electrode {poorest} has the poorest contact. {uneven}")
     return ReportFigure("electrodes", figure, caption, {"electrodes": pd.DataFrame({
         "electrode": np.arange(len(impedance)), "contact_impedance_Ohm_m": impedance})})
 
@@ -86,6 +88,21 @@ def residuals(document: Mapping[str, Any]) -> ReportFigure:
                f"{number(float(np.median(left)), 2)} %.")
     return ReportFigure("residuals", figure, caption, {"residuals": pd.DataFrame({
         "electrode": np.arange(len(left)), "unexplained_percent": left})})
+
+
+def _draw_sheet(axes: Axes, sensor: Scene) -> str:
+    """Lines of equal sheet conductance, and the sentence on them."""
+    radius, modes = sensor.body.radius_m * 1e3, sensor.channels.sheet_modes
+    if not any(modes):
+        return "The sheet is taken as even."
+    side = np.linspace(-1, 1, 101)
+    points = np.stack(np.meshgrid(side, side), axis=-1)
+    change = 100 * np.tensordot(np.array(modes), sheet_modes(points), 1)
+    change[np.hypot(points[..., 0], points[..., 1]) > 1] = np.nan
+    lines = axes.contour(radius * side, radius * side, change, 7, colors=style.GREY, linewidths=0.6)
+    axes.clabel(lines, fmt="%g", fontsize=6)
+    return (f"Lines: ln of the sheet conductance, off its mean by {number(float(np.nanmin(change)), 2)} to "
+            f"{number(float(np.nanmax(change)), 2)} %.")
 
 
 def _ring(sensor: Scene, value: np.ndarray, norm: Normalize, colours: str, words: str) -> Any:

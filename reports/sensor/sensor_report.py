@@ -42,10 +42,10 @@ def report(path: Path) -> Report:
     plates, absent = _plates(path, document)
     tables = {"parameters": _parameter_table(document)} if document["parameters"] else {}
     if document["unexplained"]:
-        tables["stages"] = _stage_table(document)
+        tables["freed"] = _stage_table(document)
     if document["tests"]:
         tables["tests"] = _test_table(document["tests"])
-    absent |= {name: f"Not there: {document['reason']}" for name in ("parameters", "stages", "tests")
+    absent |= {name: f"Not there: {document['reason']}" for name in ("parameters", "freed", "tests")
                if name not in tables}
     sensor = document["sensor"]
     subtitle = (f"{sensor['electrodes']['count']} electrodes on a disc of radius "
@@ -65,7 +65,7 @@ def _verdict(document: Mapping[str, Any]) -> list[Verdict]:
         found.append(Verdict("Changes of readings", GOOD, "channels and contacts are known"))
     else:
         found.append(Verdict("Absolute model", NOT_USABLE, document["reason"]))
-        found.append(Verdict("Changes of readings", USABLE, "with labelled presses and `surrogate train`; nothing of "
+        found.append(Verdict("Changes of readings", USABLE, "with labelled presses and surrogate train; nothing of "
                              "the instrument is known"))
     if (presses := document["presses"]) is not None:
         left = min(one["held_out"] for one in presses["unexplained"].values()) if (
@@ -91,9 +91,11 @@ def _findings(document: Mapping[str, Any]) -> list[str]:
         found.append(f"No absolute model: {document['reason']}")
     if (presses := document["presses"]) is not None:
         one = document["parameters"]["ln_moment_mm2"]
-        found.append(f"{presses['count']} labelled presses change the conductance of the skin as much as "
-                     f"{number(float(np.exp(one['value'])), 2)} mm² (in the median) that vanish or double, within a "
-                     f"factor of {number(float(np.exp(1.96 * one['sd'])), 3)} at 95 %.")
+        size = ("as large as no absolute model says" if document["absolute_model"] != "usable" else
+                f"{number(float(np.exp(one['value'])), 2)} mm² in the median, as relative change of conductance times "
+                "area")
+        found.append(f"{counted(presses['count'], 'labelled press', 'labelled presses')}: moments are {size}, their "
+                     f"mean within a factor of {number(float(np.exp(1.96 * one['sd'])), 3)} at 95 %.")
     return found
 
 

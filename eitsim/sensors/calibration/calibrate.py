@@ -126,7 +126,7 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
         electrodes, channels = sensor.electrodes, Channels(conductance_S=(_FIRST_CONDUCTANCE,))
     sheet = channels.conductance_S[0]
     rest = channel_readings(asked, channels, untouched_impedance(sensor.body, electrodes, sheet)).ravel()
-    there = np.isfinite(presses.signal).all(axis=0)
+    there = np.asarray(np.isfinite(presses.signal).all(axis=0))
     seen = Presses(presses.place_m, presses.signal[:, there])
 
     def sized(sign: Array) -> SignalSize:

@@ -30,6 +30,7 @@ class CalibratedSensor:
     instrument: Instrument
     state: Array  # (p,) in the order of instrument.names, in its units
     misfit: float  # standard deviation of an untouched reading about the model, V
+    sd: Array  # (p,) standard deviations of the state
 
     def readings(self, asked: Protocol | None = None) -> Array:
         """Untouched readings (patterns, readings) of a protocol, else of its own; ValueError where a pattern has
@@ -119,7 +120,8 @@ def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]], m
         state = "no parameter of this sensor" if min(odd) in parameters else "missing"
         raise ValueError(f"'{min(odd)}' in parameters is {state}. Fit the sensor again.")
     state = np.array([parameters[one]["value"] for one in instrument.names]) / instrument.units
-    calibrated = CalibratedSensor(sensor, instrument, state, misfit)
+    sd = np.array([parameters[one]["sd"] for one in instrument.names]) / instrument.units
+    calibrated = CalibratedSensor(sensor, instrument, state, misfit, sd)
     calibrated.readings()
     return calibrated
 

@@ -23,6 +23,7 @@ from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
 _INSIDE = 0.9  # part of the radius within which touches lie
+_DRAWS = 4  # of sensors that the calibration may have missed
 _RINGS = 12  # of pixels; one is as large as a touch's usual moment, 36 mm^2 of a disc of 100 mm
 
 
@@ -77,6 +78,19 @@ def error_covariance(calibrated: CalibratedSensor, states: Iterable[Array], foun
     ideal = ideal_signals(calibrated)
     missed = np.hstack([ideal - found.matrix @ signals(calibrated, state) for state in states])
     return missed @ missed.T / missed.shape[1]
+
+
+def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0) -> float:
+    """Standard deviation, V, of a corrected reading of a touched frame, r.m.s.: noise of both frames through the map,
+    and its error for a touch as large as a pixel, over sensors drawn by the standard deviations of the parameters.
+
+    These are taken as independent, which makes the draws wider than the posterior.
+    """
+    chance, held = np.random.default_rng(seed), calibrated.instrument
+    states = [calibrated.state + held.gauged(calibrated.sd * chance.standard_normal(held.size)) for _ in range(_DRAWS)]
+    error = np.trace(error_covariance(calibrated, states, found))
+    noise = 2 * calibrated.misfit**2 * np.sum(found.matrix**2)
+    return float(np.sqrt((error + noise) / len(found.matrix)))
 
 
 def ideal_frames(found: ToIdeal, calibrated: CalibratedSensor, recording: Recording) -> Recording:

@@ -97,7 +97,7 @@ def test_leaks_act_on_touched_readings_as_on_a_network_with_a_ground() -> None:
             rest = np.delete(np.arange(COUNT), current.argmin())
             expected[k, p, rest] = np.linalg.solve((body + np.diag(leaks))[np.ix_(rest, rest)], current[rest])
     reading = np.einsum("pre,kpe->kpr", asked.weights, expected)
-    z, other = (np.linalg.pinv(body) for body in (y, touched))
+    z, other = (np.asarray(np.linalg.pinv(body), dtype=float) for body in (y, touched))
     found = channel_changes(asked, Channels(leaks_S=tuple(leaks)), z, other, other - z)
     np.testing.assert_allclose(found, reading[1] - reading[0], atol=1e-9 * float(np.abs(reading).max()))
     assert np.abs(found - readings(asked, other - z)).max() > 1e-3 * np.abs(found).max()

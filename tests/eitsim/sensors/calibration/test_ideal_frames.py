@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from subprocess import CompletedProcess
 
@@ -17,7 +18,7 @@ from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.calibration.calibrate import Calibration
 from eitsim.sensors.calibration.calibration_file import CalibratedSensor, calibration_document
-from eitsim.sensors.calibration.ideal_frames import error_covariance, ideal_frames, to_ideal
+from eitsim.sensors.calibration.ideal_frames import error_covariance, frame_noise, ideal_frames, to_ideal
 from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
 from eitsim.sensors.calibration.stages import Fit
 from eitsim.sensors.recording import Recording, read_recording, write_recording
@@ -38,7 +39,7 @@ def real(*groups: str) -> CalibratedSensor:
     for group in groups:
         own = HELD.places[group]
         state[own] += {"contacts": 0.5}.get(group, 1.0) * HELD.prior_sd[own] * rng.standard_normal(own.stop - own.start)
-    return CalibratedSensor(SENSOR, HELD, state, 2e-5)
+    return CalibratedSensor(SENSOR, HELD, state, 2e-5, 0.1 * HELD.prior_sd)
 
 
 def touched(sensor: CalibratedSensor) -> np.ndarray:
@@ -92,6 +93,8 @@ def test_what_the_calibration_may_have_missed_is_in_the_error() -> None:
     alone, together = (error_covariance(sensor, each, found) for each in ([sensor.state], states))
     assert np.trace(together) > 2 * np.trace(alone)
     np.testing.assert_allclose(together, together.T)
+    surer = replace(sensor, sd=0.01 * HELD.prior_sd)
+    assert frame_noise(sensor, found) > frame_noise(surer, found) > np.sqrt(2) * sensor.misfit
 
 
 def test_a_recording_without_untouched_frame_is_refused() -> None:
