@@ -23,8 +23,8 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
                  "where the absolute model is refused.")] = None,
         report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
         as_json: JsonOption = False) -> None:
-    """Calibrate the model of an untouched sensor: conductance, contact impedances, width and places of electrodes,
-    gains against ground, source currents, leaks to ground; or refuse it with the reason.
+    """Calibrate the model of an untouched sensor: conductance and how it varies, contact impedances, widths and places
+    of electrodes, gains against ground, source currents, leaks to ground; or refuse it with the reason.
 
     Each group of parameters is left out where drives that were not fitted, a random half, are predicted worse by it.
     Every parameter comes with its standard deviation after and before. A refused model ends with status 0: the readings

@@ -28,7 +28,7 @@ app = application("Learn touches from electrode voltages: the paper's networks, 
 TrainedOn = Annotated[Path, typer.Argument(metavar="DIR|RECORDING", help="Data set that `eitsim sweep` wrote, or "
                                                                         "recorded frames with --labels, --sensor.")]
 LABELS_HELP = "CSV of what is known of a recording's touches: touch, x_mm, y_mm."
-SENSOR_HELP = "Sensor file (TOML) of a recording."
+SENSOR_HELP = "Sensor file (TOML), or the calibrated sensor (JSON), of a recording."
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."

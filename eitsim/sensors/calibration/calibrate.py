@@ -51,8 +51,8 @@ class Calibration:
 
 
 def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None, *, seed: int = 0) -> Calibration:
-    """Fit conductance, contacts, width, places, gains, currents and leaks of a sensor to the mean of its untouched
-    frames, stage by stage, the most probable state under Gaussian priors.
+    """Fit conductance and how it varies, contacts, widths, places, gains, currents and leaks of a sensor to the mean of
+    its untouched frames, stage by stage, the most probable state under Gaussian priors.
 
     A stage is left out where drives that were not fitted, a random half by `seed`, are clearly worse predicted by it;
     the last fit takes all drives. Priors stand in `instrument_model.GROUPS`. Readings may be volts or the counts of a
@@ -119,11 +119,9 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
     """The size of the presses' signals, by the calibrated sensor where it is usable, else by the sensor as its file
     describes it with a gain for each reading; of differences, which may be of magnitudes, by what explains more."""
     sensor, asked = found.sensor, found.sensor.protocol
-    usable = not found.reason and found.instrument is not None and found.fit is not None
-    if usable and found.instrument is not None and found.fit is not None:
+    electrodes, channels = sensor.electrodes, Channels(conductance_S=(_FIRST_CONDUCTANCE,))
+    if not found.reason and found.instrument is not None and found.fit is not None:
         electrodes, channels = found.instrument.built(found.fit.state), found.instrument.channels(found.fit.state)
-    else:
-        electrodes, channels = sensor.electrodes, Channels(conductance_S=(_FIRST_CONDUCTANCE,))
     sheet = channels.conductance_S[0]
     rest = channel_readings(asked, channels, untouched_impedance(sensor.body, electrodes, sheet)).ravel()
     there = np.asarray(np.isfinite(presses.signal).all(axis=0))
@@ -134,7 +132,7 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
             return 1e-6 * (sign * signal_by_touch(sensor.body, electrodes, sheet, channels, asked, places_m))[:, there]
 
         lies = placement(seen.place_m, seen.signal, shape_of, sensor.body.radius_m)
-        return signal_size(presses, there, shape_of(lies.placed(seen.place_m)), lies, seed, gains=not usable)
+        return signal_size(presses, there, shape_of(lies.placed(seen.place_m)), lies, seed, gains=bool(found.reason))
 
     one, magnitudes = np.ones(rest.size), np.sign(rest)
     signs = {"voltage": [one], "magnitude": [magnitudes], "difference": [one, magnitudes]}[sensor.kind]
