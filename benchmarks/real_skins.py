@@ -22,10 +22,10 @@ import numpy as np
 import pandas as pd
 from conditions import earlier, quick, shown, written
 
+from eitsim.sensors.labels import Labels, read_labels
 from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings.baselines import tracked
-from surrogate.recordings.labels import Labels, read_labels
 from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.presses import Presses, labelled, presses_of
 from surrogate.recordings.trained.reader_scores import ReaderScore, read_rows, split_rows

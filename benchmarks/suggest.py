@@ -24,10 +24,10 @@ import pandas as pd
 from conditions import earlier, quick, shown, written
 from real_skins import REAL, known_by, recorded
 
+from eitsim.sensors.labels import PLACE, Labels, places_of
 from eitsim.sensors.sensor_file import Sensor, read_sensor
 from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
-from surrogate.recordings.labels import PLACE, Labels, places_of
 from surrogate.recordings.pattern_process import matern
 from surrogate.recordings.physics.expectation import Pose, expectation_of
 from surrogate.recordings.presses import Presses, taken

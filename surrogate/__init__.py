@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 from touchcal.lazy import attach
 
 if TYPE_CHECKING:
+    from eitsim.sensors.labels import Labels as Labels
+    from eitsim.sensors.labels import read_labels as read_labels
     from surrogate.bounds.cramer_rao import cramer_rao as cramer_rao
     from surrogate.learners.base import Learner as Learner
     from surrogate.learners.registry import METHODS as METHODS
@@ -24,8 +26,6 @@ if TYPE_CHECKING:
     from surrogate.model.tracked import Tracked as Tracked
     from surrogate.model.tracker import Tracker as Tracker
     from surrogate.model.train import train as train
-    from surrogate.recordings.labels import Labels as Labels
-    from surrogate.recordings.labels import read_labels as read_labels
     from surrogate.recordings.trained.reader_store import load_reader as load_reader
     from surrogate.recordings.trained.reader_store import save_reader as save_reader
     from surrogate.recordings.trained.reader_table import read_touches as read_touches
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from surrogate.recordings.trained.train_reader import train_reader as train_reader
 
 __getattr__, __dir__, __all__ = attach(__name__, {
-    "METHODS": "surrogate.learners.registry", "Labels": "surrogate.recordings.labels",
+    "METHODS": "surrogate.learners.registry", "Labels": "eitsim.sensors.labels",
     "Learner": "surrogate.learners.base", "Model": "surrogate.model.model",
     "TrainedReader": "surrogate.recordings.trained.train_reader",
     "cramer_rao": "surrogate.bounds.cramer_rao", "evaluate": "surrogate.model.evaluate",
     "load": "surrogate.model.model", "load_reader": "surrogate.recordings.trained.reader_store",
-    "read_labels": "surrogate.recordings.labels", "read_touches": "surrogate.recordings.trained.reader_table",
+    "read_labels": "eitsim.sensors.labels", "read_touches": "surrogate.recordings.trained.reader_table",
     "save_reader": "surrogate.recordings.trained.reader_store", "train": "surrogate.model.train",
     "train_reader": "surrogate.recordings.trained.train_reader",
     "Tracked": "surrogate.model.tracked", "Tracker": "surrogate.model.tracker"})

@@ -21,7 +21,7 @@ HOUSE = {
     "eitsim": ("numerics", "scene", "electrics", "mechanics", "simulation", "sensors", "sweeps", "", "cli"),
     "surrogate": ("statistics", "data", "recordings", "forward_map", "bounds", "learners", "model", "single_frame",
                   "live", "", "cli"),
-    "reports": ("document", "calibration", "touch", "sweep", "surrogate", "benchmarks", "paper", ""),
+    "reports": ("document", "calibration", "touch", "sensor", "sweep", "surrogate", "benchmarks", "paper", ""),
 }
 MOST_ROOMS, MOST_FLOORS, MOST_FILES = 10, 6, 20
 DRAWING = {"matplotlib", "typst", "corner"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -157,7 +158,7 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
         _console().print(table)
     groups: dict[str, list[dict[str, float]]] = {}
     for name, one in document["parameters"].items():
-        groups.setdefault(name.rstrip("_0123456789"), []).append(one)
+        groups.setdefault(re.sub(r"_\d+$", "", name), []).append(one)
     if groups:
         table = Table("parameter", "values", "sd, largest", "prior sd", box=box.SIMPLE_HEAD, title_justify="left",
                       title="parameters, their standard deviation after and before the fit")
@@ -166,6 +167,17 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
             table.add_row(name, " to ".join(dict.fromkeys(ends)), f"{max(one['sd'] for one in each):.2g}",
                           f"{max(one['prior_sd'] for one in each):.2g}")
         _console().print(table)
+    for electrode, why in document["left_out"].items():
+        print(f"electrode {electrode} is left out: {why}")
+    if (presses := document["presses"]) is not None:
+        one, left = document["parameters"]["ln_moment_mm2"], presses["unexplained"]
+        x, y = presses["centre_mm"]
+        print(f"the sensor's centre lies at {x:.4g}, {y:.4g} mm in the labels, which are turned by "
+              f"{presses['turn_deg']:.3g} deg" + (" and mirrored" if presses["mirrored"] else ""))
+        print(f"{presses['count']} labelled presses: ln of the moment in mm2 {one['value']:.3g} +- {one['sd']:.2g}; "
+              f"{_percent(left['size']['held_out'])} of presses that were not fitted stay unexplained"
+              + (f", with a gain for each reading {_percent(left['gains']['held_out'])}"
+                 if document["kind"] == "changes only" else ""))
     if document["not_determined"]:
         print(f"not determined by the data: {', '.join(document['not_determined'])}")
     print(f"absolute model: {document['absolute_model']}" + (f": {document['reason']}" if document["reason"] else ""))

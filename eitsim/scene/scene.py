@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, as_tuples
+from eitsim.scene.channels import Channels, sinks
+from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, as_tuples, protocol
 from eitsim.scene.electrodes import IMPEDANCES, PLACES, Electrodes, check, unread
 from eitsim.scene.outline import OUTLINES, Outline, area_m2, check_outline, edge_distance_m
 from eitsim.scene.outline_electrodes import check_on_outline
@@ -24,10 +25,11 @@ MODULI = ("card", "instantaneous", "longterm")
 # Least and largest value by unit, and of keys that differ, in the unit of the key: what is built and measured, with
 # room; outside them a value is a slip of the unit.
 _OF_UNITS = {"mm": (1e-3, 1e4), "um": (1e-3, 1e4), "N": (0.0, 1e9), "mA": (1e-9, 1e6), "deg": (-3600.0, 3600.0),
-             "Ohm_m": (1e-12, 1e9), "Ohm_m2": (1e-12, 1e9), "s": (0.0, 1e12)}
+             "Ohm_m": (1e-12, 1e9), "Ohm_m2": (1e-12, 1e9), "s": (0.0, 1e12), "uS": (-1e9, 1e9), "S": (1e-12, 1e9)}
 _OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "half_angle_deg": (1.0, 89.0),
             "friction_coefficient": (0.0, 100.0), "signal": (1e-9, 10.0), "positions_mm": (-1e5, 1e5),
-            "points_mm": (-1e4, 1e4), "holes_mm": (-1e4, 1e4), "corner_radius_mm": (0.0, 1e4)}
+            "points_mm": (-1e4, 1e4), "holes_mm": (-1e4, 1e4), "corner_radius_mm": (0.0, 1e4),
+            "gains": (-100.0, 100.0), "current_factors": (0.0, 100.0), "sheet_modes": (-10.0, 10.0)}
 MOST_TOUCHES = 100
 
 
@@ -122,6 +124,7 @@ class Scene:
     skin: Skin = field(default_factory=Skin)
     electrodes: Electrodes = field(default_factory=Electrodes)
     drive: Drive = field(default_factory=Drive)
+    channels: Channels = field(default_factory=Channels)
     hold: Hold = field(default_factory=Hold)
     accuracy: Accuracy = field(default_factory=Accuracy)
     card: str | None = None  # path of the card that the scene file names; None where it names none
@@ -157,6 +160,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
                    "opening_deg": ("opening_rad", 180 / math.pi)},
     "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
               **{key: (key, None) for key in MATRICES}},
+    "channels": {"gains": ("gains", 1.0), "current_factors": ("current_factors", 1.0), "leaks_uS": ("leaks_S", 1e6),
+                 "conductance_S": ("conductance_S", 1.0), "sheet_modes": ("sheet_modes", 1.0)},
     "hold": {"time_s": ("time_s", None), "control": ("control", None), "loading_s": ("loading_s", 1.0),
              "moduli": ("moduli", None)},
     "accuracy": {"signal": ("signal", 1.0)},
@@ -169,13 +174,13 @@ LISTS = {"drive": MATRICES, "electrodes": ("angles_deg", "missing", "positions_m
 _KNOWN: dict[tuple[str, str], Collection[str]] = {
     ("body", "outline"): OUTLINES, ("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS,
     ("skin", "strain"): STRAINS, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
-_CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
-            "accuracy": Accuracy}
+_CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "channels": Channels,
+            "hold": Hold, "accuracy": Accuracy}
 
 
 def is_list(table: str, key: str, value: Any) -> bool:
     """Whether a value is a list that a key itself holds, not a range that a design draws one number from."""
-    whole = key in LISTS.get(table, ())
+    whole = table == "channels" or key in LISTS.get(table, ())
     return isinstance(value, list) and (whole or (table == "electrodes" and key in EACH and len(value) > 2))
 
 
@@ -217,6 +222,9 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
         blocks = [{key: _unconverted(getattr(part, name), per) for key, (name, per) in keys.items()
                    if getattr(part, name) is not None} for part in parts]
         out[table] = blocks if table == "punch" else blocks[0]
+    out["channels"] = {key: values for key, values in out["channels"].items() if values}
+    if not out["channels"]:
+        del out["channels"]
     _without_idle(scene, out)
     drive = scene.drive
     for key, instead in (("pattern", drive.currents), ("reading", drive.currents or drive.measurements)):
@@ -381,9 +389,23 @@ def _check(scene: Scene) -> None:
     _require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
              "leaves nothing to relax; leave out moduli (a hold begins with the instantaneous ones) or time_s",
              scene.hold.moduli)
+    _check_channels(scene)
     if unread(scene.drive, electrodes).all():
         raise ValueError(f"missing in [electrodes]: without {', '.join(map(str, electrodes.missing))} no reading of "
                          "the drive is left; leave some of them, or choose another pattern in [drive].")
+
+
+def _check_channels(scene: Scene) -> None:
+    channels, count = scene.channels, scene.electrodes.count
+    for key, (name, _) in _KEYS["channels"].items():
+        number = {"conductance_S": 1, "sheet_modes": len(channels.sheet_modes)}.get(name, count)
+        _require(len(getattr(channels, name)) in (0, number), f"{key} in [channels]",
+                 f"must hold {number} number{'s, one an electrode' if number > 1 else ''}",
+                 len(getattr(channels, name)))
+    if channels.there:
+        _require(not scene.electrodes.missing, "missing in [electrodes]", "is not built with [channels]; leave out the "
+                 "drives and readings that need them", list(scene.electrodes.missing))
+        sinks(protocol(scene.drive, count))
 
 
 def _check_limits(table: str, key: str, value: Any, per: float | None) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.scene.calibrated_electrodes import with_calibrated
 from eitsim.scene.drive import with_matrices
 from eitsim.scene.outline import OUTLINES
 from eitsim.scene.outline_files import outline_of_file
@@ -20,9 +21,9 @@ _PLACES, _SIZES = ("x_mm", "y_mm"), ("width_mm", "length_mm", "turn_deg", "conta
 
 def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables of a scene, design or sensor file that need no other file from here on: matrices of [drive], the
-    outline of [body] and the grid or the places of [electrodes] written out. Names are relative to `folder`; ValueError
-    names the key, InputFileError the file."""
-    tables = with_matrices(raw, folder)
+    outline of [body], and the grid, the places or the calibrated sensor of [electrodes] written out. Names are relative
+    to `folder`; ValueError names the key, InputFileError the file."""
+    tables = with_calibrated(with_matrices(raw, folder), folder)
     if isinstance(body := tables.get("body"), Mapping):
         tables["body"] = _with_outline(body, folder)
     if isinstance(electrodes := tables.get("electrodes"), Mapping):

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.scene.calibrated_electrodes import read_fitted
 from eitsim.scene.drive import Drive, Protocol, protocol
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
 from eitsim.scene.scene import Body, Scene, Skin, scene_from
@@ -55,9 +56,10 @@ class Sensor:
 
 
 def read_sensor(path: Path | str) -> Sensor:
-    """Read a sensor file (TOML); InputFileError names the file, and the key or line, of what it may not hold."""
+    """Read a sensor file (TOML), or the sensor that a calibration (JSON) was made of, as its file described it;
+    InputFileError names the file, and the key or line, of what it may not hold."""
     path = Path(path)
-    raw = read_toml(path)
+    raw = read_fitted(path)["sensor"] if path.suffix == ".json" else read_toml(path)
     try:
         return sensor_from(raw, path.parent)
     except InputFileError:

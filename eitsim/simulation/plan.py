@@ -73,9 +73,10 @@ def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fals
     """
     material = material_of(scene, card)
     decisions = _decisions(scene, material, reused or [None] * len(scene.punches), exact)
-    refusal, skin = unresolvable(scene, material), material.card.conductivity
-    if not refusal and scene.electrodes.kind == "line" and not scene.body.has_outline and skin is not None:
-        refusal = unsolvable(scene.body, present(scene.electrodes), untouched_conductance(skin, scene.skin))
+    refusal = unresolvable(scene, material)
+    if (not refusal and scene.electrodes.kind == "line" and not scene.body.has_outline
+            and material.card.conductivity is not None):
+        refusal = unsolvable(scene.body, present(scene.electrodes), untouched_conductance(material.skin, scene.skin))
     return Plan(tuple(_exactly(decisions) if exact else decisions), refusal or _refusal(scene))
 
 
@@ -303,10 +304,29 @@ def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
         yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
                        "requested error, a mesh that follows the touch takes over; the estimate counts in the result's "
                        "own error", 0.0)
+    yield from _channel_decisions(scene)
     if scene.electrodes.missing:
         yield Decision(f"without electrode{'s' if len(scene.electrodes.missing) > 1 else ''} "
                        f"{', '.join(map(str, scene.electrodes.missing))} (from 0)", "missing in [electrodes]: no "
                        "current passes; readings that need one are null", 0.0)
+
+
+def _channel_decisions(scene: Scene) -> Iterator[Decision]:
+    channels = scene.channels
+    if any(channels.sheet_modes):
+        yield Decision("the calibrated sheet is taken as even", "sheet_modes in [channels] say how the logarithm of "
+                       f"its conductance varies, by up to {max(map(abs, channels.sheet_modes)):.2g} a mode; readings "
+                       "do without, and so differ from the sensor's by about as much of the signal",
+                       0.0, unbounded=True)
+    if channels.conductance_S:
+        yield Decision(f"the untouched skin has the calibrated sheet conductance of {channels.conductance_S[0]:.4g} S",
+                       "conductance_S in [channels]; thickness in [skin] and c0 of the card have no effect, the card "
+                       "says how strain changes it", 0.0)
+    if channels.there:
+        yield Decision("readings through the channels of a calibrated sensor", "gains against ground, source currents "
+                       "and leaks act outside the body, so that its impedance matrix holds all they need; exact for "
+                       "touched readings too. Their intervals are not in the bound; impedance_Ohm and maps of the skin "
+                       "are those of the body without them", 0.0, unbounded=True)
 
 
 def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from eitsim.sensors.labels import unit_of
 from reports.document import provenance, style
 from reports.document.numerals import counted, in_figure, number, percent, typeset
 from reports.document.page import Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
 from reports.document.verdict import NOT_USABLE, SHORTFALL, Verdict, graded
-from surrogate.recordings.labels import unit_of
 from surrogate.recordings.scalar_reader import FAMILIES as OF_LABELS
 from surrogate.recordings.touch_reader import FAMILIES
 from surrogate.recordings.trained import reader_store

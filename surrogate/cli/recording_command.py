@@ -12,7 +12,7 @@ from touchcal.terminal import print_json
 if TYPE_CHECKING:
     import pandas as pd
 
-    from surrogate.recordings.labels import Labels
+    from eitsim.sensors.labels import Labels
     from surrogate.recordings.suggestion.next_presses import NextPresses
     from surrogate.recordings.trained.train_reader import TrainedReader
 
@@ -22,8 +22,8 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
     """Train on a recording, write the model, print its scores, and where asked the places to press next; with fewer
     labels than can be learnt from, these places alone."""
     from eitsim.sensors.calibration.calibration_file import read_described_sensor
+    from eitsim.sensors.labels import read_labels
     from eitsim.sensors.recording import read_recording
-    from surrogate.recordings.labels import read_labels
     from surrogate.recordings.physics.expectation import expectation_of
     from surrogate.recordings.signals import FEWEST
     from surrogate.recordings.trained import reader_store
@@ -61,7 +61,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
 
 def _suggested(radius_mm: float, given: Labels | None, count: int, out: Path) -> NextPresses:
     """The places to press next, written into the model's folder."""
-    from surrogate.recordings.labels import places_of
+    from eitsim.sensors.labels import places_of
     from surrogate.recordings.suggestion.next_presses import SUGGESTED, next_presses
     from touchcal.whole_file import written
 

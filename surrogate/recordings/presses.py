@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.recording import Recording
 from surrogate.recordings.baselines import in_order, tracked
-from surrogate.recordings.labels import Labels, labels_of
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 

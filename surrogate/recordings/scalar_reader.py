@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eitsim.sensors.labels import unit_of
 from surrogate.recordings import kernel_ridge, networks, stacking
 from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.intervals import Bounds, Intervals, calibrated
 from surrogate.recordings.kernel_ridge import KernelRidge
-from surrogate.recordings.labels import unit_of
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.worth import check_worth, distance

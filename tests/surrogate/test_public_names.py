@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import eitsim.sensors.labels
 import surrogate
-import surrogate.recordings.labels
 from eitsim.sweeps.dataset.parquet import read_dataset
 from surrogate.data.baseline_frame import untouched
 from surrogate.data.samples import Samples
@@ -103,4 +103,4 @@ def test_other_data_are_refused(tmp_path: Path, sweep: Path) -> None:
 
 def test_the_example_runs() -> None:
     assert doctest.testmod(surrogate).failed == 0
-    assert doctest.testmod(surrogate.recordings.labels).failed == 0
+    assert doctest.testmod(eitsim.sensors.labels).failed == 0

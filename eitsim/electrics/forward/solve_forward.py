@@ -20,7 +20,8 @@ from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.outline.touch_mesh import touch_mesh
 from eitsim.electrics.sheet import sheet_conductance as sheet
-from eitsim.scene.drive import read_out
+from eitsim.scene.channels import Channels, channel_changes
+from eitsim.scene.drive import protocol, read_out
 from eitsim.scene.electrodes import among_all, contact_impedances, present
 from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
@@ -47,14 +48,21 @@ class _Sensor:
     electrodes: Electrodes
     drive: Drive
     law: Conductivity
+    channels: Channels
 
     @property
     def conductance_S(self) -> float:
         return sheet.untouched_conductance(self.law, self.skin)
 
-    def read_out(self, impedance_Ohm: Array) -> Array:
-        """Readings, V, by an impedance matrix of the electrodes that have contact; NaN where another is needed."""
-        return read_out(self.drive, among_all(self.given, impedance_Ohm))
+    def changes(self, before_Ohm: Array, change_Ohm: Array) -> Array:
+        """Changes of readings, V, by one of the impedance matrix of the electrodes that have contact; NaN where another
+        is needed."""
+        before, change = (among_all(self.given, one) for one in (before_Ohm, change_Ohm))
+        return channel_changes(protocol(self.drive, self.given.count), self.channels, before, before + change, change)
+
+    def read_out(self, change_Ohm: Array) -> Array:
+        """Changes of readings, V, through channels without error, by which methods are compared."""
+        return read_out(self.drive, among_all(self.given, change_Ohm))
 
 
 @dataclass(frozen=True)
@@ -68,8 +76,10 @@ class _Change:
 
 
 def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches: Touches,
-          law: Conductivity, *, signal: float = 0.002, method: str = "auto") -> Readings:
-    """Readings of a touched skin; the relative error of dV, 2-norm, is at most `signal` where that can be reached.
+          law: Conductivity, *, channels: Channels | None = None, signal: float = 0.002,
+          method: str = "auto") -> Readings:
+    """Readings of a touched skin, through channels where they are given; the relative error of dV, 2-norm, is at most
+    `signal` where that can be reached.
 
     The untouched skin is solved once a sensor (`untouched_impedance`). "multipole" adds what the touches,
     stacks of rings about the punches, scatter: together in circles that do not overlap, and each alone out to the
@@ -104,10 +114,11 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
         raise ValueError(f"method '{method}' is unknown; known: {', '.join(METHODS)}.")
     if not touches:
         raise ValueError("no touch is given; give at least one.")
-    sensor = _Sensor(body, skin, electrodes, present(electrodes), drive, law)
+    sensor = _Sensor(body, skin, electrodes, present(electrodes), drive, law, channels or Channels())
     change = min(_changes(sensor, touches, signal, method), key=lambda c: c.error)
     untouched = untouched_impedance(body, sensor.electrodes, sensor.conductance_S)
-    baseline, dv = sensor.read_out(untouched), sensor.read_out(change.impedance_Ohm)
+    baseline = sensor.changes(np.zeros_like(untouched), untouched)
+    dv = sensor.changes(untouched, change.impedance_Ohm)
     extrapolated = sum(sheet.extrapolated_fraction(body, punch, touch, skin, law) for punch, touch in touches)
     return Readings(baseline + dv, baseline, dv, among_all(electrodes, untouched + change.impedance_Ohm), change.error,
                     min(extrapolated, 1.0), change.unknowns, cpu_s() - start, change.method)

@@ -11,11 +11,12 @@ from eitsim.electrics.cem.assembly import Array, impedance
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
 from eitsim.electrics.outline.adapted_mesh import impedance_by_log_contact, solve_untouched
-from eitsim.scene.drive import read_out
+from eitsim.scene.channels import channel_readings
+from eitsim.scene.drive import protocol, read_out
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, identical, present, there
 from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
 
-TABLES = ("body", "electrodes", "drive")
+TABLES = ("body", "electrodes", "drive", "channels")
 # Sheet conductance, S, that the search starts from, its steps and where it ends; readings are nearly its reciprocal.
 _START_S, _STEPS, _CLOSE = 1e-3, 40, 1e-8
 _OTHER = 1e-5  # Relative difference, 2-norm, above which readings are not those of a sensor.
@@ -39,7 +40,8 @@ def sensor_of(tables: Mapping[str, Any]) -> Scene:
 def untouched_readings(sensor: Scene, conductance_S: float) -> Array:
     """Readings (readings,), V, of the untouched skin of a sensor; NaN where an electrode is missing."""
     impedance = untouched_impedance(sensor.body, present(sensor.electrodes), conductance_S)
-    return read_out(sensor.drive, among_all(sensor.electrodes, impedance)).ravel()
+    asked = protocol(sensor.drive, sensor.electrodes.count)
+    return channel_readings(asked, sensor.channels, among_all(sensor.electrodes, impedance)).ravel()
 
 
 def conductance_of(sensor: Scene, baseline_V: Array) -> float:

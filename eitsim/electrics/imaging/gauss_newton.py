@@ -18,12 +18,14 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import root_scalar
 from scipy.spatial import Delaunay, KDTree
 
-from eitsim.electrics.cem.adjoint import impedance_by_conductance, impedance_by_field, readings_by
+from eitsim.electrics.cem.adjoint import impedance_by_conductance, impedance_by_field
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, centred, potentials, quadrature_points
+from eitsim.electrics.cem.uneven_sheet import MODES, sheet_modes
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
 from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.outline.triangles import refined, triangulated
-from eitsim.scene.drive import Drive, read_out
+from eitsim.scene.channels import Channels, channel_changes, channel_readings
+from eitsim.scene.drive import Drive, protocol
 from eitsim.scene.electrodes import among_all, contact_impedances, present
 from eitsim.scene.outline import area_m2, edge_distance_m
 from eitsim.scene.scene import Body, Electrodes
@@ -99,27 +101,46 @@ def outline_pixels(body: Body) -> Pixels:
     return Pixels(found.corners_m, found.cells, found.centres_m, found.area_m2, body)
 
 
-def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array) -> Untouched:
-    """The uniform skin that fits untouched readings (readings,) best, its contact impedances those of the electrodes.
+def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array,
+           channels: Channels | None = None) -> Untouched:
+    """The uniform skin that fits untouched readings (readings,) best, its contact impedances those of the electrodes,
+    read through channels where they are given.
 
     ValueError where the readings have another count, or no conductance fits them.
     """
     mosaic, resistance = outline_pixels(body) if body.has_outline else pixels(body.radius_m), 1 / _FIRST_S
-    mesh = _fine(body, present(electrodes))
+    mesh, passed = _fine(body, present(electrodes)), channels or Channels()
+    if passed.conductance_S:
+        resistance = 1 / passed.conductance_S[0]
     for _ in range(_STEPS):
-        potential, readings, slope = _uniform(mesh, electrodes, drive, 1 / resistance)
+        potential, readings, slope = _uniform(mesh, electrodes, drive, passed, 1 / resistance)
         if readings.shape != baseline_V.shape:
             raise ValueError(f"the frame has {baseline_V.size} readings, electrodes and drive make {readings.size}; "
                              "check [electrodes] and [drive].")
         step = float(slope @ np.nan_to_num(baseline_V - readings) / (slope @ slope))
         if abs(step) <= _SETTLED * resistance:
             by_pixel = impedance_by_conductance(mesh, potential, _places(quadrature_points(mesh), mosaic))
-            return Untouched(mosaic, 1 / resistance, readings, _by(drive, electrodes, by_pixel) / resistance)
+            jacobian = _by(drive, electrodes, passed, _ends(mesh, potential), by_pixel) / resistance
+            return Untouched(mosaic, 1 / resistance, readings, jacobian)
         resistance += step
         if resistance <= 0:
             break
     raise ValueError("no uniform conductance fits the untouched readings: their signs or their order may be others; "
                      "check [electrodes], [drive] and the contact impedance.")
+
+
+def pixel_signals(body: Body, electrodes: Electrodes, drive: Drive, channels: Channels,
+                  mosaic: Pixels) -> Array:
+    """dV (readings, t), V, by a relative change of conductance on each pixel of a sheet that may vary smoothly, as
+    channels say, with which its readings are taken."""
+    mesh = _fine(body, present(electrodes))
+    points = quadrature_points(mesh)
+    modes = np.array(channels.sheet_modes or (0.0,) * len(MODES))
+    sheet = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(points / body.radius_m), 1))
+    potential = potentials(mesh, sheet[..., None, None] * np.eye(2), contact_impedances(present(electrodes)))
+    by_pixel = impedance_by_conductance(mesh, potential, _places(points, mosaic))
+    here = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(mosaic.centre_m / body.radius_m), 1))
+    return _by(drive, electrodes, channels, _ends(mesh, potential), by_pixel) * here
 
 
 def check_prior(prior: str, noise_figure: float) -> None:
@@ -205,18 +226,27 @@ def _places(points: Array, mosaic: Pixels) -> Indices:
     return np.take_along_axis(nearest, best[..., None], axis=-1)[..., 0]
 
 
-def _uniform(mesh: SkinMesh, electrodes: Electrodes, drive: Drive, conductance_S: float) -> tuple[Array, Array, Array]:
+def _ends(mesh: SkinMesh, potential: Array) -> Array:
+    """Impedance matrix (N, N), Ohm, by the potentials."""
+    return centred(mesh, potential)[len(mesh.nodes_m):]
+
+
+def _uniform(mesh: SkinMesh, electrodes: Electrodes, drive: Drive, channels: Channels,
+             conductance_S: float) -> tuple[Array, Array, Array]:
     """Potentials, readings (readings,), V, and their derivatives by the resistance of a square, A."""
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(present(electrodes)))
-    ends = centred(mesh, potential)[len(mesh.nodes_m):]
+    ends = _ends(mesh, potential)
     sheet = np.broadcast_to(conductance_S**2 * np.eye(2), (*quadrature_points(mesh).shape[:2], 2, 2))
-    slope = _by(drive, electrodes, -impedance_by_field(mesh, potential, sheet)[None])[:, 0]
-    return potential, read_out(drive, among_all(electrodes, ends)).ravel(), slope
+    slope = _by(drive, electrodes, channels, ends, -impedance_by_field(mesh, potential, sheet)[None])[:, 0]
+    asked = protocol(drive, electrodes.count)
+    return potential, channel_readings(asked, channels, among_all(electrodes, ends)).ravel(), slope
 
 
-def _by(drive: Drive, electrodes: Electrodes, impedance_by: Array) -> Array:
+def _by(drive: Drive, electrodes: Electrodes, channels: Channels, impedance_Ohm: Array, impedance_by: Array) -> Array:
     """Derivatives of the readings (readings, p); 0 where an electrode without contact is needed."""
-    return np.nan_to_num(readings_by(drive, np.stack([among_all(electrodes, one) for one in impedance_by])))
+    asked, whole = protocol(drive, electrodes.count), among_all(electrodes, impedance_Ohm)
+    return np.nan_to_num(np.column_stack([
+        channel_changes(asked, channels, whole, whole, among_all(electrodes, one)).ravel() for one in impedance_by]))
 
 
 def _solved(prior: str, untouched: Untouched, columns: Array) -> Array:

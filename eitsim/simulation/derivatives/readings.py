@@ -118,6 +118,8 @@ def _problem(scene: Scene) -> str:
         return "a hold; leave out time_s in [hold]."
     if together(scene):
         return "touches solved together; give one [punch], or move them further from each other."
+    if scene.channels.there:
+        return "calibrated channels; give [electrodes] without calibrated, or leave out [channels]."
     for punch in scene.punches:
         if punch.friction != "none":
             return f"friction = \"{punch.friction}\" in [punch], where the touch depends on its way; leave it out."

@@ -7,11 +7,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from eitsim.sensors.labels import PLACE, Labels
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
 from surrogate.recordings.intervals import chosen
-from surrogate.recordings.labels import PLACE, Labels
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, cut

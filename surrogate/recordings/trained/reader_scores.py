@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eitsim.sensors.labels import PLACE, Labels, labels_of, unit_of
 from surrogate.recordings.intervals import radius
-from surrogate.recordings.labels import PLACE, Labels, labels_of, unit_of
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, taken
 from surrogate.recordings.trained import press_reader

@@ -2,8 +2,8 @@
 
 import pandas as pd
 
+from eitsim.sensors.labels import PLACE
 from eitsim.sensors.recording import Recording
-from surrogate.recordings.labels import PLACE
 from surrogate.recordings.presses import presses_of
 from surrogate.recordings.trained.press_reader import read
 from surrogate.recordings.trained.train_reader import TrainedReader

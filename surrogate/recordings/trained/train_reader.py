@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
+from eitsim.sensors.labels import Labels, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.recordings import scalar_reader, touch_reader
-from surrogate.recordings.labels import Labels, unit_of
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, labelled, presses_of
 from surrogate.recordings.signals import FEWEST

@@ -12,11 +12,11 @@ import pytest
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
+from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from reports.surrogate.reader_report import report
 from surrogate.cli.main import app
 from surrogate.recordings import networks
-from surrogate.recordings.labels import Labels
 from surrogate.recordings.trained import reader_store
 from surrogate.recordings.trained.train_reader import TrainedReader, train_reader
 

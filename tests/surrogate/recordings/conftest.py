@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eitsim.sensors.labels import PLACE, Labels
 from surrogate.data.sensor_ring import ring_of_design
 from surrogate.forward_map.multipole_series import electrode_fields
-from surrogate.recordings.labels import PLACE, Labels
 from surrogate.recordings.presses import Presses
 from touchcal.arrays import Array
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from surrogate.recordings.baselines import learn_drift, tracked, without
-from surrogate.recordings.labels import Labels
 from surrogate.recordings.presses import labelled, presses_of
 from touchcal.errors import InputFileError
 

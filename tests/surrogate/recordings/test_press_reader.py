@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from surrogate.recordings import networks
 from surrogate.recordings.intervals import radius
-from surrogate.recordings.labels import Labels
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.trained import press_reader, reader_store
 from surrogate.recordings.trained.press_reader import PressReader
