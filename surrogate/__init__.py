@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from surrogate.model.evaluate import evaluate as evaluate
     from surrogate.model.model import Model as Model
     from surrogate.model.model import load as load
+    from surrogate.model.tracked import Tracked as Tracked
+    from surrogate.model.tracker import Tracker as Tracker
     from surrogate.model.train import train as train
     from surrogate.recordings.labels import Labels as Labels
     from surrogate.recordings.labels import read_labels as read_labels
@@ -38,4 +40,5 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "load": "surrogate.model.model", "load_reader": "surrogate.recordings.trained.reader_store",
     "read_labels": "surrogate.recordings.labels", "read_touches": "surrogate.recordings.trained.reader_table",
     "save_reader": "surrogate.recordings.trained.reader_store", "train": "surrogate.model.train",
-    "train_reader": "surrogate.recordings.trained.train_reader"})
+    "train_reader": "surrogate.recordings.trained.train_reader",
+    "Tracked": "surrogate.model.tracked", "Tracker": "surrogate.model.tracker"})

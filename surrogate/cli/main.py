@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from surrogate.cli.limit_command import counted, limit
+from surrogate.cli.live_command import live
 from surrogate.cli.predict_command import ModelFolder, predict
 from surrogate.cli.recording_command import train_recording
 from surrogate.learners.registry import METHODS, method_of
@@ -41,7 +42,7 @@ OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigm
 STEPS = ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values() if one.epochs)
 WORKERS_HELP = "Processes that share the networks; where left out, one a core from 1,000 rows on."
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
-LEVELS_HELP = "Noise levels of the stored scores besides no noise, in dB below the RMS of the baseline voltages."
+LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below the RMS of the baseline voltages."
 
 
 @app.command()
@@ -173,6 +174,7 @@ def _cores() -> int:
 
 
 app.command()(predict)
+app.command()(live)
 app.command()(limit)
 
 

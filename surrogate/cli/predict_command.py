@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from surrogate.data.baseline_frame import Comparison, Untouched
+    from surrogate.data.frame_drift import FrameDrift
     from surrogate.data.frame_rows import Lines
     from surrogate.model.model import Model
+    from surrogate.recordings.trained.train_reader import TrainedReader
     from surrogate.single_frame.simulator_likelihood import Simulator
-    from touchcal.arrays import Mask
+    from touchcal.arrays import Array, Mask
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 FRAMES_HELP = "CSV, one frame of voltages a row; - reads lines from standard input and answers each as it comes."
@@ -31,8 +33,11 @@ TOUCHES_HELP = "2 reads two touches from each frame, and says where one explains
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
 MOST_NOISE_V = 1000.0  # no instrument reads more, and equations of more noise are singular
 SCALE_HELP = ("Multiply all readings by the training's untouched ones over those measured: yes, no, or auto, where "
-              "that explains a difference beyond noise.")
+              "that explains a difference larger than noise.")
+RATE_HELP = "Frames a second of standard input, for how fast touches and drift may move between two lines."
 HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
+DRIFT_HELP = ("What may have changed between the untouched and the touched frames, as relative standard deviations: "
+              "gain=0.001,contact=0.01; contact needs --scene or --data. Method forward.")
 NoiseV = Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, where known.")]
 
 
@@ -42,10 +47,14 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             posterior: Annotated[bool, typer.Option("--posterior", help=POSTERIOR_HELP)] = False,
             scale_baseline: Annotated[str, typer.Option(help=SCALE_HELP)] = "auto",
             held: Annotated[float | None, typer.Option(help=HELD_HELP)] = None,
+            drift: Annotated[str, typer.Option(metavar="gain=SD,contact=SD", help=DRIFT_HELP)] = "",
+            rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = 50.0,
             touches: Annotated[int, typer.Option(min=1, max=2, help=TOUCHES_HELP)] = 1,
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
-            data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card.")] = None,
-            scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card.")] = None,
+            data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card or "
+                                                           "--drift.")] = None,
+            scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card or "
+                                                            "--drift.")] = None,
             seed: SeedOption = 0,
             out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
             as_json: JsonOption = False) -> None:
@@ -68,7 +77,8 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
     import surrogate
-    from surrogate.recordings.trained.reader_store import is_reader
+    from surrogate.learners.registry import METHODS
+    from surrogate.recordings.trained.reader_store import is_reader, load_reader
 
     if out is not None:
         check_out(out)
@@ -76,14 +86,23 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     if noise_v is not None and not 0 <= noise_v <= MOST_NOISE_V:
         raise ValueError(f"--noise-V must be 0 to {MOST_NOISE_V:g} V, got {noise_v:g}. Give the standard deviation of "
                          "one reading in volts.")
-    _check_choice(frames, direct, direct or posterior, card, data or scene, posterior or touches == 2 or as_json)
+    changes = _drift_of(drift)
+    if changes and (frames == "-" or direct or posterior or touches == 2):
+        raise ValueError("--drift is for plain predictions from a file; leave it out with -, --direct, --posterior and "
+                         "--touches 2.")
+    _check_choice(frames, direct, direct or posterior, card, None if changes.get("contact") else data or scene,
+                  posterior or touches == 2 or as_json)
     if direct + posterior + (touches == 2) > 1:
         raise ValueError("give one of --direct, --posterior and --touches 2: each reads a frame in its own way.")
     if direct and card is None:
         raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
                          "or --scene FILE for the sensor.")
     if is_reader(model_folder):
-        if frames == "-" or (baseline, noise_v, card, data, scene, held) != (None,) * 6 or direct or posterior:
+        if frames == "-" and (card, data, scene, held) == (None,) * 4 and not direct and not posterior and not changes:
+            _track_stream(load_reader(model_folder), baseline, noise_v, out, rate)
+            return
+        if (frames == "-" or (baseline, noise_v, card, data, scene, held) != (None,) * 6 or direct or posterior
+                or changes):
             raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
                              "rows are the baseline. Give that file and --out alone.")
         _written(predict_recording(model_folder, Path(frames)), model_folder, out, as_json)
@@ -91,6 +110,10 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     model = surrogate.load(model_folder)
     if held is not None and (direct or posterior or touches == 2):
         raise ValueError("--held is for plain predictions; leave it out with --direct, --posterior and --touches 2.")
+    if frames == "-" and METHODS[model.method].separates_errors:
+        _say_holding(model, held)
+        _track_stream(model, baseline, noise_v, out, rate, scale_baseline, held)
+        return
     if frames == "-":
         _predict_stream(model, baseline, noise_v, out, scale_baseline, held)
         return
@@ -106,8 +129,37 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
         simulator = None if card is None else _simulator(model, card, data, scene, reference)
         table = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
     else:
-        table = _plain_table(model, read, reference, dead, noise, held)
+        table = _plain_table(model, read, reference, dead, noise, held, _frame_drift(model, changes, data, scene))
     _written(table, model_folder, out, as_json)
+
+
+def _drift_of(text: str) -> dict[str, float]:
+    """Standard deviations by what drifts; ValueError names the option."""
+    pairs = [one.partition("=") for one in text.split(",") if one]
+    try:
+        found = {name: float(value) for name, _, value in pairs}
+    except ValueError:
+        found = {"": 0.0}
+    if unknown := [name for name in found if name not in ("gain", "contact")]:
+        raise ValueError(f"--drift {text}: '{unknown[0]}' is not known; give --drift gain=0.001,contact=0.01, or one "
+                         "of them.")
+    return found
+
+
+def _frame_drift(model: Model, changes: dict[str, float], data: Path | None, scene: Path | None) -> FrameDrift:
+    from eitsim.electrics.forward.untouched import sensor_of
+    from eitsim.scene.scene import read_scene
+    from eitsim.sweeps.dataset.parquet import read_manifest
+    from surrogate.data.frame_drift import frame_drift
+    from surrogate.data.sensor_ring import ring_of, same_ring
+
+    sensor = None
+    if changes.get("contact"):
+        sensor = read_scene(scene) if scene is not None else None if data is None else sensor_of(
+            read_manifest(data)["design"]["tables"])
+    if sensor is not None and not same_ring(ring_of(sensor), model.ring):
+        raise ValueError("--drift: the scene has another sensor than the model; give the one of its sweep.")
+    return frame_drift(model.ring, model.baseline_V, changes.get("gain", 0.0), changes.get("contact", 0.0), sensor)
 
 
 def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,
@@ -116,18 +168,18 @@ def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None,
         raise ValueError("frames from standard input are answered one by one as they come; --direct, --posterior, "
                          "--touches 2 and --json need a file of frames.")
     if (card is not None or sensor is not None) and not simulated:
-        raise ValueError("--card, --data and --scene tell the simulator of --direct or --posterior; add one, or leave "
-                         "them out.")
+        raise ValueError("--card, --data and --scene tell the simulator of --direct or --posterior, and --data and "
+                         "--scene the sensor of --drift contact=SD; add one, or leave them out.")
     if card is None and sensor is not None:
         raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
 
 
 def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float,
-                 held_s: float | None) -> pd.DataFrame:
+                 held_s: float | None, drift: FrameDrift) -> pd.DataFrame:
     from surrogate.model.predict import prepare, sign_caution, table_of
 
     _say_intervals(model, noise)
-    table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s), frames)
+    table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s, drift=drift), frames)
     if words := sign_caution(table["flag"].tolist()):
         _say(words)
     return table
@@ -221,6 +273,30 @@ def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, 
         print(f"{out}: {_counted(counts.answered, counts.flagged)}")
 
 
+def _track_stream(model: Model | TrainedReader, baseline: Path | None, noise_V: float | None, out: Path | None,
+                  rate_hz: float, scaling: str = "auto", held_s: float | None = None) -> None:
+    from contextlib import nullcontext
+
+    from surrogate.model.stream import widen_pipe
+    from surrogate.model.tracked_stream import track
+    from surrogate.model.tracker import Tracker
+    from surrogate.model.trained import TrainedModel
+
+    if isinstance(model, TrainedModel):
+        _say_intervals(model, 0.0)
+        readings = len(model.baseline_V)
+    else:
+        readings = model.reader.signals.channels
+    untouched = None if baseline is None else _sound_lines(baseline, readings)
+    tracker = Tracker(model, untouched, noise_V, rate_hz=rate_hz, scale_baseline=scaling, held_s=held_s, say=_say)
+    widen_pipe(sys.stdin.fileno())
+    with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
+          nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
+        counts = track(tracker, model, source, sink, _say)
+    if out is not None:
+        print(f"{out}: {_counted(counts.answered, counts.flagged)}")
+
+
 def _counted(frames: int, flagged: int) -> str:
     return f"{frames} frames, {flagged} of them flagged."
 
@@ -267,16 +343,23 @@ def _say(words: str) -> None:
 
 def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
     from surrogate.data.baseline_frame import untouched
-    from surrogate.data.frame_rows import read_lines
     from surrogate.model.missing_channels import check_needed, silent, stuck
+
+    volts = _sound_lines(baseline, len(model.baseline_V))
+    dead = stuck(volts) | silent(volts, model.baseline_V).any(axis=0)
+    check_needed(model, dead, str(baseline))
+    return untouched(volts), dead
+
+
+def _sound_lines(path: Path, readings: int) -> Array:
+    """(n, readings) V of a file all of whose lines are frames."""
+    from surrogate.data.frame_rows import read_lines
     from touchcal.errors import InputFileError
 
-    read = read_lines(baseline, len(model.baseline_V))
+    read = read_lines(path, readings)
     if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
-        raise InputFileError(baseline, f"{read.problem[bad]}. Fix it, or leave the line out.", line=int(read.line[bad]))
-    dead = stuck(read.volts) | silent(read.volts, model.baseline_V).any(axis=0)
-    check_needed(model, dead, str(baseline))
-    return untouched(read.volts), dead
+        raise InputFileError(path, f"{read.problem[bad]}. Fix it, or leave the line out.", line=int(read.line[bad]))
+    return read.volts
 
 
 def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Lines, Untouched, Mask]:

@@ -25,4 +25,4 @@ def check_worth(value: Array, mean: Array, target: Array, name: str, unit: str) 
         raise NothingToRead(f"nothing to read here of {name}: held-out presses are read to "
                             f"{distance(value, target):.3g} {unit}, and the mean is as near, "
                             f"{distance(mean, target):.3g} {unit}. Check that the labels belong to this recording, and "
-                            "that touches change the readings beyond their noise.")
+                            "that touches change the readings by more than noise.")

@@ -1,0 +1,218 @@
+"""A touch followed through the frames of a stream: a sum of extended Kalman filters on the forward map.
+
+The state s = (x, y, log d, g) walks at random, but for d, which stays. A frame reads y = f(s) + E e + n: n is white
+noise, new in each frame; e are standard normal constants, the errors of the map, of the untouched frame and its drift,
+which no number of frames averages out. They are considered and not estimated (Schmidt, Application of state-space
+methods to navigation problems, Adv. Control Systems 3 (1966) 293): a filter keeps the covariance of its own error
+with e. Where the touch moves or its load changes, e is renewed by the part of its length that was gone.
+
+Punches of different d and F have nearly one signal, on a curved ridge. So each known diameter has a filter of its own,
+and so have some cells of the range (Alspach, Sorenson, Nonlinear Bayesian estimation using Gaussian sum approximations,
+IEEE Trans. Autom. Control 17 (1972) 439). Each is weighed by the likelihood of the mean of what frames left since the
+touch was where e was another: these share e, so that those of single frames are no independent evidence.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from surrogate.forward_map.forward_map import ForwardMap, linearise, signal_size, strength_discrepancy
+from surrogate.forward_map.inversion import reading_covariance
+from surrogate.forward_map.inversion.multipole_location import on_range
+from surrogate.forward_map.load_coordinates import to_unknown
+from touchcal.arrays import Array, Index, Mask
+
+# Movement in a second, standard deviation: of x and y, mm, of log d, and of g.
+WALK = np.array([10.0, 10.0, 0.0, 2.0])
+# Movement of x, y, mm, log d and g over which the map's error is another one, and the part of it that is counted at
+# once, since noise moves a touch too.
+RENEWED, AT_ONCE = np.array([20.0, 20.0, 0.5, 1.0]), 0.25
+# Most steps of a frame; movement over which the map is nearly linear, the part of a signal's norm that it bends by over
+# one, and the part of the error of a reading that it may bend by in the last step: over the frames of a touch such
+# errors of log d add up.
+STEPS, STRAIGHT, BENT, ENOUGH = 6, np.array([3.0, 3.0, 0.1, 0.2]), 0.05, 0.03
+# Cells of the range of log d, alone and besides known punches; standard deviation of log d of a known punch.
+CELLS, OTHER_CELLS, KNOWN = 6, 3, 1e-6
+RULED_OUT = 10.0  # log weight below the largest from which a filter ends
+ALIKE = 0.5  # distance in standard deviations below which two filters are one
+LOG_D = 2  # place of log d in a state
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A touch after some frames: k filters."""
+
+    log_weight: Array  # (k,) log probabilities
+    log_before: Array  # (k,) those before the frames that `left` is the mean of
+    left: Array  # (k, m) mean of what the latest frames left, V
+    frames: int  # how many these are
+    since: Array  # (4,) mean when they began
+    mean: Array  # (k, 4) x, y, mm, log d, g
+    covariance: Array  # (k, 4, 4)
+    # (k, 4, constants) covariance of the error s - mean with e: of each reading, of the map's discrepancies, of the
+    # directions of its error at the rim, of the drift
+    shared: Array
+    anchor: Array  # (k, 4) mean where e was last renewed
+    misfit: Array  # (k,) squared innovation over what was expected of it, a reading
+
+
+@dataclass(frozen=True, eq=False)
+class Unsure:
+    """What is not known of the readings besides the map."""
+
+    noise_V: float  # standard deviation of white noise, new in each frame
+    rest_V: float  # of the error of the untouched frame, a reading
+    drift: Array  # (k, readings) root of the covariance of its drift since it was seen, V
+    kept: Mask  # (readings,) channels that are alive
+    axes: Array  # (kept, m) orthonormal readings that span all signals
+
+
+def best(touch: Followed) -> int:
+    """The most probable filter."""
+    return int(np.argmax(touch.log_weight))
+
+
+def unseen(forward: ForwardMap, unsure: Unsure) -> Followed:
+    """What the training touches say of a touch before any frame."""
+    directions = min(forward.beside.error.alike.shape[2:])
+    constants = len(unsure.kept) + forward.discrepancies + directions + len(unsure.drift)
+    log_weight, log_d, sd = _diameters(forward)
+    mean, covariance = np.tile(forward.mean, (len(log_d), 1)), np.tile(np.diag(forward.sd**2), (len(log_d), 1, 1))
+    mean[:, LOG_D], covariance[:, LOG_D, LOG_D] = log_d, sd**2
+    return Followed(log_weight, log_weight, np.zeros((len(log_d), 0)), 0, forward.mean, mean, covariance,
+                    np.zeros((len(log_d), 4, constants)), mean, np.ones(len(log_d)))
+
+
+def _diameters(forward: ForwardMap) -> tuple[Array, Array, Array]:
+    """Log probabilities, means and standard deviations of log d of the filters."""
+    lowest, highest = np.log(forward.bounds[:, 1])
+    known = np.log(forward.known_mm)
+    cells = (OTHER_CELLS if len(known) else CELLS) if highest > lowest + 1e-3 else 1
+    other, width = 1 / (forward.rows + 2) if len(known) else 1.0, (highest - lowest) / cells
+    weight = np.r_[np.full(len(known), (1 - other) / max(len(known), 1)), np.full(cells, other / cells)]
+    return (np.log(weight), np.r_[known, lowest + width * (np.arange(cells) + 0.5)],
+            np.r_[np.full(len(known), KNOWN), np.full(cells, max(width / 2, KNOWN))])
+
+
+def later(forward: ForwardMap, touch: Followed, step_s: float) -> Followed:
+    """The touch so many seconds later."""
+    gone = np.linalg.norm((touch.mean - touch.anchor) / RENEWED, axis=1)
+    far = gone > AT_ONCE
+    # the material and the drift stay what they are
+    whole, directions = len(forward.ring.read) + forward.own, min(forward.beside.error.alike.shape[2:])
+    own = np.r_[:whole, whole + forward.materials:whole + forward.materials + directions]
+    shared = touch.shared.copy()
+    shared[:, :, own] *= np.where(far, np.exp(-gone), 1.0)[:, None, None]
+    return replace(touch, covariance=touch.covariance + np.diag(WALK**2 * step_s), shared=shared,
+                   anchor=np.where(far[:, None], touch.mean, touch.anchor))
+
+
+def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, start: Array | None = None) -> Followed:
+    """With one more frame of this signal (readings,), V; the search begins at the means, or with the place and force of
+    `start` (4,), a touch (x, y, d, F)."""
+    state, kept = before.mean if start is None else _with_force(forward, before.mean, start), unsure.kept
+    discrepancy = strength_discrepancy(forward, state)
+    floor, axes, sd = reading_covariance.own_error(forward, state, signal_size(forward, state))
+    white, at_rim = np.hypot(floor, unsure.rest_V), axes * sd[:, None]
+    drift = np.broadcast_to(unsure.drift.T, (len(state), *unsure.drift.T.shape))
+    for _ in range(STEPS):
+        here = linearise(forward, state, discrepancy)
+        slope = unsure.axes.T @ here.jacobian[:, kept]
+        alike = unsure.axes.T @ np.concatenate([here.discrepancy, at_rim, drift], axis=2)[:, kept]
+        innovation = (signal - here.signal_V)[:, kept] @ unsure.axes - _times(slope, before.mean - state)
+        update = _update(before, slope, white, alike, innovation, unsure)
+        trial = on_range(forward, before.mean + update.step)
+        bent = BENT * np.sum(((trial - state) / STRAIGHT) ** 2, axis=1) * np.linalg.norm(here.signal_V, axis=1)
+        state = trial
+        if np.all(bent < ENOUGH * np.hypot(white, unsure.noise_V)):
+            break
+    weighed = _weighed(before, innovation - _times(slope, update.step), update.whole, unsure.noise_V)
+    return _fewer(replace(weighed, mean=state, covariance=update.covariance, shared=update.shared,
+                          anchor=state if start is not None else before.anchor,
+                          since=state[best(before)] if not before.frames else weighed.since,
+                          misfit=update.cost / innovation.shape[1]))
+
+
+def _weighed(before: Followed, left: Array, whole: Array, noise_V: float) -> Followed:
+    """With the probabilities by what one more frame left (k, m), of innovations of covariance (k, m, m): large along
+    what the touch may have moved by, where little is left."""
+    gone = np.linalg.norm((before.mean[best(before)] - before.since) / RENEWED)
+    again = left.shape[1] != before.left.shape[1] or gone > 1
+    log_before, frames = (before.log_weight, 0) if again else (before.log_before, before.frames)
+    mean = left if not frames else before.left + (left - before.left) / (frames + 1)
+    averaged = whole - noise_V**2 * frames / (frames + 1) * np.eye(left.shape[1])
+    cost = np.sum(mean * np.linalg.solve(averaged, mean[..., None])[..., 0], axis=1)
+    log_weight = log_before - 0.5 * (cost + np.linalg.slogdet(averaged)[1])
+    return replace(before, log_weight=log_weight - np.logaddexp.reduce(log_weight), log_before=log_before,
+                   left=mean, frames=frames + 1, since=before.mean[best(before)] if again else before.since)
+
+
+def _with_force(forward: ForwardMap, mean: Array, touch: Array) -> Array:
+    punch = np.column_stack([np.tile(touch[:2], (len(mean), 1)), np.exp(mean[:, LOG_D]),
+                             np.full(len(mean), max(touch[3], forward.bounds[0, 2]))])
+    return to_unknown(punch, forward.p0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Update:
+    step: Array  # (k, 4) from the means
+    covariance: Array  # (k, 4, 4)
+    shared: Array  # (k, 4, constants)
+    cost: Array  # (k,) squared innovation over its covariance
+    whole: Array  # (k, m, m) that covariance
+
+
+def _update(before: Followed, slope: Array, white: Array, alike: Array, innovation: Array, unsure: Unsure) -> _Update:
+    """The consider filter's update by m readings of these slopes (k, m, 4), whose errors are white constants of
+    standard deviations (k,) and `alike` (k, m, rest) times the others."""
+    own, others = np.flatnonzero(unsure.kept), np.s_[len(unsure.kept):]
+    scaled = white[:, None, None]
+    by_constants = scaled * (before.shared[:, :, own] @ unsure.axes) + before.shared[:, :, others] @ _turned(alike)
+    across = before.covariance @ _turned(slope) + by_constants
+    whole = slope @ across + _turned(slope @ by_constants) + alike @ _turned(alike)
+    whole += (scaled**2 + unsure.noise_V**2) * np.eye(slope.shape[1])
+    solved = np.linalg.solve(whole, np.concatenate([_turned(across), innovation[..., None]], axis=2))
+    gain = _turned(solved[..., :4])
+    covariance = before.covariance - gain @ _turned(across)
+    shared = before.shared - gain @ (slope @ before.shared)
+    shared[:, :, own] -= scaled * (gain @ unsure.axes.T)
+    shared[:, :, others] -= gain @ alike
+    return _Update(_times(gain, innovation), (covariance + _turned(covariance)) / 2, shared,
+                   np.sum(innovation * solved[..., 4], axis=1), whole)
+
+
+def _turned(matrix: Array) -> Array:
+    return matrix.transpose(0, 2, 1)
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def _fewer(touch: Followed) -> Followed:
+    """Without filters that are ruled out, or that follow what a more probable one does."""
+    kept: list[int] = []
+    added = touch.log_before.copy()
+    for one in np.argsort(-touch.log_weight).tolist():
+        if touch.log_weight[one] < touch.log_weight.max() - RULED_OUT:
+            break
+        same = next((other for other in kept if _alike(touch, one, other)), None)
+        if same is None:
+            kept.append(one)
+        else:
+            added[same] = np.logaddexp(added[same], touch.log_before[one])
+    gained = touch.log_weight - touch.log_before
+    return _some(replace(touch, log_before=added, log_weight=added + gained), np.array(kept))
+
+
+def _alike(touch: Followed, one: int, other: int) -> bool:
+    own, its = (touch.covariance[k, LOG_D, LOG_D] for k in (one, other))
+    off = touch.mean[one, LOG_D] - touch.mean[other, LOG_D]
+    return bool(0.5 < own / its < 2 and off**2 < ALIKE**2 * its)
+
+
+def _some(touch: Followed, kept: Index) -> Followed:
+    log_weight = touch.log_weight[kept]
+    names = ("log_before", "left", "mean", "covariance", "shared", "anchor", "misfit")
+    return replace(touch, log_weight=log_weight - np.logaddexp.reduce(log_weight),
+                   **{name: getattr(touch, name)[kept] for name in names})

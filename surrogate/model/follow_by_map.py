@@ -1,0 +1,82 @@
+"""Touches followed on the forward map: started from the batch search, then one filter step a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from surrogate.forward_map.forward_map import ForwardMap, linearise
+from surrogate.forward_map.inversion import followed_punch, touch_filter
+from surrogate.forward_map.inversion.invert import Inversion, invert
+from surrogate.forward_map.inversion.pair_search import left_by_pair
+from surrogate.forward_map.inversion.touch_filter import Followed, Unsure, best
+from surrogate.learners.base import Estimate
+from surrogate.learners.forward import TouchInversion, answered
+from touchcal.arrays import Array
+
+# Misfit of a frame over what its noise lets be from which the touch is sought again, and of the new one over the old
+# misfit from which it is taken for another touch.
+UNFIT, BETTER = 6.0, 0.8
+FURTHER = 0.5  # part of what one touch leaves that two may leave
+MOST_WAITED = 64  # frames that a search in vain is waited for, at most; it doubles each time
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """A touch that is followed."""
+
+    filter: Followed
+    wait: int = 0  # frames before it may be sought again
+    waited: int = 1  # frames that the next search in vain is waited for
+    sought: bool = False  # whether the latest frame was sought
+
+
+def fits(touch: Touch, unsure: Unsure) -> bool:
+    """Whether the latest frame is one of a single touch."""
+    return _misfit(touch) < 1 + UNFIT * np.sqrt(2 / unsure.axes.shape[1])
+
+
+def _misfit(touch: Touch) -> float:
+    return float(touch.filter.misfit[best(touch.filter)])
+
+
+def several(forward: ForwardMap, touch: Touch, signal: Array, unsure: Unsure) -> bool:
+    """Whether two touches leave far less of a signal (readings,) than the one that does not fit it; not told where
+    channels are dead."""
+    if fits(touch, unsure) or not unsure.kept.all():
+        return False
+    left = signal - linearise(forward, touch.filter.mean[[best(touch.filter)]]).signal_V[0]
+    return left_by_pair(forward, signal) < FURTHER * float(left @ left)
+
+
+def follow(learner: TouchInversion, sought_by: TouchInversion, before: Touch | None, signal: Array, unsure: Unsure,
+           step_s: float) -> tuple[Touch, Inversion]:
+    """The touch after one more frame of this signal (readings,), and what it is now; sought_by is the learner without
+    the dead channels."""
+    forward = learner.forward
+    if before is not None:
+        touch = replace(before, filter=touch_filter.seen(
+            forward, touch_filter.later(forward, before.filter, step_s), signal, unsure),
+            wait=max(before.wait - 1, 0), sought=False)
+        if fits(touch, unsure):
+            return replace(touch, waited=1, wait=0), followed_punch.inversion(forward, touch.filter)
+        if touch.wait:
+            return touch, followed_punch.inversion(forward, touch.filter)
+    found = invert(sought_by.forward, signal[unsure.kept][None], float(np.hypot(unsure.noise_V, unsure.rest_V)))
+    again = Touch(touch_filter.seen(forward, touch_filter.unseen(forward, unsure), signal, unsure, found.touch[0]),
+                  sought=True)
+    if before is None or _misfit(again) < BETTER * _misfit(touch):
+        return again, found
+    waited = min(2 * touch.waited, MOST_WAITED)
+    return replace(touch, wait=waited, waited=waited), followed_punch.inversion(forward, touch.filter)
+
+
+def estimate(learner: TouchInversion, found: Inversion, scale: Array, normal: float) -> Estimate:
+    """Outputs of a touch, whose standard deviations are such that intervals of `scale` of them hold their part: noise
+    is as normal as it is believed, the map's error is calibrated."""
+    plain = answered(learner, found)
+    assert plain.parts is not None
+    share = (plain.parts.noise / np.maximum(plain.sd, np.finfo(float).tiny)) ** 2
+    factor = np.sqrt(1 + ((normal / np.maximum(scale, np.finfo(float).tiny)) ** 2 - 1) * share)
+    return replace(plain, below=plain.below * factor, above=plain.above * factor)

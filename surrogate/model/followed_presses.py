@@ -1,0 +1,99 @@
+"""Touches followed by a model of a recording: each frame is read, and the place walks at random between them.
+
+A reading errs by a constant of the place, which its calibrated interval holds, and by noise, whose variance is a sixth
+of that of second differences of readings of a touch. The filter takes out noise; the interval stays that of one frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surrogate.data.outputs import TOUCH as PARTS
+from surrogate.data.untouched_stream import Background
+from surrogate.forward_map.inversion.touch_filter import WALK
+from surrogate.model.contact import patterns_of
+from surrogate.model.followed_reading import Read
+from surrogate.model.missing_channels import MOST_DEAD, named
+from surrogate.model.tracked import TOUCH
+from surrogate.recordings.presses import Presses
+from surrogate.recordings.trained.press_reader import read
+from surrogate.recordings.trained.train_reader import TrainedReader
+from surrogate.statistics.conformal import COVERAGE, normal
+from touchcal.arrays import Array, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A place after some frames of a touch."""
+
+    mean: Array  # (2,) mm
+    variance: Array  # (2,) of its noise, mm^2
+    readings: tuple[Array, ...]  # the latest, at most three, mm
+    noise: Array  # (2,) mean variance of the noise of a reading, mm^2
+    count: int  # second differences that it was averaged over
+
+
+def begun(reading: Array) -> Place:
+    """The place by a first reading (2,), mm."""
+    return Place(reading, np.zeros(2), (reading,), np.zeros(2), 0)
+
+
+def followed(place: Place, reading: Array, step_s: float) -> Place:
+    """The place with one more reading (2,), mm, so many seconds later."""
+    readings, noise, count = (*place.readings, reading)[-3:], place.noise, place.count
+    if len(readings) == 3:
+        count += 1
+        noise = noise + ((readings[0] - 2 * readings[1] + readings[2]) ** 2 / 6 - noise) / count
+    variance = place.variance + WALK[:2] ** 2 * step_s
+    gain = variance / np.maximum(variance + noise, np.finfo(float).tiny)
+    return Place(place.mean + gain * (reading - place.mean), (1 - gain) * variance, readings, noise, count)
+
+
+class FollowedPresses:
+    """A model of a recording and the place that it follows."""
+
+    def __init__(self, model: TrainedReader) -> None:
+        reader = model.reader
+        if reader.place is None:
+            raise ValueError("this model reads no place, which a touch is followed by. Train it on labels x_mm and "
+                             "y_mm.")
+        self.readings = reader.signals.channels
+        self.patterns = patterns_of(reader.place.direction.pattern[:, :self.readings])
+        self.weakest = reader.signals.weakest
+        self._reader = reader
+        self._place: Place | None = None
+
+    def dead(self, volts: Array) -> Mask:
+        """Channels without a number."""
+        return ~np.isfinite(volts)
+
+    def why_not(self, dead: Mask) -> str:
+        """Why these are needed."""
+        return f"{dead.sum()} of {len(dead)} readings are dead" if np.mean(dead) > MOST_DEAD else ""
+
+    def ended(self) -> None:
+        """No touch is followed."""
+        self._place = None
+
+    def ready(self, background: Background) -> tuple[Array, str]:
+        """Readings are taken as they are."""
+        return np.ones(self.readings), ""
+
+    def read(self, volts: Array, background: Background, since_s: float, step_s: float) -> Read:
+        """The place with one more frame; the next frame, which may hold late readings, is not waited for."""
+        none = np.full((1, self.readings), np.nan)
+        press = Presses(np.array([""]), np.zeros(1, np.int64), (volts - background.volts)[None], none,
+                        np.array([since_s]), none[:0], np.zeros(0), np.zeros(1))
+        found = read(self._reader, press)
+        place = found.place
+        assert place is not None
+        self._place = begun(place.value[0]) if self._place is None else followed(self._place, place.value[0], step_s)
+        value, half, covariance = np.full(PARTS, np.nan), np.full(PARTS, np.nan), np.full((PARTS, PARTS), np.nan)
+        value[:2], half[:2] = self._place.mean * 1e-3, place.bounds.half_width[0] * 1e-3
+        sd, correlation = half[:2] / normal(COVERAGE), place.bounds.correlation[0]
+        covariance[:2, :2] = np.outer(sd, sd) * [[1.0, correlation], [correlation, 1.0]]
+        dead = np.isnan(volts)
+        flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[0])))
+        return Read(TOUCH, value, covariance, half, half, flag)

@@ -1,0 +1,61 @@
+"""What following a touch by one more frame gives, whatever the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from surrogate.data.outputs import TOUCH
+from surrogate.data.untouched_stream import Background
+from surrogate.model.predict import Predictions
+from touchcal.arrays import Array, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """A touch as it is now; fields as those of `Tracked`."""
+
+    state: str
+    value: Array
+    covariance: Array
+    below: Array
+    above: Array
+    flag: str
+    predictions: Predictions | None = None
+
+
+def unread(state: str, flag: str) -> Read:
+    """No touch that can be read."""
+    none = np.full(TOUCH, np.nan)
+    return Read(state, none, np.full((TOUCH, TOUCH), np.nan), none, none, flag)
+
+
+class Following(Protocol):
+    """A model that follows touches, one at a time."""
+
+    readings: int
+    patterns: Array  # (k, readings) unit patterns of touches
+    weakest: float  # norm of the weakest training signal, in the unit of the readings
+
+    def dead(self, volts: Array) -> Mask:
+        """(readings,) channels of a frame that read nothing."""
+        ...
+
+    def ready(self, background: Background) -> tuple[Array, str]:
+        """Factors (readings,) of all readings that make the untouched frame the training's, and words on it."""
+        ...
+
+    def why_not(self, dead: Mask) -> str:
+        """In words, why no touch can be read without these channels; empty where one can."""
+        ...
+
+    def read(self, volts: Array, background: Background, since_s: float, step_s: float) -> Read:
+        """The touch with one more frame (readings,), NaN where a channel is dead, so long after the latest untouched
+        frame and after the latest frame."""
+        ...
+
+    def ended(self) -> None:
+        """Nothing touches any more."""
+        ...

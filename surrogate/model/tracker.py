@@ -1,0 +1,185 @@
+"""Frames followed one by one: what touches now, where, how hard, and how surely."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from surrogate.data import untouched_stream
+from surrogate.data.baseline_frame import untouched
+from surrogate.data.untouched_stream import CALIBRATION, Background
+from surrogate.model import contact
+from surrogate.model.contact import Contact
+from surrogate.model.followed_model import FollowedModel
+from surrogate.model.followed_presses import FollowedPresses
+from surrogate.model.followed_reading import Following, Read, unread
+from surrogate.model.missing_channels import named, stuck
+from surrogate.model.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
+from surrogate.model.trained import TrainedModel
+from surrogate.recordings.trained.train_reader import TrainedReader
+from touchcal.arrays import Array
+
+BELIEVED = 0.02  # part of the weakest training signal whose norm noise is taken as at least, a pattern
+
+
+class Tracker:
+    """Follows the frames of one sensor: an untouched frame that drifts, contact, and the touch itself.
+
+    Touches of the forward method are followed by a Kalman filter on its map, which begins with the search that
+    `Model.predict` makes: of the first frame of a touch both say the same. Other methods read every frame alone.
+
+    Parameters
+    ----------
+    model : Model
+    baseline_V : (readings,) or (k, readings), optional
+        The untouched frame, V, or several, which tell the noise too. Without, the first frames are untouched ones.
+    noise_V : float, optional
+        Standard deviation of one reading, V, as stated or known from before: the tracker then answers from the first
+        frame after an untouched one. Without, 20 frames tell it, which it says meanwhile.
+    rate_hz : float
+        Frames a second, for frames without a time.
+    scale_baseline : "auto", "yes" or "no"
+        As in `Model.predict`.
+    held_s : float, optional
+        As in `Model.predict`.
+    say : callable, optional
+        Takes what is to be known of the untouched frame, in words; a warning where left out.
+
+    Raises
+    ------
+    ValueError
+        For frames of another number of readings, or a noise that is no finite number from 0.
+
+    Examples
+    --------
+    >>> tracker = surrogate.Tracker(model, noise_V=2e-4)                        # doctest: +SKIP
+    >>> for frame_V in frames_V:                                                # doctest: +SKIP
+    ...     now = tracker.update(frame_V)
+    ...     print(now.state, now.value, now.ellipse)
+    """
+
+    def __init__(self, model: TrainedModel | TrainedReader, baseline_V: ArrayLike | None = None,
+                 noise_V: float | None = None, *, rate_hz: float = 50.0, scale_baseline: str = "auto",
+                 held_s: float | None = None, say: Callable[[str], object] = warnings.warn) -> None:
+        if noise_V is not None and not 0 <= noise_V < math.inf:
+            raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}.")
+        if not 0 < rate_hz < math.inf:
+            raise ValueError(f"the rate must be a finite number of frames a second above 0, got {rate_hz:g}.")
+        if held_s is not None and isinstance(model, TrainedReader):
+            raise ValueError("a model of a recording reads no forces; leave the holding time out.")
+        self._following: Following = (FollowedPresses(model) if isinstance(model, TrainedReader)
+                                      else FollowedModel(model, scale_baseline, held_s))
+        self.rate_hz, self._say, self._noise_V = rate_hz, say, noise_V
+        self._gain = np.ones(self._following.readings)
+        self._dead = np.zeros(self._following.readings, bool)
+        self._left = 1 if noise_V is not None else CALIBRATION
+        self._background: Background | None = None
+        self._contact = Contact(self._following.patterns, (BELIEVED * self._following.weakest) ** 2)
+        self._time_s = -1 / rate_hz
+        if baseline_V is not None:
+            self._from_baseline(np.asarray(baseline_V, np.float64).reshape(-1, self._following.readings))
+
+    @property
+    def readings(self) -> int:
+        """Readings of a frame."""
+        return self._following.readings
+
+    @property
+    def calibration(self) -> int:
+        """Frames that tell the noise, where it is not stated."""
+        return CALIBRATION
+
+    @property
+    def noise_V(self) -> float:
+        """Standard deviation of one reading, V, as known so far; NaN before two frames."""
+        return math.nan if self._background is None else self._background.noise_V
+
+    def _from_baseline(self, frames: Array) -> None:
+        self._dead = stuck(frames)
+        for frame in frames:
+            self._dead |= self._following.dead(frame)
+        found = untouched(frames)
+        noise = self._noise_V
+        if noise is None and found.noise_V is not None:
+            noise = found.noise_V / math.sqrt(1 + 1 / len(frames))
+        if noise is None:
+            self._background = untouched_stream.begun(found.volts, self._time_s)
+            return
+        self._background = untouched_stream.known(found.volts, noise, len(frames), self._time_s)
+        self._ready()
+
+    def _ready(self) -> None:
+        """Compare the untouched frame with that of the training, once its noise is known."""
+        assert self._background is not None
+        self._left = 0
+        self._gain, words = self._following.ready(self._background)
+        self._background = untouched_stream.scaled(self._background, self._gain)
+        if words:
+            self._say(words)
+
+    def update(self, frame_V: ArrayLike, time_s: float | None = None) -> Tracked:
+        """What one more frame says.
+
+        Parameters
+        ----------
+        frame_V : (readings,) or (patterns, readings of one)
+            Voltages, V, in the order of the sensor's protocol. NaN is a dead channel.
+        time_s : float, optional
+            Time of the frame, s, later than that of the one before; by the rate where left out.
+
+        Returns
+        -------
+        Tracked
+
+        Raises
+        ------
+        ValueError
+            For another number of readings.
+        """
+        volts = np.asarray(frame_V, np.float64).ravel()
+        if volts.size != len(self._gain):
+            raise ValueError(f"a frame of {volts.size} readings; the trained sensor has {len(self._gain)}.")
+        before_s, self._time_s = self._time_s, self._time_s + 1 / self.rate_hz if time_s is None else time_s
+        background = self._background
+        dead = self._following.dead(volts) | self._dead
+        if background is not None:
+            dead |= np.isnan(background.volts)
+        volts = np.where(dead, np.nan, volts) * self._gain
+        if dead.any() and (problem := self._following.why_not(dead)):
+            return self._told(unread(UNREADABLE, f"{named(dead)}; {problem}"))
+        if background is None or self._left:
+            return self._told(self._calibrated(background, volts))
+        since_s = max(self._time_s - background.time_s, 0.0)
+        signal = np.where(dead, 0.0, volts - background.volts)
+        self._contact = contact.met(self._contact, signal, background, since_s)
+        if self._contact.touched:
+            self._background = untouched_stream.interrupted(background)
+            step_s = max(self._time_s - before_s, 0.0)
+            return self._told(self._following.read(volts, background, since_s, step_s), signal)
+        self._following.ended()
+        if not self._contact.against:
+            self._background = untouched_stream.followed(background, volts, self._time_s)
+        return self._told(unread(UNTOUCHED, named(dead) if dead.any() else ""), signal)
+
+    def _calibrated(self, known: Background | None, volts: Array) -> Read:
+        """One more frame of those that tell the noise, or the first untouched one where it is stated."""
+        if self._noise_V is not None:
+            self._background = untouched_stream.known(volts, self._noise_V, 1, self._time_s)
+        elif known is None:
+            self._background = untouched_stream.begun(volts, self._time_s)
+        else:
+            self._background = untouched_stream.followed(known, volts, self._time_s)
+        self._left -= 1
+        if self._left:
+            return unread(CALIBRATING, "")
+        self._ready()
+        return unread(UNTOUCHED, "")
+
+    def _told(self, read: Read, signal: Array | None = None) -> Tracked:
+        signal = np.full(len(self._gain), np.nan) if signal is None else signal
+        return Tracked(self._time_s, read.state, read.value, read.covariance, read.below, read.above, signal,
+                       self.noise_V, self._left, read.flag, read.predictions)

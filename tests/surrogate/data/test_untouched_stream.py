@@ -1,0 +1,62 @@
+"""The untouched frame of a stream: its noise, its drift, and what a touch interrupts. Synthetic."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from surrogate.data.untouched_stream import BLOCK, Background, begun, followed, interrupted
+from touchcal.arrays import Array
+
+READINGS, STEP_S = 60, 0.02
+
+
+def watched(frames: Array) -> Background:
+    known = begun(frames[0], 0.0)
+    for number, frame in enumerate(frames[1:], start=1):
+        known = followed(known, frame, number * STEP_S)
+    return known
+
+
+def test_noise_and_the_mean_are_learnt_from_still_frames() -> None:
+    rng = np.random.default_rng(0)
+    known = watched(1.0 + 1e-3 * rng.normal(size=(400, READINGS)))
+    assert known.noise_V == pytest.approx(1e-3, rel=0.05)
+    off = known.volts - 1.0
+    assert np.mean(off**2) == pytest.approx(known.variance, rel=0.6)
+    assert known.variance < 1e-6 / 100
+    assert len(known.root) == 0
+
+
+def test_a_walk_along_one_direction_is_found_and_followed() -> None:
+    rng = np.random.default_rng(1)
+    way = rng.normal(size=READINGS)
+    way /= np.linalg.norm(way)
+    rate = 0.02  # V a root second
+    walk = np.cumsum(rate * np.sqrt(STEP_S) * rng.normal(size=20 * BLOCK))
+    frames = walk[:, None] * way + 1e-3 * rng.normal(size=(len(walk), READINGS))
+    known = watched(frames)
+    assert len(known.root) == 1
+    assert abs(known.root[0] @ way) > 0.95 * np.linalg.norm(known.root[0])
+    assert 0.4 < np.linalg.norm(known.root[0]) / rate < 2.0
+    assert np.linalg.norm(known.volts - walk[-1] * way) < 0.02
+    # a mean of all frames is far behind
+    assert np.linalg.norm(frames.mean(axis=0) - walk[-1] * way) > 0.02
+
+
+def test_a_touch_between_tells_neither_noise_nor_drift() -> None:
+    rng = np.random.default_rng(2)
+    before = watched(1e-3 * rng.normal(size=(3 * BLOCK, READINGS)))
+    after = followed(interrupted(before), np.full(READINGS, 0.5), before.time_s + 10.0)
+    assert after.noise == before.noise
+    assert len(after.moved) == len(before.moved)
+    assert len(after.block) == 1
+
+
+def test_a_dead_channel_tells_nothing() -> None:
+    frames = 1.0 + 1e-3 * np.random.default_rng(3).normal(size=(100, READINGS))
+    frames[:, 7] = np.nan
+    known = watched(frames)
+    assert known.noise_V == pytest.approx(1e-3, rel=0.1)
+    assert np.isnan(known.volts[7])
+    assert np.isfinite(np.delete(known.volts, 7)).all()

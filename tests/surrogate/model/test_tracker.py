@@ -1,0 +1,190 @@
+"""Streams of synthetic touches: exact responses of spots, read by a map that was learned from others."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from surrogate.data.samples import Samples
+from surrogate.model.model import Model
+from surrogate.model.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
+from surrogate.model.tracked_stream import columns, track
+from surrogate.model.tracker import Tracker
+from surrogate.model.train import train
+from surrogate.statistics.conformal import COVERAGE
+from touchcal.arrays import Array
+
+Spots = Callable[..., Array]
+NOISE_V, RATE_HZ = 1e-4, 50.0
+REST = 30  # untouched frames before a press
+
+
+def punch(d_mm: Array, force_N: Array) -> tuple[Array, Array]:
+    """Radius, mm, and contrast of the spot that tests of models learn from."""
+    press = force_N / (d_mm / 14) ** 1.5
+    return d_mm / 2 * (1 + 0.06 * press / (1 + press)), 0.55 * press / (press + 1.2)
+
+
+@pytest.fixture(scope="module")
+def model(samples: Samples) -> Model:
+    return train(samples, "forward", ("x0", "y0", "d", "F", "delta_max"), 1)
+
+
+@pytest.fixture(scope="module")
+def press(spots: Spots, untouched_V: Array) -> Callable[[Array, int], Array]:
+    """(touches (n, 4), seed) -> frames: REST untouched ones, the touches, REST untouched ones."""
+    def frames(touch: Array, seed: int) -> Array:
+        signal = spots(touch, *punch(touch[:, 2], touch[:, 3]))
+        rest = np.zeros((REST, signal.shape[1]))
+        clean = np.concatenate([rest, signal, rest])
+        return untouched_V + clean + NOISE_V * np.random.default_rng(seed).normal(size=clean.shape)
+    return frames
+
+
+def told(tracker: Tracker, frames: Array) -> list[Tracked]:
+    return [tracker.update(frame) for frame in frames]
+
+
+def slide(frames: int = 40, force: float = 1.0) -> Array:
+    """(frames, 4) a press that is pressed, slides 24 mm and is lifted."""
+    level = force * np.minimum(1.0, np.minimum(np.arange(1, frames + 1), np.arange(frames, 0, -1)) / 5)
+    return np.column_stack([np.linspace(-12, 12, frames), np.full(frames, 20.0), np.full(frames, 13.0), level])
+
+
+def test_the_first_frame_of_a_touch_is_read_as_alone(model: Model, press: Callable[..., Array],
+                                                     untouched_V: Array) -> None:
+    frames = press(slide()[5:10], 0)
+    tracker = Tracker(model, untouched_V, NOISE_V)
+    for frame in frames[:REST]:
+        assert tracker.update(frame).state == UNTOUCHED
+    now = tracker.update(frames[REST])
+    alone = model.predict(now.signal_V + untouched_V, untouched_V, noise_V=now.noise_V)
+    assert now.state == TOUCH
+    assert np.allclose(now.value, alone[["x0_m", "y0_m", "d_m", "F_N"]].to_numpy()[0], rtol=1e-3, atol=1e-6)
+
+
+def test_touches_elsewhere_without_a_pause_are_read_as_alone(model: Model, spots: Spots, untouched_V: Array) -> None:
+    touch = np.array([[0.0, 30, 12, 1.0], [-30, -10, 16, 0.6], [25, -25, 11, 1.5], [5, 5, 14, 0.9]])
+    frames = untouched_V + spots(touch, *punch(touch[:, 2], touch[:, 3]))
+    found = np.array([now.value for now in told(Tracker(model, untouched_V, 1e-5), frames)])
+    alone = model.predict(frames, untouched_V, noise_V=1e-5)
+    assert np.allclose(found, alone[["x0_m", "y0_m", "d_m", "F_N"]], rtol=2e-2, atol=1e-4)
+
+
+def test_a_sliding_press_is_found_followed_held_and_let_go(model: Model, press: Callable[..., Array],
+                                                           untouched_V: Array) -> None:
+    held, within = [], []
+    for seed in range(4):
+        touch = slide(force=0.6 + 0.3 * seed)
+        said = told(Tracker(model, untouched_V, NOISE_V, rate_hz=RATE_HZ), press(touch, seed))
+        states = [now.state for now in said]
+        assert states[:REST] == [UNTOUCHED] * REST
+        assert states[REST + 1] == TOUCH
+        assert states[-REST + 2:] == [UNTOUCHED] * (REST - 2)
+        for now, true in zip(said[REST:-REST], touch, strict=True):
+            if np.isfinite(now.value[0]):
+                off = 1e3 * now.value[:2] - true[:2]
+                held.append(off @ np.linalg.solve(1e6 * now.covariance[:2, :2], off) <= -2 * np.log1p(-COVERAGE))
+                within.append(-now.below[3] <= true[3] - now.value[3] <= now.above[3])
+    assert len(held) > 140
+    assert 0.8 < np.mean(held) < 0.99
+    assert np.mean(within) > 0.8
+
+
+def test_what_is_wrong_with_the_map_does_not_average_out(model: Model, press: Callable[..., Array],
+                                                         untouched_V: Array) -> None:
+    """The place of a held press is no surer after 300 frames than the exact frame makes it; its diameter is surer than
+    after one."""
+    touch = np.tile([10.0, -15.0, 13.0, 0.8], (300, 1))
+    said = told(Tracker(model, untouched_V, NOISE_V), press(touch, 5))[REST + 1:-REST]
+    exact = told(Tracker(model, untouched_V, 1e-7), press(touch[:3], 5) * 0 + (press(touch, 5)[REST:-REST].mean(axis=0)))
+    floor = np.sqrt(np.diag(exact[0].covariance)[:2])
+    assert np.all(np.sqrt(np.diag(said[-1].covariance)[:2]) > 0.9 * floor)
+    assert said[-1].below[2] + said[-1].above[2] < 0.7 * (said[0].below[2] + said[0].above[2])
+
+
+def test_a_drift_is_followed_and_makes_no_contact(model: Model, press: Callable[..., Array], untouched_V: Array) -> None:
+    touch = slide(80)
+    frames = np.concatenate([press(touch[:0], k) for k in range(6)] + [press(touch, 9)])
+    way = np.random.default_rng(0).normal(size=len(untouched_V))
+    frames += np.linspace(0, 5e-3, len(frames))[:, None] * way / np.linalg.norm(way)
+    said = told(Tracker(model, untouched_V, NOISE_V), frames)
+    rest = np.ones(len(frames), bool)
+    rest[-REST - len(touch):-REST + 2] = False
+    assert {now.state for now, still in zip(said, rest, strict=True) if still} == {UNTOUCHED}
+    middle = said[-REST - 40]
+    assert np.hypot(*(1e3 * middle.value[:2] - touch[40, :2])) < 1.0
+
+
+def test_calibration_tells_the_noise_and_how_long_it_takes(model: Model, press: Callable[..., Array]) -> None:
+    tracker = Tracker(model)
+    said = told(tracker, press(slide(), 3))
+    count = tracker.calibration
+    assert [now.state for now in said[:count - 1]] == [CALIBRATING] * (count - 1)
+    assert [now.left for now in said[:count]] == list(range(count - 1, -1, -1))
+    assert said[count].state == UNTOUCHED
+    assert said[-1].noise_V == pytest.approx(NOISE_V, rel=0.1)
+    assert said[REST + 10].state == TOUCH
+
+
+def test_a_channel_that_dies_in_a_touch_costs_nothing(model: Model, press: Callable[..., Array],
+                                                      untouched_V: Array) -> None:
+    frames = press(slide(), 4)
+    lost = frames.copy()
+    lost[REST + 12:, [40, 41]] = np.nan
+    whole, fewer = (told(Tracker(model, untouched_V, NOISE_V), one) for one in (frames, lost))
+    for k in range(REST + 12, REST + 34):
+        assert fewer[k].state == TOUCH
+        assert fewer[k].flag.startswith("dead channels: columns 41, 42")
+        assert np.hypot(*(fewer[k].value - whole[k].value)[:2]) < np.hypot(*whole[k].below[:2])
+    # what is left of the information is a little less
+    assert np.trace(fewer[REST + 30].covariance[:2, :2]) > np.trace(whole[REST + 30].covariance[:2, :2])
+    lost[REST + 14] = np.nan
+    assert told(Tracker(model, untouched_V, NOISE_V), lost)[REST + 14].state == UNREADABLE
+
+
+def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[..., Array], untouched_V: Array) -> None:
+    one = np.tile([-25.0, 5.0, 13.0, 1.0], (12, 1))
+    other = one * [-1, 1, 1, 0.8]
+    both = press(one, 0) + press(other, 1) - untouched_V
+    said = told(Tracker(model, untouched_V, 1.5 * NOISE_V), both)[REST + 2:-REST]
+    assert {now.state for now in said} == {SEVERAL_TOUCHES}
+    alone = told(Tracker(model, untouched_V, NOISE_V), press(one, 0))[REST + 2:-REST]
+    assert {now.state for now in alone} == {TOUCH}
+
+
+def test_another_method_reads_every_frame_alone(samples: Samples, press: Callable[..., Array], untouched_V: Array
+                                                ) -> None:
+    ridge, frames = train(samples, "ridge", ("x0", "F"), 1), press(slide(), 6)
+    now = told(Tracker(ridge, untouched_V, NOISE_V), frames)[REST + 15]
+    assert now.value[0] == pytest.approx(ridge.predict(now.signal_V + untouched_V)["x0_m"][0], rel=1e-6)
+    assert np.isnan(now.value[[1, 2]]).all()
+
+
+def test_one_line_in_is_one_row_out(model: Model, press: Callable[..., Array], untouched_V: Array) -> None:
+    lines = [",".join(map(repr, frame)) for frame in press(slide(8), 7).tolist()]
+    lines.insert(REST + 4, "1,2,3")
+    said: list[str] = []
+    sink = io.StringIO()
+    counts = track(Tracker(model, rate_hz=100.0), model, io.BytesIO("\n".join(lines).encode()), sink, said.append)
+    head, *rows = [row.split(",") for row in sink.getvalue().splitlines()]
+    assert head == columns(model)
+    assert counts.answered == len(rows) == len(lines)
+    state, flag = head.index("state"), head.index("flag")
+    assert rows[0][state] == CALIBRATING
+    assert rows[REST + 4][state] == UNREADABLE
+    assert rows[REST + 4][flag].startswith('"unreadable: 3 columns')
+    assert rows[REST + 5][state] == TOUCH
+    assert float(rows[REST + 5][head.index("y0_mm")]) == pytest.approx(20.0, abs=1.0)
+    assert said[0].startswith("the first 20 frames tell the untouched frame and the noise, 0.2 s at 100 frames a second")
+    assert said[1].startswith("calibrated: the noise of a reading is 9.") or "0.0001" in said[1]
+
+
+def test_bad_frames_and_noise_are_refused(model: Model) -> None:
+    with pytest.raises(ValueError, match="a frame of 7 readings; the trained sensor has 208"):
+        Tracker(model).update(np.zeros(7))
+    with pytest.raises(ValueError, match="finite number of volts from 0, got -1"):
+        Tracker(model, noise_V=-1.0)
