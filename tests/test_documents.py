@@ -307,6 +307,7 @@ def with_value(document: dict[str, Any], key: str, value: Any) -> dict[str, Any]
     ("scene.toml", SCENE, "card", ["card.json"], "card must be the name of a file"),
     ("scene.toml", SCENE, "drive", {"measurements": "nosuch.csv"}, "no such file of rows"),
     ("scene.toml", SCENE, "drive", {"measurements": "/dev/zero"}, "this is a pipe or a device"),
+    ("scene.toml", COVERED, "electrodes.grid.0", 10**12, r"grid in \[electrodes\] has 2000000000000 electrodes"),
     ("scene.toml", SCENE, "punch", [{}] * 1000, "punch holds 1000 touches; at most 100"),
     ("draws.toml", LISTED, "punch.place.count", 10**12, r"count of place .* from 1 to 100,000"),
     ("draws.toml", GRID, "punch.place.spacing_mm", 0.1, "spacing_mm of place .* must be at least"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from eitsim.scene.calibrated_electrodes import with_calibrated
 from eitsim.scene.drive import with_matrices
+from eitsim.scene.electrodes import MOST
 from eitsim.scene.outline import OUTLINES
 from eitsim.scene.outline_files import outline_of_file
 from touchcal.document import is_number
@@ -66,6 +67,8 @@ def _grid(electrodes: Mapping[str, Any]) -> dict[str, list[float]]:
     grid, pitch = electrodes["grid"], electrodes.get("pitch_mm")
     if not (isinstance(grid, list) and len(grid) == 2 and all(type(n) is int and n > 0 for n in grid)):
         raise ValueError(f"grid in [electrodes] must hold columns and rows as [6, 4], got {grid!r:.80}.")
+    if grid[0] * grid[1] > MOST:
+        raise ValueError(f"grid in [electrodes] has {grid[0] * grid[1]} electrodes; at most {MOST} are solved.")
     if not (isinstance(pitch, list) and len(pitch) == 2 and all(is_number(p) and p > 0 for p in pitch)):
         raise ValueError("pitch_mm in [electrodes] must hold the steps of grid along x and y as [18, 18], got "
                          f"{pitch!r:.80}.")
