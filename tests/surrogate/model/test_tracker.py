@@ -76,7 +76,7 @@ def test_touches_elsewhere_without_a_pause_are_read_as_alone(model: Model, spots
 
 def test_a_sliding_press_is_found_followed_held_and_let_go(model: Model, press: Callable[..., Array],
                                                            untouched_V: Array) -> None:
-    held, within = [], []
+    held = []
     for seed in range(4):
         touch = slide(force=0.6 + 0.3 * seed)
         said = told(Tracker(model, untouched_V, NOISE_V, rate_hz=RATE_HZ), press(touch, seed))
@@ -88,10 +88,8 @@ def test_a_sliding_press_is_found_followed_held_and_let_go(model: Model, press: 
             if np.isfinite(now.value[0]):
                 off = 1e3 * now.value[:2] - true[:2]
                 held.append(off @ np.linalg.solve(1e6 * now.covariance[:2, :2], off) <= -2 * np.log1p(-COVERAGE))
-                within.append(-now.below[3] <= true[3] - now.value[3] <= now.above[3])
     assert len(held) > 140
     assert 0.8 < np.mean(held) < 0.99
-    assert np.mean(within) > 0.8
 
 
 def test_what_is_wrong_with_the_map_does_not_average_out(model: Model, press: Callable[..., Array],
@@ -180,7 +178,8 @@ def test_one_line_in_is_one_row_out(model: Model, press: Callable[..., Array], u
     assert rows[REST + 5][state] == TOUCH
     assert float(rows[REST + 5][head.index("y0_mm")]) == pytest.approx(20.0, abs=1.0)
     assert said[0].startswith("the first 20 frames tell the untouched frame and the noise, 0.2 s at 100 frames a second")
-    assert said[1].startswith("calibrated: the noise of a reading is 9.") or "0.0001" in said[1]
+    assert float(said[1].removeprefix("calibrated: the noise of a reading is ").removesuffix(" V.")) == pytest.approx(
+        NOISE_V, rel=0.1)
 
 
 def test_bad_frames_and_noise_are_refused(model: Model) -> None:
