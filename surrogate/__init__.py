@@ -3,6 +3,9 @@
 >>> import surrogate
 >>> model = surrogate.train("sweep", method="forward", seed=1)     # doctest: +SKIP
 >>> model.predict(frames_V, baseline_V)                            # doctest: +SKIP
+>>> labels = surrogate.read_labels("touches.csv")                  # doctest: +SKIP
+>>> reader = surrogate.train_reader(recording, labels, seed=1)     # doctest: +SKIP
+>>> surrogate.read_touches(reader, recording)                      # doctest: +SKIP
 >>> list(surrogate.METHODS)
 ['trainbr', 'network', 'forward', 'mlp', 'ridge', 'gp']
 """
@@ -21,9 +24,21 @@ if TYPE_CHECKING:
     from surrogate.model.tracked import Tracked as Tracked
     from surrogate.model.tracker import Tracker as Tracker
     from surrogate.model.train import train as train
+    from surrogate.recordings.labels import Labels as Labels
+    from surrogate.recordings.labels import read_labels as read_labels
+    from surrogate.recordings.trained.reader_store import load_reader as load_reader
+    from surrogate.recordings.trained.reader_store import save_reader as save_reader
+    from surrogate.recordings.trained.reader_table import read_touches as read_touches
+    from surrogate.recordings.trained.train_reader import TrainedReader as TrainedReader
+    from surrogate.recordings.trained.train_reader import train_reader as train_reader
 
 __getattr__, __dir__, __all__ = attach(__name__, {
-    "METHODS": "surrogate.learners.registry", "Learner": "surrogate.learners.base", "Model": "surrogate.model.model",
+    "METHODS": "surrogate.learners.registry", "Labels": "surrogate.recordings.labels",
+    "Learner": "surrogate.learners.base", "Model": "surrogate.model.model",
+    "TrainedReader": "surrogate.recordings.trained.train_reader",
     "cramer_rao": "surrogate.bounds.cramer_rao", "evaluate": "surrogate.model.evaluate",
-    "load": "surrogate.model.model", "train": "surrogate.model.train",
+    "load": "surrogate.model.model", "load_reader": "surrogate.recordings.trained.reader_store",
+    "read_labels": "surrogate.recordings.labels", "read_touches": "surrogate.recordings.trained.reader_table",
+    "save_reader": "surrogate.recordings.trained.reader_store", "train": "surrogate.model.train",
+    "train_reader": "surrogate.recordings.trained.train_reader",
     "Tracked": "surrogate.model.tracked", "Tracker": "surrogate.model.tracker"})

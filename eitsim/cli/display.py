@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from eitsim.simulation.result_json import ERRORS, MECHANICS
 
 if TYPE_CHECKING:
     from eitsim.sensors.inspection import Inspection
+    from eitsim.sensors.layout.sensor_design import SensorDesign
 
 
 def show_plan(made: Plan) -> None:
@@ -124,7 +126,7 @@ def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
             words += ", extrapolated" if part == "foam" and stability["least_strain"] < fitted[0] else ""
         table.add_row(f"{part.capitalize()} law fitted over strains", words)
     share = stability.get("signal_share_extrapolated")
-    table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc"
+    table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of it"
                   + ("" if share is None else f", {share:.0%} of the signal"))
 
 
@@ -168,3 +170,17 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
         print(f"not determined by the data: {', '.join(document['not_determined'])}")
     print(f"absolute model: {document['absolute_model']}" + (f": {document['reason']}" if document["reason"] else ""))
     print(f"sensor: {out}")
+
+
+def show_designs(designs: Mapping[Path, SensorDesign]) -> None:
+    """Drives and choices of each sensor, the best first, with the bounds of what a touch is read for."""
+    first = next(iter(designs.values()))
+    table = Table(*["sensor"] * (len(designs) > 1), "drive", "readings", "over own",
+                  *(name.replace("_", ", ") for name in first.unknowns), box=box.SIMPLE_HEAD, title_justify="left",
+                  title=f"least standard deviations at {first.noise_V:.3g} V a reading, median and 90 % of "
+                        f"{first.places} places")
+    for path, made in designs.items():
+        for one in sorted((*made.drives, *filter(None, [made.choice])), key=lambda each: each.over_own):
+            ends = [f"{low:.3g}, {high:.3g}" for low, high in zip(one.median, one.high, strict=True)]
+            table.add_row(*[str(path)] * (len(designs) > 1), one.name, str(one.readings), f"{one.over_own:.2f}", *ends)
+    _console().print(table)

@@ -43,7 +43,7 @@ def live(model_folder: ModelFolder,
     import surrogate
     from surrogate.live.export_page import export_page
     from surrogate.live.serve import check_installed, serve
-    from surrogate.recordings.reader_store import is_reader
+    from surrogate.recordings.trained.reader_store import is_reader
 
     _check_choice(frames, replay, simulate, data or scene, export)
     if is_reader(model_folder):

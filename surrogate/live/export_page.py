@@ -73,7 +73,7 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "size": {"centre": _packed(forward.size.centre), "weights": _packed(forward.size.weights)},
         "strengths": [_process(one) for one in forward.strengths],
         "strength_sd": np.median(strength_discrepancy(forward, unknown), axis=0).tolist(),
-        "handover": forward.handover.tolist(), "kept_orders": rim_zone.ORDERS, "zone": list(rim_zone.ZONE),
+        "high_end": list(rim_zone.HIGH_END), "kept_orders": rim_zone.ORDERS, "zone": list(rim_zone.ZONE),
         "p0": forward.p0, "floor": forward.floor, "shift_mm": forward.shift_mm, "mean": forward.mean.tolist(),
         "sd": forward.sd.tolist(), "bounds": forward.bounds.tolist(), "margin_mm": MARGIN_MM, "margin": MARGIN,
         "most_radius": RIM, "candidates": _packed(spiral(forward, CANDIDATES)),
@@ -93,7 +93,7 @@ def _rim(forward: ForwardMap) -> dict[str, Any]:
     fitted = forward.beside
     answer, metal, error = fitted.polarization, fitted.rim, fitted.error
     return {
-        "step": fitted.step if np.isfinite(fitted.step) else None,
+        "replaces": bool(fitted.replaces), "step": fitted.step if np.isfinite(fitted.step) else None,
         "answer": {name: _packed(getattr(answer, name)) for name in ("nodes", "centre", "lengths", "weights")},
         "answer_soft": polarization.SOFT, "answer_orders": polarization.ORDERS,
         "metal": {"turn": [[one.real, one.imag] for one in metal.symmetry.turn.tolist()],

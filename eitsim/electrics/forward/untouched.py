@@ -10,6 +10,7 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, impedance
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
+from eitsim.electrics.outline.adapted_mesh import impedance_by_log_contact, solve_untouched
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, identical, present, there
 from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
@@ -66,12 +67,14 @@ def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: 
     """dV/dlog z_e (readings, electrodes), V, of the untouched skin of a sheet conductance, S, by a central difference.
 
     0 by an electrode without contact, NaN for readings that need one. Identical electrodes take two solutions,
-    others two each.
+    others two each; on a skin with an outline adjoint fields serve them all.
     """
     kept = np.flatnonzero(there(electrodes))
     own = present(electrodes)
     count = own.count
-    if identical(own):
+    if body.has_outline:
+        slopes = list(impedance_by_log_contact(body.shape, own, conductance_S))
+    elif identical(own):
         first = _impedance_by(body, own, conductance_S, 0)
         slopes = [np.roll(first, (k, k), axis=(0, 1)) for k in range(count)]
     else:
@@ -97,6 +100,8 @@ def _impedance_by(body: Body, electrodes: Electrodes, conductance_S: float, k: i
 def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
     """Impedance matrix (N, N), Ohm, of electrodes that all have contact, on a skin of sheet conductance S, S;
     read-only."""
+    if body.has_outline:
+        return solve_untouched(body.shape, electrodes, conductance_S).impedance_Ohm
     if electrodes.kind == "line":
         return solve_rim(body, electrodes, conductance_S).impedance_Ohm
     return _with_patches(body, electrodes, conductance_S)

@@ -97,7 +97,9 @@ def untouched(sensor: Sensor, recording: Recording) -> Untouched:
 
 
 def check_electrodes(sensor: Sensor) -> None:
-    """ValueError where the instrument model is not built for a sensor's electrodes."""
+    """ValueError where the instrument model is not built for a sensor's body or electrodes."""
+    if sensor.body.has_outline:
+        raise ValueError("the instrument model is built for discs, not for skins with an outline in [body].")
     if sensor.electrodes.kind != "line" or sensor.electrodes.missing:
         raise ValueError("the instrument model is built for line electrodes which all have contact; leave kind and "
                          "missing out of [electrodes], and drives and readings of dead electrodes out of [drive].")

@@ -11,10 +11,11 @@ from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
 from eitsim.scene.scene import scene_tables
 from eitsim.sensors.calibration.calibrate import Calibration, check_electrodes, untouched_readings
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
-from eitsim.sensors.sensor_file import TABLES, Sensor, sensor_from
+from eitsim.sensors.sensor_file import TABLES, Sensor, read_sensor, sensor_from
 from touchcal.arrays import Array
 from touchcal.document import Keys, Number
 from touchcal.errors import InputFileError
+from touchcal.input_file import regular
 from touchcal.json_file import read_json
 
 SCHEMA = 1
@@ -67,9 +68,7 @@ def read_calibration(path: Path | str) -> CalibratedSensor:
     """Read what `calibration_document` made; InputFileError names the file and what is wrong: another schema, a refused
     model, parameters that are not the sensor's, or electrodes that overlap."""
     path = Path(path)
-    raw = read_json(path, "a calibrated sensor", _FIX, _SHAPE)
-    if raw["schema"] != SCHEMA:
-        raise InputFileError(path, f"schema {raw['schema']} is not {SCHEMA}, which is read here. Fit the sensor again.")
+    raw = _document(path)
     if raw["absolute_model"] != "usable":
         raise InputFileError(path, f"its absolute model was refused: {raw['reason']}")
     try:
@@ -82,12 +81,41 @@ def read_calibration(path: Path | str) -> CalibratedSensor:
         raise InputFileError(path, str(error)) from None
 
 
+def read_described_sensor(path: Path | str) -> tuple[Sensor, str]:
+    """The sensor that a file describes, and which file it is: "sensor file" (TOML), or "calibrated sensor", the JSON
+    that `eitsim sensor fit` writes, whose body, electrodes, drive and readings are taken even where its absolute model
+    was refused. InputFileError as `read_sensor` and `read_calibration`."""
+    path = Path(path)
+    if not _is_json(path):
+        return read_sensor(path), "sensor file"
+    raw = _document(path)
+    try:
+        return sensor_from(raw["sensor"], path.parent), "calibrated sensor"
+    except InputFileError:
+        raise
+    except ValueError as error:
+        raise InputFileError(path, str(error)) from None
+
+
 def protocol_of_files(sensor: Sensor, currents: Path, measurements: Path) -> Protocol:
     """The protocol of two CSV files as [drive] names them, currents in units of the sensor's; InputFileError names a
     file that cannot be read, ValueError what does not fit the sensor."""
     tables = {"currents": matrix_rows(currents), "measurements": matrix_rows(measurements)}
     drive = Drive(sensor.drive.current_A, **{key: as_tuples(rows) for key, rows in tables.items()})
     return protocol(drive, sensor.electrodes.count)
+
+
+def _is_json(path: Path) -> bool:
+    """Whether a file begins as a JSON object; no TOML does."""
+    with open(regular(path), "rb") as file:
+        return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
+
+
+def _document(path: Path) -> dict[str, Any]:
+    raw = read_json(path, "a calibrated sensor", _FIX, _SHAPE)
+    if raw["schema"] != SCHEMA:
+        raise InputFileError(path, f"schema {raw['schema']} is not {SCHEMA}, which is read here. Fit the sensor again.")
+    return raw
 
 
 def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]]) -> CalibratedSensor:

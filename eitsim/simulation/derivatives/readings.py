@@ -112,6 +112,8 @@ def check_differentiable(scene: Scene) -> None:
 
 
 def _problem(scene: Scene) -> str:
+    if scene.body.has_outline:
+        return "skins with an outline in [body]; only discs have them."
     if scene.hold.time_s:
         return "a hold; leave out time_s in [hold]."
     if together(scene):

@@ -55,7 +55,7 @@ function learnedMap(given) {
 
   // The series' basis [order][reading].
   function basisOf(f, radius) {
-    const high = 1 - share(radius, given.handover), out = [];
+    const high = 1 - share(radius, given.high_end), out = [];
     for (let k = 0; k < orders; k++) {
       const a = f.real[k], b = f.imaginary[k], column = new Float64Array(readings);
       const part = k < given.kept_orders ? 1 : high;
@@ -98,12 +98,15 @@ function learnedMap(given) {
     const f = fieldsAt(zx, zy), basis = basisOf(f, radius);
     const input = new Array(inputs).fill(0);
     input[0] = logD; input[1] = g; input[2] = Math.min(radius, given.interior) ** 2;
-    const strength = sizeAt(input) * force(logD, g), signal = new Float64Array(readings);
+    const strength = sizeAt(input) * force(logD, g), signal = new Float64Array(readings), dipole = norm(basis[0]);
+    if (rim && rim.replaces) {
+      const kept = 1 - share(radius, given.zone);
+      for (const column of basis) for (let j = 0; j < readings; j++) column[j] *= kept;
+    }
     processes.forEach((process, k) => {
       const p = strength * processMean(process, input), column = basis[k];
       for (let j = 0; j < readings; j++) signal[j] += p * column[j];
     });
-    const dipole = norm(basis[0]);
     if (rim && radius > given.zone[0]) addRim(signal, f, zx, zy, radius, logD, g, strength, dipole);
     return { signal, basis, strength, shape: strength * dipole, radius, half: Math.exp(logD) / 2 / ring.radius_mm };
   }

@@ -17,7 +17,12 @@ from eitsim.scene.drive import Drive, matrices, readings
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.calibration.calibrate import calibrate, untouched
-from eitsim.sensors.calibration.calibration_file import calibration_document, parameters_of, read_calibration
+from eitsim.sensors.calibration.calibration_file import (
+    calibration_document,
+    parameters_of,
+    read_calibration,
+    read_described_sensor,
+)
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, derivatives, sources, voltages
 from eitsim.sensors.calibration.ohm_tests import ohm_tests
 from eitsim.sensors.calibration.stages import fit, halves, harms, unexplained
@@ -279,6 +284,22 @@ def test_what_is_no_calibrated_sensor_is_refused(document: dict, tmp_path: Path,
     write_json(changed, tmp_path / "sensor.json")
     with pytest.raises(InputFileError, match=words):
         read_calibration(tmp_path / "sensor.json")
+
+
+def test_one_function_reads_both_files_of_a_sensor_and_says_which(document: dict, tmp_path: Path) -> None:
+    write_json(document | {"absolute_model": "refused", "reason": "why"}, tmp_path / "fitted")
+    found, words = read_described_sensor(tmp_path / "fitted")
+    assert words == "calibrated sensor"
+    assert found == sensor()
+    (tmp_path / "described").write_text("[body]\nradius_mm = 45\n")
+    found, words = read_described_sensor(tmp_path / "described")
+    assert (words, found.body.radius_m) == ("sensor file", 0.045)
+    write_json(document | {"schema": 9}, tmp_path / "fitted")
+    with pytest.raises(InputFileError, match="schema 9 is not 1"):
+        read_described_sensor(tmp_path / "fitted")
+    (tmp_path / "neither").write_text("v_000,v_001\n1,2\n")
+    with pytest.raises(InputFileError, match="not TOML"):
+        read_described_sensor(tmp_path / "neither")
 
 
 SENSOR = ('[electrodes]\ncount = 8\n[drive]\ncurrent_mA = 1\ncurrents = "currents.csv"\n'
