@@ -1,6 +1,7 @@
 """A tracker on simulated streams: error, coverage, detection of contact, and CPU time a frame.
 
-Run as `python benchmarks/tracker.py MODEL_DIR CARD`; writes results/tracker.csv next to this file. The frames are the
+Run as `python benchmarks/tracker.py MODEL_DIR CARD SWEEP_DIR`; writes results/tracker.csv next to this file, and the
+simulated presses into SWEEP_DIR, where a later run finds them. The frames are the
 simulator's own at each place and force (a sweep of a table of scenes), so that the map that reads them, learned from
 other touches, is not tested on itself. Presses hold, slide, roll off, or are lifted and pressed again elsewhere within
 0.1 s, by punches of the trained diameters under 0.02 to 1.8 N within 40 mm, at 50 frames a second; noise is white,
@@ -18,7 +19,6 @@ from __future__ import annotations
 
 import csv
 import sys
-import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -82,14 +82,14 @@ def paths(seed: int) -> tuple[list[str], Array, Array]:
         [*touch, np.full((UNTOUCHED, 4), np.nan)])
 
 
-def simulated(card: str, seed: int) -> Stream:
-    """The stream with the simulator's signals."""
+def simulated(card: str, folder: Path, seed: int) -> Stream:
+    """The stream with the simulator's signals; rows that the folder has already are not solved again."""
     kind, press, touch = paths(seed)
     touched = press >= 0
-    with tempfile.TemporaryDirectory() as folder:
-        with open(Path(folder) / "scenes.csv", "w", newline="") as file:
-            csv.writer(file).writerows([("x_mm", "y_mm", "d_mm", "F_N"), *touch[touched].tolist()])
-        table = eitsim.sweep(Path(folder) / "scenes.csv", card, Path(folder) / "sweep", reuse=True).table
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "scenes.csv", "w", newline="") as file:
+        csv.writer(file).writerows([("x_mm", "y_mm", "d_mm", "F_N"), *touch[touched].tolist()])
+    table = eitsim.sweep(folder / "scenes.csv", card, folder / "sweep", reuse=True).table
     if not (table["outcome"] == "ok").all():
         raise SystemExit(f"tracker.py: a scene was not solved: {table['outcome'].value_counts().to_dict()}")
     signal = np.zeros((len(touch), sum(name.startswith("dv_") for name in table)))
@@ -175,10 +175,10 @@ def pairs(stream: Stream, rng: np.random.Generator) -> Stream:
 
 
 def main() -> None:
-    if len(sys.argv) != 3:
-        raise SystemExit("tracker.py: give a forward model and its card.")
+    if len(sys.argv) != 4:
+        raise SystemExit("tracker.py: give a forward model, its card, and a folder for the simulated presses.")
     model, rng = surrogate.load(Path(sys.argv[1])), np.random.default_rng(0)
-    stream = simulated(sys.argv[2], 1)
+    stream = simulated(sys.argv[2], Path(sys.argv[3]), 1)
     n, every = len(stream.kind), np.ones(len(stream.kind), bool)
     rows = []
     said, spent = followed(model, stream, with_noise(model, stream.signal_V, rng))

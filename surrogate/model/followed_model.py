@@ -18,7 +18,7 @@ from surrogate.model.contact import patterns_of
 from surrogate.model.follow_by_map import Touch
 from surrogate.model.followed_reading import Read, unread
 from surrogate.model.missing_channels import named, silent, why_not, without
-from surrogate.model.predict import WEAK, Predictions, Predictor, judged, predict, prepare
+from surrogate.model.predict import WEAK, Predictions, Predictor, judged, numbers_of, predict, prepare
 from surrogate.model.tracked import SEVERAL_TOUCHES, TOUCH
 from surrogate.model.trained import TrainedModel
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -107,4 +107,4 @@ class FollowedModel:
         sd = (below + above) / 2 / normal(COVERAGE)
         own = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
         return Read(state, of_touch(read.value), covariance / np.outer(own, own) * np.outer(sd, sd), below, above,
-                    read.flag[0], read)
+                    read.flag[0], numbers_of(read)[0])

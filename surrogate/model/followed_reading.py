@@ -9,7 +9,6 @@ import numpy as np
 
 from surrogate.data.outputs import TOUCH
 from surrogate.data.untouched_stream import Background
-from surrogate.model.predict import Predictions
 from touchcal.arrays import Array, Mask
 
 
@@ -23,7 +22,7 @@ class Read:
     below: Array
     above: Array
     flag: str
-    predictions: Predictions | None = None
+    row: Array | None = None
 
 
 def unread(state: str, flag: str) -> Read:

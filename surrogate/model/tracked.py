@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surrogate.model.predict import Predictions
 from surrogate.statistics.conformal import COVERAGE
 from touchcal.arrays import Array
 
@@ -27,7 +26,8 @@ class Tracked:
     noise_V: float  # standard deviation of one reading, as known so far; NaN before it is
     left: int  # frames that calibration still takes; 0 when it is over
     flag: str  # what is to be known of the frame; empty where nothing is
-    predictions: Predictions | None = None  # one row of all outputs of the model, where it is a model of a sweep
+    # (columns,) all outputs of a model of a sweep with their ends and parts, as `predict.columns` names them
+    row: Array | None = None
 
     @property
     def ellipse(self) -> tuple[float, float, float]:

@@ -84,8 +84,8 @@ def _answer(tracker: Tracker, model: TrainedModel | TrainedReader, line: Line,
     except ValueError as error:
         return UNREADABLE, None, f"unreadable: {error}"
     said = tracker.update(volts)
-    if said.predictions is not None:
-        return said.state, predict.numbers_of(said.predictions)[0].tolist(), said.flag
+    if said.row is not None:
+        return said.state, said.row.tolist(), said.flag
     return said.state, _place(said) if isinstance(model, TrainedReader) else None, said.flag
 
 

@@ -182,4 +182,4 @@ class Tracker:
     def _told(self, read: Read, signal: Array | None = None) -> Tracked:
         signal = np.full(len(self._gain), np.nan) if signal is None else signal
         return Tracked(self._time_s, read.state, read.value, read.covariance, read.below, read.above, signal,
-                       self.noise_V, self._left, read.flag, read.predictions)
+                       self.noise_V, self._left, read.flag, read.row)

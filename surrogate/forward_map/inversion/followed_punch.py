@@ -28,7 +28,8 @@ def inversion(forward: ForwardMap, touch: Followed) -> Inversion:
     joint[:4, 4:] = np.einsum("k,kpq,kqm->pm", weight, slopes, material)
     joint[4:, :4] = joint[:4, 4:].T
     known = carried(touch.covariance - material @ material.transpose(0, 2, 1)) * widened + between
-    noise = carried(touch.covariance - touch.shared @ touch.shared.transpose(0, 2, 1))
+    # which of the filters is right is open by noise
+    noise = carried(touch.covariance - touch.shared @ touch.shared.transpose(0, 2, 1)) + between
     reached, sd = extent(mean[None]), np.sqrt(np.diag(joint)[None, :4])
     inside = np.all((reached >= np.r_[0.0, forward.bounds[0, 1:]]) & (reached <= forward.bounds[1]), axis=1)
     return Inversion(mean[None], joint[None, :4, :4], np.zeros((1, k)), Peak(joint[None], known[None], noise[None]),

@@ -25,7 +25,7 @@ PRESS = {"x_mm": 20.0, "y_mm": -10.0, "diameter_mm": 14.0, "force_N": 1.0, "nois
 
 def asked(address: str, path: str = "", method: str = "GET", **headers: str) -> http.client.HTTPResponse:
     parts = urlsplit(address)
-    connection = http.client.HTTPConnection(parts.netloc, timeout=10)
+    connection = http.client.HTTPConnection(parts.netloc, timeout=60)
     connection.request(method, path or parts.path, headers=headers)
     return connection.getresponse()
 
@@ -33,7 +33,7 @@ def asked(address: str, path: str = "", method: str = "GET", **headers: str) -> 
 def connected(address: str, origin: str | None = None):
     parts = urlsplit(address)
     return websockets.connect(f"ws://{parts.netloc}{parts.path}frames", origin=origin or f"http://{parts.netloc}",
-                              open_timeout=10)
+                              open_timeout=60)
 
 
 def status(address: str, origin: str | None) -> int:
@@ -42,7 +42,7 @@ def status(address: str, origin: str | None) -> int:
 
     parts = urlsplit(address)
     with (pytest.raises(InvalidStatus) as refused,
-          websockets.connect(f"ws://{parts.netloc}{parts.path}frames", origin=origin, open_timeout=10)):
+          websockets.connect(f"ws://{parts.netloc}{parts.path}frames", origin=origin, open_timeout=60)):
         pass
     return refused.value.response.status_code
 
@@ -51,7 +51,7 @@ def pressed(socket, press: dict = PRESS) -> dict:
     """The first frame that answers a press and reads it."""
     socket.send(json.dumps(press))
     for _ in range(500):
-        frame = json.loads(socket.recv(timeout=20))
+        frame = json.loads(socket.recv(timeout=60))
         if frame.get("read") and frame["true"] and frame["true"]["x_mm"] == press["x_mm"]:
             return frame
     raise AssertionError("no frame reads the press")
@@ -95,7 +95,7 @@ def test_what_is_pressed_is_lifted_when_the_browser_goes_away(address: str) -> N
         pressed(socket)
     with connected(address) as socket:
         socket.recv()
-        frames = [json.loads(socket.recv(timeout=20)) for _ in range(100)]
+        frames = [json.loads(socket.recv(timeout=60)) for _ in range(100)]
     assert frames[-1]["true"] is None
 
 
@@ -125,7 +125,7 @@ def test_ctrl_c_stops_it_without_a_traceback(start: Start, live_folder: Path) ->
     with connected(address) as socket:
         socket.recv()
         process.send_signal(signal.SIGINT)
-        assert process.wait(10) == 0
+        assert process.wait(60) == 0
     assert process.stderr is not None
     assert "Traceback" not in process.stderr.read()
 

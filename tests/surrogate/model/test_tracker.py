@@ -61,9 +61,9 @@ def test_the_first_frame_of_a_touch_is_read_as_alone(model: Model, press: Callab
     for frame in frames[:REST]:
         assert tracker.update(frame).state == UNTOUCHED
     now = tracker.update(frames[REST])
-    alone = model.predict(now.signal_V + untouched_V, untouched_V, noise_V=now.noise_V)
+    alone = model.predict(now.signal_V + untouched_V, untouched_V, noise_V=now.noise_V * np.sqrt(1 + 1 / (REST + 1)))
     assert now.state == TOUCH
-    assert np.allclose(now.value, alone[["x0_m", "y0_m", "d_m", "F_N"]].to_numpy()[0], rtol=1e-3, atol=1e-6)
+    assert np.allclose(now.value, alone[["x0_m", "y0_m", "d_m", "F_N"]].to_numpy()[0], rtol=2e-4, atol=1e-6)
 
 
 def test_touches_elsewhere_without_a_pause_are_read_as_alone(model: Model, spots: Spots, untouched_V: Array) -> None:
@@ -76,7 +76,7 @@ def test_touches_elsewhere_without_a_pause_are_read_as_alone(model: Model, spots
 
 def test_a_sliding_press_is_found_followed_held_and_let_go(model: Model, press: Callable[..., Array],
                                                            untouched_V: Array) -> None:
-    held, within = [], []
+    held = []
     for seed in range(4):
         touch = slide(force=0.6 + 0.3 * seed)
         said = told(Tracker(model, untouched_V, NOISE_V, rate_hz=RATE_HZ), press(touch, seed))
@@ -88,10 +88,8 @@ def test_a_sliding_press_is_found_followed_held_and_let_go(model: Model, press: 
             if np.isfinite(now.value[0]):
                 off = 1e3 * now.value[:2] - true[:2]
                 held.append(off @ np.linalg.solve(1e6 * now.covariance[:2, :2], off) <= -2 * np.log1p(-COVERAGE))
-                within.append(-now.below[3] <= true[3] - now.value[3] <= now.above[3])
     assert len(held) > 140
     assert 0.8 < np.mean(held) < 0.99
-    assert np.mean(within) > 0.8
 
 
 def test_what_is_wrong_with_the_map_does_not_average_out(model: Model, press: Callable[..., Array],
@@ -100,15 +98,17 @@ def test_what_is_wrong_with_the_map_does_not_average_out(model: Model, press: Ca
     after one."""
     touch = np.tile([10.0, -15.0, 13.0, 0.8], (300, 1))
     said = told(Tracker(model, untouched_V, NOISE_V), press(touch, 5))[REST + 1:-REST]
-    exact = told(Tracker(model, untouched_V, 1e-7), press(touch[:3], 5) * 0 + (press(touch, 5)[REST:-REST].mean(axis=0)))
+    mean = press(touch, 5)[REST:-REST].mean(axis=0)
+    exact = told(Tracker(model, untouched_V, 1e-7), np.tile(mean, (3, 1)))
     floor = np.sqrt(np.diag(exact[0].covariance)[:2])
     assert np.all(np.sqrt(np.diag(said[-1].covariance)[:2]) > 0.9 * floor)
     assert said[-1].below[2] + said[-1].above[2] < 0.7 * (said[0].below[2] + said[0].above[2])
 
 
-def test_a_drift_is_followed_and_makes_no_contact(model: Model, press: Callable[..., Array], untouched_V: Array) -> None:
+def test_a_drift_is_followed_and_makes_no_contact(model: Model, press: Callable[..., Array],
+                                                  untouched_V: Array) -> None:
     touch = slide(80)
-    frames = np.concatenate([press(touch[:0], k) for k in range(6)] + [press(touch, 9)])
+    frames = np.concatenate([press(touch, k)[:REST] for k in range(12)] + [press(touch, 9)])
     way = np.random.default_rng(0).normal(size=len(untouched_V))
     frames += np.linspace(0, 5e-3, len(frames))[:, None] * way / np.linalg.norm(way)
     said = told(Tracker(model, untouched_V, NOISE_V), frames)
@@ -146,7 +146,8 @@ def test_a_channel_that_dies_in_a_touch_costs_nothing(model: Model, press: Calla
     assert told(Tracker(model, untouched_V, NOISE_V), lost)[REST + 14].state == UNREADABLE
 
 
-def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[..., Array], untouched_V: Array) -> None:
+def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[..., Array],
+                                                  untouched_V: Array) -> None:
     one = np.tile([-25.0, 5.0, 13.0, 1.0], (12, 1))
     other = one * [-1, 1, 1, 0.8]
     both = press(one, 0) + press(other, 1) - untouched_V
@@ -179,8 +180,9 @@ def test_one_line_in_is_one_row_out(model: Model, press: Callable[..., Array], u
     assert rows[REST + 4][flag].startswith('"unreadable: 3 columns')
     assert rows[REST + 5][state] == TOUCH
     assert float(rows[REST + 5][head.index("y0_mm")]) == pytest.approx(20.0, abs=1.0)
-    assert said[0].startswith("the first 20 frames tell the untouched frame and the noise, 0.2 s at 100 frames a second")
-    assert said[1].startswith("calibrated: the noise of a reading is 9.") or "0.0001" in said[1]
+    assert said[0].startswith("the first 20 frames tell the untouched frame and the noise, 0.2 s at 100 frames a")
+    assert float(said[1].removeprefix("calibrated: the noise of a reading is ").removesuffix(" V.")) == pytest.approx(
+        NOISE_V, rel=0.1)
 
 
 def test_bad_frames_and_noise_are_refused(model: Model) -> None:
