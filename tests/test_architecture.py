@@ -14,8 +14,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 # Packages from the ground up, each with its rooms from the ground up; a room imports only from rooms named before it.
-# Places kept for rooms to come: outlines of bodies in eitsim/scene, surrogate/recordings after data, tracking in
-# surrogate/model.
+# Places kept for rooms to come: outlines of bodies in eitsim/scene, surrogate/recordings after data.
 HOUSE = {
     "touchcal": ("", "parallel"),
     "matcal": ("statistics", "laws", "card", "readers", "reduction", "fitting", "posterior", "record", "", "cli"),
