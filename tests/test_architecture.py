@@ -14,7 +14,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 # Packages from the ground up, each with its rooms from the ground up; a room imports only from rooms named before it.
-# Places kept for rooms to come: surrogate/recordings after data, tracking in surrogate/model.
 HOUSE = {
     "touchcal": ("", "parallel"),
     "matcal": ("statistics", "laws", "card", "readers", "reduction", "fitting", "posterior", "record", "", "cli"),

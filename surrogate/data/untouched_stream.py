@@ -1,8 +1,8 @@
 """The untouched frame of a stream, its noise and its drift, learnt from frames while nothing touches.
 
 Each reading is a random walk read with noise: y_k = b_k + n_k, b_k+1 = b_k + w_k. One variance of noise, r^2, serves
-all readings. The walk goes along the directions in which means of blocks of BLOCK frames were seen to move, less what
-noise alone moves them by.
+all readings. The walk goes along the directions in which means of blocks of frames were seen to move, with touches
+between them or not, less what noise alone moves them by.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ import numpy as np
 
 from touchcal.arrays import Array
 
-# Frames of a block, blocks that tell the drift, and frames that calibration takes where the noise is not stated.
-BLOCK, BLOCKS, CALIBRATION = 50, 8, 20
+# Least frames and seconds of a block, movements that tell the drift, and frames that calibration takes where the noise
+# is not stated.
+BLOCK, BLOCK_S, MOVEMENTS, CALIBRATION = 20, 0.4, 8, 20
 MEMORY = 1000.0  # frames that the noise is averaged over, at most
 LEAST_GAIN = 1 / 500  # of the frame in the untouched one: a drift that begins late is followed all the same
 
@@ -29,12 +30,13 @@ class Background:
     frames: float  # that the noise was averaged over
     time_s: float  # of the latest untouched frame
     last: Array | None  # (readings,) that frame, where no touch came after it
-    # (k, readings) movements of the untouched frame in a second, so that its variance grows by root' root a second
+    # (k, readings) movements of the untouched frame in a second, so that its variance grows by root' root in one
     root: Array
     moved: tuple[Array, ...] = ()  # latest movements of the means of blocks, over the root of their time
     block: tuple[Array, ...] = field(default=(), repr=False)  # frames of the block that is being filled
     begun_s: float = 0.0  # time of its first frame
-    before: Array | None = None  # mean of the block before, where no touch lies between
+    before: Array | None = None  # mean of the block before
+    ended_s: float = 0.0  # time of the last frame of that
 
     @property
     def noise_V(self) -> float:
@@ -76,25 +78,28 @@ def followed(of: Background, volts: Array, time_s: float) -> Background:
 def scaled(of: Background, gain: Array) -> Background:
     """With all readings multiplied by factors (readings,), what movements of it were seen forgotten."""
     square = float(np.mean(gain**2))
-    return replace(interrupted(of), volts=of.volts * gain, variance=of.variance * square, noise=of.noise * square)
+    return replace(interrupted(of), before=None, volts=of.volts * gain, variance=of.variance * square,
+                   noise=of.noise * square)
 
 
 def interrupted(of: Background) -> Background:
     """With a touch after the latest untouched frame."""
-    return replace(of, last=None, block=(), before=None)
+    return replace(of, last=None, block=())
 
 
 def _with_block(of: Background, volts: Array) -> Background:
     block, begun_s = (*of.block, volts), of.begun_s if of.block else of.time_s
-    if len(block) < BLOCK:
+    length_s = of.time_s - begun_s
+    if len(block) < BLOCK or length_s < BLOCK_S:
         return replace(of, block=block, begun_s=begun_s)
-    mean, taken_s = np.mean(block, axis=0), max(of.time_s - begun_s, np.finfo(float).tiny) * BLOCK / (BLOCK - 1)
+    mean, ended = np.nan_to_num(np.mean(block, axis=0)), replace(of, block=(), ended_s=of.time_s)
     if of.before is None:
-        return replace(of, block=(), before=mean)
-    # means of neighbouring blocks of a random walk differ by two thirds of the variance that it gains in one
-    moved = (*of.moved, (mean - of.before) / np.sqrt(2 / 3 * taken_s))[-BLOCKS:]
-    noise = 2 * of.noise / BLOCK / (2 / 3 * taken_s)
-    return replace(of, block=(), before=mean, moved=moved, root=_without_noise(np.array(moved), noise))
+        return replace(ended, before=mean)
+    # variance that a random walk gains from the mean of one block to that of another, over that of a second
+    walked_s = begun_s - of.ended_s + 2 / 3 * length_s
+    moved = (*of.moved, (mean - of.before) / np.sqrt(walked_s))[-MOVEMENTS:]
+    return replace(ended, before=mean, moved=moved,
+                   root=_without_noise(np.array(moved), 2 * of.noise / len(block) / walked_s))
 
 
 def _without_noise(moved: Array, noise: float) -> Array:

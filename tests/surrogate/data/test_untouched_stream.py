@@ -33,7 +33,7 @@ def test_a_walk_along_one_direction_is_found_and_followed() -> None:
     way = rng.normal(size=READINGS)
     way /= np.linalg.norm(way)
     rate = 0.02  # V a root second
-    walk = np.cumsum(rate * np.sqrt(STEP_S) * rng.normal(size=20 * BLOCK))
+    walk = np.cumsum(rate * np.sqrt(STEP_S) * rng.normal(size=1000))
     frames = walk[:, None] * way + 1e-3 * rng.normal(size=(len(walk), READINGS))
     known = watched(frames)
     assert len(known.root) == 1
@@ -44,13 +44,22 @@ def test_a_walk_along_one_direction_is_found_and_followed() -> None:
     assert np.linalg.norm(frames.mean(axis=0) - walk[-1] * way) > 0.02
 
 
-def test_a_touch_between_tells_neither_noise_nor_drift() -> None:
+def test_a_touch_between_tells_no_noise_but_how_far_the_frame_went() -> None:
     rng = np.random.default_rng(2)
-    before = watched(1e-3 * rng.normal(size=(3 * BLOCK, READINGS)))
-    after = followed(interrupted(before), np.full(READINGS, 0.5), before.time_s + 10.0)
-    assert after.noise == before.noise
-    assert len(after.moved) == len(before.moved)
-    assert len(after.block) == 1
+    known = watched(1e-3 * rng.normal(size=(2 * BLOCK, READINGS)))
+    way = np.zeros(READINGS)
+    way[:10] = 1.0
+    for pause in range(1, 7):
+        # shorter than two blocks: what a pause alone shows of the walk is nothing
+        begun_s, noise = known.time_s + 2.0, known.noise
+        known = interrupted(known)
+        for k in range(BLOCK + 5):
+            known = followed(known, 0.02 * pause * way + 1e-3 * rng.normal(size=READINGS), begun_s + k * STEP_S)
+            if k == 0:
+                assert known.noise == noise
+    assert known.noise_V == pytest.approx(1e-3, rel=0.1)
+    assert len(known.root) == 1
+    assert np.linalg.norm(known.root[0]) == pytest.approx(0.02 * np.sqrt(10 / 2.3), rel=0.2)
 
 
 def test_a_dead_channel_tells_nothing() -> None:
