@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 import eitsim
 import surrogate
-from surrogate.model.tracked import SEVERAL_TOUCHES, TOUCH, Tracked
+from surrogate.model.tracking.tracked import SEVERAL_TOUCHES, TOUCH, Tracked
 from surrogate.statistics.conformal import COVERAGE
 from surrogate.statistics.metrics import rms
 

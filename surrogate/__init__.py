@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from surrogate.model.evaluate import evaluate as evaluate
     from surrogate.model.model import Model as Model
     from surrogate.model.model import load as load
-    from surrogate.model.tracked import Tracked as Tracked
-    from surrogate.model.tracker import Tracker as Tracker
+    from surrogate.model.tracking.tracked import Tracked as Tracked
+    from surrogate.model.tracking.tracker import Tracker as Tracker
     from surrogate.model.train import train as train
     from surrogate.recordings.trained.reader_store import load_reader as load_reader
     from surrogate.recordings.trained.reader_store import save_reader as save_reader
@@ -41,4 +41,4 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "read_labels": "eitsim.sensors.labels", "read_touches": "surrogate.recordings.trained.reader_table",
     "save_reader": "surrogate.recordings.trained.reader_store", "train": "surrogate.model.train",
     "train_reader": "surrogate.recordings.trained.train_reader",
-    "Tracked": "surrogate.model.tracked", "Tracker": "surrogate.model.tracker"})
+    "Tracked": "surrogate.model.tracking.tracked", "Tracker": "surrogate.model.tracking.tracker"})

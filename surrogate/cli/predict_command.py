@@ -278,8 +278,8 @@ def _track_stream(model: Model | TrainedReader, baseline: Path | None, noise_V: 
     from contextlib import nullcontext
 
     from surrogate.model.stream import widen_pipe
-    from surrogate.model.tracked_stream import track
-    from surrogate.model.tracker import Tracker
+    from surrogate.model.tracking.tracked_stream import track
+    from surrogate.model.tracking.tracker import Tracker
     from surrogate.model.trained import TrainedModel
 
     if isinstance(model, TrainedModel):

@@ -11,7 +11,7 @@ import numpy as np
 
 from surrogate.live.controls import Limits
 from surrogate.live.moments import Moment
-from surrogate.model.tracked import CALIBRATING, TOUCH, Tracked
+from surrogate.model.tracking.tracked import CALIBRATING, TOUCH, Tracked
 from surrogate.model.trained import TrainedModel
 
 # Names of the touch's values, and their units in SI

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from surrogate.live.moments import Moment
-from surrogate.model.tracked import Tracked
-from surrogate.model.tracker import Tracker
+from surrogate.model.tracking.tracked import Tracked
+from surrogate.model.tracking.tracker import Tracker
 from surrogate.model.trained import TrainedModel
 from touchcal.arrays import Array
 

@@ -20,7 +20,7 @@ from surrogate.live import messages
 from surrogate.live.controls import MOST_BYTES, Latest, Limits, controls_of
 from surrogate.live.guard import App, guarded
 from surrogate.live.moments import Moment
-from surrogate.model.tracked import UNREADABLE, Tracked
+from surrogate.model.tracking.tracked import UNREADABLE, Tracked
 
 HOST = "127.0.0.1"
 PAGE = Path(__file__).parent / "page"

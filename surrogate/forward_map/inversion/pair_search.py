@@ -8,6 +8,7 @@ import numpy as np
 
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion.multipole_location import planes
+from surrogate.forward_map.inversion.reading_covariance import no_drift
 from touchcal.arrays import Array, Index
 
 PLACES = 150
@@ -24,7 +25,7 @@ class _Pairs:
 
 @lru_cache(maxsize=2)
 def _pairs(forward: ForwardMap) -> _Pairs:
-    axes = planes(forward, PLACES)[1]
+    axes = planes(forward, PLACES, no_drift(len(forward.ring.read)))[1]
     first, second = np.triu_indices(PLACES, 1)
     products = np.einsum("ird,jre->ijed", axes, axes, optimize=True)
     across = products[first, second]

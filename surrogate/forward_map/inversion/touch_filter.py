@@ -173,7 +173,7 @@ def _update(before: Followed, slope: Array, white: Array, alike: Array, innovati
     whole += (scaled**2 + unsure.noise_V**2) * np.eye(slope.shape[1])
     solved = np.linalg.solve(whole, np.concatenate([_turned(across), innovation[..., None]], axis=2))
     gain = _turned(solved[..., :4])
-    covariance = before.covariance - gain @ _turned(across)
+    covariance = np.asarray(before.covariance - gain @ _turned(across), np.float64)
     shared = before.shared - gain @ (slope @ before.shared)
     shared[:, :, own] -= scaled * (gain @ unsure.axes.T)
     shared[:, :, others] -= gain @ alike

@@ -7,15 +7,16 @@ import io
 import numpy as np
 import pytest
 
-from surrogate.model.followed_presses import begun, followed
-from surrogate.model.tracked import TOUCH, UNTOUCHED
-from surrogate.model.tracked_stream import columns, track
-from surrogate.model.tracker import Tracker
-from surrogate.recordings import networks, touch_reader
-from surrogate.recordings.train_reader import TrainedReader
+from surrogate.model.tracking.followed_presses import begun, followed
+from surrogate.model.tracking.tracked import TOUCH, UNTOUCHED
+from surrogate.model.tracking.tracked_stream import columns, track
+from surrogate.model.tracking.tracker import Tracker
+from surrogate.recordings import networks
+from surrogate.recordings.trained import press_reader
+from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
-from .conftest import synthetic_places, synthetic_presses, synthetic_signal
+from .conftest import labels_at, synthetic_places, synthetic_presses, synthetic_signal
 
 REST = 30
 
@@ -25,7 +26,8 @@ def model() -> TrainedReader:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(networks, "MOST_STEPS", 40)
         patch.setattr(networks, "HIDDEN", (32,))
-        reader = touch_reader.fit(*synthetic_presses(1, 60, noise=0.05))
+        presses, place = synthetic_presses(1, 60, noise=0.05)
+        reader = press_reader.fit(presses, labels_at(place))
     return TrainedReader(reader, "voltage", 60, 0, (), 0.0)
 
 

@@ -10,9 +10,9 @@ import pytest
 
 from surrogate.data.samples import Samples
 from surrogate.model.model import Model
-from surrogate.model.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
-from surrogate.model.tracked_stream import columns, track
-from surrogate.model.tracker import Tracker
+from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
+from surrogate.model.tracking.tracked_stream import columns, track
+from surrogate.model.tracking.tracker import Tracker
 from surrogate.model.train import train
 from surrogate.statistics.conformal import COVERAGE
 from touchcal.arrays import Array

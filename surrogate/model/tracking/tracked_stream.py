@@ -13,8 +13,8 @@ import numpy as np
 from surrogate.data.frame_rows import Line, frame_of, header_of, waiting_lines
 from surrogate.model import predict
 from surrogate.model.stream import SOURCE, Counts
-from surrogate.model.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
-from surrogate.model.tracker import Tracker
+from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
+from surrogate.model.tracking.tracker import Tracker
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Index

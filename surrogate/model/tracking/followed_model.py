@@ -13,13 +13,13 @@ from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import Unsure
 from surrogate.learners.forward import TouchInversion
 from surrogate.learners.novelty import fit_novelty, reciprocal
-from surrogate.model import follow_by_map
-from surrogate.model.contact import patterns_of
-from surrogate.model.follow_by_map import Touch
-from surrogate.model.followed_reading import Read, unread
 from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.predict import WEAK, Predictions, Predictor, judged, numbers_of, predict, prepare
-from surrogate.model.tracked import SEVERAL_TOUCHES, TOUCH
+from surrogate.model.tracking import follow_by_map
+from surrogate.model.tracking.contact import patterns_of
+from surrogate.model.tracking.follow_by_map import Touch
+from surrogate.model.tracking.followed_reading import Read, unread
+from surrogate.model.tracking.tracked import SEVERAL_TOUCHES, TOUCH
 from surrogate.model.trained import TrainedModel
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask

@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 from surrogate.data import untouched_stream
 from surrogate.data.baseline_frame import untouched
 from surrogate.data.untouched_stream import CALIBRATION, Background
-from surrogate.model import contact
-from surrogate.model.contact import Contact
-from surrogate.model.followed_model import FollowedModel
-from surrogate.model.followed_presses import FollowedPresses
-from surrogate.model.followed_reading import Following, Read, unread
 from surrogate.model.missing_channels import named, stuck
-from surrogate.model.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
+from surrogate.model.tracking import contact
+from surrogate.model.tracking.contact import Contact
+from surrogate.model.tracking.followed_model import FollowedModel
+from surrogate.model.tracking.followed_presses import FollowedPresses
+from surrogate.model.tracking.followed_reading import Following, Read, unread
+from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array

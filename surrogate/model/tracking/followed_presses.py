@@ -13,10 +13,10 @@ import numpy as np
 from surrogate.data.outputs import TOUCH as PARTS
 from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import WALK
-from surrogate.model.contact import patterns_of
-from surrogate.model.followed_reading import Read
 from surrogate.model.missing_channels import MOST_DEAD, named
-from surrogate.model.tracked import TOUCH
+from surrogate.model.tracking.contact import patterns_of
+from surrogate.model.tracking.followed_reading import Read
+from surrogate.model.tracking.tracked import TOUCH
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.trained.press_reader import read
 from surrogate.recordings.trained.train_reader import TrainedReader

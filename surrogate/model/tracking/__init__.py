@@ -1,0 +1,1 @@
+"""Frames followed live."""
