@@ -1,7 +1,7 @@
 # make demo   raw test files to report PDFs        make test        all tests but the slow ones
 # make lint   ruff and pyright                     make test-slow   the slow ones
 # make bench  every benchmark, for hours           make bench QUICK=1   a few cases of each, within half an hour
-# make docs   the API from its docstrings, reports/out/api
+# make docs   the site of docs/: pages, reference from the code, examples run; reports/out/docs/site.html
 # make paper  the source paper walked through: seven CPU minutes, within five minutes on two idle cores;
 #             make paper FULL=1 with 4,000 scenes, up to two hours
 .PHONY: demo test test-slow lint bench docs paper clean install
@@ -25,7 +25,7 @@ install: .venv/.installed
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 	  { echo "make: Python cannot make environments; install the system package python3-venv"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,dev,docs]'
 	@touch $@
 
 demo: install
@@ -45,7 +45,7 @@ bench: install
 	QUICK=$(QUICK) PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python benchmarks/whole.py
 
 docs: install
-	$(BIN)/pdoc --docformat markdown -o reports/out/api touchcal matcal eitsim surrogate reports
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/sphinx-build -q -W --keep-going docs reports/out/docs
 
 paper: install
 	@mkdir -p reports/out

@@ -15,10 +15,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from touchcal.code_version import ROOT, SAME_NUMBERS, SOLVERS, code_hash, script_hash
+from touchcal.code_version import MECHANICS, ROOT, SAME_NUMBERS, SOLVERS, code_hash, script_hash
 
-# What keys of caches and sweeps are made of, next to the benchmarks: solvers, derivatives, measured sets.
-KEYED = (SOLVERS, ("eitsim.simulation.derivatives.readings",), ("eitsim.sweeps.run.measure",))
+# What keys of caches and sweeps are made of, next to the benchmarks: solvers, mechanics, derivatives, measured sets.
+KEYED = (SOLVERS, MECHANICS, ("eitsim.simulation.derivatives.readings",), ("eitsim.sweeps.run.measure",))
 HASHES = f"""
 import json, pathlib
 from touchcal.code_version import code_hash, script_hash

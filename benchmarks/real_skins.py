@@ -1,11 +1,13 @@
-"""How well presses on real skins are read: place error, coverage and CPU time, with kernel ridge and the mean place.
+"""How well presses on real skins are read: error, coverage and CPU time, with kernel ridge and the mean.
 
 Usage: python benchmarks/real_skins.py [labels ...]. Reads the recordings in ../shared/real, which others measured, and
-stops where they are not there. Adds to results/real_skins.csv the rows that it lacks, one as each is done: `labels` 20,
-100 and 0 (all). The last fifth of the presses in time tests (split time), or a fifth at random (split random); the
-labels are those just before in time (taken last) or some at random (taken random). drift: how old the hydrogel's
-untouched frame is; "20 old": the frame of 20 presses before each press, "every 10": interpolated between untouched
-frames 10 presses apart.
+stops where they are not there. Adds to results/real_skins.csv the rows that it lacks, one an output as each case is
+done: `labels` 20, 100 and 0 (all). All labels are learnt, and an output that is not read has no row. The last fifth of
+the presses in time tests (split time), or a fifth at random (split random); the labels are those just before in time
+(taken last) or some at random (taken random). drift: how old the hydrogel's untouched frame is; "20 old": the frame of
+20 presses before each press, "every 10": interpolated between untouched frames 10 presses apart; "read 5 old",
+"read 20 old", "read first": training as recorded, and each tested press against the frame of 5 or 20 presses before, or
+the first of all.
 """
 
 from __future__ import annotations
@@ -20,18 +22,21 @@ import numpy as np
 import pandas as pd
 from conditions import earlier, quick, shown, written
 
+from eitsim.sensors.labels import Labels, read_labels
 from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings.baselines import tracked
-from surrogate.recordings.labels import read_labels
+from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.presses import Presses, labelled, presses_of
-from surrogate.recordings.reader_scores import scored, split_rows
-from touchcal.arrays import Array, Index
+from surrogate.recordings.trained.reader_scores import ReaderScore, read_rows, split_rows
+from touchcal.arrays import Index
 
 REAL = Path(__file__).parents[1].parent / "shared" / "real"
 NAME = "real_skins"
 SKINS = quick(("skin_plain", "skin_radial", "skin_carbon", "hydrogel"), ("hydrogel",))
 LABELS = quick((20, 100, 0), (20,))
+# Untouched frames that are older where presses are read than where they trained -> how many presses older.
+READ_OLD = {"read 5 old": 5, "read 20 old": 20, "read first": 10**6}
 KEYS = ("skin", "labels", "split", "taken", "drift")
 
 
@@ -58,10 +63,14 @@ def cases(labels: Sequence[int]) -> Iterator[Case]:
             for drift in ("20 old", "every 10"):
                 yield Case("hydrogel", count, "time", "last", drift)
                 yield Case("hydrogel", count, "time", "random", drift)
+            for drift in READ_OLD:
+                yield Case("hydrogel", count, "time", "last", drift)
+                yield Case("hydrogel", count, "time", "random", drift)
+                yield Case("hydrogel", count, "random", "random", drift)
 
 
-def recorded(skin: str) -> tuple[Recording, Presses, Array]:
-    """The recording of a skin, its labelled presses and their places, mm."""
+def recorded(skin: str) -> tuple[Recording, Presses, Labels]:
+    """The recording of a skin, its labelled presses and their labels."""
     folder = REAL / skin
     recording = read_recording(folder / "frames.csv", kind=read_sensor(folder / "sensor.toml").kind)
     return recording, *labelled(presses_of(recording), read_labels(folder / "touches.csv"), skin)
@@ -86,6 +95,16 @@ def with_drift(recording: Recording, presses: Presses, drift: str) -> Presses:
                    rest=presses.rest[kept], rest_time=presses.rest_time[kept])
 
 
+def read_old(recording: Recording, presses: Presses, rows: Index, count: int) -> Presses:
+    """The presses, some rows against the untouched frame of so many presses before, or the first one."""
+    touched = np.asarray(recording.readings, float)[recording.touch != ""]
+    before = np.maximum(rows - count, 0)
+    signal, following, age = presses.signal.copy(), presses.following.copy(), presses.age.copy()
+    signal[rows], following[rows] = touched[rows] - presses.rest[before], np.nan
+    age[rows] = presses.time[rows] - presses.rest_time[before]
+    return replace(presses, signal=signal, following=following, age=age)
+
+
 def rows_of(case: Case, count: int) -> tuple[Index, Index]:
     """Rows that train and rows that test."""
     train, test = split_rows(count, case.split, 0)
@@ -96,24 +115,36 @@ def rows_of(case: Case, count: int) -> tuple[Index, Index]:
     return np.sort(np.random.default_rng(0).permutation(train)[:case.labels]), test
 
 
-def measured(case: Case) -> dict[str, object]:
-    """The row of a case."""
-    recording, presses, place = recorded(case.skin)
-    if case.drift:
+def measured(case: Case) -> pd.DataFrame:
+    """The rows of a case, one an output that is read."""
+    recording, presses, labels = recorded(case.skin)
+    train, test = rows_of(case, len(labels.touch))
+    if case.drift in READ_OLD:
+        presses = read_old(recording, presses, test, READ_OLD[case.drift])
+    elif case.drift:
         presses = with_drift(recording, presses, case.drift)
-    train, test = rows_of(case, len(place))
-    known = presses
-    if len(presses.rest):
-        before = presses.rest_time <= presses.index[train].max()
-        known = replace(presses, rest=presses.rest[before], rest_time=presses.rest_time[before])
     begun = time.process_time()
-    found = scored(known, place, train, test, case.split, 0)
-    return asdict(case) | {
-        "trained": found.trained, "tested": found.tested, "distance_mm": round(found.distance_mm, 3),
-        "kernel_ridge_mm": round(found.ridge_mm, 3), "mean_place_mm": round(found.centre_mm, 2),
-        "x_in_90": round(found.coverage[0], 3), "y_in_90": round(found.coverage[1], 3),
-        "x_half_mm": round(found.width_mm[0], 2), "y_half_mm": round(found.width_mm[1], 2),
-        "cpu_s": round(time.process_time() - begun, 1)}
+    expectation = expectation_of(read_sensor(REAL / case.skin / "sensor.toml"))
+    read = read_rows(known_by(presses, train), labels, train, test, case.split, 0, expectation)
+    spent = round(time.process_time() - begun, 1)
+    return pd.DataFrame([asdict(case) | {
+        "output": one.output, "unit": one.unit, "trained": one.trained, "tested": one.tested,
+        "error": round(one.error, 4), "kernel_ridge": round(one.ridge_error, 4), "mean": round(one.mean_error, 4),
+        **held(one), "cpu_s": spent} for one in (tested.score for tested in read)])
+
+
+def held(one: ReaderScore) -> dict[str, float]:
+    """Parts that the 90 % intervals and ellipses hold, and mean half widths of intervals: of x and y, or of a label."""
+    axes = ("x", "y") if one.output == "place" else ("label",)
+    return ({f"{axis}_in_90": round(part, 3) for axis, part in zip(axes, one.coverage, strict=True)}
+            | {f"{axis}_half": round(half, 3) for axis, half in zip(axes, one.half_width, strict=True)}
+            | ({} if one.in_ellipse is None else {"in_ellipse": round(one.in_ellipse, 3)}))
+
+
+def known_by(presses: Presses, train: Index) -> Presses:
+    """The presses with the untouched frames of the time until the last row that trains."""
+    before = presses.rest_time <= presses.index[train].max()
+    return replace(presses, rest=presses.rest[before], rest_time=presses.rest_time[before])
 
 
 def main(labels: Sequence[int]) -> None:
@@ -125,9 +156,9 @@ def main(labels: Sequence[int]) -> None:
     done = set(known.itertuples(index=False, name=None))
     for case in cases(labels):
         if tuple(str(getattr(case, key)) for key in KEYS) not in done:
-            row = pd.DataFrame([measured(case)])
-            shown(row)
-            table = written(pd.concat([table, row], ignore_index=True), NAME)
+            rows = measured(case)
+            shown(rows)
+            table = written(pd.concat([table, rows], ignore_index=True), NAME)
 
 
 if __name__ == "__main__":

@@ -2,10 +2,11 @@
 
 Usage: python benchmarks/sensor_fit.py. Writes results/sensor_fit.csv, a row a sensor and group of parameters.
 Synthetic: discs with line electrodes on the rim, drives from electrodes into one at ground, readings between
-neighbours. Unknown to the fit: sheet conductance, contact impedances (a factor of 3 either way, one standard
-deviation), one width of all electrodes (5 %), places along the rim (0.5 mm), channel gains against ground (3 %), leaks
-to ground (half normal, 30 uS), white noise 80 dB below the frame's r.m.s. Frames are made by the solver that the fit
-takes, so that no error of a mesh is in them; the sheet is uniform, and currents are exact.
+neighbours. Unknown to the fit: sheet conductance and how it varies (five smooth modes of its logarithm, 5 % each, which
+makes a coating uneven by some 10 %), contact impedances (a factor of 3 either way, one standard deviation), widths of
+the electrodes (5 %), places along the rim (0.5 mm), channel gains against ground (3 %), leaks to ground (half normal,
+30 uS), white noise 80 dB below the frame's r.m.s. Frames are made by the solver that the fit takes, so that neither the
+error of a mesh nor what the modes leave out is in them; currents are exact.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from touchcal.arrays import Array
 SENSORS = 30
 # Hidden standard deviations, and the noise below the r.m.s. of a frame
 CONTACT, WIDTH, PLACE_M, GAIN, LEAK_S, NOISE_DB = np.log(3.0), 0.05, 0.5e-3, 0.03, 30e-6, 80.0
+COATING = 0.05  # of each mode of the sheet
 CONDUCTANCES_S = (3e-4, 3e-3)  # of the sheets, uniform in the logarithm
 INSIDE = 1.959963984540054  # standard deviations of a 95 % interval
 
@@ -54,14 +56,16 @@ def described(count: int) -> Sensor:
     return Sensor(Body(), Skin(), Electrodes(count=count), drive)
 
 
-def hidden(seed: int) -> Hidden:
-    """A hidden sensor by chance."""
+def hidden(seed: int, counts: tuple[int, ...] = (8, 16)) -> Hidden:
+    """A hidden sensor by chance, of one of these numbers of electrodes."""
     rng = np.random.default_rng([23, seed])
-    sensor = described(int(rng.choice([8, 16])))
+    sensor = described(int(rng.choice(counts)))
     asked, count = sensor.protocol, sensor.electrodes.count
     instrument = Instrument(sensor.body, sensor.electrodes, sources(asked),
                             float(np.exp(rng.uniform(*np.log(CONDUCTANCES_S)))))
-    drawn = {"contacts": CONTACT * rng.standard_normal(count), "width": WIDTH * rng.standard_normal(1),
+    width = WIDTH * rng.standard_normal(count)
+    drawn = {"contacts": CONTACT * rng.standard_normal(count), "width": width.mean(), "widths": width,
+             "sheet": COATING * rng.standard_normal(len(instrument.numbers("sheet"))),
              "positions": PLACE_M * rng.standard_normal(count), "gains": GAIN * rng.standard_normal(count),
              "leaks": LEAK_S * np.abs(rng.standard_normal(count))}
     change = np.zeros(instrument.size)

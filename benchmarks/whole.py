@@ -21,11 +21,12 @@ from conditions import quick, shown, written
 HERE = Path(__file__).parent
 RAW = HERE.parent / "data_raw"
 # what each benchmark is given, of the short chain's files
-GIVEN = {"inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",), "streaming": ("ridge",),
+GIVEN = {"frame_drift": ("sweep",), "inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",),
+         "live_page": ("forward", "card.json"), "sensor_design": ("card.json", "sweep"), "streaming": ("ridge",),
          "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json"),
          "variants": ("card.json",)}
 # what needs the paper's sweep of 4,000 scenes, or a GPU, or measures nothing, and is run by hand
-APART = ("carry_over", "faithful", "gpu", "mutants", "ridge", "surrogates", "transfer", "untouched_frame")
+APART = ("carry_over", "faithful", "gpu", "mutants", "ridge", "surrogates", "transfer", "untouched_frame", "whole_disc")
 CHAIN = (
     ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
      f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",

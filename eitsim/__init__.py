@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from eitsim.sensors.calibration.calibration_file import CalibratedSensor, calibration_document, read_calibration
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.inspection import Inspection, inspect
+    from eitsim.sensors.layout.sensor_design import SensorDesign, design_sensor
     from eitsim.sensors.recording import Recording, read_recording
     from eitsim.sensors.sensor_file import Sensor, read_sensor
     from eitsim.simulation.result_json import result_document
@@ -41,9 +42,11 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "Result": "eitsim.scene.results",
     "Scene": "eitsim.scene.scene",
     "Sensor": "eitsim.sensors.sensor_file",
+    "SensorDesign": "eitsim.sensors.layout.sensor_design",
     "Skin": "eitsim.scene.scene",
     "calibrate": "eitsim.sensors.calibration.calibrate",
     "calibration_document": "eitsim.sensors.calibration.calibration_file",
+    "design_sensor": "eitsim.sensors.layout.sensor_design",
     "inspect": "eitsim.sensors.inspection",
     "measure": "eitsim.sweeps.run.measure",
     "open_dataset": "eitsim.sweeps.dataset.parquet",

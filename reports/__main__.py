@@ -59,6 +59,17 @@ def stability(out: Out, results: Results = RESULTS) -> None:
 
 
 @app.command()
+def real_skins(out: Out, results: Results = RESULTS) -> None:
+    """Write a PDF of touches read on real skins: error and coverage against labels.
+
+    Example: python -m reports real-skins --out real_skins.pdf
+    """
+    from reports.benchmarks.real_skins import report
+
+    _write(report, results, out, "real_skins.pdf")
+
+
+@app.command()
 def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run --out`.")],
              out: Annotated[Path, typer.Option(help="Folder to write touch.png and precision.png in.")]
              = Path("docs/pictures"),

@@ -60,6 +60,14 @@ DRIVEN = {"drive": {"currents": [[1, -1, 0, 0], [0, 1, -1, 0]], "measurements": 
           "electrodes": {"kind": "patch", "count": 4, "angles_deg": [0, 80, 170, 260], "length_mm": 5.0,
                          "contact_impedance_Ohm_m2": [0.01] * 4},
           "punch": [{"x_mm": 0.0, "depth_mm": 1.0}, {"x_mm": 50.0, "profile": "sphere"}]}
+OUTLINED = {"body": {"outline": "polygon", "points_mm": [[0, 0], [150, 0], [150, 120], [60, 140], [0, 120]],
+                     "holes_mm": [[40, 60, 5], [[100, 60], [120, 60], [110, 75]]], "thickness_mm": 4.0},
+            "electrodes": {"count": 6, "width_mm": 8.0, "shares": [0.0, 0.2, 0.3, 0.5, 0.7, 0.85]},
+            "punch": {"x_mm": 75.0, "y_mm": 40.0, "diameter_mm": 8.0}}
+COVERED = {"body": {"outline": "rectangle", "width_mm": 120.0, "height_mm": 80.0, "corner_radius_mm": 9.0},
+           "electrodes": {"kind": "surface", "grid": [3, 2], "pitch_mm": [30.0, 25.0], "width_mm": 6.0,
+                          "length_mm": 5.0, "shape": ["disc", "rectangle", "sector", "disc", "disc", "rectangle"],
+                          "turn_deg": 20.0, "opening_deg": 80.0}}
 DESIGN = {"scenes": 4, "seed": 3, "sampler": "lhs", "touches": [1, 2],
           "punch": {"diameter_mm": {"choice": [10, 12]}, "force_N": {"dist": "lognormal", "mean": 1.0, "sd": 0.5},
                     "fillet_mm": {"dist": "normal", "mean": 0.5, "sd": 0.1, "lo": 0.2, "hi": 1.0},
@@ -70,6 +78,8 @@ DESIGN = {"scenes": 4, "seed": 3, "sampler": "lhs", "touches": [1, 2],
           "fields": {"names": ["strain"], "grid": "square", "side": 8}}
 LISTED = {"punch": {"place": {"grid": "sunflower", "count": 5}, "force_N": {"list": [0.1, 1.0]}},
           "hold": {"time_s": {"list": [1.0, 2.0]}}}
+PLACED = {"scenes": 3, "punch": {"diameter_mm": [6, 9], "place": {"gap_mm": 5.0, "within_mm": 90.0}},
+          "body": OUTLINED["body"] | {"thickness_mm": [3.0, 5.0]}, "electrodes": OUTLINED["electrodes"]}
 GRID = {"scenes": 5, "punch": {"place": {"grid": "polar", "spacing_mm": 20.0}}, "electrodes": {"count": 8}}
 SPECIMEN = {"uniaxial": {"diameter_mm": 50.0, "height_mm": 25.0, "compliance_mm_per_N": 0.0, "preload_N": 0.1,
                          "direction": "compression"},
@@ -215,8 +225,8 @@ GOOD_CARD = matcal.MaterialCard(
 GOOD_SCENE = eitsim.Scene()
 # name of a file -> what is made of it, what it holds
 KINDS: dict[str, tuple[Callable[[Path], object], tuple[dict[str, Any], ...]]] = {
-    "card.json": (solved_with, (CARD,)), "scene.toml": (planned, (SCENE, DRIVEN)),
-    "draws.toml": (drawn, (DESIGN, LISTED, GRID)), "specimen.toml": (sized, (SPECIMEN,)),
+    "card.json": (solved_with, (CARD,)), "scene.toml": (planned, (SCENE, DRIVEN, OUTLINED, COVERED)),
+    "draws.toml": (drawn, (DESIGN, LISTED, GRID, PLACED)), "specimen.toml": (sized, (SPECIMEN,)),
     "design.json": (stands, (MANIFEST,)), DESCRIPTION: (loaded, (GOOD_TEXT,)),
     CONTENTS: (lambda path: read_contents(path.parent), (LIST,))}
 
@@ -297,6 +307,7 @@ def with_value(document: dict[str, Any], key: str, value: Any) -> dict[str, Any]
     ("scene.toml", SCENE, "card", ["card.json"], "card must be the name of a file"),
     ("scene.toml", SCENE, "drive", {"measurements": "nosuch.csv"}, "no such file of rows"),
     ("scene.toml", SCENE, "drive", {"measurements": "/dev/zero"}, "this is a pipe or a device"),
+    ("scene.toml", COVERED, "electrodes.grid.0", 10**12, r"grid in \[electrodes\] has 2000000000000 electrodes"),
     ("scene.toml", SCENE, "punch", [{}] * 1000, "punch holds 1000 touches; at most 100"),
     ("draws.toml", LISTED, "punch.place.count", 10**12, r"count of place .* from 1 to 100,000"),
     ("draws.toml", GRID, "punch.place.spacing_mm", 0.1, "spacing_mm of place .* must be at least"),

@@ -7,8 +7,14 @@ from pathlib import Path
 
 import pytest
 
+import eitsim
+import matcal
+from eitsim.simulation.plan import least_gap_m
+
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+# all but the first page of the site, whose links lead to what its build makes
+PAGES = [ROOT / "README.md", *(page for folder in ("", "how-to", "explanation")
+                               for page in sorted((ROOT / "docs" / folder).glob("*.md")) if page.stem != "site")]
 MOST_LINES, MOST_WORDS, MOST_WORDS_A_PAGE = 120, 1200, 1500
 
 
@@ -41,3 +47,23 @@ def test_every_page_is_in_the_index() -> None:
     for folder in ("how-to", "explanation"):
         for page in (ROOT / "docs" / folder).glob("*.md"):
             assert f"({folder}/{page.name})" in index, page.name
+
+
+def test_the_skin_of_its_page_is_planned(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "how-to" / "any-flat-skin.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
+    (tmp_path / "skin.toml").write_text(block, encoding="utf-8")
+    scene = eitsim.read_scene(tmp_path / "skin.toml")
+    assert scene.electrodes.count == 24
+    foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    assert eitsim.plan(scene, card).refusal == ""
+
+
+def test_the_distances_to_keep_on_that_page_are_the_plans() -> None:
+    text = (ROOT / "docs" / "how-to" / "any-flat-skin.md").read_text(encoding="utf-8")
+    body = eitsim.Body(outline="rectangle", width_m=0.1, height_m=0.1)
+    kept = [least_gap_m(eitsim.Scene(body, accuracy=eitsim.Accuracy(signal))) / 0.01 for signal in (0.01, 0.02, 0.1)]
+    found = re.search(r"default accuracy ([0-9.]+) thicknesses, ([0-9.]+) with\s`signal = 0.02`, ([0-9.]+) with", text)
+    assert found is not None
+    assert [float(one) for one in found.groups()] == [round(gap, 1) for gap in kept]

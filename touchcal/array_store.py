@@ -90,7 +90,9 @@ def _own(module: str) -> bool:
 
 
 def flat(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Arrays of a dataclass of arrays, numbers, words, dataclasses and tuples of dataclasses, by dotted names."""
+    """Arrays of a dataclass of arrays, numbers, words, dataclasses, None and tuples of these, by dotted names."""
+    if value is None:
+        return
     if dataclasses.is_dataclass(value):
         for field in dataclasses.fields(value):
             yield from flat(getattr(value, field.name), f"{name}.{field.name}")
@@ -104,6 +106,9 @@ def flat(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
 
 def rebuilt(kind: Any, name: str, arrays: Arrays) -> Any:
     """The inverse of flat for a field of this type."""
+    if isinstance(kind, types.UnionType):
+        (there,) = (one for one in typing.get_args(kind) if one is not type(None))
+        return rebuilt(there, name, arrays) if any(f"{one}.".startswith(f"{name}.") for one in arrays) else None
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
         return kind(**{field.name: rebuilt(hints[field.name], f"{name}.{field.name}", arrays)

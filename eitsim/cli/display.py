@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +18,7 @@ from eitsim.simulation.result_json import ERRORS, MECHANICS
 
 if TYPE_CHECKING:
     from eitsim.sensors.inspection import Inspection
+    from eitsim.sensors.layout.sensor_design import SensorDesign
 
 
 def show_plan(made: Plan) -> None:
@@ -124,7 +127,7 @@ def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
             words += ", extrapolated" if part == "foam" and stability["least_strain"] < fitted[0] else ""
         table.add_row(f"{part.capitalize()} law fitted over strains", words)
     share = stability.get("signal_share_extrapolated")
-    table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of the disc"
+    table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of it"
                   + ("" if share is None else f", {share:.0%} of the signal"))
 
 
@@ -155,7 +158,7 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
         _console().print(table)
     groups: dict[str, list[dict[str, float]]] = {}
     for name, one in document["parameters"].items():
-        groups.setdefault(name.rstrip("_0123456789"), []).append(one)
+        groups.setdefault(re.sub(r"_\d+$", "", name), []).append(one)
     if groups:
         table = Table("parameter", "values", "sd, largest", "prior sd", box=box.SIMPLE_HEAD, title_justify="left",
                       title="parameters, their standard deviation after and before the fit")
@@ -164,7 +167,32 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
             table.add_row(name, " to ".join(dict.fromkeys(ends)), f"{max(one['sd'] for one in each):.2g}",
                           f"{max(one['prior_sd'] for one in each):.2g}")
         _console().print(table)
+    for electrode, why in document["left_out"].items():
+        print(f"electrode {electrode} is left out: {why}")
+    if (presses := document["presses"]) is not None:
+        one, left = document["parameters"]["ln_moment_mm2"], presses["unexplained"]
+        x, y = presses["centre_mm"]
+        print(f"the sensor's centre lies at {x:.4g}, {y:.4g} mm in the labels, which are turned by "
+              f"{presses['turn_deg']:.3g} deg" + (" and mirrored" if presses["mirrored"] else ""))
+        print(f"{presses['count']} labelled presses: ln of the moment in mm2 {one['value']:.3g} +- {one['sd']:.2g}; "
+              f"{_percent(left['size']['held_out'])} of presses that were not fitted stay unexplained"
+              + (f", with a gain for each reading {_percent(left['gains']['held_out'])}"
+                 if document["kind"] == "changes only" else ""))
     if document["not_determined"]:
         print(f"not determined by the data: {', '.join(document['not_determined'])}")
     print(f"absolute model: {document['absolute_model']}" + (f": {document['reason']}" if document["reason"] else ""))
     print(f"sensor: {out}")
+
+
+def show_designs(designs: Mapping[Path, SensorDesign]) -> None:
+    """Drives and choices of each sensor, the best first, with the bounds of what a touch is read for."""
+    first = next(iter(designs.values()))
+    table = Table(*["sensor"] * (len(designs) > 1), "drive", "readings", "over own",
+                  *(name.replace("_", ", ") for name in first.unknowns), box=box.SIMPLE_HEAD, title_justify="left",
+                  title=f"least standard deviations at {first.noise_V:.3g} V a reading, median and 90 % of "
+                        f"{first.places} places")
+    for path, made in designs.items():
+        for one in sorted((*made.drives, *filter(None, [made.choice])), key=lambda each: each.over_own):
+            ends = [f"{low:.3g}, {high:.3g}" for low, high in zip(one.median, one.high, strict=True)]
+            table.add_row(*[str(path)] * (len(designs) > 1), one.name, str(one.readings), f"{one.over_own:.2f}", *ends)
+    _console().print(table)

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from eitsim.cli.sensor_fit_commands import fit, predict
+from eitsim.cli.sensor_design_command import design
+from eitsim.cli.sensor_fit_commands import correct, fit, predict
 from touchcal.errors import InputFileError
 from touchcal.terminal import JsonOption, application, print_json
 
@@ -60,3 +61,5 @@ def inspect(recording: Annotated[Path, typer.Argument(
 
 app.command()(fit)
 app.command()(predict)
+app.command()(design)
+app.command()(correct)

@@ -1,4 +1,4 @@
-"""Commands of `eitsim sensor` that need a model: fit, which calibrates it, and predict, which reads it out."""
+"""Commands of `eitsim sensor` that need a model: fit, which calibrates it, predict and correct, which read it out."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from eitsim.cli.sweep_commands import check_pdf
 from touchcal.json_file import write_json
 from touchcal.terminal import JsonOption, check_apart, check_out, print_json
 
@@ -17,13 +18,17 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
         sensor: Annotated[Path, typer.Option(help="Sensor file (TOML) with [body], [electrodes], [drive] and "
                                                   "[readings]; its contact impedances are where the fit starts.")],
         out: Annotated[Path, typer.Option(help="Write the calibrated sensor (JSON) here.")],
+        labels: Annotated[Path | None, typer.Option(
+            help="CSV of labelled presses (touch, x_mm, y_mm): the size of the signal, and a gain for each reading "
+                 "where the absolute model is refused.")] = None,
+        report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
         as_json: JsonOption = False) -> None:
-    """Calibrate the model of an untouched sensor: conductance, contact impedances, width and places of electrodes,
-    gains against ground, source currents, leaks to ground; or refuse it with the reason.
+    """Calibrate the model of an untouched sensor: conductance and how it varies, contact impedances, widths and places
+    of electrodes, gains against ground, source currents, leaks to ground; or refuse it with the reason.
 
     Each group of parameters is left out where drives that were not fitted, a random half, are predicted worse by it.
     Every parameter comes with its standard deviation after and before. A refused model ends with status 0: the readings
-    can be used for changes alone, and the file says why.
+    can be used for changes alone, and the file, of the kind "changes only", says why; `surrogate train` takes it.
 
     Example: eitsim sensor fit frames.csv --sensor sensor.toml --out sensor.json
     """
@@ -31,19 +36,29 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     from eitsim.sensors.calibration.calibrate import calibrate
     from eitsim.sensors.calibration.calibration_file import calibration_document
     from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.labels import read_labels
     from eitsim.sensors.sensor_file import read_sensor
 
-    check_out(out)
-    check_apart({"--out": out}, (recording, sensor))
+    outs = {"--out": out} | ({"--report": report} if report is not None else {})
+    for flag, place in outs.items():
+        check_out(place, flag)
+    check_apart(outs, [path for path in (recording, sensor, labels) if path is not None])
+    check_pdf(report, "--report")
     known = read_sensor(sensor)
     patterns, each = known.protocol.shape
     frames = open_recording(recording, kind=known.kind, readings=patterns * each)
-    document = calibration_document(calibrate(known, frames))
+    document = calibration_document(calibrate(known, frames, read_labels(labels) if labels is not None else None))
     write_json(document, out)
+    if report is not None:
+        from reports.sensor import sensor_report
+
+        sensor_report.write(out, report)
     if as_json:
         print_json({key: value for key, value in document.items() if key != "sensor"})
     else:
         show_calibration(document, out)
+        if report is not None:
+            print(f"report: {report}")
 
 
 def predict(sensor: Annotated[Path, typer.Argument(metavar="SENSOR", help="Calibrated sensor (JSON), as `eitsim sensor "
@@ -77,3 +92,37 @@ def predict(sensor: Annotated[Path, typer.Argument(metavar="SENSOR", help="Calib
         print_json({"out": out, "readings": frame.size})
     else:
         print(f"frame: {out} ({frame.size} readings)")
+
+
+def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV of one row a frame, touch empty "
+                                                                                "in untouched ones.")],
+            sensor: Annotated[Path, typer.Option(help="Calibrated sensor (JSON), as `eitsim sensor fit` writes it.")],
+            out: Annotated[Path, typer.Option(help="Write the corrected frames (CSV) here.")],
+            as_json: JsonOption = False) -> None:
+    """Frames of a calibrated sensor as the sensor of its file would read them, so that models of that one serve.
+
+    Untouched frames are those of the ideal sensor; what touches add to the untouched frame before them goes through the
+    least-squares map from the calibrated sensor to the ideal one.
+
+    Example: eitsim sensor correct frames.csv --sensor sensor.json --out corrected.csv
+    """
+    from eitsim.sensors.calibration.calibration_file import read_calibration
+    from eitsim.sensors.calibration.ideal_frames import frame_noise, ideal_frames, to_ideal
+    from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.recording import write_recording
+
+    check_out(out)
+    check_apart({"--out": out}, (recording, sensor))
+    calibrated = read_calibration(sensor)
+    known = calibrated.sensor
+    patterns, each = known.protocol.shape
+    found = to_ideal(calibrated)
+    frames = ideal_frames(found, calibrated, open_recording(recording, kind=known.kind, readings=patterns * each))
+    write_recording(frames, out)
+    noise = frame_noise(calibrated, found)
+    if as_json:
+        print_json({"out": out, "frames": len(frames.readings), "left": found.left, "noise_V": noise})
+    else:
+        print(f"frames: {out} ({len(frames.readings)}); {100 * found.left:.2g} % of the ideal sensor's signals are "
+              f"not in the calibrated one's")
+        print(f"noise, with the error of the map: {noise:.3g} V a reading (--noise-V of `surrogate predict`)")

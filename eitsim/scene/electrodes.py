@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,34 +14,60 @@ from touchcal.arrays import Array
 PerElectrode = float | tuple[float, ...]
 
 # kind -> key of its contact impedance
-IMPEDANCES = {"line": "contact_impedance_Ohm_m", "patch": "contact_impedance_Ohm_m2"}
+IMPEDANCES = {"line": "contact_impedance_Ohm_m", "patch": "contact_impedance_Ohm_m2",
+              "surface": "contact_impedance_Ohm_m2"}
+SHAPES = ("disc", "rectangle", "sector")  # of electrodes on the surface
 FEWEST, MOST = 4, 64
+# Places that an outline's electrodes are given by.
+PLACES = ("positions_m", "shares", "x_m", "y_m")
 # Gaps up to this angle, rad, are rounding: the electrodes touch.
 TOUCHING = 1e-8
 
 
 @dataclass(frozen=True)
 class Electrodes:
-    """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface at it."""
+    """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface at it; or, on
+    a skin with an outline, patches anywhere on the surface."""
 
     kind: str = "line"  # one of IMPEDANCES
     count: int = 16  # how many, missing ones too
-    width_m: PerElectrode = 0.01  # width along the rim, m
-    length_m: float = 0.01  # length of patches from the rim inwards, m
+    width_m: PerElectrode = 0.01  # width along the rim, or of a patch on the surface along its x, m
+    # length of patches from the rim inwards, or of a patch on the surface across its width, m
+    length_m: PerElectrode = 0.01
     first_angle_rad: float = 0.0  # angle of the middle of the first one from +x, rad; the others follow at even steps
     angles_rad: tuple[float, ...] = ()  # (count,) angles of the middles from +x, rad; empty: at even steps
     contact_impedance_Ohm_m: PerElectrode = 1.0  # contact impedance of lines, Ohm m; infinite: no contact
     contact_impedance_Ohm_m2: PerElectrode = 1e-2  # contact impedance of patches, Ohm m^2; infinite: no contact
     missing: tuple[int, ...] = ()  # numbers, from 0, of electrodes without contact
+    # (count,) middles along an outline from first_angle_rad, counter-clockwise: arc lengths, m, or shares of the whole
+    positions_m: tuple[float, ...] = ()
+    shares: tuple[float, ...] = ()
+    # (count,) places on the surface, m
+    x_m: tuple[float, ...] = ()
+    y_m: tuple[float, ...] = ()
+    shape: str | tuple[str, ...] = "disc"  # of electrodes on the surface, one of SHAPES, or one an electrode
+    turn_rad: PerElectrode = 0.0  # angle of an electrode on the surface from +x, rad
+    opening_rad: float = math.pi / 2  # angle that a sector spans about its tip, rad
 
     def __post_init__(self) -> None:
-        for name in ("width_m", "angles_rad", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2", "missing"):
+        for name in ("width_m", "length_m", "angles_rad", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2",
+                     "missing", *PLACES, "shape", "turn_rad"):
             object.__setattr__(self, name, as_tuples(getattr(self, name)))
 
 
 def widths(electrodes: Electrodes) -> Array:
     """Widths (count,) along the rim, m."""
     return np.broadcast_to(np.asarray(electrodes.width_m, dtype=float), electrodes.count)
+
+
+def lengths(electrodes: Electrodes) -> Array:
+    """Lengths (count,) of patches, m."""
+    return np.broadcast_to(np.asarray(electrodes.length_m, dtype=float), electrodes.count)
+
+
+def turns(electrodes: Electrodes) -> Array:
+    """Angles (count,) of electrodes on the surface from +x, rad."""
+    return np.broadcast_to(np.asarray(electrodes.turn_rad, dtype=float), electrodes.count)
 
 
 def middles(electrodes: Electrodes) -> Array:
@@ -89,9 +116,13 @@ def present(electrodes: Electrodes) -> Electrodes:
     kept = there(electrodes)
     if kept.all():
         return electrodes
-    own = {IMPEDANCES[electrodes.kind]: tuple(contact_impedances(electrodes)[kept].tolist())}
-    return replace(electrodes, count=int(kept.sum()), width_m=tuple(widths(electrodes)[kept].tolist()),
-                   first_angle_rad=0.0, angles_rad=tuple(middles(electrodes)[kept].tolist()), missing=(), **own)
+    own: dict[str, Any] = {IMPEDANCES[electrodes.kind]: tuple(contact_impedances(electrodes)[kept].tolist())}
+    own |= {name: tuple(np.array(given)[kept].tolist()) for name in (*PLACES, "length_m", "shape", "turn_rad")
+            if isinstance(given := getattr(electrodes, name), tuple) and given}
+    if not any(name in own for name in PLACES):
+        own |= {"first_angle_rad": 0.0, "angles_rad": tuple(middles(electrodes)[kept].tolist())}
+    return replace(electrodes, count=int(kept.sum()), width_m=tuple(widths(electrodes)[kept].tolist()), missing=(),
+                   **own)
 
 
 def among_all(electrodes: Electrodes, impedance_Ohm: Array) -> Array:
@@ -111,38 +142,60 @@ def unread(drive: Drive, electrodes: Electrodes) -> NDArray[np.bool_]:
 
 
 def check(radius_m: float, electrodes: Electrodes) -> None:
-    """ValueError where electrodes cannot be as they are given; names the key of [electrodes]."""
-    _require(electrodes.kind in IMPEDANCES, "kind", f"'{electrodes.kind}' is unknown; known: {', '.join(IMPEDANCES)}")
-    _require(FEWEST <= electrodes.count <= MOST, "count", f"must be {FEWEST} to {MOST}, got {electrodes.count}")
-    for key, value in {"width_mm": electrodes.width_m, "angles_deg": electrodes.angles_rad or 0.0,
-                       "contact_impedance_Ohm_m": electrodes.contact_impedance_Ohm_m,
-                       "contact_impedance_Ohm_m2": electrodes.contact_impedance_Ohm_m2}.items():
-        _require(np.shape(value) in ((), (electrodes.count,)), key,
-                 f"must hold {electrodes.count} numbers, one an electrode, got {np.size(value)}")
-        _require(key == "angles_deg" or np.all(np.asarray(value) > 0), key, f"must be positive, got {np.min(value):g}")
-    _require(0 < electrodes.length_m < radius_m, "length_mm",
-             f"must be positive and less than radius_mm = {radius_m * 1e3:g}, got {electrodes.length_m * 1e3:g}")
-    _require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
-             "has no effect with angles_deg; leave it out")
+    """ValueError where electrodes cannot be as they are given on a disc; names the key of [electrodes]."""
+    require(electrodes.kind != "surface", "kind", "\"surface\" needs an outline in [body]; a disc is a rectangle whose "
+            "corner_radius_mm is half of its width_mm and height_mm")
+    for name in PLACES:
+        require(not getattr(electrodes, name), name.replace("_m", "_mm"), "needs an outline in [body]; on a disc give "
+                "angles_deg")
+    check_sizes(electrodes)
+    require(np.ndim(electrodes.length_m) == 0 and 0 < electrodes.length_m < radius_m, "length_mm",  # type: ignore
+            f"must be positive and less than radius_mm = {radius_m * 1e3:g}, got {np.max(electrodes.length_m) * 1e3:g}")
+    require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
+            "has no effect with angles_deg; leave it out")
     steps = np.diff(middles(electrodes), append=middles(electrodes)[0] + 2 * np.pi)
-    _require(bool(np.all(steps > 0)), "angles_deg", "must increase counter-clockwise, within one turn")
+    require(bool(np.all(steps > 0)), "angles_deg", "must increase counter-clockwise, within one turn")
+    arcs(radius_m, electrodes)
+
+
+def check_sizes(electrodes: Electrodes) -> None:
+    """ValueError where the electrodes' number, sizes or contact impedances cannot be, or have no effect on their kind.
+    """
+    require(electrodes.kind in IMPEDANCES, "kind", f"'{electrodes.kind}' is unknown; known: {', '.join(IMPEDANCES)}")
+    require(FEWEST <= electrodes.count <= MOST, "count", f"must be {FEWEST} to {MOST}, got {electrodes.count}")
+    sizes = {"width_mm": electrodes.width_m, "length_mm": electrodes.length_m,
+             "contact_impedance_Ohm_m": electrodes.contact_impedance_Ohm_m,
+             "contact_impedance_Ohm_m2": electrodes.contact_impedance_Ohm_m2}
+    places = {"angles_deg": electrodes.angles_rad, "positions_mm": electrodes.positions_m, "shares": electrodes.shares,
+              "turn_deg": electrodes.turn_rad}
+    for key, value in {**sizes, **{key: value or 0.0 for key, value in places.items()}}.items():
+        require(np.shape(value) in ((), (electrodes.count,)), key,
+                f"must hold {electrodes.count} numbers, one an electrode, got {np.size(value)}")
+        require(key not in sizes or np.all(np.asarray(value) > 0), key, f"must be positive, got {np.min(value):g}")
     _check_kind(electrodes)
     for k in electrodes.missing:
-        _require(k in range(electrodes.count), "missing",
-                 f"must hold numbers of electrodes, 0 to {electrodes.count - 1}, got {k}")
-    arcs(radius_m, electrodes)
+        require(k in range(electrodes.count), "missing",
+                f"must hold numbers of electrodes, 0 to {electrodes.count - 1}, got {k}")
+
+
+# key -> field that electrodes of a kind leave without effect
+_IDLE = {
+    "line": {"contact_impedance_Ohm_m2": "contact_impedance_Ohm_m2", "length_mm": "length_m", "x_mm": "x_m",
+             "y_mm": "y_m", "shape": "shape", "turn_deg": "turn_rad", "opening_deg": "opening_rad"},
+    "patch": {"contact_impedance_Ohm_m": "contact_impedance_Ohm_m", "shape": "shape", "turn_deg": "turn_rad",
+              "opening_deg": "opening_rad"},
+    "surface": {"contact_impedance_Ohm_m": "contact_impedance_Ohm_m", "angles_deg": "angles_rad",
+                "first_angle_deg": "first_angle_rad", "positions_mm": "positions_m", "shares": "shares"}}
 
 
 def _check_kind(electrodes: Electrodes) -> None:
     """What another kind of electrode has is refused where it is given."""
-    others = {key: key for kind, key in IMPEDANCES.items() if kind != electrodes.kind}
-    if electrodes.kind != "patch":
-        others["length_mm"] = "length_m"
-    for key, name in others.items():
-        _require(getattr(electrodes, name) == getattr(Electrodes, name), key,
-                 f"has no effect with kind = \"{electrodes.kind}\"; leave it out")
+    for key, name in _IDLE[electrodes.kind].items():
+        require(getattr(electrodes, name) == getattr(Electrodes, name), key,
+                f"has no effect with kind = \"{electrodes.kind}\"; leave it out")
 
 
-def _require(ok: object, key: str, expected: str) -> None:
+def require(ok: object, key: str, expected: str) -> None:
+    """ValueError that names a key of [electrodes] unless `ok`."""
     if not ok:
         raise ValueError(f"{key} in [electrodes]: {expected}.")

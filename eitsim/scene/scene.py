@@ -2,14 +2,18 @@
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, with_matrices
-from eitsim.scene.electrodes import IMPEDANCES, Electrodes, check, unread
+from eitsim.scene.channels import Channels, sinks
+from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, as_tuples, protocol
+from eitsim.scene.electrodes import IMPEDANCES, PLACES, Electrodes, check, unread
+from eitsim.scene.outline import OUTLINES, Outline, area_m2, check_outline, edge_distance_m
+from eitsim.scene.outline_electrodes import check_on_outline
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import PROFILES
+from eitsim.scene.scene_files import with_files
 from touchcal.document import is_number
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
@@ -21,18 +25,37 @@ MODULI = ("card", "instantaneous", "longterm")
 # Least and largest value by unit, and of keys that differ, in the unit of the key: what is built and measured, with
 # room; outside them a value is a slip of the unit.
 _OF_UNITS = {"mm": (1e-3, 1e4), "um": (1e-3, 1e4), "N": (0.0, 1e9), "mA": (1e-9, 1e6), "deg": (-3600.0, 3600.0),
-             "Ohm_m": (1e-12, 1e9), "Ohm_m2": (1e-12, 1e9), "s": (0.0, 1e12)}
+             "Ohm_m": (1e-12, 1e9), "Ohm_m2": (1e-12, 1e9), "s": (0.0, 1e12), "uS": (-1e9, 1e9), "S": (1e-12, 1e9)}
 _OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "half_angle_deg": (1.0, 89.0),
-            "friction_coefficient": (0.0, 100.0), "signal": (1e-9, 10.0)}
+            "friction_coefficient": (0.0, 100.0), "signal": (1e-9, 10.0), "positions_mm": (-1e5, 1e5),
+            "points_mm": (-1e4, 1e4), "holes_mm": (-1e4, 1e4), "corner_radius_mm": (0.0, 1e4),
+            "gains": (-100.0, 100.0), "current_factors": (0.0, 100.0), "sheet_modes": (-10.0, 10.0)}
 MOST_TOUCHES = 100
 
 
 @dataclass(frozen=True)
-class Body:
-    """Foam disc, bottom fixed."""
+class Body(Outline):
+    """Foam of one thickness, bottom fixed: a disc, unless the outline is another. ValueError for one that is none."""
 
-    radius_m: float = 0.1
+    radius_m: float = 0.1  # of the disc; of another outline, that of the disc of its area
     thickness_m: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("points_m", "holes_m"):
+            object.__setattr__(self, name, as_tuples(getattr(self, name)))
+        check_outline(self.shape)
+        if self.has_outline:
+            object.__setattr__(self, "radius_m", math.sqrt(area_m2(self.shape) / math.pi))
+
+    @property
+    def has_outline(self) -> bool:
+        """Whether it is no disc."""
+        return self.outline != "disc"
+
+    @property
+    def shape(self) -> Outline:
+        """Its outline alone, whatever the foam's thickness."""
+        return Outline(**{part.name: getattr(self, part.name) for part in fields(Outline)})
 
 
 @dataclass(frozen=True)
@@ -101,17 +124,26 @@ class Scene:
     skin: Skin = field(default_factory=Skin)
     electrodes: Electrodes = field(default_factory=Electrodes)
     drive: Drive = field(default_factory=Drive)
+    channels: Channels = field(default_factory=Channels)
     hold: Hold = field(default_factory=Hold)
     accuracy: Accuracy = field(default_factory=Accuracy)
     card: str | None = None  # path of the card that the scene file names; None where it names none
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "punches", tuple(self.punches))
+        own = self.electrodes
+        if self.body.has_outline and own.kind == "line" and not own.angles_rad and not any(
+                getattr(own, name) for name in PLACES):
+            even = tuple(k / own.count for k in range(own.count))
+            object.__setattr__(self, "electrodes", replace(own, shares=even))
 
 
 # table -> scene-file key -> (field, its units per SI unit); the one place where units of a scene file are converted
 _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
-    "body": {"radius_mm": ("radius_m", 1e3), "thickness_mm": ("thickness_m", 1e3)},
+    "body": {"radius_mm": ("radius_m", 1e3), "thickness_mm": ("thickness_m", 1e3), "outline": ("outline", None),
+             "width_mm": ("width_m", 1e3), "height_mm": ("height_m", 1e3),
+             "corner_radius_mm": ("corner_radius_m", 1e3), "points_mm": ("points_m", 1e3),
+             "holes_mm": ("holes_m", 1e3)},
     "punch": {"x_mm": ("x_m", 1e3), "y_mm": ("y_m", 1e3), "diameter_mm": ("diameter_m", 1e3),
               "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e3), "profile": ("profile", None),
               "fillet_mm": ("fillet_m", 1e3), "half_angle_deg": ("half_angle_rad", 180 / math.pi),
@@ -122,27 +154,33 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
                    "length_mm": ("length_m", 1e3), "first_angle_deg": ("first_angle_rad", 180 / math.pi),
                    "angles_deg": ("angles_rad", 180 / math.pi), "missing": ("missing", None),
                    "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
-                   "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
+                   "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0),
+                   "positions_mm": ("positions_m", 1e3), "shares": ("shares", None), "x_mm": ("x_m", 1e3),
+                   "y_mm": ("y_m", 1e3), "shape": ("shape", None), "turn_deg": ("turn_rad", 180 / math.pi),
+                   "opening_deg": ("opening_rad", 180 / math.pi)},
     "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
               **{key: (key, None) for key in MATRICES}},
+    "channels": {"gains": ("gains", 1.0), "current_factors": ("current_factors", 1.0), "leaks_uS": ("leaks_S", 1e6),
+                 "conductance_S": ("conductance_S", 1.0), "sheet_modes": ("sheet_modes", 1.0)},
     "hold": {"time_s": ("time_s", None), "control": ("control", None), "loading_s": ("loading_s", 1.0),
              "moduli": ("moduli", None)},
     "accuracy": {"signal": ("signal", 1.0)},
 }
 # Keys that may hold a list of one number an electrode, and those that always hold a list.
-EACH = ("width_mm", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
-_LISTS = ("angles_deg", "missing")
+EACH = ("width_mm", "length_mm", "turn_deg", "shape", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
+LISTS = {"drive": MATRICES, "electrodes": ("angles_deg", "missing", "positions_mm", "shares", "x_mm", "y_mm"),
+          "body": ("points_mm", "holes_mm")}
 # Keys that hold one of a few words.
 _KNOWN: dict[tuple[str, str], Collection[str]] = {
-    ("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS,
+    ("body", "outline"): OUTLINES, ("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS,
     ("skin", "strain"): STRAINS, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
-_CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "hold": Hold,
-            "accuracy": Accuracy}
+_CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "channels": Channels,
+            "hold": Hold, "accuracy": Accuracy}
 
 
 def is_list(table: str, key: str, value: Any) -> bool:
     """Whether a value is a list that a key itself holds, not a range that a design draws one number from."""
-    whole = (table == "drive" and key in MATRICES) or (table == "electrodes" and key in _LISTS)
+    whole = table == "channels" or key in LISTS.get(table, ())
     return isinstance(value, list) and (whole or (table == "electrodes" and key in EACH and len(value) > 2))
 
 
@@ -164,7 +202,10 @@ def profile_of(punch: Punch, unit_m: float = 1.0) -> Profile:
 
 
 def rim_gap_m(body: Body, punch: Punch) -> float:
-    """Distance from the punch's edge to the disc's rim, m; negative where it overhangs."""
+    """Distance from the punch's edge to the rim, or to the nearest edge or hole of an outline, m; negative where it
+    overhangs."""
+    if body.has_outline:
+        return float(edge_distance_m(body, (punch.x_m, punch.y_m))) - punch.diameter_m / 2
     return body.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
 
 
@@ -181,11 +222,29 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
         blocks = [{key: _unconverted(getattr(part, name), per) for key, (name, per) in keys.items()
                    if getattr(part, name) is not None} for part in parts]
         out[table] = blocks if table == "punch" else blocks[0]
+    out["channels"] = {key: values for key, values in out["channels"].items() if values}
+    if not out["channels"]:
+        del out["channels"]
+    _without_idle(scene, out)
     drive = scene.drive
     for key, instead in (("pattern", drive.currents), ("reading", drive.currents or drive.measurements)):
         if instead is not None:
             del out["drive"][key]
     return out
+
+
+def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
+    """Take out of a scene's tables what outlines alone have, or what they leave without effect."""
+    outlined, surface = scene.body.has_outline, scene.electrodes.kind == "surface"
+    idle = {"body": ("radius_mm",) if outlined else ("outline",),
+            "electrodes": ("first_angle_deg",) if surface else ("shape", "turn_deg", "opening_deg")}
+    if outlined and not surface:
+        idle["electrodes"] += ("length_mm",)
+    empty = {"body": LISTS["body"], "electrodes": ("positions_mm", "shares", "x_mm", "y_mm") + (
+        ("angles_deg",) if outlined else ())}
+    for table, keys in idle.items():
+        for key in (*keys, *(key for key in empty[table] if tables[table].get(key) == [])):
+            tables[table].pop(key, None)
 
 
 def _unconverted(value: Any, per: float | None) -> Any:
@@ -201,7 +260,7 @@ def read_scene(path: Path | str) -> Scene:
     path = Path(path)
     raw = read_toml(path)
     try:
-        return scene_from(with_matrices(raw, path.parent))
+        return scene_from(with_files(raw, path.parent))
     except ValueError as error:
         raise InputFileError(path, str(error)) from None
 
@@ -225,6 +284,8 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
     for table in _KEYS:
         if table in raw and table != "punch":
             parts[table] = _electrodes(raw[table]) if table == "electrodes" else _table(table, raw[table])
+    if "body" in parts and parts["body"].outline != "disc" and "radius_mm" in raw["body"]:
+        raise ValueError("radius_mm in [body] has no effect with an outline; leave it out.")
     touches = raw.get("punch", {})
     touches = touches if isinstance(touches, list) else [touches]
     if len(touches) > MOST_TOUCHES:
@@ -256,7 +317,7 @@ def _table(table: str, raw: Any) -> Any:
 def _value(where: str, value: Any, per: float | None, default: Any) -> Any:
     if isinstance(default, tuple):
         cells = value if isinstance(value, list) else [value]
-        return tuple(_value(where, cell, per or 1.0, 0.0) for cell in cells)
+        return tuple(_value(where, cell, per or 1.0, () if isinstance(cell, list) else 0.0) for cell in cells)
     if per is not None:
         if not is_number(value):
             raise ValueError(f"{where} must be a finite number, got {value!r}.")
@@ -294,8 +355,8 @@ def _electrodes(raw: Any) -> Electrodes:
         name, per = _KEYS["electrodes"][key]
         infinite = [k for k, cell in enumerate(cells) if cell == math.inf and key != "width_mm"]
         open_ends.update(infinite if key == IMPEDANCES.get(given.kind) else [])
-        values[name] = tuple(_value(f"{key} in [electrodes]", 1.0 if k in infinite else cell, per, 0.0)
-                             for k, cell in enumerate(cells))
+        values[name] = tuple(_value(f"{key} in [electrodes]", 1.0 if k in infinite else cell, per,
+                                    Electrodes.shape if per is None else 0.0) for k, cell in enumerate(cells))
     if any(k != int(k) for k in given.missing):
         raise ValueError(f"missing in [electrodes] must hold numbers of electrodes, from 0, got {list(given.missing)}.")
     return replace(given, **values, missing=tuple(sorted(open_ends.union(int(k) for k in given.missing))))
@@ -313,11 +374,14 @@ def _check(scene: Scene) -> None:
         for part in scene.punches if table == "punch" else (getattr(scene, table),):
             for key, (name, per) in keys.items():
                 _check_limits(table, key, getattr(part, name), per)
-    parts = {"skin": scene.skin, "hold": scene.hold}
+    parts = {"body": body, "skin": scene.skin, "hold": scene.hold}
     for (table, key), words in _KNOWN.items():
         for part in scene.punches if table == "punch" else (parts[table],):
             _choice(f"{key} in [{table}]", getattr(part, key), words)
-    check(body.radius_m, electrodes)
+    if body.has_outline:
+        check_on_outline(body, electrodes)
+    else:
+        check(body.radius_m, electrodes)
     _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
     _require(scene.hold.loading_s >= 0, "loading_s in [hold]", "must not be negative", scene.hold.loading_s)
     _require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",
@@ -325,16 +389,30 @@ def _check(scene: Scene) -> None:
     _require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
              "leaves nothing to relax; leave out moduli (a hold begins with the instantaneous ones) or time_s",
              scene.hold.moduli)
+    _check_channels(scene)
     if unread(scene.drive, electrodes).all():
         raise ValueError(f"missing in [electrodes]: without {', '.join(map(str, electrodes.missing))} no reading of "
                          "the drive is left; leave some of them, or choose another pattern in [drive].")
+
+
+def _check_channels(scene: Scene) -> None:
+    channels, count = scene.channels, scene.electrodes.count
+    for key, (name, _) in _KEYS["channels"].items():
+        number = {"conductance_S": 1, "sheet_modes": len(channels.sheet_modes)}.get(name, count)
+        _require(len(getattr(channels, name)) in (0, number), f"{key} in [channels]",
+                 f"must hold {number} number{'s, one an electrode' if number > 1 else ''}",
+                 len(getattr(channels, name)))
+    if channels.there:
+        _require(not scene.electrodes.missing, "missing in [electrodes]", "is not built with [channels]; leave out the "
+                 "drives and readings that need them", list(scene.electrodes.missing))
+        sinks(protocol(scene.drive, count))
 
 
 def _check_limits(table: str, key: str, value: Any, per: float | None) -> None:
     """ValueError where a value, or one of several, lies outside its key's limits; what has no contact is infinite."""
     unit = next((unit for unit in sorted(_OF_UNITS, key=len, reverse=True) if key.endswith(f"_{unit}")), "")
     least, most = _OF_KEYS.get(key) or _OF_UNITS.get(unit, (-math.inf, math.inf))
-    for each in value if isinstance(value, tuple) else (value,):
+    for each in _flat(value):
         if math.isinf(most) or each is None or (unit.startswith("Ohm") and each == math.inf and table == "electrodes"):
             continue
         found = each * (per or 1.0) if is_number(each) else math.nan
@@ -342,6 +420,11 @@ def _check_limits(table: str, key: str, value: Any, per: float | None) -> None:
                  "must be positive" if found <= 0 < least else
                  f"must be from {least:g} to {most:g} {unit.replace('_', ' ')}".rstrip(),
                  f"{found:g}" if is_number(each) else repr(each))
+
+
+def _flat(value: Any) -> tuple[Any, ...]:
+    """The parts of a value that are no tuples."""
+    return tuple(part for each in value for part in _flat(each)) if isinstance(value, tuple) else (value,)
 
 
 def _check_punch(punch: Punch, body: Body) -> None:

@@ -48,8 +48,8 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     explains them, by a homogeneous disc.
 
     sensor: what is known of it; its drive is compared with what the readings look like. ValueError where it makes
-    another number of readings than a frame has, or no differences of two voltages; where every reading is dead, or a
-    magnitude is negative.
+    another number of readings than a frame has, or no differences of two voltages, or has an outline; where every
+    reading is dead, or a magnitude is negative.
 
     Examples
     --------
@@ -63,6 +63,9 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     >>> found.electrodes, found.identified.words()["pattern"], found.identified.sign
     (16, 'adjacent', 'positive')
     """
+    if sensor and sensor.body.has_outline:
+        raise ValueError("the order and the sign of readings are judged by those of an even ring on a disc, which does "
+                         "not serve a skin with an outline; inspect the recording without the sensor file.")
     values = in_phase(recording.readings)
     kind = sensor.kind if sensor else _kind(recording, values)
     known = pairs_of(sensor) if sensor else None

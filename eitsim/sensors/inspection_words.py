@@ -10,12 +10,11 @@ from eitsim.scene.electrodes import identical
 from eitsim.sensors.companions import FEWEST
 from eitsim.sensors.identification import EXPLAINED, words_of
 from eitsim.sensors.inspection import Inspection
-from eitsim.sensors.reading_checks import Apart
+from eitsim.sensors.reading_checks import NO_OHMMETER, Apart
 from touchcal.arrays import Index
 from touchcal.number_words import counted, percent
 
-# What should be the same and differs by more than this is said; and by more than that, is not to be modelled.
-_SAID, _NONSENSE = 0.02, 0.5
+_SAID = 0.02  # what should be the same and differs by more than this is said
 _DRIFT, _MOST_NAMED = 0.02, 4
 _SIGNS = {"positive": "plus less minus, for current from source to sink",
           "negative": "minus less plus, for current from source to sink: leads of the current or of the voltmeter are "
@@ -96,7 +95,7 @@ def cautions(found: Inspection) -> Iterator[str]:
         if apart is not None and apart.most > _SAID:
             yield (f"Readings with {what} exchanged are {_range(apart)} from each other, which a linear, reciprocal, "
                    "ground-free instrument makes 0." + (" These are no voltages of a passive body: use changes only."
-                                                        if apart.most > _NONSENSE else ""))
+                                                        if apart.together >= NO_OHMMETER else ""))
     if found.drift is not None and found.drift > _DRIFT:
         yield (f"The untouched frame drifts by {percent(found.drift)}: take a fresh one close to each touch.")
 

@@ -11,6 +11,9 @@ import numpy as np
 from eitsim.sensors.recording import Recording
 from touchcal.arrays import Array, Index, Mask
 
+# Readings that an ohmmeter makes the same and that, all together, differ by as much as they are have nothing in common:
+# no model of a passive body is made of them. Gains against ground alone may well make half of that.
+NO_OHMMETER = 1.0
 _ENDS = 0.1  # part of the untouched frames at either end that drift is taken between
 _MOSTLY = 0.8  # an electrode is dead where this part of its readings is
 _STILL = 10  # frames over which a reading of a board with few bits may well not change

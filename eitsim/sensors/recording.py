@@ -5,6 +5,7 @@ the readings v_000 ... in the order of the sensor's protocol, an empty cell bein
 """
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.scene.drive import voltage_columns
+from touchcal import csv_numbers
 from touchcal.arrays import Array, Complex, Mask
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
+from touchcal.whole_file import written
 
 # What a reading is: a signed voltage, its size alone, or a touched voltage less the untouched one.
 KINDS = ("voltage", "magnitude", "difference")
@@ -65,6 +69,19 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
         raise InputFileError(path, "index must hold whole numbers; call it time_s where it is a time.", line=odd[0][0])
     return Recording(_readings(path, body, len(leading)), number.astype(np.int64), columns.get("time_s"),
                      np.array(touch, dtype=np.str_), kind, path)
+
+
+def write_recording(recording: Recording, path: Path | str) -> None:
+    """Write a recording of real readings as a CSV that `read_recording` reads, in one step."""
+    readings = np.real(recording.readings)
+    clock = {} if recording.time_s is None else {"time_s": recording.time_s.tolist()}
+    leading = {"index": recording.index.tolist(), **clock, "touch": recording.touch.tolist()}
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow([*leading, *voltage_columns(readings.shape[1])])
+    table.writerows([*first, *row] for *first, row in zip(*leading.values(), csv_numbers.cells(readings), strict=True))
+    with written(Path(path)) as file:
+        file.write(text.getvalue().encode())
 
 
 def check_kind(kind: object, where: str) -> None:

@@ -19,9 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.scene.drive import Drive, Protocol, protocol, with_matrices
+from eitsim.scene.calibrated_electrodes import read_fitted
+from eitsim.scene.drive import Drive, Protocol, protocol
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
 from eitsim.scene.scene import Body, Scene, Skin, scene_from
+from eitsim.scene.scene_files import with_files
 from eitsim.sensors.recording import check_kind
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError, unknown_key
@@ -54,9 +56,10 @@ class Sensor:
 
 
 def read_sensor(path: Path | str) -> Sensor:
-    """Read a sensor file (TOML); InputFileError names the file, and the key or line, of what it may not hold."""
+    """Read a sensor file (TOML), or the sensor that a calibration (JSON) was made of, as its file described it;
+    InputFileError names the file, and the key or line, of what it may not hold."""
     path = Path(path)
-    raw = read_toml(path)
+    raw = read_fitted(path)["sensor"] if path.suffix == ".json" else read_toml(path)
     try:
         return sensor_from(raw, path.parent)
     except InputFileError:
@@ -78,7 +81,7 @@ def sensor_from(raw: Mapping[str, Any], folder: Path) -> Sensor:
     kind = readings.get("kind", Sensor.kind)
     check_kind(kind, "kind in [readings]")
     tables = {name: table for name, table in raw.items() if name != "readings"}
-    scene = scene_from(with_matrices(_with_pairs(tables, folder), folder))
+    scene = scene_from(with_files(_with_pairs(tables, folder), folder))
     return Sensor(scene.body, scene.skin, scene.electrodes, scene.drive, kind)
 
 

@@ -1,6 +1,6 @@
 """A card's laws as one scene takes them, resolved once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from eitsim.scene.scene import Scene
 from matcal.card import MaterialCard, require, with_moduli
@@ -16,6 +16,7 @@ class Material:
     card: MaterialCard  # the card they are from
     # the foam's law: with the moduli that the scene asks for, or instantaneous ones where there is a hold
     law: Hyperfoam
+    c0_S_per_m: float | None = None  # conductivity of the untouched skin by a calibrated sensor; None: the card's
 
     @property
     def series(self) -> Prony:
@@ -25,7 +26,8 @@ class Material:
     @property
     def skin(self) -> Conductivity:
         """The skin's law; ValueError where the card lacks it."""
-        return require(self.card, "conductivity", "the skin")
+        law = require(self.card, "conductivity", "the skin")
+        return law if self.c0_S_per_m is None else replace(law, c0_S_per_m=self.c0_S_per_m)
 
 
 def material_of(scene: Scene, card: MaterialCard | Material) -> Material:
@@ -35,7 +37,9 @@ def material_of(scene: Scene, card: MaterialCard | Material) -> Material:
     """
     if isinstance(card, Material):
         return card
+    calibrated = scene.channels.conductance_S
+    c0 = calibrated[0] / scene.skin.thickness_m if calibrated else None
     if not scene.hold.time_s:
-        return Material(card, with_moduli(card, scene.hold.moduli))
+        return Material(card, with_moduli(card, scene.hold.moduli), c0)
     require(card, "prony", "a hold (time_s in [hold])")
-    return Material(card, with_moduli(card, "instantaneous"))
+    return Material(card, with_moduli(card, "instantaneous"), c0)

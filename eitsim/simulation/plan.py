@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.electrics.cem.boundary_integral import unsolvable
+from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
 from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP, rim_problem
 from eitsim.mechanics.rim.two_punches import pair_problem
 from eitsim.scene.drive import protocol
-from eitsim.scene.electrodes import present
+from eitsim.scene.electrodes import lengths, present
+from eitsim.scene.outline import quarter_distances_m
 from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 from eitsim.simulation.material import Material, material_of
@@ -71,9 +73,10 @@ def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fals
     """
     material = material_of(scene, card)
     decisions = _decisions(scene, material, reused or [None] * len(scene.punches), exact)
-    refusal, skin = unresolvable(scene, material), material.card.conductivity
-    if not refusal and scene.electrodes.kind == "line" and skin is not None:
-        refusal = unsolvable(scene.body, present(scene.electrodes), untouched_conductance(skin, scene.skin))
+    refusal = unresolvable(scene, material)
+    if (not refusal and scene.electrodes.kind == "line" and not scene.body.has_outline
+            and material.card.conductivity is not None):
+        refusal = unsolvable(scene.body, present(scene.electrodes), untouched_conductance(material.skin, scene.skin))
     return Plan(tuple(_exactly(decisions) if exact else decisions), refusal or _refusal(scene))
 
 
@@ -120,6 +123,8 @@ def _clusters(scene: Scene) -> tuple[tuple[int, ...], ...]:
 
 def _together_problem(scene: Scene, group: Sequence[int]) -> str:
     """Why these touches cannot be solved together, without a full stop; empty where they can."""
+    if scene.body.has_outline:
+        return "touches near each other on outlines other than the disc are not solved yet"
     for i in group:
         if near_rim(scene, scene.punches[i]):
             gap_mm = rim_gap_m(scene.body, scene.punches[i]) * 1e3
@@ -151,8 +156,9 @@ def _punch_refusal(scene: Scene, punch: Punch) -> str:
     if punch.depth_m is not None and punch.depth_m > _DEEPEST * scene.body.thickness_m:
         return (f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is above {_DEEPEST:.0%} of the foam's thickness, "
                 f"which squeezes it flat; give at most {_DEEPEST * scene.body.thickness_m * 1e3:g}.")
-    if scene.electrodes.kind == "patch" and (onto := scene.electrodes.length_m - rim_gap_m(scene.body, punch)) >= 0:
-        return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {scene.electrodes.length_m * 1e3:g} mm "
+    length_m = float(lengths(scene.electrodes)[0])
+    if scene.electrodes.kind == "patch" and (onto := length_m - rim_gap_m(scene.body, punch)) >= 0:
+        return (f"the punch's edge reaches {onto * 1e3:.1f} mm into the ring of {length_m * 1e3:g} mm "
                 "that the patch electrodes lie on, where touches are not built; move the punch inwards by more than "
                 "that, or make length_mm in [electrodes] smaller.")
     if punch.friction != "none" and scene.hold.time_s and not scene.hold.keeps_deformation:
@@ -169,11 +175,13 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
         problem = ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
                    "loading_s = 0")
     gap, allowed = rim_gap_m(scene.body, punch), _RIM_SHARE * scene.accuracy.signal
-    if not problem or gap < LEAST_GAP * scene.body.radius_m:
+    outlined = scene.body.has_outline
+    if not problem or (gap < LEAST_GAP * scene.body.radius_m and not outlined):
         return problem and f"{problem}."
-    return (f"the punch's edge is {gap * 1e3:.1f} mm from the rim, where the touch is not axisymmetric: neglecting the "
-            f"rim may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
-            f"of signal in [accuracy]). There, {problem}; {_advice(scene, allowed)}.")
+    near, edge = ("the nearest edge of the skin", "edges") if outlined else ("the rim", "the rim")
+    return (f"the punch's edge is {gap * 1e3:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
+            f"{edge} may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
+            f"of signal in [accuracy]). There, {problem}; {_advice(scene)}.")
 
 
 def near_rim(scene: Scene, punch: Punch) -> bool:
@@ -182,13 +190,26 @@ def near_rim(scene: Scene, punch: Punch) -> bool:
 
 
 def _rim_effect(scene: Scene, punch: Punch) -> float:
-    return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
+    """What neglecting the rim may cost; with an outline the sum of what the rim of a disc would, as near as the nearest
+    edge in each quarter about the punch."""
+    gaps = [rim_gap_m(scene.body, punch)]
+    if scene.body.has_outline:
+        gaps = (quarter_distances_m(scene.body, (punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()
+    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps)
 
 
-def _advice(scene: Scene, allowed: float) -> str:
+def least_gap_m(scene: Scene) -> float:
+    """Least distance, m, of a punch's edge to the rim, or to both edges of a right-angled corner, at which neglecting
+    them costs no more than its share of the requested error; infinite beyond ten thicknesses."""
     thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
-    effects = np.array([rim_effect(g * thickness, thickness, scene.skin.strain) for g in gaps])
-    gap = float(gaps[np.argmax(effects <= allowed)] * thickness) if effects[-1] <= allowed else math.inf
+    ways = (1.0, 1.0, math.sqrt(2), math.sqrt(2)) if scene.body.has_outline else (1.0,)
+    near = np.array([sum(rim_effect(way * gap * thickness, thickness, scene.skin.strain) for way in ways)
+                     for gap in gaps]) > _RIM_SHARE * scene.accuracy.signal
+    return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness)
+
+
+def _advice(scene: Scene) -> str:
+    gap = least_gap_m(scene)
     inwards = f"move the punch inwards to a gap of {gap * 1e3:.0f} mm or " if gap < scene.body.radius_m else ""
     return f"{inwards}ask for less accuracy (a larger signal in [accuracy])"
 
@@ -207,7 +228,7 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
     if len(scene.punches) > 2 or (len(scene.punches) == 2 and not groups):
         yield _neighbour_decision(scene, groups)
     yield from _hold_decisions(scene, law) if scene.hold.time_s else [_moduli_decision(scene, material)]
-    yield Decision("laws used beyond their fits", "touches strain the skin and may compress the foam further than "
+    yield Decision("laws used outside their fits", "touches strain the skin and may compress the foam further than "
                    "their tests did, through the thickness in compression where the skin's law was fitted in tension; "
                    "the result holds both strains, the cost is unknown and not in the bound", 0.0, unbounded=True)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
@@ -268,24 +289,53 @@ def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[D
 
 
 def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
-    if scene.electrodes.kind == "patch":
-        yield Decision("the skin is solved on a mesh that follows the touch", "patch electrodes cover part of it; the "
-                       "mesh's estimate counts in the result's own error", 0.0)
+    if scene.electrodes.kind != "line" or scene.body.has_outline:
+        why = "the skin has an outline" if scene.body.has_outline else "patch electrodes cover part of it"
+        yield Decision("the skin is solved on a mesh that follows the touch", f"{why}; the mesh's estimate counts in "
+                       "the result's own error", 0.0)
+    if scene.body.has_outline:
+        yield Decision("untouched readings by triangles that their own solution refines", "until halving them once "
+                       f"more would change the readings by less than {READINGS:g}; the signal does not hold that error",
+                       0.0)
+    if scene.electrodes.kind != "line":
         yield Decision("patches conduct by their untouched area", "their contact impedance does not follow what a "
                        "touch next to them stretches; the cost is unknown and not in the bound", 0.0, unbounded=True)
-    else:
+    elif not scene.body.has_outline:
         yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
                        "requested error, a mesh that follows the touch takes over; the estimate counts in the result's "
                        "own error", 0.0)
+    yield from _channel_decisions(scene)
     if scene.electrodes.missing:
         yield Decision(f"without electrode{'s' if len(scene.electrodes.missing) > 1 else ''} "
                        f"{', '.join(map(str, scene.electrodes.missing))} (from 0)", "missing in [electrodes]: no "
                        "current passes; readings that need one are null", 0.0)
 
 
+def _channel_decisions(scene: Scene) -> Iterator[Decision]:
+    channels = scene.channels
+    if any(channels.sheet_modes):
+        yield Decision("the calibrated sheet is taken as even", "sheet_modes in [channels] say how the logarithm of "
+                       f"its conductance varies, by up to {max(map(abs, channels.sheet_modes)):.2g} a mode; readings "
+                       "do without, and so differ from the sensor's by about as much of the signal",
+                       0.0, unbounded=True)
+    if channels.conductance_S:
+        yield Decision(f"the untouched skin has the calibrated sheet conductance of {channels.conductance_S[0]:.4g} S",
+                       "conductance_S in [channels]; thickness in [skin] and c0 of the card have no effect, the card "
+                       "says how strain changes it", 0.0)
+    if channels.there:
+        yield Decision("readings through the channels of a calibrated sensor", "gains against ground, source currents "
+                       "and leaks act outside the body, so that its impedance matrix holds all they need; exact for "
+                       "touched readings too. Their intervals are not in the bound; impedance_Ohm and maps of the skin "
+                       "are those of the body without them", 0.0, unbounded=True)
+
+
 def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     gap = rim_gap_m(scene.body, punch)
-    where = f"its edge is {gap * 1e3:.1f} mm from the rim, {gap / scene.body.thickness_m:.1f} thicknesses"
+    edge = "nearest edge" if scene.body.has_outline else "rim"
+    where = f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
+    if scene.body.has_outline:
+        where += ("; solved on the disc of the outline's area, and bounded by what rims of discs change that are as "
+                  "near as the edges in each quarter about it")
     creeps = bool(scene.hold.time_s) and not scene.hold.keeps_deformation
     if exact and not creeps and not rim_problem(scene.body, punch):
         return Decision("exact: mechanics in three dimensions on the whole disc, as a change of the axisymmetric touch",
@@ -356,7 +406,7 @@ def _hold_decisions(scene: Scene, law: Hyperfoam) -> Iterator[Decision]:
                    "loading_s in [hold] is 0; instantaneous moduli" if hold.loading_s == 0 else
                    "stepped in time; instantaneous moduli at its start", 0.0)
     if np.any(law.nu != 0):
-        yield Decision("shear and bulk relax alike", "the card has one Prony series; for nu other than 0 the cost is "
-                       "unknown and not in the bound", 0.0, unbounded=True)
+        yield Decision("shear and bulk relax in the same way", "the card has one Prony series; for nu other than 0 "
+                       "the cost is unknown and not in the bound", 0.0, unbounded=True)
     yield Decision("the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows "
                    "no time", 0.0, unbounded=True)

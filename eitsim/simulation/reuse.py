@@ -126,7 +126,7 @@ def decision(table: Table, touch: Touch, scene: Scene) -> Decision:
                "signal about this gap and depth")
     bound *= _SAFETY
     return Decision("load path reused", f"depth, pressure and surface are cubics along stored paths of punches of "
-                    f"{where}; of {table.checks} touches solved afresh between its nodes the depth was at most "
+                    f"{where}; of {table.checks} touches solved anew between its nodes the depth was at most "
                     f"{error.depth:.1e} off, the dipole response {paths:.1e}, and the surface's stretches "
                     f"{error.strain:.1e} in L2{rim}; the bound is {_SAFETY:g} times the larger of "
                     f"depth and response; the table took {table.whole_cpu_s:.0f} CPU s, once, not counted in the cost "

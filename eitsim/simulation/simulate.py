@@ -199,8 +199,8 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
     worst = max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain) for touch in touches))
     try:
         return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
-                     tuple(zip(scene.punches, touches, strict=True)), skin_law, signal=ELECTRICS_SHARE * worst,
-                     method="mesh" if exact else "auto")
+                     tuple(zip(scene.punches, touches, strict=True)), skin_law, channels=scene.channels,
+                     signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
     except FoldedSkin as error:
         raise _Refused(str(error)) from None
 

@@ -70,6 +70,8 @@ def fit_command(
         seed: SeedOption = 0,
         out: Annotated[Path, typer.Option(help="Card to write; its data go next to it.")] = Path("card.json"),
         report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
+        verbose: Annotated[bool, typer.Option("--verbose", help="Print stability, orders tried and every decision "
+                                              "too.")] = False,
         as_json: JsonOption = False) -> None:
     """Fit everything the files allow and write the material card.
 
@@ -95,7 +97,7 @@ def fit_command(
     if as_json:
         print_json(card_json(card) | {"card": str(out)})
     else:
-        print_fit(card, out)
+        print_fit(card, out, verbose=verbose)
     if unfinished is not None:
         raise unfinished
     if report is not None:

@@ -1,4 +1,4 @@
-"""What the command line prints of a calibration: results first, what to mind, errors, and at last what was decided."""
+"""What the command line prints of a calibration: results first, what to mind, errors; decisions if asked for."""
 
 import hashlib
 import os
@@ -19,6 +19,7 @@ from matcal.laws.deformation_modes import MODES
 from matcal.record import result_tables as tables
 from matcal.record.cautions import cautions, tests
 from matcal.record.exporters import TARGETS
+from touchcal.number_words import counted
 
 # columns of a table in a pipe, where nothing says how wide the reader's page is
 _PIPE = 120
@@ -40,8 +41,9 @@ def print_stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Non
     _print_table(_console(), tables.stability(found))
 
 
-def print_fit(card: MaterialCard, out: Path) -> None:
-    """Print what a calibration found, from its card, what was decided, and what may be done with it next."""
+def print_fit(card: MaterialCard, out: Path, *, verbose: bool = False) -> None:
+    """Print what a calibration found, from its card, and what may be done with it next; verbose: stability, orders and
+    what was decided as well."""
     console = _console()
     _say(console, _title(card))
     for table in _results(card):
@@ -50,13 +52,19 @@ def print_fit(card: MaterialCard, out: Path) -> None:
         _heading(console, "Mind")
         for sentence in warned:
             _item(console, "!", sentence)
-    for table in _quality(card):
+    quality = list(_quality(card))
+    for table in quality if verbose else quality[:1]:
         _print_table(console, table)
     if card.posterior:
         _heading(console, "Posterior")
         _say(console, _posterior(card))
-    _heading(console, "Decisions")
-    _decisions(console, card)
+    if verbose:
+        _heading(console, "Decisions")
+        _decisions(console, card)
+    else:
+        decisions = sum(len(sentences) for _, sentences in grouped(card))
+        _say(console, f"\n{counted(decisions, 'decision')} and {counted(len(quality[1:]), 'more table')} on the fit: "
+                      f"in {out} and its report, or printed with --verbose.")
     _heading(console, "Next")
     for command, purpose in _next(card, out):
         _say(console, f"  {command}\n      {purpose}")

@@ -124,8 +124,8 @@ def _agreement(card: MaterialCard) -> Iterator[str]:
     separation = [name for name, row in card.fit.get("derived", {}).items()
                   if name in drawn and not overlaps((row["lo"], row["hi"]), (drawn[name]["lo"], drawn[name]["hi"]))]
     if separation:
-        yield (f"Fit and posterior disagree beyond their 95 % intervals in {', '.join(separation)}: the law does not "
-               "describe all tests at once; trust neither before the misfit is understood.")
+        yield (f"Fit and posterior differ by more than their 95 % intervals in {', '.join(separation)}: the law does "
+               "not describe all tests at once; trust neither before the misfit is understood.")
 
 
 def _stability(card: MaterialCard) -> Iterator[str]:

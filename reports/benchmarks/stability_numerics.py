@@ -37,8 +37,9 @@ def _creep(rows: Rows) -> str:
         return ""
     good = [row["error"] for row in own if row["outcome"] == "ok"]
     most = f", error estimate of the depth at most {percent(max(good))}" if good else ""
-    return (f" Touches that creep under their force with times up to {number(max(row['ratio'] for row in own), 2)} "
-            f"apart: {len(good)} of {counted(len(own), 'touch', 'touches')} ok{most}.")
+    ratio = number(max(row["ratio"] for row in own), 2)
+    return (f" Touches that creep under their force with two times of ratio up to {ratio}: {len(good)} of "
+            f"{counted(len(own), 'touch', 'touches')} ok{most}.")
 
 
 def digits_of(error: float) -> float:

@@ -65,7 +65,7 @@ def meshes(name: str, sensors: Sequence[Meshed]) -> ReportFigure:
         axes = figure.add_subplot(grid[0, k])
         axes.grid(False)
         _edges(axes, one.edges_mm)
-        sensor(axes, one.scene["body"]["radius_mm"], one.scene["electrodes"])
+        sensor(axes, one.scene["body"], one.scene["electrodes"])
         _punch(axes, one.scene["punch"][0])
         axes.set_title(f"({'abc'[k]})")
         if k:

@@ -35,7 +35,7 @@ def touch_map(ok: Columns, failed: Columns, rms: Array, tables: Mapping[str, Any
     factor, unit = volts(rms)
     figure = style.sheet(64, 78)
     axes = figure.subplots()
-    sensor(axes, tables["body"]["radius_mm"], tables["electrodes"])
+    sensor(axes, tables["body"], tables["electrodes"])
     norm = LogNorm() if rms.min() > 0 and rms.max() > 3 * rms.min() else Normalize()
     size = _dot(rms.size)
     dots = axes.scatter(ok["x_mm"], ok["y_mm"], c=rms * factor, s=size, cmap=style.SEQUENTIAL, norm=norm, lw=0,

@@ -198,7 +198,7 @@ def _words(key: str, cell: Any) -> str | None:
         limits = ", ".join(f"{name} {value:g}" for name, value in cell.items() if isinstance(value, int | float))
         held = [f"{len(value)} places by {name}" if isinstance(value, list) else f"{value} grid"
                 for name, value in cell.items() if isinstance(value, list | str)]
-        return ", ".join([*(held or ["uniform over the disc where the punch fits"]), *([limits] if limits else [])])
+        return ", ".join([*(held or ["uniform over the skin where the punch fits"]), *([limits] if limits else [])])
     distribution = distribution_of(key, cell)
     return None if distribution is None else distribution.words
 

@@ -119,7 +119,7 @@ def _levels(triangles: Triangulation, values: Array) -> Array:
 
 def _disc(axes: Axes, scene: Mapping[str, Any]) -> None:
     axes.grid(False)
-    sensor(axes, scene["body"]["radius_mm"], scene["electrodes"])
+    sensor(axes, scene["body"], scene["electrodes"])
     for punch in scene["punch"]:
         angle = np.linspace(0, 2 * np.pi, 97)
         axes.plot(punch["x_mm"] + punch["diameter_mm"] / 2 * np.cos(angle),

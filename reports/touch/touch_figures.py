@@ -10,18 +10,24 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from eitsim.scene.electrodes import arcs
-from eitsim.scene.scene import scene_from
+from eitsim.scene.scene import Punch, rim_gap_m, scene_from
 from reports.document import style
 from reports.document.numerals import number
 from reports.document.page import ReportFigure
+from reports.touch.outline_figure import outlined_sensor
 
 Array = NDArray[np.float64]
 
 
-def sensor(axes: Axes, radius_mm: float, electrodes: Mapping[str, Any]) -> None:
-    """Disc and electrodes from above, to scale, electrode numbers from 0; missing ones in grey."""
+def sensor(axes: Axes, body: Mapping[str, Any], electrodes: Mapping[str, Any]) -> None:
+    """Skin and electrodes from above, to scale, electrode numbers from 0; missing ones in grey. Tables as in a scene
+    file."""
+    drawn = scene_from({"body": body, "electrodes": electrodes})
+    if drawn.body.has_outline:
+        outlined_sensor(axes, drawn)
+        return
+    radius_mm, ring = drawn.body.radius_m * 1e3, drawn.electrodes
     axes.add_patch(Circle((0, 0), radius_mm, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
-    ring = scene_from({"body": {"radius_mm": radius_mm}, "electrodes": electrodes}).electrodes
     for k, (start, stop) in enumerate(arcs(radius_mm / 1e3, ring)):
         arc, middle = np.linspace(start, stop, 9), (start + stop) / 2
         axes.plot(radius_mm * np.cos(arc), radius_mm * np.sin(arc), solid_capstyle="butt", lw=2.2,
@@ -36,20 +42,21 @@ def sensor(axes: Axes, radius_mm: float, electrodes: Mapping[str, Any]) -> None:
 
 def scene(tables: Mapping[str, Any]) -> ReportFigure:
     """The sensor and the punches from above, to scale; `tables` as in a scene file."""
-    radius = tables["body"]["radius_mm"]
+    body = scene_from({name: tables[name] for name in ("body", "electrodes")}).body
     figure = style.sheet(74, 80)
     axes = figure.subplots()
-    sensor(axes, radius, tables["electrodes"])
+    sensor(axes, tables["body"], tables["electrodes"])
     gaps = []
     for punch in tables["punch"]:
         axes.add_patch(Circle((punch["x_mm"], punch["y_mm"]), punch["diameter_mm"] / 2, facecolor=style.ACCENT,
                               edgecolor="none", alpha=0.85))
-        gaps.append(radius - float(np.hypot(punch["x_mm"], punch["y_mm"])) - punch["diameter_mm"] / 2)
+        gaps.append(1e3 * rim_gap_m(body, Punch(punch["x_mm"] / 1e3, punch["y_mm"] / 1e3, punch["diameter_mm"] / 1e3)))
         if len(tables["punch"]) > 1:
             axes.text(punch["x_mm"], punch["y_mm"], str(len(gaps)), ha="center", va="center", fontsize=7)
     count = tables["electrodes"]["count"]
     caption = (f"The sensor from above, to scale, with {count} numbered electrodes and {_punches(tables['punch'])}; "
-               f"{'its edge' if len(gaps) == 1 else 'the nearest edge'} is {number(min(gaps))} mm from the rim.")
+               f"{'its edge' if len(gaps) == 1 else 'the nearest edge'} is {number(min(gaps))} mm from the "
+               f"{'nearest edge of the skin' if body.has_outline else 'rim'}.")
     return ReportFigure("scene", figure, caption, {"scene": pd.DataFrame(tables["punch"])})
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from surrogate.cli.limit_command import counted, limit
+from surrogate.cli.live_command import live
 from surrogate.cli.predict_command import ModelFolder, predict
 from surrogate.cli.recording_command import train_recording
 from surrogate.learners.registry import METHODS, method_of
@@ -27,8 +28,13 @@ app = application("Learn touches from electrode voltages: the paper's networks, 
 
 TrainedOn = Annotated[Path, typer.Argument(metavar="DIR|RECORDING", help="Data set that `eitsim sweep` wrote, or "
                                                                         "recorded frames with --labels, --sensor.")]
-LABELS_HELP = "CSV of what is known of a recording's touches: touch, x_mm, y_mm."
-SENSOR_HELP = "Sensor file (TOML) of a recording."
+LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of x_mm, y_mm, d_mm, F_N, depth_mm, "
+               "z_mm.")
+SENSOR_HELP = "Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote."
+SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrodes and drive: what its touches say of a "
+                  "recording's patterns is used in place of the sensitivity of a uniform disc.")
+SUGGEST_HELP = ("Name as many places to press next, and write them to suggested.csv next to the model. Needs no "
+                "labels, nor a recording, before the first press.")
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
@@ -36,7 +42,7 @@ OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigm
 STEPS = ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values() if one.epochs)
 WORKERS_HELP = "Processes that share the networks; where left out, one a core from 1,000 rows on."
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
-LEVELS_HELP = "Noise levels of the stored scores besides no noise, in dB below the RMS of the baseline voltages."
+LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below the RMS of the baseline voltages."
 
 
 @app.command()
@@ -44,27 +50,30 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
           method: Annotated[str, typer.Option(help=METHOD_HELP)] = "forward",
           outputs: Annotated[str, typer.Option(help=OUTPUTS_HELP)] = "all",
           labels: Annotated[Path | None, typer.Option(help=LABELS_HELP)] = None,
-          sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None, seed: SeedOption = 0,
+          sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None,
+          simulated: Annotated[Path | None, typer.Option(help=SIMULATED_HELP)] = None,
+          suggest: Annotated[int | None, typer.Option(min=1, help=SUGGEST_HELP)] = None, seed: SeedOption = 0,
           epochs: Annotated[int | None, typer.Option(help=f"Most steps; where left out {STEPS}.")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
           noise_db: Annotated[str, typer.Option(help=LEVELS_HELP)] = "100,80,60", as_json: JsonOption = False) -> None:
-    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or on a recording: places
-    are learnt from all labelled presses, and scores are those of readers of four fifths of them.
+    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or on a recording: its
+    labels are learnt from all labelled presses, and scores are those of readers of four fifths of them.
 
     Example: surrogate train sweep --out forward --method forward --seed 1
     """
     import surrogate
     from surrogate.data.outputs import chosen
     from surrogate.model import store
+    from surrogate.recordings.suggestion.next_presses import SUGGESTED
 
     check_out(out, folder=True)
-    store.check_own(out)
-    if folder.is_file() or labels is not None or sensor is not None:
+    store.check_own(out, (SUGGESTED,))
+    if folder.is_file() or any(one is not None for one in (labels, sensor, simulated, suggest)):
         if (method, outputs, epochs, calibrate) != ("forward", "all", None, None):
             raise ValueError("--method, --outputs, --epochs and --calibrate are for sweeps; a recording is learnt by "
-                             "all families of readers, for the places of its labels. Leave them out.")
-        train_recording(folder, labels, sensor, out, seed, workers or _cores(), as_json)
+                             "all families of readers, for all of its labels. Leave them out.")
+        train_recording(folder, labels, sensor, simulated, suggest, out, seed, workers or _cores(), as_json)
         return
     method_of(method)
     names, levels = chosen(outputs), _levels(noise_db)
@@ -136,14 +145,16 @@ def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="To
 @app.command()
 def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PDF to write.")]) -> None:
     """Write a PDF of a model: predictions against targets, scores, training record; the least possible errors next to
-    its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before.
+    its own where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run before. Of a recording's model:
+    its scores on both splits, its families, and its errors over the skin.
 
     Example: surrogate report forward --out forward.pdf
     """
-    from reports.surrogate.surrogate_report import write
+    from reports.surrogate import reader_report, surrogate_report
+    from surrogate.recordings.trained.reader_store import is_reader
 
     check_out(out)
-    write(model_folder, out)
+    (reader_report if is_reader(model_folder) else surrogate_report).write(model_folder, out)
     print(f"report: {out}")
 
 
@@ -163,6 +174,7 @@ def _cores() -> int:
 
 
 app.command()(predict)
+app.command()(live)
 app.command()(limit)
 
 

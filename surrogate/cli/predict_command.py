@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from surrogate.data.baseline_frame import Comparison, Untouched
+    from surrogate.data.frame_drift import FrameDrift
     from surrogate.data.frame_rows import Lines
     from surrogate.model.model import Model
-    from surrogate.recordings.train_reader import TrainedReader
+    from surrogate.recordings.trained.train_reader import TrainedReader
     from surrogate.single_frame.simulator_likelihood import Simulator
     from touchcal.arrays import Array, Mask
 
@@ -32,9 +33,11 @@ TOUCHES_HELP = "2 reads two touches from each frame, and says where one explains
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
 MOST_NOISE_V = 1000.0  # no instrument reads more, and equations of more noise are singular
 SCALE_HELP = ("Multiply all readings by the training's untouched ones over those measured: yes, no, or auto, where "
-              "that explains a difference beyond noise.")
+              "that explains a difference larger than noise.")
 RATE_HELP = "Frames a second of standard input, for how fast touches and drift may move between two lines."
 HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
+DRIFT_HELP = ("What may have changed between the untouched and the touched frames, as relative standard deviations: "
+              "gain=0.001,contact=0.01; contact needs --scene or --data. Method forward.")
 NoiseV = Annotated[float | None, typer.Option("--noise-V", help="Standard deviation of one reading, V, where known.")]
 
 
@@ -44,11 +47,14 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             posterior: Annotated[bool, typer.Option("--posterior", help=POSTERIOR_HELP)] = False,
             scale_baseline: Annotated[str, typer.Option(help=SCALE_HELP)] = "auto",
             held: Annotated[float | None, typer.Option(help=HELD_HELP)] = None,
+            drift: Annotated[str, typer.Option(metavar="gain=SD,contact=SD", help=DRIFT_HELP)] = "",
             rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = 50.0,
             touches: Annotated[int, typer.Option(min=1, max=2, help=TOUCHES_HELP)] = 1,
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
-            data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card.")] = None,
-            scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card.")] = None,
+            data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card or "
+                                                           "--drift.")] = None,
+            scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card or "
+                                                            "--drift.")] = None,
             seed: SeedOption = 0,
             out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
             as_json: JsonOption = False) -> None:
@@ -72,8 +78,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     """
     import surrogate
     from surrogate.learners.registry import METHODS
-    from surrogate.recordings.reader_store import is_reader
-    from surrogate.recordings.reader_store import load as load_reader
+    from surrogate.recordings.trained.reader_store import is_reader, load_reader
 
     if out is not None:
         check_out(out)
@@ -81,17 +86,23 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     if noise_v is not None and not 0 <= noise_v <= MOST_NOISE_V:
         raise ValueError(f"--noise-V must be 0 to {MOST_NOISE_V:g} V, got {noise_v:g}. Give the standard deviation of "
                          "one reading in volts.")
-    _check_choice(frames, direct, direct or posterior, card, data or scene, posterior or touches == 2 or as_json)
+    changes = _drift_of(drift)
+    if changes and (frames == "-" or direct or posterior or touches == 2):
+        raise ValueError("--drift is for plain predictions from a file; leave it out with -, --direct, --posterior and "
+                         "--touches 2.")
+    _check_choice(frames, direct, direct or posterior, card, None if changes.get("contact") else data or scene,
+                  posterior or touches == 2 or as_json)
     if direct + posterior + (touches == 2) > 1:
         raise ValueError("give one of --direct, --posterior and --touches 2: each reads a frame in its own way.")
     if direct and card is None:
         raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
                          "or --scene FILE for the sensor.")
     if is_reader(model_folder):
-        if frames == "-" and (card, data, scene, held) == (None,) * 4 and not direct and not posterior:
+        if frames == "-" and (card, data, scene, held) == (None,) * 4 and not direct and not posterior and not changes:
             _track_stream(load_reader(model_folder), baseline, noise_v, out, rate)
             return
-        if frames == "-" or (baseline, noise_v, card, data, scene, held) != (None,) * 6 or direct or posterior:
+        if (frames == "-" or (baseline, noise_v, card, data, scene, held) != (None,) * 6 or direct or posterior
+                or changes):
             raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
                              "rows are the baseline. Give that file and --out alone.")
         _written(predict_recording(model_folder, Path(frames)), model_folder, out, as_json)
@@ -118,8 +129,37 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
         simulator = None if card is None else _simulator(model, card, data, scene, reference)
         table = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
     else:
-        table = _plain_table(model, read, reference, dead, noise, held)
+        table = _plain_table(model, read, reference, dead, noise, held, _frame_drift(model, changes, data, scene))
     _written(table, model_folder, out, as_json)
+
+
+def _drift_of(text: str) -> dict[str, float]:
+    """Standard deviations by what drifts; ValueError names the option."""
+    pairs = [one.partition("=") for one in text.split(",") if one]
+    try:
+        found = {name: float(value) for name, _, value in pairs}
+    except ValueError:
+        found = {"": 0.0}
+    if unknown := [name for name in found if name not in ("gain", "contact")]:
+        raise ValueError(f"--drift {text}: '{unknown[0]}' is not known; give --drift gain=0.001,contact=0.01, or one "
+                         "of them.")
+    return found
+
+
+def _frame_drift(model: Model, changes: dict[str, float], data: Path | None, scene: Path | None) -> FrameDrift:
+    from eitsim.electrics.forward.untouched import sensor_of
+    from eitsim.scene.scene import read_scene
+    from eitsim.sweeps.dataset.parquet import read_manifest
+    from surrogate.data.frame_drift import frame_drift
+    from surrogate.data.sensor_ring import ring_of, same_ring
+
+    sensor = None
+    if changes.get("contact"):
+        sensor = read_scene(scene) if scene is not None else None if data is None else sensor_of(
+            read_manifest(data)["design"]["tables"])
+    if sensor is not None and not same_ring(ring_of(sensor), model.ring):
+        raise ValueError("--drift: the scene has another sensor than the model; give the one of its sweep.")
+    return frame_drift(model.ring, model.baseline_V, changes.get("gain", 0.0), changes.get("contact", 0.0), sensor)
 
 
 def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,
@@ -128,18 +168,18 @@ def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None,
         raise ValueError("frames from standard input are answered one by one as they come; --direct, --posterior, "
                          "--touches 2 and --json need a file of frames.")
     if (card is not None or sensor is not None) and not simulated:
-        raise ValueError("--card, --data and --scene tell the simulator of --direct or --posterior; add one, or leave "
-                         "them out.")
+        raise ValueError("--card, --data and --scene tell the simulator of --direct or --posterior, and --data and "
+                         "--scene the sensor of --drift contact=SD; add one, or leave them out.")
     if card is None and sensor is not None:
         raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
 
 
 def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float,
-                 held_s: float | None) -> pd.DataFrame:
+                 held_s: float | None, drift: FrameDrift) -> pd.DataFrame:
     from surrogate.model.predict import prepare, sign_caution, table_of
 
     _say_intervals(model, noise)
-    table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s), frames)
+    table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s, drift=drift), frames)
     if words := sign_caution(table["flag"].tolist()):
         _say(words)
     return table
@@ -246,7 +286,7 @@ def _track_stream(model: Model | TrainedReader, baseline: Path | None, noise_V: 
         _say_intervals(model, 0.0)
         readings = len(model.baseline_V)
     else:
-        readings = len(model.reader.readings.mean) - len(model.reader.late)
+        readings = model.reader.signals.channels
     untouched = None if baseline is None else _sound_lines(baseline, readings)
     tracker = Tracker(model, untouched, noise_V, rate_hz=rate_hz, scale_baseline=scaling, held_s=held_s, say=_say)
     widen_pipe(sys.stdin.fileno())

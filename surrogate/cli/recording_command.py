@@ -5,70 +5,137 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from touchcal.terminal import print_json
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from surrogate.recordings.train_reader import TrainedReader
+    from eitsim.sensors.labels import Labels
+    from surrogate.recordings.suggestion.next_presses import NextPresses
+    from surrogate.recordings.trained.train_reader import TrainedReader
 
 
-def train_recording(recording: Path, labels: Path | None, sensor: Path | None, out: Path, seed: int, workers: int,
-                    as_json: bool) -> None:
-    """Train on a recording, write the model, print its scores."""
+def train_recording(recording: Path, labels: Path | None, sensor: Path | None, simulated: Path | None,
+                    suggest: int | None, out: Path, seed: int, workers: int, as_json: bool) -> None:
+    """Train on a recording, write the model, print its scores, and where asked the places to press next; with fewer
+    labels than can be learnt from, these places alone."""
+    from eitsim.sensors.calibration.calibration_file import read_described_sensor
+    from eitsim.sensors.labels import read_labels
     from eitsim.sensors.recording import read_recording
-    from eitsim.sensors.sensor_file import read_sensor
-    from surrogate.recordings import reader_store
-    from surrogate.recordings.labels import read_labels
-    from surrogate.recordings.train_reader import train_reader
+    from surrogate.recordings.physics.expectation import expectation_of
+    from surrogate.recordings.signals import FEWEST
+    from surrogate.recordings.trained import reader_store
+    from surrogate.recordings.trained.train_reader import train_reader
+    from surrogate.recordings.worth import NothingToRead
 
-    if labels is None or sensor is None:
+    if sensor is None or (labels is None and suggest is None):
         raise ValueError(f"{recording} is a recording, which needs its labels and its sensor: give --labels "
-                         "touches.csv and --sensor sensor.toml.")
-    known = read_sensor(sensor)
+                         "touches.csv and --sensor sensor.toml. Where nothing is pressed yet, give --sensor and "
+                         "--suggest 20, which names the places to press first.")
+    known, file_kind = read_described_sensor(sensor)
+    expectation = expectation_of(known, simulated)
+    given = read_labels(labels) if labels is not None else None
+    ahead = _suggested(known.body.radius_m * 1e3, given, suggest, out) if suggest is not None else None
+    if given is None or (ahead is not None and len(given.touch) < FEWEST):
+        _tell_untrained(0 if given is None else len(given.touch), FEWEST, ahead, as_json)
+        return
     frames = read_recording(recording, kind=known.kind, readings=len(known.protocol.weights.reshape(-1,
                             known.electrodes.count)))
-    model = train_reader(frames, read_labels(labels), seed, workers)
-    reader_store.save(model, out)
+    try:
+        model = train_reader(frames, given, seed, workers, expectation)
+    except NothingToRead:
+        if not as_json:
+            _print_suggested(ahead)
+        raise
+    reader_store.save_reader(model, out)
     if as_json:
-        print_json(_described(model) | {"model": out})
+        print_json(_described(model) | {"model": out, "sensor": file_kind} | _listed(ahead))
     else:
         _print_trained(model)
+        print(f"sensor: {sensor}, a {file_kind}")
         print(f"model: {out}")
+        _print_suggested(ahead)
+
+
+def _suggested(radius_mm: float, given: Labels | None, count: int, out: Path) -> NextPresses:
+    """The places to press next, written into the model's folder."""
+    from eitsim.sensors.labels import places_of
+    from surrogate.recordings.suggestion.next_presses import SUGGESTED, next_presses
+    from touchcal.whole_file import written
+
+    found = next_presses(radius_mm, places_of(given) if given is not None else np.empty((0, 2)), count)
+    out.mkdir(parents=True, exist_ok=True)
+    with written(out / SUGGESTED) as file:
+        file.write(found.table().to_csv(index=False, float_format="%.6g").encode())
+    return found
+
+
+def _tell_untrained(labels: int, fewest: int, ahead: NextPresses | None, as_json: bool) -> None:
+    if as_json:
+        print_json({"presses": labels, "model": None} | _listed(ahead))
+        return
+    print(f"{labels} labelled presses, and {fewest} are the fewest to learn from: no model is trained yet")
+    _print_suggested(ahead)
+
+
+def _listed(ahead: NextPresses | None) -> dict[str, Any]:
+    return {} if ahead is None else {"suggested": ahead.table().to_dict("records")}
+
+
+def _print_suggested(ahead: NextPresses | None) -> None:
+    if ahead is None:
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    from surrogate.recordings.suggestion.next_presses import SHARE, SUGGESTED
+
+    table = Table("press", "x, mm", "y, mm", "gain, %", title="press next")
+    for number, ((x, y), gain) in enumerate(zip(ahead.place, ahead.gain, strict=True), start=1):
+        table.add_row(str(number), f"{x:.1f}", f"{y:.1f}", f"{100 * gain:.1f}")
+    Console().print(table)
+    x, y = ahead.middle
+    print(f"places to press next, the best first, within {100 * SHARE:.0f} % of the radius about ({x:.4g}, {y:.4g}) "
+          f"mm, also in {SUGGESTED}; gain: the part of the map's variance that a press takes away after those before")
 
 
 def predict_recording(model_folder: Path, recording: Path) -> pd.DataFrame:
     """Read the touched frames of a recording."""
     from eitsim.sensors.recording import read_recording
-    from surrogate.recordings import reader_store
-    from surrogate.recordings.reader_table import read_touches
+    from surrogate.recordings.trained import reader_store
+    from surrogate.recordings.trained.reader_table import read_touches
 
-    model = reader_store.load(model_folder)
-    return read_touches(model, read_recording(recording, kind=model.kind, readings=len(model.reader.readings.mean)))
+    model = reader_store.load_reader(model_folder)
+    return read_touches(model, read_recording(recording, kind=model.kind, readings=model.reader.signals.channels))
 
 
 def _described(model: TrainedReader) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from surrogate.recordings.train_reader import choice
+    from surrogate.recordings.trained.train_reader import choice
 
     return {"presses": model.presses, "fit_s": model.fit_s, "choice": choice(model.reader),
-            "scores": [asdict(one) for one in model.scores]}
+            "scores": [asdict(one.score) for one in model.tested]}
 
 
 def _print_trained(model: TrainedReader) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from surrogate.recordings.train_reader import choice
+    from surrogate.recordings.trained.train_reader import choice
 
-    table = Table("split", "trained", "tested", "distance, mm", "kernel ridge, mm", "mean place, mm",
-                  "x, y in 90 %", "+-90 %, mm", title="mean distance on presses that were not trained on")
-    for one in model.scores:
-        x, y = one.coverage
-        table.add_row(one.split, str(one.trained), str(one.tested), f"{one.distance_mm:.3g}", f"{one.ridge_mm:.3g}",
-                      f"{one.centre_mm:.3g}", f"{100 * x:.0f}, {100 * y:.0f}",
-                      f"{one.width_mm[0]:.3g}, {one.width_mm[1]:.3g}")
+    table = Table("split", "trained", "tested", "output", "error", "kernel ridge", "mean", "in 90 %", "+-90 %",
+                  "in ellipse of 90 %",
+                  title="mean error on presses that were not trained on; of a place, the distance; in 90 % of x, y")
+    for one in (tested.score for tested in model.tested):
+        table.add_row(one.split, str(one.trained), str(one.tested), one.output, f"{one.error:.3g} {one.unit}",
+                      f"{one.ridge_error:.3g}", f"{one.mean_error:.3g}",
+                      ", ".join(f"{100 * part:.0f}" for part in one.coverage),
+                      ", ".join(f"{half:.3g}" for half in one.half_width),
+                      "-" if one.in_ellipse is None else f"{100 * one.in_ellipse:.0f}")
     Console().print(table)
-    print(f"families: {choice(model.reader)}")
+    for line in choice(model.reader):
+        print(line)
     print(f"fit {model.fit_s:.1f} CPU s on {model.presses} presses")

@@ -94,7 +94,7 @@ def compared(trained_V: Array, ring: Ring, given_V: Array, noise_V: float = 0.0,
                  f"{factor.max():.4g}), which takes out gains and the sheet's conductance.")
     elif best.scales:
         said += "Scaling the readings by the training's over those measured would take it out" + (
-            ", but factors beyond 2 are scaled only when asked for." if scaling == "auto" else ".")
+            ", but factors above 2 are scaled only when asked for." if scaling == "auto" else ".")
     else:
         said += "Intervals do not count such a difference."
     return Comparison(gain, said)

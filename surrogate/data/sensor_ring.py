@@ -53,8 +53,11 @@ def same_ring(one: Ring, other: Ring) -> bool:
 
 
 def ring_of(scene: Scene) -> Ring:
-    """The ring of a scene's body, electrodes and drive; ValueError where a reading is not one voltage between two
-    electrodes, or a pattern not the current I from one to another."""
+    """The ring of a scene's body, electrodes and drive; ValueError where the body is no disc, a reading not one
+    voltage between two electrodes, or a pattern not the current I from one to another."""
+    if scene.body.has_outline:
+        raise ValueError("surrogates learn from rings of electrodes on discs; skins with an outline in [body] are not "
+                         "learned yet.")
     count = scene.electrodes.count
     if scene.electrodes.missing:
         raise ValueError(f"electrodes {', '.join(map(str, scene.electrodes.missing))} (from 0) are missing in "

@@ -44,8 +44,7 @@ class ForwardMap:
     field: Array  # (modes,) harmonic coefficients of one electrode's field
     size: Size  # positive size of the strengths over F, V/N
     strengths: tuple[GaussianProcess, ...]  # p_n over the size and F, n = 1 ...
-    beside: FittedCorrection  # what the rim adds, and the error there
-    handover: Array  # (2,) radii over the disc's between which the high orders of the series end
+    beside: FittedCorrection  # what the rim adds or takes the place of the series there, and the error there
     p0: float  # pressure p0 of the load g, N/mm^2
     floor: float  # standard deviation of what the series leaves in the interior, a reading, over the size of the signal
     shift_mm: float  # standard deviation of the place, along x or y, by what the series leaves in the interior
@@ -110,7 +109,7 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     inputs = _inputs(ring, unknown[inner], material[inner])
     field, size, processes, floor, shift = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
-                        np.array(rim_zone.ZONE), p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
+                        p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
                         np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch),
                         simulator_error.learned_from(gap(ring, unknown), simulator))
     return _with_rim(series, z, unknown, signal_V, material)
@@ -123,9 +122,7 @@ def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
     left = signal_V - multipole_series.combined(base, found.value)
     rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
                                found.size * np.linalg.norm(base[..., 0], axis=1))
-    beside = rim_correction.fit(series.ring, series.field, rows)
-    taught = electrode_correction.teaches(beside.rim)
-    return replace(series, beside=beside, handover=series.handover if taught else np.array(rim_zone.UNTAUGHT))
+    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows, signal_V))
 
 
 def gap(ring: Ring, unknown: Array) -> Array:
@@ -193,7 +190,8 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     (n, orders) is that of the strengths, `strength_discrepancy` there or, cheaper, close by."""
     z = place(forward.ring, unknown)
     fields = multipole_series.fields_at(forward.series, z)
-    base, by_x, by_y = series_basis(forward, fields, z)
+    series = series_basis(forward, fields, z)
+    base, by_x, by_y = rim_zone.ended(z, rim_zone.ZONE, 0, *series) if forward.beside.replaces else series
     found = _strengths(forward, unknown)
     sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
     jacobian = base @ found.slope
@@ -203,22 +201,25 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     by_card = base @ found.by_card
     near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, z))
     if len(near):
-        parts = (part[near] for part in (base, by_x, by_y, found.size, found.size_slope, unknown))
+        parts = (part[near] for part in (*series, found.size, found.size_slope, unknown))
         added, added_slope = _near_rim(forward, fields[:, near], *parts)
         signal[near] += added
         jacobian[near] += added_slope
         by_card[near] += added[..., None] * found.size_by_card
     along = base * (found.size[:, None] * sd)[:, None]
     scale = simulator_error.at(forward.simulator, gap(forward.ring, unknown))
-    shift = jacobian[..., :2] * (forward.shift_mm * (1 - rim_zone.part_at(z, forward.handover)))[:, None, None]
+    taught = electrode_correction.teaches(forward.beside.rim)
+    inner = 1 - rim_zone.part_at(z, rim_zone.ZONE if taught else rim_zone.HIGH_END)
+    shift = jacobian[..., :2] * (forward.shift_mm * inner)[:, None, None]
     whole = (signal * scale[:, None])[..., None]
     return Linearised(signal, jacobian, np.concatenate([along, whole, shift, by_card], axis=2))
 
 
 def series_basis(forward: ForwardMap, fields: Complex, z: Complex) -> tuple[Array, Array, Array]:
     """The basis of the series and its slopes by x and y over the radius, as `multipole_series.basis_and_slopes`, where
-    electrodes have these derivatives of their fields at z (n,); its high orders end within the handover."""
-    return rim_zone.handed_over(z, forward.handover, *multipole_series.basis_and_slopes(forward.ring, fields))
+    electrodes have these derivatives of their fields at z (n,); its high orders end."""
+    found = multipole_series.basis_and_slopes(forward.ring, fields)
+    return rim_zone.ended(z, rim_zone.HIGH_END, rim_zone.ORDERS, *found)
 
 
 def strengths(forward: ForwardMap, unknown: Array) -> Array:
@@ -238,7 +239,8 @@ def strength_covariance(forward: ForwardMap, unknown: Array) -> Array:
 
 def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by_y: Array, size: Array,
               size_slope: Array, unknown: Array) -> tuple[Array, Array]:
-    """What polarization and the electrodes' metal add to the signal, and its derivatives by (x, y, log d, g)."""
+    """The signal by polarization and the electrodes' metal as far as it counts, and its derivatives by (x, y, log d,
+    g)."""
     z, punch = place(forward.ring, unknown), unknown[:, 2:]
     fitted, side = forward.beside, change_point.side(gap(forward.ring, unknown), forward.beside.step)
     answer = polarization.counted(polarization.effect(fitted.polarization, forward.ring, fields, z, punch, side), z)

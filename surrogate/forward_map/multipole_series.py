@@ -5,7 +5,7 @@ over the radius, real q_m by the ring's mirror symmetry (q_m = 1 for point elect
 change of sheet conductance that is axisymmetric about z0 answers each angular order n of a field separately, so a
 reading that drives the field F and reads the field G changes by dV = sum_n p_n Re[F^(n)(z0) conj(G^(n)(z0))]; p_n
 depend on the touch alone, up to the reflection of its own field at the rim, which depends on |z0|. Close to the rim the
-series does not suffice, and `surrogate.forward_map.electrode_correction` adds what it leaves.
+series does not suffice, and `surrogate.forward_map.rim_correction` learns what it leaves, or the whole signal.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Learning what the rim adds to the series: the skin's answer, what electrodes add, a step, and the error of all."""
+"""Learning signals near the rim: the skin's answer, what electrodes add to it, a step, and the error of all."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ FOLDS = 4  # parts of the touches, each of which shows the error of what the oth
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Touches near the rim, and what the series leaves of their signals."""
+    """Touches near the rim, and what is to be learned of their signals."""
 
     z: Complex  # (n,) place over the disc's radius
     punch: Array  # (n, 2) log d and load g
     gap: Array  # (n,) gap to the rim over the radius
-    left: Array  # (n, readings) what the series leaves, V
+    left: Array  # (n, readings) what is left of the signals for the rim: what the series leaves, or the whole, V
     strength: Array  # (n,) size of the strengths, V
     size: Array  # (n,) norm of the signal of a dipole of that strength, V
 
@@ -36,11 +36,12 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class FittedCorrection:
-    """What the rim adds."""
+    """What the rim adds to the series, or what takes its place there."""
 
     polarization: SharedProcess
     rim: RimEffect
     error: RimError
+    replaces: bool  # whether it takes the place of the series
     step: float  # gap over the disc's radius where what made the data changes its method; change_point.NONE without
 
 
@@ -48,29 +49,45 @@ def zero_correction(ring: Ring) -> FittedCorrection:
     """Nothing."""
     rim = electrode_correction.zero_correction(ring)
     return FittedCorrection(polarization.zero_correction(), rim, rim_covariance.zero_correction(rim.symmetry),
-                            change_point.NONE)
+                            False, change_point.NONE)
 
 
 def without(correction: FittedCorrection, ring: Ring, kept: Mask) -> FittedCorrection:
-    """What the rim adds to the readings of a ring that are kept."""
+    """The same for the readings of a ring that are kept."""
     return replace(correction, rim=electrode_correction.without(correction.rim, ring, kept),
                    error=rim_covariance.without(correction.error, kept))
 
 
-def fit(ring: Ring, field: Array, rows: Rows) -> FittedCorrection:
-    """Learn from touches; the effect of electrodes and an error only where enough of them lie near the rim."""
-    near = rows.some(np.abs(rows.z) > rim_zone.FROM)
+def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array) -> FittedCorrection:
+    """Learn from touches and their signals (n, readings), V; the effect of electrodes and an error only where enough of
+    them lie near the rim. What the series leaves is learned, or the whole signal where that errs less."""
+    kept = np.abs(rows.z) > rim_zone.FROM
+    near = rows.some(kept)
     touch = _touch(near)
     fewest = (1 - 1 / FOLDS) * len(np.unique(touch))
     if fewest < electrode_correction.MIN_ROWS:
         return zero_correction(ring)
     answers = fewest >= polarization.MIN_ROWS
-    _, left = _answer(ring, field, near, change_point.NONE, answers)
+    whole = replace(near, left=signal_V[kept])
+    replaces = answers and _size(_asked(ring, field, whole, change_point.NONE, answers, touch % FOLDS == 0)) < _size(
+        _asked(ring, field, near, change_point.NONE, answers, touch % FOLDS == 0))
+    learned = whole if replaces else near
+    _, left = _answer(ring, field, learned, change_point.NONE, answers)
     where = electrode_correction.step_of(ring, near.z, near.punch, near.gap, left, near.size)
-    answer, rim = _both(ring, field, near, where, answers)
-    left_out = _left_out(ring, field, near, where, answers, touch % FOLDS)
-    error = rim_covariance.learned_from(rim.symmetry, near.z, near.gap, near.punch[:, 1], left_out)
-    return FittedCorrection(answer, rim, error, where)
+    answer, rim = _both(ring, field, learned, where, answers)
+    error = np.empty_like(near.left)
+    for k in range(FOLDS):
+        asked = touch % FOLDS == k
+        counts = rim_zone.part_at(near.z[asked])[:, None]
+        error[asked] = (1 - counts) * near.left[asked] / near.size[asked, None] + counts * _asked(
+            ring, field, learned, where, answers, asked)
+    known = rim_covariance.learned_from(rim.symmetry, near.z, near.gap, near.punch[:, 1], error)
+    return FittedCorrection(answer, rim, known, replaces, where)
+
+
+def _size(error: Array) -> float:
+    """Geometric mean of the norms of errors (n, readings)."""
+    return float(np.exp(np.mean(np.log(np.linalg.norm(error, axis=1)))))
 
 
 def _touch(near: Rows) -> Index:
@@ -85,22 +102,16 @@ def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> 
     return answer, electrode_correction.fit(ring, near.z, near.punch, side, left, near.size)
 
 
-def _left_out(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: Index) -> Array:
-    """(n, readings) errors of the signals, over their sizes, by what the rows of the other parts (n,) teach, as far as
-    it counts."""
-    out = np.empty_like(near.left)
-    for k in range(FOLDS):
-        asked = near.some(part == k)
-        answer, rim = _both(ring, field, near.some(part != k), where, answers)
-        effect = electrode_correction.effect(rim, ring, asked.z, asked.punch, change_point.side(asked.gap, where))
-        left = _leaves(ring, field, asked, answer, where) - effect.value * asked.size[:, None]
-        left = asked.left + rim_zone.part_at(asked.z)[:, None] * (left - asked.left)
-        out[part == k] = left / asked.size[:, None]
-    return out
+def _asked(ring: Ring, field: Array, near: Rows, where: float, answers: bool, part: Mask) -> Array:
+    """(asked, readings) errors of what is learned for the rows of a part (n,), over their sizes, by the others."""
+    asked = near.some(part)
+    answer, rim = _both(ring, field, near.some(~part), where, answers)
+    effect = electrode_correction.effect(rim, ring, asked.z, asked.punch, change_point.side(asked.gap, where))
+    return _leaves(ring, field, asked, answer, where) / asked.size[:, None] - effect.value
 
 
 def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, Array]:
-    """The polarization, and what it leaves of the signals."""
+    """The polarization, and what it leaves."""
     if not answers:
         return polarization.zero_correction(), near.left
     side = change_point.side(near.gap, where)
@@ -109,7 +120,7 @@ def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -
 
 
 def _leaves(ring: Ring, field: Array, near: Rows, answer: SharedProcess, where: float) -> Array:
-    """(n, readings) what series and polarization leave of the signals, V."""
+    """(n, readings) what the polarization leaves, V."""
     left, side = near.left.copy(), change_point.side(near.gap, where)
     if not len(answer.nodes):
         return left

@@ -113,3 +113,9 @@ class Learner(Protocol):
         """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; for methods that
         the registry says handle missing channels."""
         raise ValueError(f"{type(self).__name__} needs all {len(kept)} channels. Give frames that have them.")
+
+    def drifting(self, root: Array) -> Learner:
+        """The learner on frames between which the instrument drifted with the covariance root root' of the readings, of
+        a root (readings, k), V; for methods that model the signal."""
+        raise ValueError(f"{type(self).__name__} does not know drift of the instrument between the untouched and the "
+                         "touched frame; --method forward does.")

@@ -19,6 +19,7 @@ from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
 from surrogate.forward_map.inversion.invert import LEAST_SIDE, Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
+from surrogate.forward_map.inversion.reading_covariance import Drift, drift_of
 from surrogate.learners.base import Estimate, Learner, Parts, Training
 from surrogate.statistics.metrics import rms
 from touchcal.arrays import Array, Mask
@@ -49,7 +50,10 @@ class TouchInversion(Learner):
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
         """Requested outputs of signals (n, readings) under white noise."""
-        found = [_estimate(self, signal_V[i:i + BATCH], noise_V) for i in range(0, len(signal_V), BATCH)]
+        return self._estimate(signal_V, noise_V, None)
+
+    def _estimate(self, signal_V: Array, noise_V: float, drift: Drift | None) -> Estimate:
+        found = [_estimate(self, signal_V[i:i + BATCH], noise_V, drift) for i in range(0, len(signal_V), BATCH)]
         parts = [one.parts for one in found if one.parts is not None]
         whole = Parts(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("noise", "material")))
         return Estimate(*(np.concatenate([getattr(one, name) for one in found]) for name in _EACH), parts=whole)
@@ -76,9 +80,24 @@ class TouchInversion(Learner):
         rim = rim_correction.without(self.forward.beside, whole, kept)
         return replace(self, forward=replace(self.forward, ring=ring, beside=rim))
 
+    def drifting(self, root: Array) -> DriftingInversion:
+        """The inversion with a drift in the covariance of the readings."""
+        return DriftingInversion(self.forward, self.response, self.columns, drift_of(root))
 
-def _estimate(learner: TouchInversion, signal: Array, noise_V: float) -> Estimate:
-    return answered(learner, invert(learner.forward, signal, noise_V))
+
+@dataclass(frozen=True, eq=False)
+class DriftingInversion(TouchInversion):
+    """An inversion of frames between which the instrument may have drifted."""
+
+    drift: Drift
+
+    def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
+        """As TouchInversion, with the drift in the covariance of the readings."""
+        return self._estimate(signal_V, noise_V, self.drift)
+
+
+def _estimate(learner: TouchInversion, signal: Array, noise_V: float, drift: Drift | None) -> Estimate:
+    return answered(learner, invert(learner.forward, signal, noise_V, drift))
 
 
 def answered(learner: TouchInversion, found: Inversion) -> Estimate:

@@ -1,16 +1,18 @@
 """Whether a signal looks like those of the calibration rows, for learners that do not model signals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from surrogate.data.sensor_ring import Ring, impedances_read
-from touchcal.arrays import Array, Mask
+from touchcal.arrays import Array, Index, Mask
 
 MOST = 80  # principal directions that trained signals are made of, where twice as many rows tell them
 # Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
 LEAST = 1e-3
 SURE = 3.0  # standard deviations of noise from which a sign is sure
+# Standard deviations of noise from which a column is seen in a signal, and part of what is strange that it explains.
+CLEAR, EXPLAINED = 6.0, 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,33 @@ def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:
                    mean if one_way else np.zeros_like(mean), float(size.max()))
 
 
+def with_directions(novelty: Novelty, root: Array) -> Novelty:
+    """The novelty of signals to which any combination of the columns of root (readings, k) may be added."""
+    axes, size, _ = np.linalg.svd(np.hstack([novelty.axes.T, root / max(np.linalg.norm(root), np.finfo(float).tiny)]),
+                                  full_matrices=False)
+    return replace(novelty, axes=axes[:, size > 1e-9 * size[0]].T)
+
+
+def one_column(novelty: Novelty, signal_V: Array, columns: Array, noise_V: float) -> tuple[Index, Array, Mask]:
+    """Of columns (readings, k) the one (n,) that explains most of what the span leaves of signals (n, readings), its
+    factor, and whether it is clear of noise and explains EXPLAINED of what is more than expected in the squares."""
+    left, free = (rows - rows @ novelty.axes.T @ novelty.axes for rows in (signal_V, columns.T))
+    size = np.maximum(np.sum(free**2, axis=1), np.finfo(float).tiny)
+    along = left @ free.T
+    best = np.argmax(along**2 / size, axis=1)
+    factor = np.take_along_axis(along / size, best[:, None], axis=1)[:, 0]
+    explained = factor**2 * size[best]
+    expected = expected_left(novelty, signal_V, noise_V)
+    clear = explained > (CLEAR * noise_V) ** 2
+    return best, factor, clear & (explained > EXPLAINED * (np.sum(left**2, axis=1) - expected**2))
+
+
+def expected_left(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
+    """(n,) norm, V, that the span is expected to leave of signals (n, readings)."""
+    free = max(signal_V.shape[1] - len(novelty.axes), 0)
+    return np.sqrt((novelty.worst * np.linalg.norm(signal_V, axis=1)) ** 2 + free * noise_V**2)
+
+
 def reciprocal(ring: Ring, kept: Mask | None = None) -> Array:
     """(readings, k) orthonormal readings of symmetric impedance matrices, since driving and reading may be exchanged;
     of some readings, a mask, where given."""
@@ -48,8 +77,7 @@ def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
     leaves; infinite for a signal of the other sign than all trained ones."""
     size = np.maximum(np.linalg.norm(signal_V, axis=1), np.finfo(float).tiny)
     unit = signal_V / size[:, None]
-    free = max(signal_V.shape[1] - len(novelty.axes), 0)
-    expected = np.sqrt(novelty.worst**2 + free * (noise_V / size) ** 2)
+    expected = expected_left(novelty, signal_V, noise_V) / size
     return np.where(unit @ novelty.mean < 0, np.inf, _left(novelty.axes, unit) / expected)
 
 

@@ -18,8 +18,8 @@ from surrogate.model.followed_reading import Read
 from surrogate.model.missing_channels import MOST_DEAD, named
 from surrogate.model.tracked import TOUCH
 from surrogate.recordings.presses import Presses
-from surrogate.recordings.touch_reader import read
-from surrogate.recordings.train_reader import TrainedReader
+from surrogate.recordings.trained.press_reader import read
+from surrogate.recordings.trained.train_reader import TrainedReader
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask
 
@@ -56,9 +56,12 @@ class FollowedPresses:
 
     def __init__(self, model: TrainedReader) -> None:
         reader = model.reader
-        self.readings = len(reader.readings.mean) - len(reader.late)
-        self.patterns = patterns_of(reader.direction.pattern[:, :self.readings])
-        self.weakest = reader.weakest
+        if reader.place is None:
+            raise ValueError("this model reads no place, which a touch is followed by. Train it on labels x_mm and "
+                             "y_mm.")
+        self.readings = reader.signals.channels
+        self.patterns = patterns_of(reader.place.direction.pattern[:, :self.readings])
+        self.weakest = reader.signals.weakest
         self._reader = reader
         self._place: Place | None = None
 
@@ -82,13 +85,15 @@ class FollowedPresses:
         """The place with one more frame; the next frame, which may hold late readings, is not waited for."""
         none = np.full((1, self.readings), np.nan)
         press = Presses(np.array([""]), np.zeros(1, np.int64), (volts - background.volts)[None], none,
-                        np.array([since_s]), none[:0], np.zeros(0))
+                        np.array([since_s]), none[:0], np.zeros(0), np.zeros(1))
         found = read(self._reader, press)
-        self._place = (begun(found.value[0]) if self._place is None
-                       else followed(self._place, found.value[0], step_s))
+        place = found.place
+        assert place is not None
+        self._place = begun(place.value[0]) if self._place is None else followed(self._place, place.value[0], step_s)
         value, half, covariance = np.full(PARTS, np.nan), np.full(PARTS, np.nan), np.full((PARTS, PARTS), np.nan)
-        value[:2], half[:2] = self._place.mean * 1e-3, found.half_width[0] * 1e-3
-        covariance[:2, :2] = np.diag((half[:2] / normal(COVERAGE)) ** 2)
+        value[:2], half[:2] = self._place.mean * 1e-3, place.bounds.half_width[0] * 1e-3
+        sd, correlation = half[:2] / normal(COVERAGE), place.bounds.correlation[0]
+        covariance[:2, :2] = np.outer(sd, sd) * [[1.0, correlation], [correlation, 1.0]]
         dead = np.isnan(volts)
         flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[0])))
         return Read(TOUCH, value, covariance, half, half, flag)

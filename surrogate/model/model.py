@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from eitsim.scene.scene import Scene
 from surrogate.data.baseline_frame import compared, untouched
+from surrogate.data.frame_drift import frame_drift
 from surrogate.model import store
 from surrogate.model.holding_time import holding_caution
 from surrogate.model.missing_channels import silent, stuck
@@ -23,7 +25,8 @@ class Model(TrainedModel):
 
     def predict(self, frames_V: ArrayLike, baseline_V: ArrayLike | None = None, *,
                 noise_V: float | None = None, scale_baseline: str = "auto",
-                held_s: float | None = None) -> pd.DataFrame:
+                held_s: float | None = None, gain_drift: float = 0.0, contact_drift: float = 0.0,
+                scene: Scene | None = None) -> pd.DataFrame:
         """Read a touch from each frame of voltages.
 
         Parameters
@@ -42,6 +45,11 @@ class Model(TrainedModel):
         held_s : float, optional
             Time since loading, s, for which the foam has relaxed: F, sigma_max and sigma_ave are those then. Where left
             out they are those of the training, long-term ones as a rule.
+        gain_drift, contact_drift : float
+            Standard deviations of the relative changes of the channels' gains against ground and of the contact
+            impedances between the untouched and the touched frames; method forward.
+        scene : Scene, optional
+            The sensor's scene, for contact_drift.
 
         Returns
         -------
@@ -55,7 +63,7 @@ class Model(TrainedModel):
         ------
         ValueError
             For frames of another number of readings, a noise that is no finite number from 0, another word for
-            scale_baseline, or a holding time that the model has no relaxation for.
+            scale_baseline, a drift that `frame_drift` refuses, or a holding time that the model has no relaxation for.
 
         Examples
         --------
@@ -70,7 +78,9 @@ class Model(TrainedModel):
         found = compared(self.baseline_V, self.ring, known.volts, noise, scale_baseline)
         for words in filter(None, (found.words, holding_caution(self, held_s))):
             warnings.warn(words, stacklevel=2)
-        ready = prepare(self, known.volts * found.gain, noise * found.noise_factor, dead, held_s=held_s)
+        drift = frame_drift(self.ring, self.baseline_V, gain_drift, contact_drift, scene)
+        ready = prepare(self, known.volts * found.gain, noise * found.noise_factor, dead, held_s=held_s,
+                        drift=drift)
         return si_table(self, predict(ready, frames * found.gain))
 
     def save(self, folder: Path | str) -> None:

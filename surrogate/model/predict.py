@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from surrogate.data import outputs
+from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
-from surrogate.learners.base import Estimate
-from surrogate.learners.novelty import Novelty, fit_novelty, novelty_score, of_other_sign
+from surrogate.learners.base import Estimate, Parts
+from surrogate.learners.novelty import (
+    Novelty,
+    fit_novelty,
+    novelty_score,
+    of_other_sign,
+    one_column,
+    with_directions,
+)
 from surrogate.learners.registry import METHODS
+from surrogate.model.drift_choice import drift_groups
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.trained import TrainedModel, estimate, interval_scale
@@ -46,8 +57,11 @@ class Predictor:
     baseline_V: Array  # (readings,) the untouched frame, V
     noise_V: float  # standard deviation of the noise of a signal, V
     scale: Array  # (outputs,) standard deviations that make a 90 % interval
-    novelty: Novelty
+    span: Novelty  # of the touches
+    novelty: Novelty  # the same, with what drift may add
     dead: Mask  # (readings,) channels that are dead whatever a frame reads
+    drift: FrameDrift  # between the untouched and the touched frames
+    gains: Array  # (readings, electrodes) derivatives of the readings by gains, V; no columns where drift is counted
     left: float  # stresses of the foam at the time of reading, over those of the training
     # predictors of the readings that are left, by the bytes of a mask of dead channels
     reduced: dict[bytes, Predictor] = field(default_factory=dict)
@@ -73,20 +87,52 @@ class Predictions:
 
 
 def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None, *,
-            calibrate: bool = True, held_s: float | None = None) -> Predictor:
+            calibrate: bool = True, held_s: float | None = None, drift: FrameDrift | None = None) -> Predictor:
     """What predicting frames needs, once for a stream of frames.
 
     dead: (readings,) channels known to be dead, besides those that the baseline shows; calibrate: whether intervals are
-    calibrated, which may invert every calibration row; held_s: as `holding_time.stress_left`. ValueError for a noise
-    that is no finite number from 0, or a holding time that the model has no relaxation for.
+    calibrated, which may invert every calibration row; held_s: as `holding_time.stress_left`; drift: what may change
+    between the frames, which the calibration of intervals does not draw. ValueError for a noise that is no finite
+    number from 0, a holding time that the model has no relaxation for, or a drift that the method does not know.
     """
     if not 0 <= noise_V < np.inf:
         raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
                          "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
     scale = interval_scale(model, noise_V) if calibrate else np.ones(len(model.names))
-    return Predictor(model, baseline_V, noise_V, scale, fit_novelty(model.ring, model.calibration.signal_V), lost,
-                     stress_left(model, held_s))
+    span, drift = fit_novelty(model.ring, model.calibration.signal_V), drift or no_drift(len(baseline_V))
+    novelty, gains = span, drift.gain[:, :0]
+    if drift.root.size:
+        model.learner.drifting(drift.root)
+        novelty = with_directions(span, drift.root)
+    else:
+        gains = _gains(model)
+    return Predictor(model, baseline_V, noise_V, scale, span, novelty, lost, drift, gains, stress_left(model, held_s))
+
+
+def _estimate(predictor: Predictor, signal: Array) -> Estimate:
+    """Outputs of signals (n, readings), V; where drift is counted, of each with the gains that drifted."""
+    model = predictor.model
+    if not predictor.drift.root.size:
+        return estimate(model, signal, predictor.noise_V)
+    groups = list(drift_groups(predictor.drift, predictor.span, signal, predictor.noise_V))
+    found = [model.learner.drifting(root).estimate(signal[rows], predictor.noise_V) for rows, root in groups]
+    order = np.argsort(np.concatenate([rows for rows, _ in groups]))
+
+    def whole(each: Sequence[Any]) -> Any:
+        return np.concatenate(each)[order]
+
+    names = [one.name for one in fields(Estimate) if one.name != "parts"]
+    parts = [one.parts for one in found if one.parts is not None]
+    return Estimate(*(whole([getattr(one, name) for one in found]) for name in names), parts=Parts(
+        whole([one.noise for one in parts]), whole([one.material for one in parts])))
+
+
+def _gains(model: TrainedModel) -> Array:
+    try:
+        return by_gain(model.ring, model.baseline_V)
+    except ValueError:  # of a sensor whose potentials are not foreseen, no channel is named
+        return np.zeros((len(model.baseline_V), 0))
 
 
 def predict(predictor: Predictor, volts: Array) -> Predictions:
@@ -125,14 +171,15 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
                            none[:, :_force_part_count(predictor.model)])
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
-        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V)
+        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V,
+                        drift=predictor.drift.of(kept))
         predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale), left=predictor.left)
     part = _sound(predictor.reduced[key], volts[:, kept])
     return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
 
 
 def _sound(predictor: Predictor, volts: Array) -> Predictions:
-    return judged(predictor, volts, lambda signal: estimate(predictor.model, signal, predictor.noise_V))
+    return judged(predictor, volts, lambda signal: _estimate(predictor, signal))
 
 
 def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]) -> Predictions:
@@ -157,11 +204,14 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
         below[touched], above[touched] = (_widened(model, side * predictor.scale, strange, outside)
                                           for side in (found.below, found.above))
         flags[touched] = _flags(model, found, strange > 1, outside)
+        _name_gain(predictor, signal, np.flatnonzero([MISFIT in flag for flag in flags]), flags)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
     flags[reverse] += f"; {OTHER_SIGN}"
     flags[_several(model, below + above)] += f"; {SEVERAL}"
     flags = np.array([flag.removeprefix("; ") for flag in flags], object)
+    sized = [name not in ("x0", "y0") for name in model.names]
+    below[:, sized] = np.minimum(below[:, sized], np.maximum(value[:, sized], 0.0))  # no size or force is below 0
     left = np.where([name in STRESSES for name in model.names], predictor.left, 1.0)
     return Predictions(value * left, below * left, above * left, flags.tolist(), parts * predictor.left)
 
@@ -208,6 +258,16 @@ def _several(model: TrainedModel, width: Array) -> Mask:
 def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
     odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
     return ["; ".join([OUTSIDE] * bool(b) + [MISFIT] * bool(o)) for b, o in zip(outside, odd, strict=True)]
+
+
+def _name_gain(predictor: Predictor, signal: Array, rows: Index, flags: NDArray[np.object_]) -> None:
+    """Adds to the flags of strange signals the channel whose gain explains what is strange, if there is one."""
+    if not len(rows) or not predictor.gains.shape[1]:
+        return
+    channel, change, explains = one_column(predictor.novelty, signal[rows], predictor.gains, predictor.noise_V)
+    for row, k, by, clear in zip(rows.tolist(), channel.tolist(), change.tolist(), explains.tolist(), strict=True):
+        if clear:
+            flags[row] += f"; as if the gain of channel {k} (from 0) had drifted by {100 * by:+.2g} %"
 
 
 def columns(model: TrainedModel) -> list[str]:

@@ -55,11 +55,12 @@ def save(model: TrainedModel, folder: Path) -> None:
     write_json(text | {HASH: _file_hash(folder / ARRAYS)}, folder / DESCRIPTION)
 
 
-def check_own(folder: Path) -> None:
-    """InputFileError where a folder holds something that is no model, which training into it would mix up with one."""
+def check_own(folder: Path, further: Sequence[str] = ()) -> None:
+    """InputFileError where a folder holds something that is no model, which training into it would mix up with one.
+    further: names of files that may be there."""
     if (folder / DESCRIPTION).exists():
         return
-    own = (ARRAYS, EVALUATION, PREDICTIONS)
+    own = (ARRAYS, EVALUATION, PREDICTIONS, *further)
     for path in sorted(folder.iterdir()) if folder.exists() else []:
         if not path.name.startswith(".") and path.name not in own:
             raise InputFileError(folder, f"it holds {path.name} and no model. Choose an empty folder for the model.")

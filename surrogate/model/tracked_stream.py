@@ -16,7 +16,7 @@ from surrogate.model.stream import SOURCE, Counts
 from surrogate.model.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracker import Tracker
 from surrogate.model.trained import TrainedModel
-from surrogate.recordings.train_reader import TrainedReader
+from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Index
 
 QUIET = (CALIBRATING, UNTOUCHED)  # states whose flags count no frame as flagged

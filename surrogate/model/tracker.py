@@ -20,7 +20,7 @@ from surrogate.model.followed_reading import Following, Read, unread
 from surrogate.model.missing_channels import named, stuck
 from surrogate.model.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.trained import TrainedModel
-from surrogate.recordings.train_reader import TrainedReader
+from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 BELIEVED = 0.02  # part of the weakest training signal whose norm noise is taken as at least, a pattern

@@ -20,12 +20,16 @@ def tracked(frames: Array, time: Array, untouched: Mask) -> tuple[Array, Array]:
     """Untouched frame at the time of each touched one, (n, m), by linear interpolation between untouched frames
     (n_frames, m), the smoother of a random walk read without noise; the nearest one outside them. And (n,) the time
     from each touched frame to the nearest untouched one."""
-    known, at = time[untouched], time[~untouched]
+    return interpolated(frames[untouched], time[untouched], time[~untouched])
+
+
+def interpolated(rest: Array, known: Array, at: Array) -> tuple[Array, Array]:
+    """(n, m) untouched frames (k, m) of these times interpolated at others (n,), held outside; and (n,) the time to the
+    nearest one."""
     after = np.clip(np.searchsorted(known, at), 0, len(known) - 1)
     before = np.maximum(after - (known[after] >= at), 0)
     width = known[after] - known[before]
     share = np.clip(np.divide(at - known[before], width, out=np.zeros(len(at)), where=width > 0), 0, 1)
-    rest = frames[untouched]
     frame = rest[before] + share[:, None] * (rest[after] - rest[before])
     return frame, np.minimum(np.abs(at - known[before]), np.abs(known[after] - at))
 

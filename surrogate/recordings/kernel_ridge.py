@@ -1,6 +1,7 @@
 """Kernel ridge regression from signals to places, every setting by leave-one-out: the yardstick of the other families.
 
-y(s) = mean + sum_i a_i exp(-|f(s) - f(s_i)|^2 / (c h)), h the median squared distance of the training features.
+y(s) = mean + sum_i a_i exp(-|f(s) - f(s_i)|^2 / (c h)), h the median squared distance of the training features,
+or their mean where that is 0.
 """
 
 from dataclasses import dataclass
@@ -46,20 +47,22 @@ def fit(signal: Array, target: Array) -> KernelRidge:
     return _solved(view, scale, width, ridge, signal, target)
 
 
-def held_out(fitted: KernelRidge, signal: Array, target: Array, blocks: Index) -> Array:
-    """(n, k) targets of the training signals, each read without the rows of its block, settings as fitted."""
+def held_out(fitted: KernelRidge, signal: Array, target: Array, blocks: Index, seen: Array | None = None) -> Array:
+    """(n, k) targets of the training signals, or of the same presses as seen in other signals (n, m), each read without
+    the rows of its block, settings as fitted."""
+    seen = signal if seen is None else seen
     out = np.empty_like(target)
     for block in np.unique(blocks):
         kept = blocks != block
         part = _solved(fitted.view, fitted.scale, fitted.width, fitted.ridge, signal[kept], target[kept])
-        out[~kept] = part.read(signal[~kept])
+        out[~kept] = part.read(seen[~kept])
     return out
 
 
 def _leave_one_out(nodes: Array, target: Array) -> list[tuple[float, float, float]]:
     """Mean leave-one-out distance, width and ridge of each setting."""
     apart, left = squared_distance(nodes, nodes), target - target.mean(axis=0)
-    typical = max(float(np.median(apart)), np.finfo(float).tiny)
+    typical = float(np.median(apart)) or float(apart.mean()) or 1.0
     out = []
     for c in WIDTHS:
         values, axes = np.linalg.eigh(np.exp(-apart / (c * typical)))

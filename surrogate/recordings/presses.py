@@ -1,13 +1,13 @@
 """Presses of a recording: what each touched frame adds to the untouched one, and where it was pressed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.recording import Recording
 from surrogate.recordings.baselines import in_order, tracked
-from surrogate.recordings.labels import PLACE, Labels
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -24,6 +24,7 @@ class Presses:
     age: Array  # (n,) time to the nearest untouched frame, in the unit of `rest_time`; 0 for differences
     rest: Array  # (k, m) untouched frames, in time order
     rest_time: Array  # (k,) their times, s, or their indices where the recording has no clock
+    time: Array  # (n,) time of each touched frame, likewise
 
 
 def presses_of(recording: Recording) -> Presses:
@@ -46,28 +47,31 @@ def presses_of(recording: Recording) -> Presses:
         used = touched | untouched
         baseline, age = tracked(np.asarray(frames[used], float), time[used], untouched[used])
         signal, following = signal - baseline, following - baseline
-    return Presses(recording.touch[touched], recording.index[touched], signal, following, age, rest, time[untouched])
+    return Presses(recording.touch[touched], recording.index[touched], signal, following, age, rest, time[untouched],
+                   time[touched])
 
 
-def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Array]:
-    """The presses that have a place, and their places (n, 2) in mm; ValueError where the labels have no x_mm and y_mm
-    or name no touch of the recording."""
-    if any(name not in labels.names for name in PLACE):
-        raise ValueError(f"{source}: the labels are {', '.join(labels.names)}; places need x_mm and y_mm.")
+def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Labels]:
+    """The presses that have labels, and their labels in the same order; ValueError where the labels name no touch of
+    the recording."""
     row = {name: number for number, name in enumerate(labels.touch.tolist())}
     known = np.array([name in row for name in presses.name.tolist()])
     if not known.any():
         raise ValueError(f"{source}: none of its {len(row)} touches is one of the recording's, which begin with "
                          f"{', '.join(presses.name[:3].tolist())}. Name touches as the recording does.")
     kept = taken(presses, np.flatnonzero(known))
-    columns = [labels.names.index(name) for name in PLACE]
-    return kept, labels.values[[row[name] for name in kept.name.tolist()]][:, columns]
+    return kept, labels_of(labels, np.array([row[name] for name in kept.name.tolist()]))
+
+
+def cut(presses: Presses) -> Presses:
+    """The presses without the frames that follow them."""
+    return replace(presses, following=np.full_like(presses.following, np.nan))
 
 
 def taken(presses: Presses, rows: NDArray[np.intp]) -> Presses:
     """Some of the presses, in this order."""
     return Presses(presses.name[rows], presses.index[rows], presses.signal[rows], presses.following[rows],
-                   presses.age[rows], presses.rest, presses.rest_time)
+                   presses.age[rows], presses.rest, presses.rest_time, presses.time[rows])
 
 
 def _following(frames: Array, index: NDArray[np.int64]) -> Array:

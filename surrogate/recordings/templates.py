@@ -1,49 +1,53 @@
 """The map from place to pattern, read by its likelihood: a Gaussian process gives the pattern of a press at each place
 of a grid, and a new pattern is read by the places whose templates explain it.
 
-Patterns of n presses at places p_i are u_i = m + f(p_i) + e_i, f a process of Matern-5/2 kernel in the plane, the same
-for all readings up to a common factor, e of covariance R over the readings. R comes from leave-one-out residuals, which
-hold the noise and the error of the map; it is shrunk towards a multiple of the unit matrix, and the log likelihood is
-tempered, since residuals are not quite normal: both are chosen by reading held-out blocks. Places are read no finer
-than the grid, an eightieth of the disc of the training places, whose spacing the standard deviation includes.
+Patterns of n presses at places p_i follow the process of `pattern_process`, their noise of covariance R over the
+readings. R comes from leave-one-out residuals, which hold the noise and the error of the map; it is shrunk towards a
+multiple of the unit matrix, and the log likelihood is tempered, since residuals are not quite normal: both are chosen
+by reading held-out blocks. Whether the process goes on from what physics expects is chosen by the patterns of held-out
+blocks, which say so more surely than places do. Places are read no finer than the grid, an eightieth of the disc of the
+training places, whose spacing the standard deviation includes.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
 
+from surrogate.recordings.pattern_process import MOST_SEARCHED, choose, mapped
 from surrogate.recordings.patterns import compressed, compression_scale, direction
-from surrogate.statistics.gaussian_process import spread_evenly, squared_distance
+from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Index
 
-LENGTHS = (0.3, 0.45, 0.65, 1.0, 1.4, 2.0)  # lengths tried, over the spread of the places along an axis
-NOISES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)  # variances of noise tried, over that of the process
 SHRINKS = (0.02, 0.1, 0.3, 0.9)  # parts of R that are a multiple of the unit matrix
 TEMPERS = (1.0, 0.3, 0.1, 0.03)  # factors of the log likelihood
-MOST_SEARCHED, MOST_ROWS = 500, 2000  # rows that length and noise are chosen on; rows that are kept, the latest
+MOST_ROWS = 2000  # rows that are kept, the latest
 ACROSS, MARGIN = 80, 1.05  # points of the grid across the disc about the places, and its radius over theirs
+WORTH = 0.95  # part of what the first prior misses: another one that misses more is not worth its gains
+PRIOR_FOLDS = 5  # runs of blocks that what is expected is learnt without, each in turn
+
+# What is expected of patterns, learnt from patterns (n, m) at places (n, 2), mm: a function from places (g, 2) to
+# patterns (g, m), known up to a gain of each reading.
+Prior = Callable[[Array, Array], Callable[[Array], Array]]
 
 
-@dataclass(frozen=True, eq=False)
-class Settings:
-    """What is fixed before the process is fitted."""
-
-    scale: float  # of the compressed pattern; 0: the pattern is the direction
-    length: float  # mm
-    noise: float  # variance of the noise over that of the process
+def nothing(pattern: Array, _: Array) -> Callable[[Array], Array]:
+    """The prior that expects no pattern more than another."""
+    return lambda place: np.zeros((len(place), pattern.shape[1]))
 
 
 @dataclass(frozen=True, eq=False)
 class Templates:
     """The templates of a grid of places and how a pattern is compared with them."""
 
-    scale: float  # as Settings
+    scale: float  # of the compressed pattern; 0: the pattern is the direction
     places: Array  # (g, 2) mm
     pattern: Array  # (g, m) templates
     covariance: Array  # (m, m) R, shrunk
     temper: float
+    prior: int  # number of the prior that they go on from
 
     @cached_property
     def factor(self) -> Array:
@@ -86,39 +90,72 @@ class Fitted:
     place: Array  # (n, 2) mm
     sd: Array  # (n, 2) mm
     misfit: Array  # (n,) squared distance from the nearest template
+    seen: tuple[tuple[Array, Array], ...]  # place and sd, as above, of the same presses as seen in other signals
 
 
-def fit(signal: Array, place: Array, blocks: Index, *, compress: bool) -> Fitted:
-    """Templates of the compressed readings or of the direction of signals (n, m) at places (n, 2), mm."""
+def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, seen: tuple[Array, ...] = (),
+        priors: Sequence[Prior] = (nothing,)) -> Fitted:
+    """Templates of the compressed readings or of the direction of signals (n, m) at places (n, 2), mm; what they read
+    of held-out rows, and of these as seen in other signals, (n, m) each. They go on from the first prior unless another
+    leaves less than WORTH times as much of the patterns of held-out blocks."""
     last = slice(max(len(signal) - MOST_ROWS, 0), None)
-    settings = _settings(signal[last], place[last], compress)
-    grid = places_about(place[last])
-    parts = [(kept := np.flatnonzero(blocks[last] != block), *_mapped(settings, signal[last][kept], place[last][kept],
-              grid)) for block in np.unique(blocks[last])]
-    best: tuple[float, float, float, Array, Array, Array] | None = None
-    held = np.ones(len(place), bool)
-    held[last] = False
+    scale = compression_scale(signal[last]) if compress else 0.0
+    pattern, at, grid = _pattern(scale, signal[last]), place[last], places_about(place[last])
+    number = 0 if len(priors) == 1 else _chosen(pattern, at, blocks[last], priors)
+    learnt = priors[number](pattern, at)
+    process = choose(pattern, at, learnt(at))
+    parts = [(block, *mapped(process, pattern[kept], at[kept], part(at[kept]), grid, part(grid)))
+             for kept, block, part in _parts(pattern, at, blocks[last], priors[number])]
+    tried = []
     for shrink in SHRINKS:
-        misfit = np.empty((len(signal[last]), len(grid)))
-        for kept, pattern, residual in parts:
-            gone = np.setdiff1d(np.arange(len(misfit)), kept)
-            one = Templates(settings.scale, grid, pattern, _shrunk(residual, shrink), 1.0)
-            misfit[gone] = one.misfit(signal[last][gone])
+        misfit = np.empty((len(pattern), len(grid)))
+        for gone, mean, residual in parts:
+            misfit[gone] = Templates(scale, grid, mean, _shrunk(residual, shrink), 1.0, number).misfit(
+                signal[last][gone])
         for temper in TEMPERS:
-            value, sd = _moments(grid, misfit * temper)
-            error = float(np.linalg.norm(value - place[last], axis=1).mean())
-            if best is None or error < best[0]:
-                best = error, shrink, temper, value, sd, misfit.min(axis=1)
-    assert best is not None
-    _, shrink, temper, value, sd, nearest = best
-    pattern, residual = _mapped(settings, signal[last], place[last], grid)
-    templates = Templates(settings.scale, grid, pattern, _shrunk(residual, shrink), temper)
-    sd = np.hypot(sd, templates.spacing / np.sqrt(12))
-    if held.any():
-        earlier = templates.read(signal[held])
-        value, sd = np.concatenate([earlier[0], value]), np.concatenate([earlier[1], sd])
-        nearest = np.concatenate([earlier[2], nearest])
-    return Fitted(templates, value, sd, nearest)
+            value, _ = _moments(grid, misfit * temper)
+            tried.append((float(np.linalg.norm(value - at, axis=1).mean()), shrink, -temper))
+    _, shrink, temper = min(tried)
+    mean, residual = mapped(process, pattern, at, learnt(at), grid, learnt(grid))
+    templates = Templates(scale, grid, mean, _shrunk(residual, shrink), -temper, number)
+    without = [(last.start + block, replace(templates, pattern=mean, covariance=_shrunk(residual, shrink)))
+               for block, mean, residual in parts]
+    return Fitted(templates, *_held_out(templates, without, signal),
+                  tuple(_held_out(templates, without, one)[:2] for one in seen))
+
+
+def _held_out(templates: Templates, without: list[tuple[Index, Templates]],
+              signal: Array) -> tuple[Array, Array, Array]:
+    """What is read of signals (n, m), as Templates.read, of some rows by the templates that were made without them."""
+    value, sd, nearest = templates.read(signal)
+    for rows, part in without:
+        value[rows], sd[rows], nearest[rows] = part.read(signal[rows])
+    return value, sd, nearest
+
+
+def _chosen(pattern: Array, place: Array, blocks: Index, priors: Sequence[Prior]) -> int:
+    """Number of the prior whose processes miss the patterns of held-out blocks least, in the mean square, the first
+    one's square counted WORTH times."""
+    rows = spread_evenly(len(pattern), MOST_SEARCHED)
+    pattern, place, blocks = pattern[rows], place[rows], blocks[rows]
+    missed = []
+    for prior in priors:
+        process = choose(pattern, place, prior(pattern, place)(place))
+        missed.append(sum(float(np.sum((mapped(process, pattern[kept], place[kept], part(place[kept]), place[block],
+                                               part(place[block]))[0] - pattern[block])**2))
+                          for kept, block, part in _parts(pattern, place, blocks, prior)))
+    return int(np.argmin([WORTH * missed[0], *missed[1:]]))
+
+
+def _parts(pattern: Array, place: Array, blocks: Index,
+           prior: Prior) -> Iterator[tuple[Index, Index, Callable[[Array], Array]]]:
+    """For each block the rows outside it, its rows, and what is expected by rows outside a run of blocks about it."""
+    names = np.unique(blocks)
+    for run in np.array_split(names, min(PRIOR_FOLDS, len(names))):
+        outside = ~np.isin(blocks, run)
+        learnt = prior(pattern[outside], place[outside])
+        for block in run:
+            yield np.flatnonzero(blocks != block), np.flatnonzero(blocks == block), learnt
 
 
 def places_about(place: Array) -> Array:
@@ -132,39 +169,6 @@ def places_about(place: Array) -> Array:
 
 def _pattern(scale: float, signal: Array) -> Array:
     return compressed(signal, scale) if scale else direction(signal)
-
-
-def _settings(signal: Array, place: Array, compress: bool) -> Settings:
-    """Length and noise of the highest leave-one-out predictive density, one amplitude for all readings."""
-    scale = compression_scale(signal) if compress else 0.0
-    searched = spread_evenly(len(signal), MOST_SEARCHED)
-    pattern, at = _pattern(scale, signal[searched]), place[searched]
-    left, spread = pattern - pattern.mean(axis=0), float(np.sqrt(place.var(axis=0).mean()))
-    scored = []
-    for length in LENGTHS:
-        values, axes = np.linalg.eigh(_kernel(at, at, length * spread))
-        for noise in NOISES:
-            inverse = 1 / (np.maximum(values, 0) + noise)
-            variance = 1 / (axes**2 @ inverse)
-            missed = axes @ (inverse[:, None] * (axes.T @ left)) * variance[:, None]
-            common = np.mean(missed**2 / variance[:, None])
-            scored.append((float(np.mean(np.log(common * variance))), length * spread, noise))
-    return Settings(scale, *min(scored)[1:])
-
-
-def _mapped(settings: Settings, signal: Array, place: Array, grid: Array) -> tuple[Array, Array]:
-    """Templates (g, m) on the grid and leave-one-out residuals (n, m) of the rows."""
-    pattern = _pattern(settings.scale, signal)
-    mean = pattern.mean(axis=0)
-    kernel = _kernel(place, place, settings.length) + settings.noise * np.eye(len(place))
-    inverse = cho_solve(cho_factor(kernel), np.eye(len(place)))
-    weights = inverse @ (pattern - mean)
-    return mean + _kernel(grid, place, settings.length) @ weights, weights / np.diag(inverse)[:, None]
-
-
-def _kernel(a: Array, b: Array, length: float) -> Array:
-    root = np.sqrt(5 * squared_distance(a, b)) / length
-    return (1 + root + root**2 / 3) * np.exp(-root)
 
 
 def _shrunk(residual: Array, shrink: float) -> Array:

@@ -33,18 +33,18 @@ class SharedProcess:
 
 def fit(x: Array, design: Array, y: Array, lengths: Array, order: Array) -> SharedProcess:
     """Fit rows y (n, readings) with designs (n, readings, coefficients) at x (n, q); the noise of a row varies with its
-    place along `order` (n,)."""
+    place along `order` (n,), and its readings share it, so that a row counts as one observation."""
     centre = x.mean(axis=0)
     u = (x - centre) / lengths
     gram = design.transpose(0, 2, 1) @ design
     right = (design.transpose(0, 2, 1) @ y[..., None])[..., 0]
     few = _regressors(u, _spread(u, FEW))
-    amplitude, weight = np.full(design.shape[2], AMPLITUDE), np.full(len(x), y.shape[1] / NOISE**2)
+    amplitude, weight = np.full(design.shape[2], AMPLITUDE), np.full(len(x), 1 / NOISE**2)
     for _ in range(ROUNDS):
         mean, variance = _posterior(few, gram, right, weight, amplitude, with_variance=True)
         amplitude = np.sqrt(np.mean(mean**2 + variance, axis=0))
         left = y - (design @ (few @ mean)[..., None])[..., 0]
-        weight = y.shape[1] / _smoothed(np.linalg.norm(left, axis=1), order) ** 2
+        weight = 1 / _smoothed(np.linalg.norm(left, axis=1), order) ** 2
     nodes = _spread(u, NODES)
     mean, _ = _posterior(_regressors(u, nodes), gram, right, weight, amplitude)
     inverse = solve_triangular(_factor(nodes), np.eye(len(nodes)), lower=True)

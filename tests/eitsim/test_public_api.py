@@ -31,10 +31,10 @@ DESIGN = "scenes = 3\nseed = 2\n[punch]\nforce_N = [0.2, 0.4]\n[accuracy]\nsigna
 def test_the_exports_are_these() -> None:
     assert eitsim.__all__ == dir(eitsim) == [
         "Accuracy", "Body", "CalibratedSensor", "Calibration", "Dataset", "Design", "Drive", "Electrodes", "Hold",
-        "Inspection", "Punch", "Recording", "Result", "Scene", "Sensor", "Skin", "calibrate", "calibration_document",
-        "inspect", "measure", "open_dataset", "open_recording", "plan", "read_calibration", "read_design",
-        "read_recording", "read_scene", "read_sensor", "reconstruct", "result_document", "simulate",
-        "solve_sheet_model", "sweep"]
+        "Inspection", "Punch", "Recording", "Result", "Scene", "Sensor", "SensorDesign", "Skin", "calibrate",
+        "calibration_document", "design_sensor", "inspect", "measure", "open_dataset", "open_recording", "plan",
+        "read_calibration", "read_design", "read_recording", "read_scene", "read_sensor", "reconstruct",
+        "result_document", "simulate", "solve_sheet_model", "sweep"]
     assert all(getattr(eitsim, name).__name__ == name for name in eitsim.__all__)
 
 

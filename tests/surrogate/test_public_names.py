@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import eitsim.sensors.labels
 import surrogate
 from eitsim.sweeps.dataset.parquet import read_dataset
 from surrogate.data.baseline_frame import untouched
@@ -22,8 +23,9 @@ NAMES = ("x0", "F", "sigma_max", "A_c")
 
 
 def test_the_names_are_those_that_are_listed() -> None:
-    assert surrogate.__all__ == ["Learner", "METHODS", "Model", "Tracked", "Tracker", "cramer_rao", "evaluate", "load",
-                                 "train"]
+    assert surrogate.__all__ == ["Labels", "Learner", "METHODS", "Model", "Tracked", "Tracker", "TrainedReader",
+                                 "cramer_rao", "evaluate", "load", "load_reader", "read_labels", "read_touches",
+                                 "save_reader", "train", "train_reader"]
     assert all(getattr(surrogate, name) is not None for name in surrogate.__all__)
     assert surrogate.METHODS is METHODS
 
@@ -101,3 +103,4 @@ def test_other_data_are_refused(tmp_path: Path, sweep: Path) -> None:
 
 def test_the_example_runs() -> None:
     assert doctest.testmod(surrogate).failed == 0
+    assert doctest.testmod(eitsim.sensors.labels).failed == 0

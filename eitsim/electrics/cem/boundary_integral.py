@@ -11,6 +11,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve
 
+from eitsim.electrics.cem.uneven_sheet import MODES, rim_change
 from eitsim.scene.electrodes import arcs, contact_impedances, identical
 from eitsim.scene.scene import Body, Electrodes
 
@@ -27,6 +28,8 @@ _LOG_POINTS, _LOG_POWER = 32, 6
 _SMOOTH_POINTS, _FAR, _SMOOTH_PANELS = 16, 0.95, 5
 _MOST_COUPLED = 4500  # The most unknowns that couple electrodes which are not identical.
 HARMONICS = 192  # Harmonics around the rim.
+# Step of ln width between the middles of intervals, and widths of one that are interpolated (1e-9).
+_WIDTH_STEP, _WIDTHS = 0.1, 5
 # Gaps count as this much wider where six digits are enough.
 _SIX_DIGITS = 4.5
 
@@ -275,11 +278,15 @@ class RimAdmittance:
     admittance_S: Array  # (N, N), S; rows and columns sum to zero
     by_layer: Array  # (N, N, N) S; [k]: by S z / R of electrode k
     by_angle: Array  # (N, N, N) S/rad; [k]: by the angle of the middle of electrode k
+    by_width: Array  # (N, N, N) S; [k]: by ln of the width of electrode k; 0 where it touches a neighbour
+    by_sheet: Array  # (modes, N, N) S; by each mode of ln of the sheet conductance (`uneven_sheet`)
 
 
-def rim_admittance(body: Body, electrodes: Electrodes, conductance_S: float) -> RimAdmittance:
-    """The inverse of `solve_rim`'s impedance, Y = T - B' (1 + K E)^-1 K B, with its derivatives by contact impedances
-    and places; ValueError for patches, missing electrodes, and what `unsolvable` tells.
+def rim_admittance(body: Body, electrodes: Electrodes, conductance_S: float,
+                   modes: Array | None = None) -> RimAdmittance:
+    """The inverse of `solve_rim`'s impedance, Y = T - B' (1 + K E)^-1 K B, with its derivatives by contact impedances,
+    widths and places; modes: how uneven the sheet is (`uneven_sheet`), which K holds. ValueError for patches, missing
+    electrodes, and what `unsolvable` tells.
 
     T, B and E are what electrodes do alone, K couples them. With phi = (1 + K E)^-1 K B and the charges q = B - E phi,
     dY = dT - dB' phi - phi' dB + phi' dE phi - q' dK q: no system is solved twice.
@@ -290,37 +297,74 @@ def rim_admittance(body: Body, electrodes: Electrodes, conductance_S: float) -> 
         raise ValueError(problem)
     ends, layers = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
     gaps, width = _SIX_DIGITS * _gaps(ends), np.diff(ends)[:, 0]
-    alone = [_by_layer(round(w / 2, 12), _panels_to(before, w), _panels_to(after, w))
-             for before, after, w in zip(np.roll(gaps, 1).tolist(), gaps.tolist(), width.tolist(), strict=True)]
-    parts = [one.inflow(np.pi * float(layer)) for one, layer in zip(alone, layers, strict=True)]
+    parts = [_inflow(w / 2, np.pi * float(layer), _panels_to(before, w), _panels_to(after, w))
+             for before, after, w, layer in zip(np.roll(gaps, 1).tolist(), gaps.tolist(), width.tolist(), layers,
+                                                strict=True)]
     middle, count = ends.mean(axis=1), len(ends)
-    at = np.concatenate([one.theta + m for one, m in zip(alone, middle, strict=True)])
-    edges = np.cumsum([0, *(len(one.theta) for one in alone)])
+    at = np.concatenate([one.theta + m for one, m in zip(parts, middle, strict=True)])
+    edges = np.cumsum([0, *(len(one.theta) for one in parts)])
     own = [slice(a, b) for a, b in pairwise(edges)]
     kernel, slope = _kernel(at, at), -0.5 / np.tan(np.subtract.outer(at, at) / 2 + np.eye(len(at)))
     system = np.eye(len(at))
     charge = np.zeros((len(at), count))
     for k, block in enumerate(own):
         kernel[block, block] = slope[block, block] = 0.0
-        charge[block, k] = parts[k][0][0, 1:]
-    for block, (gram, _) in zip(own, parts, strict=True):
-        system[:, block] += kernel[:, block] @ gram[1:, 1:]
+        charge[block, k] = parts[k].gram[0, 1:]
+    uneven = rim_change(at, np.zeros(len(MODES)) if modes is None else modes, HARMONICS)
+    kernel, slope = kernel + uneven.kernel, slope + uneven.slope
+    for block, one in zip(own, parts, strict=True):
+        system[:, block] += kernel[:, block] @ one.gram[1:, 1:]
     phi = solve(system, kernel @ charge, overwrite_a=True)
     flow = charge.copy()  # q
-    for block, (gram, _) in zip(own, parts, strict=True):
-        flow[block] -= gram[1:, 1:] @ phi[block]
-    admittance = np.diag([gram[0, 0] for gram, _ in parts]) - charge.T @ phi
-    by_layer, by_angle = np.empty((2, count, count, count))
-    for k, (block, (_, change)) in enumerate(zip(own, parts, strict=True)):
+    for block, one in zip(own, parts, strict=True):
+        flow[block] -= one.gram[1:, 1:] @ phi[block]
+    admittance = np.diag([one.gram[0, 0] for one in parts]) - charge.T @ phi
+    by_layer, by_angle, by_width = np.empty((3, count, count, count))
+    for k, (block, one) in enumerate(zip(own, parts, strict=True)):
         felt = np.vstack([np.eye(count)[k], -phi[block]])
-        by_layer[k] = np.pi * felt.T @ change @ felt
-        turned = flow[block].T @ (slope[block] @ flow)
+        by_layer[k] = np.pi * felt.T @ one.by_layer @ felt
+        pushed = slope[block] @ flow
+        turned, stretched = flow[block].T @ pushed, flow[block].T @ (one.theta[:, None] * pushed)
         by_angle[k] = -(turned + turned.T)
+        by_width[k] = felt.T @ one.by_width @ felt - one.resolved * (stretched + stretched.T)
     # the potential of the disc floats: what sums to a net current is left out
     floating = np.eye(count) - np.outer(admittance.sum(axis=1), np.ones(count)) / admittance.sum()
     unit = np.pi * conductance_S
-    return RimAdmittance(*(unit * floating @ (part + np.swapaxes(part, -1, -2)) / 2 @ floating.T
-                           for part in (admittance, by_layer, by_angle)))
+
+    def floated(part: Array) -> Array:
+        return unit * floating @ (part + np.swapaxes(part, -1, -2)) / 2 @ floating.T
+
+    return RimAdmittance(floated(admittance), floated(by_layer), floated(by_angle), floated(by_width),
+                         floated(-uneven.by_sheet(flow)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Inflow:
+    """What flows into one electrode alone of a certain contact impedance, over pi S."""
+
+    theta: Array  # (p,) smooth nodes, rad from its middle
+    gram: Array  # (1 + p, 1 + p) currents and charges by its potential and by that at its smooth nodes
+    by_layer: Array  # their derivative by S z pi / R
+    by_width: Array  # their derivative by ln of the width
+    resolved: bool  # whether there is one
+
+
+def _inflow(half: float, layer: float, before: int, after: int) -> _Inflow:
+    """Of an electrode of half an angle, rad: interpolated between widths that are solved once, where it touches no
+    neighbour, since then its smooth nodes do not follow its panels."""
+    if min(before, after) < 0:
+        alone = _by_layer(round(half, 12), before, after)
+        gram, change = alone.inflow(layer)
+        return _Inflow(alone.theta, gram, change, np.zeros_like(gram), resolved=False)
+    middle = _WIDTH_STEP * round(math.log(half) / _WIDTH_STEP)
+    nodes = middle + _WIDTH_STEP / 2 * np.linspace(-1, 1, _WIDTHS)
+    solved = [_by_layer(float(np.exp(node)), before, after) for node in nodes.tolist()]
+    basis = np.linalg.inv(np.vander((nodes - middle) / _WIDTH_STEP, increasing=True))
+    power = ((math.log(half) - middle) / _WIDTH_STEP) ** np.arange(_WIDTHS)
+    weight, slope = power @ basis, np.arange(1, _WIDTHS) * power[:-1] @ basis[1:] / _WIDTH_STEP
+    grams, changes = (np.stack(each) for each in zip(*(one.inflow(layer) for one in solved), strict=True))
+    return _Inflow(solved[0].theta * half / float(np.exp(nodes[0])), np.tensordot(weight, grams, 1),
+                   np.tensordot(weight, changes, 1), np.tensordot(slope, grams, 1), resolved=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,8 +46,8 @@ def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
     out = [admissible_radius(body, punch) for punch, _ in touches]
     for own, (_, touch) in zip(out, touches, strict=True):
         if own <= touch.contact_radius_m:
-            raise ValueError(f"the contact reaches {(touch.contact_radius_m - own) * 1e3:.1f} mm beyond the rim of the "
-                             "disc; move the punch inwards.")
+            raise ValueError(f"the contact reaches {(touch.contact_radius_m - own) * 1e3:.1f} mm outside the rim of "
+                             "the disc; move the punch inwards.")
     for (i, (one, a)), (j, (other, b)) in itertools.combinations(enumerate(touches), 2):
         gap = abs(position(one) - position(other)) - a.contact_radius_m - b.contact_radius_m
         if gap <= 0:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_displacement
 from eitsim.electrics.sheet.sheet_conductance import added_metric, driving_strain, touched_conductance
+from eitsim.scene.outline import edge_distance_m, loops
 from eitsim.scene.results import Array, Touch
 from eitsim.scene.scene import Body, Punch, Scene
 from matcal.laws.conductivity import Conductivity, conductivity
@@ -28,7 +29,7 @@ class StoredFields:
     """The table [fields] of a design: fields at points, not averages over pixels."""
 
     names: tuple[str, ...]  # some of QUANTITIES
-    grid: str = "square"  # "square": pixels of the square about the disc, or "polar": rings of the disc
+    grid: str = "square"  # "square": pixels of the square about the skin, or "polar": rings of the disc
     side: int | None = None  # pixels along a side of a square grid; None: a polar one
     # rings of a polar grid, and points on each; None: a square one
     rings: int | None = None
@@ -118,15 +119,30 @@ def check_one_grid(drawn: Sequence[tuple[str, str]]) -> None:
                          f"out [{TABLE}].")
 
 
+def check_on_skin(stored: StoredFields, body: Body) -> None:
+    """ValueError where the grid does not lie on such a skin."""
+    if stored.grid == "polar" and body.has_outline:
+        raise ValueError(f"grid = \"polar\" in [{TABLE}] lies on discs alone; leave it out on a skin with an outline.")
+
+
 def coordinates(stored: StoredFields, body: Body) -> dict[str, Array]:
-    """Axes of the grid: y_mm and x_mm of the pixels' middles, or radius_mm of the rings' middles and angle_deg from
-    +x, counter-clockwise."""
-    radius, (first, second) = body.radius_m * 1e3, stored.shape
+    """Axes of the grid: y_mm and x_mm of the pixels' middles in the square about the skin, or, of a disc, radius_mm of
+    the rings' middles and angle_deg from +x, counter-clockwise."""
+    (first, second), (x, y), radius = stored.shape, *_square(body)
     if stored.grid == "polar":
         return {"radius_mm": radius / first * (np.arange(first, dtype=float) + 0.5),
                 "angle_deg": 360 / second * np.arange(second, dtype=float)}
     middles = radius * ((2 * np.arange(first, dtype=float) + 1) / first - 1)
-    return {"y_mm": middles, "x_mm": middles}
+    return {"y_mm": y + middles, "x_mm": x + middles}
+
+
+def _square(body: Body) -> tuple[tuple[float, float], float]:
+    """Middle and half the side of the square about the skin, mm."""
+    if not body.has_outline:
+        return (0.0, 0.0), body.radius_m * 1e3
+    low, high = loops(body)[0].min(axis=0), loops(body)[0].max(axis=0)
+    x, y = ((low + high) / 2 * 1e3).tolist()
+    return (x, y), float((high - low).max()) / 2 * 1e3
 
 
 def places(stored: StoredFields, body: Body) -> Array:
@@ -139,13 +155,15 @@ def places(stored: StoredFields, body: Body) -> Array:
 
 
 def inside(stored: StoredFields, body: Body) -> NDArray[np.bool_]:
-    """(*shape,) which points of the grid lie on the disc."""
+    """(*shape,) which points of the grid lie on the skin."""
+    if body.has_outline:
+        return edge_distance_m(body, places(stored, body)) >= 0
     return np.linalg.norm(places(stored, body), axis=-1) <= body.radius_m
 
 
 def values(stored: StoredFields, scene: Scene, touches: Sequence[Touch],
            law: Conductivity) -> dict[str, NDArray[np.float32]]:
-    """Name -> field (*shape,) or (*shape, parts) of a solved scene, units as QUANTITIES say; NaN outside the disc."""
+    """Name -> field (*shape,) or (*shape, parts) of a solved scene, units as QUANTITIES say; NaN outside the skin."""
     pairs = tuple(zip(scene.punches, touches, strict=True))
     there = inside(stored, scene.body)
     points = places(stored, scene.body)[there]

@@ -14,6 +14,7 @@ from skfem import ElementQuad2, ElementTriP1, ElementTriP2
 from eitsim.electrics.cem.assembly import Array, SkinMesh, centred, potentials, quadrature_points
 from eitsim.electrics.cem.floating_electrodes import floating, shunts
 from eitsim.electrics.forward.solve_forward import following_mesh
+from eitsim.electrics.outline.touch_mesh import touch_mesh
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.drive import protocol
@@ -62,7 +63,9 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     currents = driven_currents(scene, patterns)
     pairs = tuple(zip(scene.punches, touches, strict=True))
     electrodes = present(scene.electrodes)
-    mesh = following_mesh(scene.body, electrodes, pairs, LEVEL)
+    free = sheet.untouched_conductance(law, scene.skin)
+    mesh = touch_mesh(scene.body, electrodes, free, pairs) if scene.body.has_outline else following_mesh(
+        scene.body, electrodes, pairs, LEVEL)
     sheets = (touched_conductance(quadrature_points(mesh), pairs, scene.skin, law),
               np.full(len(mesh.cells), sheet.untouched_conductance(law, scene.skin)))
     driven = np.stack(list(currents.values()))[:, there(scene.electrodes)]

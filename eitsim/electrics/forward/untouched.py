@@ -10,11 +10,13 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, impedance
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
-from eitsim.scene.drive import read_out
+from eitsim.electrics.outline.adapted_mesh import impedance_by_log_contact, solve_untouched
+from eitsim.scene.channels import channel_readings
+from eitsim.scene.drive import protocol, read_out
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, identical, present, there
 from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
 
-TABLES = ("body", "electrodes", "drive")
+TABLES = ("body", "electrodes", "drive", "channels")
 # Sheet conductance, S, that the search starts from, its steps and where it ends; readings are nearly its reciprocal.
 _START_S, _STEPS, _CLOSE = 1e-3, 40, 1e-8
 _OTHER = 1e-5  # Relative difference, 2-norm, above which readings are not those of a sensor.
@@ -38,7 +40,8 @@ def sensor_of(tables: Mapping[str, Any]) -> Scene:
 def untouched_readings(sensor: Scene, conductance_S: float) -> Array:
     """Readings (readings,), V, of the untouched skin of a sensor; NaN where an electrode is missing."""
     impedance = untouched_impedance(sensor.body, present(sensor.electrodes), conductance_S)
-    return read_out(sensor.drive, among_all(sensor.electrodes, impedance)).ravel()
+    asked = protocol(sensor.drive, sensor.electrodes.count)
+    return channel_readings(asked, sensor.channels, among_all(sensor.electrodes, impedance)).ravel()
 
 
 def conductance_of(sensor: Scene, baseline_V: Array) -> float:
@@ -66,12 +69,14 @@ def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: 
     """dV/dlog z_e (readings, electrodes), V, of the untouched skin of a sheet conductance, S, by a central difference.
 
     0 by an electrode without contact, NaN for readings that need one. Identical electrodes take two solutions,
-    others two each.
+    others two each; on a skin with an outline adjoint fields serve them all.
     """
     kept = np.flatnonzero(there(electrodes))
     own = present(electrodes)
     count = own.count
-    if identical(own):
+    if body.has_outline:
+        slopes = list(impedance_by_log_contact(body.shape, own, conductance_S))
+    elif identical(own):
         first = _impedance_by(body, own, conductance_S, 0)
         slopes = [np.roll(first, (k, k), axis=(0, 1)) for k in range(count)]
     else:
@@ -97,6 +102,8 @@ def _impedance_by(body: Body, electrodes: Electrodes, conductance_S: float, k: i
 def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
     """Impedance matrix (N, N), Ohm, of electrodes that all have contact, on a skin of sheet conductance S, S;
     read-only."""
+    if body.has_outline:
+        return solve_untouched(body.shape, electrodes, conductance_S).impedance_Ohm
     if electrodes.kind == "line":
         return solve_rim(body, electrodes, conductance_S).impedance_Ohm
     return _with_patches(body, electrodes, conductance_S)

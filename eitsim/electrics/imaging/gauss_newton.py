@@ -13,15 +13,21 @@ their areas.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import root_scalar
 from scipy.spatial import Delaunay, KDTree
 
-from eitsim.electrics.cem.adjoint import impedance_by_conductance, impedance_by_field, readings_by
+from eitsim.electrics.cem.adjoint import impedance_by_conductance, impedance_by_field
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, centred, potentials, quadrature_points
+from eitsim.electrics.cem.uneven_sheet import MODES, sheet_modes
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
-from eitsim.scene.drive import Drive, read_out
+from eitsim.electrics.outline.touch_mesh import fields_mesh
+from eitsim.electrics.outline.triangles import refined, triangulated
+from eitsim.scene.channels import Channels, channel_changes, channel_readings
+from eitsim.scene.drive import Drive, protocol
 from eitsim.scene.electrodes import among_all, contact_impedances, present
+from eitsim.scene.outline import area_m2, edge_distance_m
 from eitsim.scene.scene import Body, Electrodes
 
 PRIORS = ("noser", "laplace")
@@ -30,6 +36,8 @@ RINGS = 12  # Rings of the coarse mesh; it has 6 n^2 triangles.
 # Level of the fine mesh's angles, its even rings, and those that narrow towards the rim, with the width of the last
 # over the radius.
 _LEVEL, _EVEN, _NARROWING, _LAST = 2, 28, 8, 2e-3
+# Largest pixel of an outline over its mean, and the least number of triangles of the fine mesh in one.
+_LARGEST, _FINER = 2.2, 4
 _SIDE = 64  # Squares along a side of the grid of `on_grid`.
 _TARGET = 0.1  # Radius of the noise figure's target, in disc radii.
 _CONSTANT = 1e-6  # Part of its mean diagonal that is added to the Laplacian, which does not see a constant.
@@ -39,12 +47,13 @@ _STEPS, _SETTLED, _FIRST_S = 20, 1e-10, 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """A coarse triangulation of the disc."""
+    """A coarse triangulation of the skin."""
 
     nodes_m: Array  # (n, 2) corners, m
     triangles: Indices  # (t, 3) corners of each triangle, counter-clockwise
     centre_m: Array  # (t, 2) centroids, m
     area_m2: Array  # (t,) areas, m^2
+    body: Body  # the skin's
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,29 +91,56 @@ def pixels(radius_m: float, rings: int = RINGS) -> Pixels:
     first, second = (nodes[triangles[:, i]] - nodes[triangles[:, 0]] for i in (1, 2))
     area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
     triangles = np.where((area < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
-    return Pixels(nodes, triangles, nodes[triangles].mean(axis=1), np.abs(area))
+    return Pixels(nodes, triangles, nodes[triangles].mean(axis=1), np.abs(area), Body(radius_m=radius_m))
 
 
-def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array) -> Untouched:
-    """The uniform skin that fits untouched readings (readings,) best, its contact impedances those of the electrodes.
+def outline_pixels(body: Body) -> Pixels:
+    """A skin with an outline in about as many triangles as a disc."""
+    even = area_m2(body) / (6 * RINGS**2) * _LARGEST
+    found = refined(triangulated(body), lambda mesh: np.full(len(mesh.cells), even))
+    return Pixels(found.corners_m, found.cells, found.centres_m, found.area_m2, body)
+
+
+def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array,
+           channels: Channels | None = None) -> Untouched:
+    """The uniform skin that fits untouched readings (readings,) best, its contact impedances those of the electrodes,
+    read through channels where they are given.
 
     ValueError where the readings have another count, or no conductance fits them.
     """
-    mesh, mosaic, resistance = _fine(body, present(electrodes)), pixels(body.radius_m), 1 / _FIRST_S
+    mosaic, resistance = outline_pixels(body) if body.has_outline else pixels(body.radius_m), 1 / _FIRST_S
+    mesh, passed = _fine(body, present(electrodes)), channels or Channels()
+    if passed.conductance_S:
+        resistance = 1 / passed.conductance_S[0]
     for _ in range(_STEPS):
-        potential, readings, slope = _uniform(mesh, electrodes, drive, 1 / resistance)
+        potential, readings, slope = _uniform(mesh, electrodes, drive, passed, 1 / resistance)
         if readings.shape != baseline_V.shape:
             raise ValueError(f"the frame has {baseline_V.size} readings, electrodes and drive make {readings.size}; "
                              "check [electrodes] and [drive].")
         step = float(slope @ np.nan_to_num(baseline_V - readings) / (slope @ slope))
         if abs(step) <= _SETTLED * resistance:
             by_pixel = impedance_by_conductance(mesh, potential, _places(quadrature_points(mesh), mosaic))
-            return Untouched(mosaic, 1 / resistance, readings, _by(drive, electrodes, by_pixel) / resistance)
+            jacobian = _by(drive, electrodes, passed, _ends(mesh, potential), by_pixel) / resistance
+            return Untouched(mosaic, 1 / resistance, readings, jacobian)
         resistance += step
         if resistance <= 0:
             break
     raise ValueError("no uniform conductance fits the untouched readings: their signs or their order may be others; "
                      "check [electrodes], [drive] and the contact impedance.")
+
+
+def pixel_signals(body: Body, electrodes: Electrodes, drive: Drive, channels: Channels,
+                  mosaic: Pixels) -> Array:
+    """dV (readings, t), V, by a relative change of conductance on each pixel of a sheet that may vary smoothly, as
+    channels say, with which its readings are taken."""
+    mesh = _fine(body, present(electrodes))
+    points = quadrature_points(mesh)
+    modes = np.array(channels.sheet_modes or (0.0,) * len(MODES))
+    sheet = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(points / body.radius_m), 1))
+    potential = potentials(mesh, sheet[..., None, None] * np.eye(2), contact_impedances(present(electrodes)))
+    by_pixel = impedance_by_conductance(mesh, potential, _places(points, mosaic))
+    here = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(mosaic.centre_m / body.radius_m), 1))
+    return _by(drive, electrodes, channels, _ends(mesh, potential), by_pixel) * here
 
 
 def check_prior(prior: str, noise_figure: float) -> None:
@@ -124,7 +160,7 @@ def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float 
     jacobian = untouched.jacobian_V
     spread = _solved(prior, untouched, jacobian.T)
     value, vector = np.linalg.eigh(jacobian @ spread)
-    target = jacobian @ (np.hypot(*untouched.pixels.centre_m.T) < _TARGET * _radius(untouched.pixels))
+    target = jacobian @ _target(untouched.pixels)
 
     def matrix(log_weight: float) -> Array:
         return (spread @ vector) / (np.maximum(value, 0) + np.exp(log_weight)) @ vector.T
@@ -142,7 +178,15 @@ def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float 
 
 
 def on_grid(mosaic: Pixels, images: Array) -> tuple[Array, Array, Array]:
-    """Points (n, 2), m, areas (n,), m^2, and images (..., n) on the squares of a grid inside the disc."""
+    """Points (n, 2), m, areas (n,), m^2, and images (..., n) on the squares of a grid inside the skin."""
+    if mosaic.body.has_outline:
+        low, high = mosaic.nodes_m.min(axis=0), mosaic.nodes_m.max(axis=0)
+        side = float((high - low).max()) / _SIDE
+        counts = np.maximum(np.round((high - low) / side), 1).astype(int)
+        axes = [start + (np.arange(n) + 0.5) * side for start, n in zip(low, counts, strict=True)]
+        points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+        points = points[edge_distance_m(mosaic.body, points) > 0]
+        return points, np.full(len(points), side**2), images[..., _places(points, mosaic)]
     radius = _radius(mosaic)
     middle = radius * ((2 * np.arange(_SIDE) + 1) / _SIDE - 1)
     points = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
@@ -150,8 +194,19 @@ def on_grid(mosaic: Pixels, images: Array) -> tuple[Array, Array, Array]:
     return points, np.full(len(points), (2 * radius / _SIDE)**2), images[..., _places(points, mosaic)]
 
 
+def _target(mosaic: Pixels) -> NDArray[np.bool_]:
+    """(t,) the pixels of the noise figure's target: about the disc's middle, or the pixel farthest from all edges."""
+    if not mosaic.body.has_outline:
+        return np.hypot(*mosaic.centre_m.T) < _TARGET * _radius(mosaic)
+    middle = mosaic.centre_m[np.argmax(edge_distance_m(mosaic.body, mosaic.centre_m))]
+    return np.hypot(*(mosaic.centre_m - middle).T) < _TARGET * mosaic.body.radius_m
+
+
 def _fine(body: Body, electrodes: Electrodes) -> SkinMesh:
-    """Rings about the middle, fine enough for pixels inside and for the electrodes' edges."""
+    """Rings about the middle, fine enough for pixels inside and for the electrodes' edges; with an outline, triangles.
+    """
+    if body.has_outline:
+        return fields_mesh(body, electrodes, _FIRST_S, area_m2(body) / (6 * RINGS**2) / _FINER)
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
     patches = patch_radii(body, electrodes, _LEVEL)
     inner = np.linspace(0, 1, _EVEN + 1)[:-1]
@@ -171,18 +226,27 @@ def _places(points: Array, mosaic: Pixels) -> Indices:
     return np.take_along_axis(nearest, best[..., None], axis=-1)[..., 0]
 
 
-def _uniform(mesh: SkinMesh, electrodes: Electrodes, drive: Drive, conductance_S: float) -> tuple[Array, Array, Array]:
+def _ends(mesh: SkinMesh, potential: Array) -> Array:
+    """Impedance matrix (N, N), Ohm, by the potentials."""
+    return centred(mesh, potential)[len(mesh.nodes_m):]
+
+
+def _uniform(mesh: SkinMesh, electrodes: Electrodes, drive: Drive, channels: Channels,
+             conductance_S: float) -> tuple[Array, Array, Array]:
     """Potentials, readings (readings,), V, and their derivatives by the resistance of a square, A."""
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(present(electrodes)))
-    ends = centred(mesh, potential)[len(mesh.nodes_m):]
+    ends = _ends(mesh, potential)
     sheet = np.broadcast_to(conductance_S**2 * np.eye(2), (*quadrature_points(mesh).shape[:2], 2, 2))
-    slope = _by(drive, electrodes, -impedance_by_field(mesh, potential, sheet)[None])[:, 0]
-    return potential, read_out(drive, among_all(electrodes, ends)).ravel(), slope
+    slope = _by(drive, electrodes, channels, ends, -impedance_by_field(mesh, potential, sheet)[None])[:, 0]
+    asked = protocol(drive, electrodes.count)
+    return potential, channel_readings(asked, channels, among_all(electrodes, ends)).ravel(), slope
 
 
-def _by(drive: Drive, electrodes: Electrodes, impedance_by: Array) -> Array:
+def _by(drive: Drive, electrodes: Electrodes, channels: Channels, impedance_Ohm: Array, impedance_by: Array) -> Array:
     """Derivatives of the readings (readings, p); 0 where an electrode without contact is needed."""
-    return np.nan_to_num(readings_by(drive, np.stack([among_all(electrodes, one) for one in impedance_by])))
+    asked, whole = protocol(drive, electrodes.count), among_all(electrodes, impedance_Ohm)
+    return np.nan_to_num(np.column_stack([
+        channel_changes(asked, channels, whole, whole, among_all(electrodes, one)).ravel() for one in impedance_by]))
 
 
 def _solved(prior: str, untouched: Untouched, columns: Array) -> Array:

@@ -105,7 +105,7 @@ def reconstruct(frames_V: ArrayLike, baseline_V: ArrayLike, *, scene: Scene | Pa
     shape = protocol(scene.drive, scene.electrodes.count).weights.shape[:2]
     frames = _frames(frames_V, lost, shape, "frames_V")
     reference = _frames(baseline_V, lost, shape, "baseline_V").mean(axis=0)
-    untouched = fitted(scene.body, scene.electrodes, scene.drive, reference)
+    untouched = fitted(scene.body, scene.electrodes, scene.drive, reference, scene.channels)
     misfit = np.linalg.norm(np.nan_to_num(untouched.readings_V - reference)) / np.linalg.norm(reference)
     if misfit > _WORST_MISFIT:
         raise ValueError(f"the untouched frame is no uniform skin's with these electrodes and this drive: {misfit:.2%} "

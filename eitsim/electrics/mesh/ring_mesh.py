@@ -9,7 +9,7 @@ import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.cem.floating_electrodes import shunt_ends
-from eitsim.scene.electrodes import TOUCHING, arcs, widths
+from eitsim.scene.electrodes import TOUCHING, arcs, lengths, widths
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
@@ -55,7 +55,7 @@ def inside_rim(punch: Punch, touch: Touch, patches: Array) -> tuple[Touch, float
     edge = punch.diameter_m / 2
     room = float(patches[0]) - math.hypot(punch.x_m, punch.y_m) - edge
     if len(patches) == 1 and room <= 0:
-        raise ValueError(f"the punch's edge lies {-room * 1e3:.1f} mm beyond the rim of the disc; move the punch "
+        raise ValueError(f"the punch's edge lies {-room * 1e3:.1f} mm outside the rim of the disc; move the punch "
                          "inwards.")
     reach = max(touch.contact_radius_m - edge, 0.0)
     if len(patches) > 1 and reach >= room:
@@ -70,7 +70,7 @@ def patch_radii(body: Body, electrodes: Electrodes, level: int = 1) -> Array:
     if electrodes.kind == "line":
         return np.array([body.radius_m])
     steps = np.append(_graded(_ALONG * level), 1.0)
-    return body.radius_m - electrodes.length_m * (1 - steps)
+    return body.radius_m - lengths(electrodes)[0] * (1 - steps)
 
 
 def rim_angles(body: Body, electrodes: Electrodes, level: int = 1, *, under: int = _UNDER, between: int = _BETWEEN,
@@ -130,9 +130,7 @@ def centred_radii(punch: Punch, touch: Touch, gap: float, level: int, thinner: i
     """Radii, m, from 0 over the lines of the contact to the last ring that is centred on the punch, part of the way
     `gap`, m, from the contact; on level 1 the stretches change by the part `steepest` of all their change in a ring.
     """
-    edge, same = punch.diameter_m / 2, _SAME_LINE * punch.fillet_m
-    marks = [*shunt_ends(punch, touch), edge - punch.fillet_m, edge, touch.contact_radius_m]
-    marks = [m for i, m in enumerate(marks) if m > same and all(abs(m - other) > same for other in marks[:i])]
+    marks = contact_lines(punch, touch)
     stops = [0.0, *sorted(marks), max(marks) + _CENTRED * gap]
 
     def width(radius: Array) -> Array:
@@ -142,6 +140,14 @@ def centred_radii(punch: Punch, touch: Touch, gap: float, level: int, thinner: i
 
     pieces = [_spread(a, b, width) for a, b in itertools.pairwise(stops)]
     return np.concatenate([[0.0], *pieces])
+
+
+def contact_lines(punch: Punch, touch: Touch) -> list[float]:
+    """Radii, m, of the lines of the contact: the ends of what shunts, the start of the fillet, the edge, the end of
+    contact; those that all but coincide once."""
+    edge, same = punch.diameter_m / 2, _SAME_LINE * punch.fillet_m
+    marks = [*shunt_ends(punch, touch), edge - punch.fillet_m, edge, touch.contact_radius_m]
+    return [m for i, m in enumerate(marks) if m > same and all(abs(m - other) > same for other in marks[:i])]
 
 
 def _steepness(touch: Touch, radius: Array, window: float) -> Array:

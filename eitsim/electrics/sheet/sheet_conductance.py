@@ -231,12 +231,14 @@ def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:
 
 
 def extrapolated_fraction(body: Body, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> float:
-    """Fraction of the disc whose driving strain lies outside the fitted range by more than NEAR_RANGE."""
+    """Fraction of the skin whose driving strain lies outside the fitted range by more than NEAR_RANGE; with an outline,
+    of the disc of its area about the punch, since touches stay away from edges."""
     edges = np.union1d(np.linspace(0, touch.radius_m[-1], 4001), touch.radius_m)
     radius, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
     strain = driving_strain(skin.strain, *stretches(touch, radius))
     far = np.abs(strain - np.clip(strain, *law.strain_range)) > NEAR_RANGE
-    area = _angle_inside(radius, math.hypot(punch.x_m, punch.y_m), body.radius_m) * radius * width
+    offset = 0.0 if body.has_outline else math.hypot(punch.x_m, punch.y_m)
+    area = _angle_inside(radius, offset, body.radius_m) * radius * width
     return float(np.sum(area[far]) / (np.pi * body.radius_m**2))
 
 

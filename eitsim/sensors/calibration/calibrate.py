@@ -1,22 +1,28 @@
 """Calibrate the absolute model of a sensor to its untouched frame, or refuse it with the reason."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from eitsim.electrics.forward.small_touch import signal_by_touch
+from eitsim.electrics.forward.untouched import untouched_impedance
+from eitsim.scene.channels import Channels, channel_readings, sinks
 from eitsim.scene.drive import Protocol
-from eitsim.sensors.calibration.instrument_model import Instrument, sinks, sources, voltages
+from eitsim.sensors.calibration.faults import dead_electrodes, left_by_electrode, suspect, unexplained, without
+from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
+from eitsim.sensors.calibration.labelled_presses import Presses, SignalSize, labelled_presses, signal_size
 from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
+from eitsim.sensors.calibration.placement import placement
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit_best, random_starts, staged
-from eitsim.sensors.reading_checks import mean_frame
+from eitsim.sensors.labels import Labels
+from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 from touchcal.arrays import Array
 
-# Readings that an ohmmeter makes the same and that differ by as much as they are have nothing in common; more than
-# this part of the readings off the driven electrodes, unexplained on drives not fitted, and the model is of no use.
-MOST_APART, MOST_UNEXPLAINED = 1.0, 0.1
+# Part of the readings off the driven electrodes, unexplained on drives not fitted, from which the model is of no use
+MOST_UNEXPLAINED = 0.1
 _FIRST_CONDUCTANCE = 1e-3  # S, from which the readings' size gives the one that the fit starts at
 _DIFFERENCES = ("the readings are differences to an untouched frame that is not here; record voltages or magnitudes to "
                 "calibrate the absolute model.")
@@ -28,7 +34,7 @@ _WORDS = {"repeats": "readings of the same drive differ",
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What the untouched readings of a sensor gave."""
+    """What the untouched readings of a sensor, and labelled presses where there are any, gave."""
 
     sensor: Sensor
     frames: int  # untouched frames, whose mean is fitted
@@ -38,20 +44,27 @@ class Calibration:
     kept: tuple[str, ...] = ()  # groups that are fitted, in the order in which they were freed
     instrument: Instrument | None = None  # None where nothing was fitted
     fit: Fit | None = None  # of all drives
+    dead: tuple[int, ...] = ()  # readings without a number, from 0
+    left_out: Mapping[int, str] = field(default_factory=dict)  # electrode -> why its readings and drives are left out
+    by_electrode: tuple[float, ...] = ()  # (N,) part of the readings that use one, off driven ones, not explained
+    size: SignalSize | None = None  # of labelled presses
 
 
-def calibrate(sensor: Sensor, recording: Recording, *, seed: int = 0) -> Calibration:
-    """Fit conductance, contacts, width, places, gains, currents and leaks of a sensor to the mean of its untouched
-    frames, stage by stage, the most probable state under Gaussian priors.
+def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None, *, seed: int = 0) -> Calibration:
+    """Fit conductance and how it varies, contacts, widths, places, gains, currents and leaks of a sensor to the mean of
+    its untouched frames, stage by stage, the most probable state under Gaussian priors.
 
     A stage is left out where drives that were not fitted, a random half by `seed`, are clearly worse predicted by it;
     the last fit takes all drives. Priors stand in `instrument_model.GROUPS`. Readings may be volts or the counts of a
-    board; then conductances are by the same unknown factor. Refused, with the reason and no state: differences, which
-    have no untouched frame, and readings that are no ohmmeter's (`ohm_tests`). Refused with its state: a model that
-    leaves more than MOST_UNEXPLAINED.
+    board; then conductances are by the same unknown factor. Readings and drives of electrodes that are dead, or that no
+    state explains (`faults`), are left out and named. Refused, with the reason and no state: differences, which have no
+    untouched frame, and readings that are no ohmmeter's (`ohm_tests`). Refused with its state: a model that leaves more
+    than MOST_UNEXPLAINED. Labelled presses give the size of the signal, and where the absolute model is refused a gain
+    for each reading (`labelled_presses`).
 
     ValueError where the sensor has electrodes that are no lines or have no contact, several sinks at once, fewer than
-    two drives, no reading off the driven electrodes, or the recording no untouched frame.
+    two drives, no reading off the driven electrodes, or the recording no untouched frame; for labels as
+    `labelled_presses`.
 
     >>> import eitsim, numpy as np
     >>> sensor = eitsim.Sensor(eitsim.Body(), eitsim.Skin(), eitsim.Electrodes(), eitsim.Drive(), "difference")
@@ -59,22 +72,71 @@ def calibrate(sensor: Sensor, recording: Recording, *, seed: int = 0) -> Calibra
     >>> eitsim.calibrate(sensor, touched).reason
     'the readings are differences to an untouched frame that is not here; ...'
     """
+    found = _absolute(sensor, recording, seed)
+    if labels is None:
+        return found
+    check_electrodes(sensor)
+    return replace(found, size=_size(found, labelled_presses(recording, labels), seed))
+
+
+def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
+    """The absolute model, or why there is none."""
     if sensor.kind == "difference":
         return Calibration(sensor, 0, None, _DIFFERENCES)
-    frame = untouched(sensor, recording)
+    frame, count = untouched(sensor, recording), int(recording.untouched.sum())
+    dead, left_out = tuple(np.flatnonzero(~np.isfinite(frame.volts)).tolist()), dead_electrodes(frame)
+    frame = without(frame, left_out)
+    _check_left(frame)
     tests = ohm_tests(sensor, frame.volts)
-    count = int(recording.untouched.sum())
     if reason := no_ohmmeter(tests):
-        return Calibration(sensor, count, tests, reason)
+        return Calibration(sensor, count, tests, reason, dead=dead, left_out=left_out)
     instrument = Instrument(sensor.body, sensor.electrodes, sources(frame.asked), _FIRST_CONDUCTANCE)
     instrument = _of_size(instrument, frame)
-    stages, kept, half = staged(instrument, frame, seed)
-    found = fit_best(instrument, frame, kept, random_starts(instrument, kept, half.state, seed))
+    stages, kept, found = _fitted(instrument, frame, seed)
+    by_electrode = left_by_electrode(frame, voltages(instrument, frame.asked, found.state))
+    if (odd := suspect(by_electrode)) is not None:
+        others = without(frame, [odd])
+        alone = fit_best(instrument, others, kept, random_starts(instrument, kept, instrument.prior_mean, seed))
+        if why := unexplained(found.misfit, alone.misfit):
+            left_out, frame = {**left_out, odd: why}, others
+            _check_left(frame)
+            stages, kept, found = _fitted(instrument, frame, seed)
+            by_electrode = left_by_electrode(frame, voltages(instrument, frame.asked, found.state))
     left = stages[kept[-1]].held_out
     reason = "" if left <= MOST_UNEXPLAINED else (
         f"{left:.0%} of the readings off the driven electrodes stay unexplained on drives that were not fitted, and "
         f"{MOST_UNEXPLAINED:.0%} are the most; only changes of readings can be used.")
-    return Calibration(sensor, count, tests, reason, stages, kept, instrument, found)
+    return Calibration(sensor, count, tests, reason, stages, kept, instrument, found, dead, left_out, by_electrode)
+
+
+def _fitted(instrument: Instrument, frame: Untouched, seed: int) -> tuple[dict[str, Stage], tuple[str, ...], Fit]:
+    """Stages on half of the drives, what they keep, and its fit to all."""
+    stages, kept, half = staged(instrument, frame, seed)
+    return stages, kept, fit_best(instrument, frame, kept, random_starts(instrument, kept, half.state, seed))
+
+
+def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
+    """The size of the presses' signals, by the calibrated sensor where it is usable, else by the sensor as its file
+    describes it with a gain for each reading; of differences, which may be of magnitudes, by what explains more."""
+    sensor, asked = found.sensor, found.sensor.protocol
+    electrodes, channels = sensor.electrodes, Channels(conductance_S=(_FIRST_CONDUCTANCE,))
+    if not found.reason and found.instrument is not None and found.fit is not None:
+        electrodes, channels = found.instrument.built(found.fit.state), found.instrument.channels(found.fit.state)
+    sheet = channels.conductance_S[0]
+    rest = channel_readings(asked, channels, untouched_impedance(sensor.body, electrodes, sheet)).ravel()
+    there = np.asarray(np.isfinite(presses.signal).all(axis=0))
+    seen = Presses(presses.place_m, presses.signal[:, there])
+
+    def sized(sign: Array) -> SignalSize:
+        def shape_of(places_m: Array) -> Array:
+            return 1e-6 * (sign * signal_by_touch(sensor.body, electrodes, sheet, channels, asked, places_m))[:, there]
+
+        lies = placement(seen.place_m, seen.signal, shape_of, sensor.body.radius_m)
+        return signal_size(presses, there, shape_of(lies.placed(seen.place_m)), lies, seed, gains=bool(found.reason))
+
+    one, magnitudes = np.ones(rest.size), np.sign(rest)
+    signs = {"voltage": [one], "magnitude": [magnitudes], "difference": [one, magnitudes]}[sensor.kind]
+    return min((sized(sign) for sign in signs), key=lambda each: each.held_out)
 
 
 def untouched(sensor: Sensor, recording: Recording) -> Untouched:
@@ -88,16 +150,25 @@ def untouched(sensor: Sensor, recording: Recording) -> Untouched:
     rows = np.real(recording.readings[recording.untouched])
     if not len(rows):
         raise ValueError(f"{recording.source}: no frame is untouched; leave `touch` empty in rows without a touch.")
-    frame = Untouched(asked, mean_frame(rows).reshape(asked.shape), sensor.kind == "voltage")
+    volts = np.where(dead_readings(recording), np.nan, mean_frame(rows))
+    frame = Untouched(asked, volts.reshape(asked.shape), sensor.kind == "voltage")
+    _check_left(frame)
+    return frame
+
+
+def _check_left(frame: Untouched) -> None:
+    """ValueError where a frame has too little to judge a calibration by."""
+    asked = frame.of(np.asarray(np.isfinite(frame.volts).any(axis=1))).asked
     if len(np.unique(driven(asked), axis=0)) < 2:
         raise ValueError("[drive] has one drive alone, and a calibration is judged on drives that were not fitted.")
     if not frame.volts[frame.off_driven].any():
         raise ValueError("no reading uses electrodes without current alone, and a calibration is judged by those.")
-    return frame
 
 
 def check_electrodes(sensor: Sensor) -> None:
-    """ValueError where the instrument model is not built for a sensor's electrodes."""
+    """ValueError where the instrument model is not built for a sensor's body or electrodes."""
+    if sensor.body.has_outline:
+        raise ValueError("the instrument model is built for discs, not for skins with an outline in [body].")
     if sensor.electrodes.kind != "line" or sensor.electrodes.missing:
         raise ValueError("the instrument model is built for line electrodes which all have contact; leave kind and "
                          "missing out of [electrodes], and drives and readings of dead electrodes out of [drive].")
@@ -106,7 +177,7 @@ def check_electrodes(sensor: Sensor) -> None:
 def no_ohmmeter(tests: OhmTests) -> str:
     """Why readings are not those of an ohmmeter; empty where no test says so."""
     values = {one.name: getattr(tests, one.name) for one in fields(tests)}
-    apart = {name: value for name, value in values.items() if value is not None and value >= MOST_APART}
+    apart = {name: value for name, value in values.items() if value is not None and value >= NO_OHMMETER}
     return "" if not apart else "the instrument is no ohmmeter: " + ", ".join(
         f"{_WORDS[name]} by {value:.0%} of their norm" for name, value in apart.items()) + (
         "; only changes of readings can be used.")

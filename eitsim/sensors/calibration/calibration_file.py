@@ -7,21 +7,20 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.scene.calibrated_electrodes import SCHEMA, read_fitted
 from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
 from eitsim.scene.scene import scene_tables
 from eitsim.sensors.calibration.calibrate import Calibration, check_electrodes, untouched_readings
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
-from eitsim.sensors.sensor_file import TABLES, Sensor, sensor_from
+from eitsim.sensors.calibration.labelled_presses import GAIN_SD, MOMENT_SD
+from eitsim.sensors.sensor_file import TABLES, Sensor, read_sensor, sensor_from
 from touchcal.arrays import Array
-from touchcal.document import Keys, Number
 from touchcal.errors import InputFileError
-from touchcal.json_file import read_json
+from touchcal.input_file import regular
 
-SCHEMA = 1
 NOT_DETERMINED = 0.9  # posterior over prior standard deviation from which the data say nothing of a parameter
-_FIX = "A calibrated sensor is the JSON that `eitsim sensor fit` writes."
-_SHAPE = Keys({"schema": Number(1, whole=True), "sensor": {str: dict}, "absolute_model": str, "reason": str,
-               "parameters": {str: Keys({"value": Number(), "sd": Number(0), "prior_sd": Number(0)})}})
+_MOMENT = "ln_moment_mm2"
+_OF_PRESSES = (_MOMENT, "reading_gain")  # what names of parameters that presses gave begin with
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,17 +30,25 @@ class CalibratedSensor:
     sensor: Sensor
     instrument: Instrument
     state: Array  # (p,) in the order of instrument.names, in its units
+    misfit: float  # standard deviation of an untouched reading about the model, V
+    sd: Array  # (p,) standard deviations of the state
 
     def readings(self, asked: Protocol | None = None) -> Array:
         """Untouched readings (patterns, readings) of a protocol, else of its own; ValueError where a pattern has
         several sinks."""
         return untouched_readings(self.instrument, self.state, asked or self.sensor.protocol, self.sensor.kind)
 
+    def signed_readings(self) -> Array:
+        """Untouched readings (patterns, readings) of its own protocol with their signs, V."""
+        return untouched_readings(self.instrument, self.state, self.sensor.protocol, "voltage")
+
 
 def calibration_document(found: Calibration) -> dict[str, Any]:
     """What `eitsim sensor fit` writes: values with their standard deviations before and after, by name."""
     parameters = parameters_of(found)
-    return {"schema": SCHEMA, "sensor": _sensor_tables(found.sensor),
+    size = found.size
+    return {"schema": SCHEMA, "kind": "changes only" if found.reason else "absolute",
+            "sensor": _sensor_tables(found.sensor),
             "absolute_model": "refused" if found.reason else "usable", "reason": found.reason,
             "untouched_frames": found.frames, "tests": asdict(found.tests) if found.tests is not None else None,
             "stage": found.kept[-1] if found.kept else None, "kept": list(found.kept),
@@ -49,33 +56,65 @@ def calibration_document(found: Calibration) -> dict[str, Any]:
                             for group, one in found.stages.items()},
             "misfit": found.fit.misfit if found.fit is not None else None, "parameters": parameters,
             "not_determined": [name for name, one in parameters.items()
-                               if one["sd"] >= NOT_DETERMINED * one["prior_sd"]]}
+                               if one["sd"] >= NOT_DETERMINED * one["prior_sd"]],
+            "unexplained_by_electrode": list(found.by_electrode), "dead_readings": list(found.dead),
+            "left_out": {str(electrode): why for electrode, why in found.left_out.items()},
+            "presses": None if size is None else {
+                "count": size.presses, "sign": size.sign, "centre_mm": [1e3 * one for one in size.lies.centre_m],
+                "turn_deg": float(np.degrees(size.lies.turn_rad)), "mirrored": size.lies.mirrored,
+                "gains_kept": size.gains_kept,
+                "unexplained": {"size": {"fitted": size.fitted, "held_out": size.held_out},
+                                "gains": {"fitted": size.fitted_gains, "held_out": size.held_out_gains}}}}
 
 
 def parameters_of(found: Calibration) -> dict[str, dict[str, float]]:
-    """Name of a parameter -> its value, posterior and prior standard deviation, the prior's where its group is held."""
-    if found.instrument is None or found.fit is None:
-        return {}
-    held = found.instrument
-    root = held.gauged(np.diag(held.prior_sd))
-    spreads = (held.units * np.sqrt(variance) for variance in (np.diag(found.fit.covariance), np.sum(root**2, axis=0)))
-    return {name: {"value": float(value), "sd": float(sd), "prior_sd": float(prior)}
-            for name, value, sd, prior in zip(held.names, held.units * found.fit.state, *spreads, strict=True)}
+    """Name of a parameter -> its value, posterior and prior standard deviation, the prior's where its group is held;
+    last what labelled presses gave."""
+    out: dict[str, dict[str, float]] = {}
+    if found.instrument is not None and found.fit is not None:
+        held = found.instrument
+        root = held.gauged(np.diag(held.prior_sd))
+        spreads = (held.units * np.sqrt(variance) for variance in (np.diag(found.fit.covariance),
+                                                                  np.sum(root**2, axis=0)))
+        out = {name: {"value": float(value), "sd": float(sd), "prior_sd": float(prior)}
+               for name, value, sd, prior in zip(held.names, held.units * found.fit.state, *spreads, strict=True)}
+    if (size := found.size) is not None:
+        value, sd = size.ln_moment
+        out[_MOMENT] = {"value": value, "sd": sd, "prior_sd": MOMENT_SD}
+        if found.reason:
+            out |= {f"reading_gain_{k:03d}": {"value": float(gain), "sd": float(sd), "prior_sd": GAIN_SD}
+                    for k, (gain, sd) in enumerate(zip(size.gain, size.gain_sd, strict=True))}
+    return out
 
 
 def read_calibration(path: Path | str) -> CalibratedSensor:
     """Read what `calibration_document` made; InputFileError names the file and what is wrong: another schema, a refused
     model, parameters that are not the sensor's, or electrodes that overlap."""
     path = Path(path)
-    raw = read_json(path, "a calibrated sensor", _FIX, _SHAPE)
-    if raw["schema"] != SCHEMA:
-        raise InputFileError(path, f"schema {raw['schema']} is not {SCHEMA}, which is read here. Fit the sensor again.")
+    raw = read_fitted(path)
     if raw["absolute_model"] != "usable":
         raise InputFileError(path, f"its absolute model was refused: {raw['reason']}")
     try:
         sensor = sensor_from(raw["sensor"], path.parent)
         check_electrodes(sensor)
-        return _with_state(sensor, raw["parameters"])
+        return _with_state(sensor, {name: one for name, one in raw["parameters"].items()
+                                    if not name.startswith(_OF_PRESSES)}, raw["misfit"])
+    except InputFileError:
+        raise
+    except ValueError as error:
+        raise InputFileError(path, str(error)) from None
+
+
+def read_described_sensor(path: Path | str) -> tuple[Sensor, str]:
+    """The sensor that a file describes, and which file it is: "sensor file" (TOML), or "calibrated sensor", the JSON
+    that `eitsim sensor fit` writes, whose body, electrodes, drive and readings are taken even where its absolute model
+    was refused. InputFileError as `read_sensor` and `read_calibration`."""
+    path = Path(path)
+    if not _is_json(path):
+        return read_sensor(path), "sensor file"
+    raw = read_fitted(path)
+    try:
+        return sensor_from(raw["sensor"], path.parent), "calibrated sensor"
     except InputFileError:
         raise
     except ValueError as error:
@@ -90,7 +129,13 @@ def protocol_of_files(sensor: Sensor, currents: Path, measurements: Path) -> Pro
     return protocol(drive, sensor.electrodes.count)
 
 
-def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]]) -> CalibratedSensor:
+def _is_json(path: Path) -> bool:
+    """Whether a file begins as a JSON object; no TOML does."""
+    with open(regular(path), "rb") as file:
+        return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
+
+
+def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]], misfit: float) -> CalibratedSensor:
     name = GROUPS["conductance"].name
     conductance = float(np.exp(parameters[name]["value"])) if name in parameters else np.nan
     instrument = Instrument(sensor.body, sensor.electrodes, sources(sensor.protocol), conductance)
@@ -98,7 +143,8 @@ def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]]) -
         state = "no parameter of this sensor" if min(odd) in parameters else "missing"
         raise ValueError(f"'{min(odd)}' in parameters is {state}. Fit the sensor again.")
     state = np.array([parameters[one]["value"] for one in instrument.names]) / instrument.units
-    calibrated = CalibratedSensor(sensor, instrument, state)
+    sd = np.array([parameters[one]["sd"] for one in instrument.names]) / instrument.units
+    calibrated = CalibratedSensor(sensor, instrument, state, misfit, sd)
     calibrated.readings()
     return calibrated
 

@@ -1,9 +1,9 @@
-"""An untouched sensor and its instrument: a homogeneous sheet, its electrodes, currents, channels and leaks to ground.
+"""An untouched sensor and its instrument: a smooth sheet, its electrodes, currents, channels and leaks to ground.
 
 Reading m of a drive with current I into its sources and the sink at ground is w_m . (g u), where u solves
 (Y + diag(leak)) u = c I at every electrode but the sink, whose u is 0, and Y is the admittance of the complete
-electrode model. Gains g are against ground, so that the common mode of a drive reaches its differences through unequal
-gains; c are the sources' true currents over the nominal ones.
+electrode model, of an uneven sheet as `uneven_sheet` has it. Gains g are against ground, so that the common mode of a
+drive reaches its differences through unequal gains; c are the sources' true currents over the nominal ones.
 """
 
 from collections.abc import Mapping
@@ -13,10 +13,13 @@ from functools import cached_property
 import numpy as np
 
 from eitsim.electrics.cem.boundary_integral import RimAdmittance, rim_admittance
+from eitsim.electrics.cem.uneven_sheet import MODES
+from eitsim.scene.calibrated_electrodes import NAMES
+from eitsim.scene.channels import Channels, sinks
 from eitsim.scene.drive import Protocol
 from eitsim.scene.electrodes import contact_impedances, middles, widths
 from eitsim.scene.scene import Body, Electrodes
-from touchcal.arrays import Array, Index
+from touchcal.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class Group:
     """Parameters of one kind."""
 
     name: str  # with the unit of its value as written
-    each: str  # one for the "sensor", or for each "electrode" or "source"
+    each: str  # one for the "sensor", or for each "electrode", "source" or "mode" of the sheet
     prior_sd: float  # in the unit of the state
     unit: float = 1.0  # value as written, by that of the state
     start: float = 0.0  # prior mean, where the sensor file says nothing
@@ -33,15 +36,16 @@ class Group:
 
 # In the order in which a fit frees them. Nothing is known of the conductance but what the readings' size says.
 GROUPS = {
-    "conductance": Group("ln_conductance_S", "sensor", 10.0),
-    "contacts": Group("ln_contact_impedance_Ohm_m", "electrode", 2.0),
-    "width": Group("ln_width_factor", "sensor", 0.1),
-    "positions": Group("offset_mm", "electrode", 0.5e-3, 1e3, gauge=True),
-    "gains": Group("gain", "electrode", 0.03, start=1.0, gauge=True),
-    "currents": Group("current_factor", "source", 0.03, start=1.0, gauge=True),
-    "leaks": Group("leak_uS", "electrode", 30e-6, 1e6),
+    "conductance": Group(NAMES["conductance"], "sensor", 10.0),
+    "contacts": Group(NAMES["contacts"], "electrode", 2.0),
+    "width": Group(NAMES["width"], "sensor", 0.1),
+    "positions": Group(NAMES["positions"], "electrode", 0.5e-3, 1e3, gauge=True),
+    "gains": Group(NAMES["gains"], "electrode", 0.03, start=1.0, gauge=True),
+    "currents": Group(NAMES["currents"], "source", 0.03, start=1.0, gauge=True),
+    "leaks": Group(NAMES["leaks"], "electrode", 30e-6, 1e6),
+    "sheet": Group(NAMES["sheet"], "mode", 0.05),
+    "widths": Group(NAMES["widths"], "electrode", 0.05, gauge=True),
 }
-_STEP = 1e-4  # of ln width, for its derivative
 
 
 @dataclass(frozen=True)
@@ -55,8 +59,8 @@ class Instrument:
 
     def numbers(self, group: str) -> tuple[int, ...]:
         """The electrodes that a group's parameters belong to; (0,) for one of the whole sensor."""
-        return {"sensor": (0,), "electrode": tuple(range(self.electrodes.count)), "source": self.sources}[
-            GROUPS[group].each]
+        return {"sensor": (0,), "electrode": tuple(range(self.electrodes.count)), "source": self.sources,
+                "mode": tuple(range(len(MODES)))}[GROUPS[group].each]
 
     @cached_property
     def places(self) -> Mapping[str, slice]:
@@ -104,22 +108,22 @@ class Instrument:
 
     def built(self, state: Array) -> Electrodes:
         """The electrodes of a state."""
-        design = self.electrodes
+        design, wider = self.electrodes, state[self.places["width"]] + state[self.places["widths"]]
         return replace(design, angles_rad=tuple(middles(design) + state[self.places["positions"]] / self.body.radius_m),
-                       width_m=tuple(widths(design) * np.exp(state[self.places["width"]])),
+                       width_m=tuple(widths(design) * np.exp(wider)),
                        contact_impedance_Ohm_m=tuple(np.exp(state[self.places["contacts"]])))
+
+    def channels(self, state: Array) -> Channels:
+        """The channels of a state, its sheet conductance among them."""
+        factors = np.ones(self.electrodes.count)
+        factors[list(self.sources)] = state[self.places["currents"]]
+        return Channels(tuple(state[self.places["gains"]].tolist()), tuple(factors.tolist()),
+                        tuple(state[self.places["leaks"]].tolist()),
+                        (float(np.exp(state[self.places["conductance"]][0])),),
+                        tuple(state[self.places["sheet"]].tolist()))
 
     def _each(self, values: list[float]) -> Array:
         return np.repeat(values, [len(self.numbers(group)) for group in GROUPS])
-
-
-def sinks(asked: Protocol) -> Index:
-    """(patterns,) the electrode at ground of each pattern, which alone draws current; ValueError where several do."""
-    drawing = asked.currents_A < -1e-9 * np.abs(asked.currents_A).max(axis=1, keepdims=True)
-    if len(several := np.flatnonzero(drawing.sum(axis=1) != 1)):
-        raise ValueError(f"pattern {several[0]} in [drive] draws its current from {drawing[several[0]].sum()} "
-                         "electrodes, and the instrument model grounds one sink. Drive into one electrode each.")
-    return drawing.argmax(axis=1)
 
 
 def sources(asked: Protocol) -> tuple[int, ...]:
@@ -139,18 +143,15 @@ def instrument_readings(instrument: Instrument, asked: Protocol, state: Array, a
 
 
 def derivatives(instrument: Instrument, asked: Protocol, state: Array) -> tuple[Array, Array]:
-    """Readings (patterns, readings), V, of a state (p,) and their derivatives (patterns, readings, p); that by the
-    width is a difference of two solutions."""
+    """Readings (patterns, readings), V, of a state (p,) and their derivatives (patterns, readings, p)."""
     rim, places = _rim(instrument, state), instrument.places
     potential, transfer = _grounded(instrument, asked, state, rim.admittance_S)
     gain = state[places["gains"]]
     layers = np.exp(state[places["conductance"]] + state[places["contacts"]]) / instrument.body.radius_m
     by_contact = layers[:, None, None] * rim.by_layer
-    wider = state.copy()
-    wider[places["width"]] += _STEP
-    by_width = (_rim(instrument, wider).admittance_S - rim.admittance_S) / _STEP
     by_rim = {"conductance": (rim.admittance_S + by_contact.sum(axis=0))[None], "contacts": by_contact,
-              "width": by_width[None], "positions": rim.by_angle / instrument.body.radius_m}
+              "width": rim.by_width.sum(axis=0)[None], "widths": rim.by_width, "sheet": rim.by_sheet,
+              "positions": rim.by_angle / instrument.body.radius_m}
     change = np.zeros((*potential.shape, instrument.size))
     for group, by_state in by_rim.items():
         change[..., places[group]] = -transfer @ np.einsum("pij,dj->dip", by_state, potential)
@@ -163,8 +164,9 @@ def derivatives(instrument: Instrument, asked: Protocol, state: Array) -> tuple[
 
 
 def _rim(instrument: Instrument, state: Array) -> RimAdmittance:
-    conductance = float(np.exp(state[instrument.places["conductance"]][0]))
-    return rim_admittance(instrument.body, instrument.built(state), conductance)
+    places = instrument.places
+    return rim_admittance(instrument.body, instrument.built(state), float(np.exp(state[places["conductance"]][0])),
+                          state[places["sheet"]])
 
 
 def _grounded(instrument: Instrument, asked: Protocol, state: Array, admittance: Array) -> tuple[Array, Array]:

@@ -105,7 +105,8 @@ def staged(instrument: Instrument, frame: Untouched, seed: int) -> tuple[dict[st
     """Each stage by its group, the groups kept, and their fit to a random half of the drives.
 
     Groups are freed in the order of GROUPS. One by which the other half is predicted clearly worse is left at its prior
-    mean, and tried again after the last until none is left that does no harm.
+    mean, and tried again after the last until none is left that does no harm. What the last one gives is that of the
+    best of several starts.
     """
     half = halves(frame.asked, seed)
     seen, unseen = frame.of(half), frame.of(~half)
@@ -121,6 +122,9 @@ def staged(instrument: Instrument, frame: Untouched, seed: int) -> tuple[dict[st
             stages[group] = Stage(unexplained(instrument, seen, one.state), float(np.sqrt(after.sum())), keeps)
             if keeps:
                 kept, found, left = (*kept, group), one, after
+    found = fit_best(instrument, seen, kept, random_starts(instrument, kept, found.state, seed))
+    left_of = (unexplained(instrument, part, found.state) for part in (seen, unseen))
+    stages[[*kept][-1]] = Stage(*left_of, kept=True)
     return stages, kept, found
 
 

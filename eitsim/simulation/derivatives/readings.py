@@ -112,10 +112,14 @@ def check_differentiable(scene: Scene) -> None:
 
 
 def _problem(scene: Scene) -> str:
+    if scene.body.has_outline:
+        return "skins with an outline in [body]; only discs have them."
     if scene.hold.time_s:
         return "a hold; leave out time_s in [hold]."
     if together(scene):
         return "touches solved together; give one [punch], or move them further from each other."
+    if scene.channels.there:
+        return "calibrated channels; give [electrodes] without calibrated, or leave out [channels]."
     for punch in scene.punches:
         if punch.friction != "none":
             return f"friction = \"{punch.friction}\" in [punch], where the touch depends on its way; leave it out."

@@ -6,9 +6,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from eitsim.electrics.forward.gridded_fields import StoredFields, check_one_grid, fields_from
-from eitsim.scene.drive import with_matrices
+from eitsim.electrics.forward.gridded_fields import StoredFields, check_on_skin, check_one_grid, fields_from
 from eitsim.scene.scene import Scene, scene_from, scene_keys
+from eitsim.scene.scene_files import with_files
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Material, material_from
 from eitsim.sweeps.design.sampling import FIXED, row_tables
@@ -49,7 +49,7 @@ def read_design(path: Path | str, scenes: int | None = None) -> Design:
     path = Path(path)
     raw = read_toml(path)
     try:
-        return design_from(with_matrices(raw, path.parent), scenes)
+        return design_from(with_files(raw, path.parent), scenes)
     except ValueError as error:
         raise InputFileError(path, str(error)) from None
 
@@ -75,7 +75,9 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     design = Design(count, seed, sampler, tables, material, measurement, stored, touches)
     if stored is not None:
         check_one_grid(drawn_keys(design))
-    representative_scene(design)
+    body = representative_scene(design).body
+    if stored is not None:
+        check_on_skin(stored, body)
     return design
 
 

@@ -22,7 +22,8 @@ class Places:
 
     # places to choose from or to go through; None: anywhere on the disc where the punch fits
     distribution: Distribution | None
-    gap_mm: float = 0.0  # least distance from the punch's edge to the rim, mm
+    # least distance from the punch's edge to the rim, mm; None: 0, on a skin with an outline what the plan asks for
+    gap_mm: float | None = None
     within_mm: float = math.inf  # largest distance from the centre to the punch's axis, mm
     # least distance between the edges of this punch and of others where one of both is placed by chance, mm; of two
     # such distances the larger holds
@@ -64,10 +65,11 @@ def places_of(raw: Any, radius_mm: float, diameter_mm: float) -> Places:
 def on_disc(u: float, v: float, radius_mm: float, diameter_mm: float, places: Places) -> Place:
     """A place uniform over the part of the disc that `places` leaves for the whole punch, mm, from two uniform
     numbers; ValueError where nothing is left."""
-    reach = min(radius_mm - diameter_mm / 2 - places.gap_mm, places.within_mm)
+    gap = places.gap_mm or 0.0
+    reach = min(radius_mm - diameter_mm / 2 - gap, places.within_mm)
     if reach < 0:
         raise ValueError(f"a punch of diameter_mm = {diameter_mm:g} does not fit on the disc of radius_mm = "
-                         f"{radius_mm:g} with a gap_mm of {places.gap_mm:g}; make it smaller.")
+                         f"{radius_mm:g} with a gap_mm of {gap:g}; make it smaller.")
     return _polar(reach * math.sqrt(u), 2 * math.pi * v)
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import Body, Punch, Scene
+from eitsim.sweeps.design.outline_places import on_outline, outlined
 from eitsim.sweeps.design.punch_positions import on_disc
 from eitsim.sweeps.design.variables import Layout, Variable
 
@@ -85,13 +86,13 @@ def _place(layout: Layout, tables: dict[str, Any], seed: int, index: int) -> Non
     punches = tables["punch"]
     movable = [[v for v in layout.variables if v.table == "punch" and v.touch == k and v.distribution.order == "chance"
                 and v.key in ("x_mm", "y_mm", "place")] for k in range(len(punches))]
-    radius = tables.get("body", {}).get("radius_mm", Body().radius_m * 1e3)
+    skin = outlined(tables) or tables.get("body", {}).get("radius_mm", Body().radius_m * 1e3)
     standing: list[Standing] = []
     rng: np.random.Generator | None = None
     for k in sorted(range(len(punches)), key=lambda k: bool(movable[k])):
         punch, drawn = punches[k], dict(punches[k])
         for _ in range(_TRIES):
-            circle = _circle(layout, k, drawn, radius)
+            circle = _circle(layout, k, drawn, skin)
             if len(punches) == 1 or not movable[k] or _clear(circle, _keep_mm(layout, k), standing):
                 break
             rng = rng or np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, 1)))
@@ -105,11 +106,14 @@ def _place(layout: Layout, tables: dict[str, Any], seed: int, index: int) -> Non
         standing.append((circle, _keep_mm(layout, k)))
 
 
-def _circle(layout: Layout, k: int, punch: dict[str, Any], radius_mm: float) -> Circle:
-    """x, y and diameter of a touch, mm."""
+def _circle(layout: Layout, k: int, punch: dict[str, Any], skin: Scene | float) -> Circle:
+    """x, y and diameter of a touch, mm, on a skin with an outline or on a disc of a radius, mm."""
     places, diameter = layout.places[k], punch.get("diameter_mm", Punch().diameter_m * 1e3)
     if places is not None and places.distribution is None:
-        return (*on_disc(punch["x_mm"], punch["y_mm"], radius_mm, diameter, places), diameter)
+        u, v = punch["x_mm"], punch["y_mm"]
+        x, y = on_outline(u, v, skin, diameter, places.gap_mm, places.within_mm) if isinstance(
+            skin, Scene) else on_disc(u, v, skin, diameter, places)
+        return x, y, diameter
     x, y = punch["place"] if "place" in punch else (punch.get("x_mm", 0.0), punch.get("y_mm", 0.0))
     return x, y, diameter
 

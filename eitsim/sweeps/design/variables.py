@@ -14,7 +14,8 @@ from touchcal.document import is_number
 from touchcal.errors import unknown_key
 
 # What decides which readings a row holds, and so cannot vary between rows.
-SENSOR = (("electrodes", "count"), ("drive", "pattern"), ("drive", "reading"), *(("drive", key) for key in MATRICES))
+SENSOR = (*(("body", key) for key in ("outline", "width_mm", "height_mm", "corner_radius_mm")), ("electrodes", "count"),
+           ("drive", "pattern"), ("drive", "reading"), *(("drive", key) for key in MATRICES))
 _UNIT = Distribution("chance", lambda u: u, (), (0.0, 1.0), "uniform from 0 to 1")
 
 
@@ -72,6 +73,9 @@ def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
         place, free = punch.pop("place", {}), placed or not {"x_mm", "y_mm"} & punch.keys()
         own = list(_parted("punch", k, punch))
         largest = _end(punch, own, "punch", "diameter_mm", Punch().diameter_m * 1e3, 1)
+        if isinstance(place, Mapping) and "grid" in place and plain.get("body", {}).get("outline", "disc") != "disc":
+            raise ValueError("grid of place in [punch] is laid on discs alone; on a skin with an outline leave it out, "
+                             "or give list or choice.")
         places.append(places_of(place, radius, largest) if free else None)
         if (stands := places[-1]) is not None:
             own += [Variable("punch", k, key, _UNIT) for key in ("x_mm", "y_mm")] if stands.distribution is None else [

@@ -120,7 +120,8 @@ def describe_method(method: Mapping[str, Any], found: Table | Family | None, not
     error, rim = table.error, "those near the rim or outside the table directly"
     if table.rim is not None:
         off = table.rim.error
-        rim = f"near the rim another {off.depth:.1e} and {off.signal(strain):.1e}; those beyond the tables afresh"
+        rim = (f"near the rim another {off.depth:.1e} and {off.signal(strain):.1e}; those outside the tables are "
+               "solved anew")
     paths = f"{len(table.shape.solved)} load paths"
     if isinstance(found, Family) and found.span.chosen:
         paths += f" of a central law and what {len(found.span.chosen)} other drawn laws change of them"
@@ -210,10 +211,10 @@ def _rim_fine_enough(table: Table, allowed: float, strain: str) -> tuple[Table, 
     off, left = int(np.sum(before & ~after)), int(np.sum(~after))
     reasons = [f"in {left - off} since no change was found there"] if left > off else []
     if off:
-        reasons.append(f"in {off} since the table is more than {allowed:g} off, and more than touches solved afresh "
+        reasons.append(f"in {off} since the table is more than {allowed:g} off, and more than touches solved anew "
                        "tell")
     return replace(table, rim=kept), (f"touches in {left} of {after.size} cells of gap and depth near the rim are "
-                                      f"solved afresh, {' and '.join(reasons)}")
+                                      f"solved anew, {' and '.join(reasons)}")
 
 
 def span_for(design: Design, cards: Cards) -> tuple[DimensionlessProblem, ReducedBasis]:

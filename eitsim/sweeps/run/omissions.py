@@ -76,7 +76,7 @@ def _of_drawn_cards(design: Design, cards: Cards, table: Table | Family | None) 
         error = table.table.error
         signal = error.signal(representative_scene(design).skin.strain)
         yield Decision("load paths of drawn cards emulated", "those of each card's law are weighted means of those of "
-                       f"{len(table.span.chosen) + 1} drawn laws; at others, solved afresh, they were at most "
+                       f"{len(table.span.chosen) + 1} drawn laws; at others, solved anew, they were at most "
                        f"{error.depth:.1e} off in depth and {signal:.1e} in signal, the larger is given here and "
                        "counted, with a margin, in the rows' signal_error", max(error.depth, signal))
 

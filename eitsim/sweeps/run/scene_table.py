@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.scene.drive import MATRICES, with_matrices
-from eitsim.scene.scene import check_value, scene_from, scene_keys
+from eitsim.scene.scene import LISTS, check_value, scene_from, scene_keys
+from eitsim.scene.scene_files import with_files
 from eitsim.sweeps.design.design import Design, design_from, read_design, with_scenes
 from eitsim.sweeps.design.sampling import row_tables
 from eitsim.sweeps.design.variables import SENSOR, layout_of
@@ -18,7 +18,6 @@ from touchcal.input_file import regular
 from touchcal.toml_file import read_toml
 
 MOST_TOUCHES = 20  # Touches that a table may have columns for.
-_LISTS = (*MATRICES, "angles_deg", "missing")  # Keys that hold lists, which no cell can.
 # What a scene file may hold for the sake of a design.
 _OF_DESIGNS = ("seed", "material", "measurement", "fields")
 _RIVALS = {"force_N": "depth_mm", "depth_mm": "force_N"}
@@ -80,7 +79,7 @@ def read_scene_table(path: Path | str, base: Path | str | None = None, scenes: i
 
 def _base(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """The tables of a scene file, and what else it holds for a design."""
-    raw = with_matrices(read_toml(path), path.parent)
+    raw = with_files(read_toml(path), path.parent)
     tables = {name: value for name, value in raw.items() if name not in (*_OF_DESIGNS, "card")}
     more = {name: value for name, value in raw.items() if name in _OF_DESIGNS}
     try:
@@ -134,7 +133,7 @@ def _known_columns() -> dict[str, Where]:
     known: dict[str, Where] = {}
     for table, keys in scene_keys().items():
         for key in keys:
-            if key not in _LISTS:
+            if key not in LISTS.get(table, ()):  # a cell holds no list
                 known[f"{table}.{key}"] = known[key_column(table, key)] = table, 0, key
     for key in scene_keys()["punch"]:
         known[key] = "punch", 0, key

@@ -97,7 +97,7 @@ def _require_data(poisson: str, curves: Sequence[Curve]) -> None:
         return
     requested = (
         "the lateral strain next to the axial one (a column lateral strain), or a volumetric test next to another mode"
-    ) + ("" if poisson == "fit-each" else ", or a second mode besides shear")
+    ) + ("" if poisson == "fit-each" else ", or a second mode next to shear")
     raise ValueError(f"poisson '{poisson}': {', '.join(sorted(kinds))} alone does not tell nu"
                      f"{' term by term' if poisson == 'fit-each' else ''}. Add {requested}, or give a value.")
 

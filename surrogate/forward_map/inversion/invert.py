@@ -34,7 +34,7 @@ from surrogate.forward_map.inversion.diameter_force_posterior import (
 )
 from surrogate.forward_map.inversion.known_diameters import Selected
 from surrogate.forward_map.inversion.multipole_location import Located, locate, on_range
-from surrogate.forward_map.inversion.reading_covariance import Uncertainty, of, whitened
+from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, no_drift, of, whitened
 from surrogate.forward_map.inversion.rim_starts import rim_starts
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
 from surrogate.forward_map.multipole_series import combined
@@ -43,10 +43,10 @@ from touchcal.arrays import Array, Index, Mask
 
 BANDS = 5  # bands of loads that each give one start
 # Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
-SHORT, MIDDLE, LONG = 6, 12, 100
+SHORT, MIDDLE, LONG = 12, 12, 100
 BRANCHES, HELD = 2, 20  # branches of each frame that known punches are tried from, and the steps of each
 LEAST_SIDE = 0.25  # least one-sided standard deviation over the two-sided one
-RIM_PART = 0.1  # part of a signal that the rim may add where the table of punches speaks for the peak
+RIM_PART = 0.01  # part of a signal that the rim may add where the table of punches speaks for the peak
 FORCE, LOAD = 3, 3  # column of F in a touch, and that of g among the unknowns
 # Standard deviation of g from which known punches are tried aside of an end, too, and how many of these aside.
 WIDE, ASIDE = 0.06, np.array([0.0, -4.0, -2.0, 2.0, 4.0])
@@ -80,27 +80,29 @@ class Inversion:
     above: Array  # (n, 4) and towards larger ones
 
 
-def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0) -> Inversion:
-    """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading."""
+def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drift | None = None) -> Inversion:
+    """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading, and a drift
+    between the frames where one is given."""
+    drift = drift or no_drift(signal.shape[1])
     norm = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
     interior = forward.floor * np.sqrt(forward.ring.copies)
-    located = locate(forward, signal, np.hypot(noise_V, interior * norm))
+    located = locate(forward, signal, np.hypot(noise_V, interior * norm), drift)
     punches = posterior(make_table(forward), located)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
     usual = noise_floor(forward, near) * norm
-    short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), signal.shape[1]),
+    short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), drift),
                      _starts(forward, signal, located, punches), SHORT)
     start = _unknown(forward, _best(short, len(signal), 1).state)
     size = signal_size(forward, start)
     floor = noise_floor(forward, start) * size
-    sd = reading_covariance.at(forward, start, size, noise_V)
+    sd = reading_covariance.at(forward, start, size, noise_V, drift)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
     found = _bounded(forward, _inversion(forward, free, punches, noise_V))
     # the signals whose size is not their norm, as where the dipole vanishes, are less sure than foreseen
     less = np.hypot(noise_V, interior * norm) / np.hypot(noise_V, interior * size)
     located = replace(located, precision=located.precision * (less**2)[:, None, None])
-    found = _without_rim(forward, signal, found, located, np.hypot(noise_V, floor))
+    found = _without_rim(forward, signal, found, located, np.hypot(noise_V, floor), drift)
     rest = np.flatnonzero(~found.broad)
     if len(forward.known_mm) and len(rest):
         tried = _rows(branches, (rest[:, None] * BRANCHES + np.arange(BRANCHES)).ravel())
@@ -191,7 +193,8 @@ def _inside(forward: ForwardMap, touch: Array) -> Mask:
     return np.all((reached >= np.r_[0.0, forward.bounds[0, 1:]]) & (reached <= forward.bounds[1]), axis=1)
 
 
-def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array) -> Inversion:
+def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array,
+                 drift: Drift) -> Inversion:
     """With the posterior of punches of signals less what the rim adds to them at the peak, and where it may speak."""
     unknown, usable = to_unknown(found.touch, forward.p0), found.broad.copy()
     near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)))
@@ -199,7 +202,7 @@ def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: 
         series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
         added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V
         usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
-        again = locate(forward, signal[near] - added, sd[near])
+        again = locate(forward, signal[near] - added, sd[near], drift)
         located = Located(located.place_mm.copy(), located.strengths.copy(), located.precision.copy())
         located.place_mm[near], located.strengths[near], located.precision[near] = (
             again.place_mm, again.strengths, again.precision)

@@ -8,6 +8,7 @@ import numpy as np
 from surrogate.forward_map import multipole_series
 from surrogate.forward_map.forward_map import ForwardMap, series_basis
 from surrogate.forward_map.forward_map import place as scaled_place
+from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, of, white, whitened
 from surrogate.statistics.levenberg_marquardt import minimise
 from touchcal.arrays import Array, Index
 
@@ -28,19 +29,21 @@ class Located:
     precision: Array  # (n, orders, orders) inverse of their covariance by the signal alone, singular where it is silent
 
 
-def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
-    """Fit place and free strengths to signals (n, readings) of standard deviation sd (n,) a reading, V.
+def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Located:
+    """Fit place and free strengths to signals (n, readings) of standard deviation sd (n,) a reading, V, and a drift.
 
     All strengths but the dipole's are held by a prior as wide as the training touches, so that noise cannot blow them
     up; it is taken out of what is returned, which is a likelihood.
     """
     frames = np.repeat(np.arange(len(signal)), PLACES)
-    place, size = _starts(forward, signal)
+    place, size = _starts(forward, signal, drift)
+    uncertain = white(sd, drift)
     mean, spread = (part * size[:, None] for part in _over_size(forward))
     start = np.column_stack([place, mean])
 
     def residuals(state: Array, which: Index) -> tuple[Array, Array]:
-        return _residuals(forward, signal[frames[which]], sd[frames[which]], mean[which], spread[which], state)
+        frame = frames[which]
+        return _residuals(forward, signal[frame], of(uncertain, frame), mean[which], spread[which], state)
 
     # the strengths by least squares at the start, as they are linear
     residual, jacobian = residuals(start, np.arange(len(start)))
@@ -55,23 +58,25 @@ def locate(forward: ForwardMap, signal: Array, sd: Array) -> Located:
     return Located(state[:, :2], *_by_signal_alone(state[:, 2:], precision, mean[best], 1 / spread[best]))
 
 
-def _starts(forward: ForwardMap, signal: Array) -> tuple[Array, Array]:
+def _starts(forward: ForwardMap, signal: Array, drift: Drift) -> tuple[Array, Array]:
     """(n PLACES, 2) candidates whose first MATCHED orders leave least of the signals, mm, and sizes (n PLACES,) of the
-    strengths there, V."""
-    place, axes, size = planes(forward, CANDIDATES)
+    strengths there, V; a drift is projected off both."""
+    place, axes, size = planes(forward, CANDIDATES, drift)
+    signal = signal - signal @ drift.axes @ drift.axes.T
     match = np.sum(np.tensordot(signal, axes, axes=(1, 1)) ** 2, axis=2)
     chosen = np.argsort(-match, axis=1)[:, :PLACES]
     norm = np.maximum(np.linalg.norm(signal, axis=1), np.finfo(float).tiny ** 0.25)
     return place[chosen.ravel()], (norm[:, None] / size[chosen]).ravel()
 
 
-@lru_cache(maxsize=8)
-def planes(forward: ForwardMap, count: int) -> tuple[Array, Array, Array]:
+@lru_cache(maxsize=32)
+def planes(forward: ForwardMap, count: int, drift: Drift) -> tuple[Array, Array, Array]:
     """Places (count, 2), mm, orthonormal axes (count, readings, MATCHED) of the signals of the first orders there, and
     norms (count,) of those of unit dipoles."""
     place = spiral(forward, count)
     z = scaled_place(forward.ring, place)
     base = multipole_series.basis(*multipole_series.patterns(forward.ring, forward.field, z, MATCHED))
+    base -= drift.axes @ (drift.axes.T @ base)
     return place, np.linalg.qr(base)[0], np.linalg.norm(base[..., 0], axis=1)
 
 
@@ -90,15 +95,16 @@ def _over_size(forward: ForwardMap) -> tuple[Array, Array]:
     return np.array([v.mean() for v in values]), spread
 
 
-def _residuals(forward: ForwardMap, signal: Array, sd: Array, mean: Array, spread: Array,
+def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, mean: Array, spread: Array,
                state: Array) -> tuple[Array, Array]:
     z = scaled_place(forward.ring, state)
     fields = multipole_series.electrode_fields(forward.ring, forward.field, z, multipole_series.ORDERS + 1)
     base, by_x, by_y = series_basis(forward, fields, z)
     strength = state[:, 2:]
     slopes = [multipole_series.combined(by, strength) / forward.ring.radius_mm for by in (by_x, by_y)]
-    jacobian = np.concatenate([np.stack(slopes, axis=2), base], axis=2) / sd[:, None, None]
-    residual = (multipole_series.combined(base, strength) - signal) / sd[:, None]
+    misfit = multipole_series.combined(base, strength) - signal
+    both = whitened(sd, np.concatenate([misfit[..., None], np.stack(slopes, axis=2), base], axis=2))
+    residual, jacobian = both[..., 0], both[..., 1:]
     holds = np.zeros((len(state), strength.shape[1], state.shape[1]))
     holds[:, :, 2:] = np.eye(strength.shape[1]) / spread[:, None]
     return (np.concatenate([residual, (strength - mean) / spread], axis=1),

@@ -1,10 +1,12 @@
-"""What readings are uncertain by: white noise, and the map's own error, which readings near the rim share.
+"""What readings are uncertain by: white noise, drifts of the instrument between its frames, and the map's own error,
+which readings near the rim share.
 
 The covariance white^2 I + U diag(sd^2) U' of each frame has orthonormal U of few columns, so that residuals are
 whitened by one product with them.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import ndtr
@@ -28,16 +30,41 @@ class Uncertainty:
     shrink: Array
 
 
-def white(sd: Array, readings: int) -> Uncertainty:
-    """White noise of standard deviations sd (n,), V."""
-    return Uncertainty(sd, np.zeros((len(sd), readings, 0)), np.zeros((len(sd), 0)))
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """What may change of the readings between the untouched and the touched frame, the same for all frames."""
+
+    axes: Array  # (readings, k) orthonormal directions
+    sd: Array  # (k,) standard deviation along each, V
 
 
-def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float) -> Uncertainty:
-    """White noise noise_V and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of these sizes
-    (n,), V."""
+def drift_of(root: Array) -> Drift:
+    """The drift of covariance root root', of a root (readings, k), V."""
+    axes, sd, _ = np.linalg.svd(root, full_matrices=False)
+    known = sd > np.finfo(float).eps * sd.max(initial=0.0) * len(root)
+    return Drift(axes[:, known], sd[known])
+
+
+@lru_cache(maxsize=64)
+def no_drift(readings: int) -> Drift:
+    """None of that many readings."""
+    return Drift(np.zeros((readings, 0)), np.zeros(0))
+
+
+def white(sd: Array, drift: Drift) -> Uncertainty:
+    """White noise of standard deviations sd (n,), V, and a drift."""
+    axes = np.broadcast_to(drift.axes, (len(sd), *drift.axes.shape))
+    return Uncertainty(sd, axes, 1 - sd[:, None] / np.hypot(sd[:, None], drift.sd))
+
+
+def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float, drift: Drift) -> Uncertainty:
+    """White noise noise_V, a drift and the map's error at touches (n, 4) given as (x, y, log d, g), for signals of
+    these sizes (n,), V."""
     floor, axes, sd = own_error(forward, unknown, size)
     whole = np.hypot(noise_V, floor)
+    if drift.sd.size:
+        each = np.broadcast_to(drift.axes * drift.sd, (len(whole), *drift.axes.shape))
+        axes, sd, _ = np.linalg.svd(np.concatenate([axes * sd[:, None], each], axis=2), full_matrices=False)
     return Uncertainty(whole, axes, 1 - whole[:, None] / np.hypot(whole[:, None], sd))
 
 

@@ -11,7 +11,7 @@ from surrogate.forward_map.ring_symmetry import fold
 from touchcal.arrays import Array
 
 # Radii, diameters and loads of the foreseen touches; radii are even in log(SOFT - radius), over the disc's.
-RADII, DIAMETERS, LOADS, SOFT = 14, 5, 20, 1.06
+RADII, DIAMETERS, LOADS, SOFT = 14, 9, 20, 1.06
 # Spacing of their angles, rad, most of them in a sector, and those across each of its borders.
 ANGLE, MOST_ANGLES, ACROSS = np.pi / 64, 16, 2
 # Step of the place, mm, and of log d that the map is nearly linear over, that of g being the spacing of the loads; part

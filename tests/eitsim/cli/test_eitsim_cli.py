@@ -139,13 +139,13 @@ def test_a_run_says_what_each_quantity_is_and_the_plan_in_one_line(command: Comm
         assert any(words in line for line in lines), words
     (plan,) = (line for line in lines if line.startswith("plan: "))
     assert re.search(r"may cost \d\.\d\d% of the signal", plan)
-    assert ("unknown: laws used beyond their fits; the skin's conductivity follows its largest strain in plane; "
+    assert ("unknown: laws used outside their fits; the skin's conductivity follows its largest strain in plane; "
             "one card" in plan)
     assert len(lines) < 40
     planned = command("eitsim", "plan", "scene.toml", cwd=folder).stdout
     (total,) = re.findall(r"(\S+)% +all known costs together", planned)
     assert f"may cost {total}% of" in plan
-    assert re.search(r"unknown +laws used beyond", planned)
+    assert re.search(r"unknown +laws used outside", planned)
 
 
 def test_a_plan_says_that_the_signal_need_not_grow_with_the_force(command: Command, folder: Path) -> None:

@@ -159,7 +159,7 @@ def test_what_is_not_built_is_refused():
     touch = synthetic()
     with pytest.raises(ValueError, match="known: auto, multipole, mesh"):
         readings(Punch(), touch, method="born")
-    with pytest.raises(ValueError, match="beyond the rim"):
+    with pytest.raises(ValueError, match="outside the rim"):
         readings(Punch(0.095), touch)
     with pytest.raises(ValueError, match="line electrodes; with patches"):
         solve(Body(), SKIN, Electrodes(kind="patch"), Drive(), ((Punch(), touch),), LAW, method="multipole")

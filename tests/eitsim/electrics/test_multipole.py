@@ -117,7 +117,7 @@ def test_circles_stay_in_the_disc_and_part_the_gap_between_contacts():
     touch, alone, near = rings(0.4), Punch(x_m=0.04), Punch(x_m=0.04, y_m=0.03)
     assert reaches(Body(), [(alone, touch)]) == pytest.approx([0.06])
     assert reaches(Body(), [(alone, touch), (near, touch)]) == pytest.approx([0.015, 0.015])
-    with pytest.raises(ValueError, match=r"1\.0 mm beyond the rim"):
+    with pytest.raises(ValueError, match=r"1\.0 mm outside the rim"):
         reaches(Body(), [(Punch(x_m=0.093), touch)])
     with pytest.raises(ValueError, match=r"touches 1 and 2 overlap by 6\.0 mm"):
         reaches(Body(), [(alone, touch), (Punch(x_m=0.05), touch)])

@@ -52,5 +52,5 @@ def test_every_electrode_has_its_own_width():
 
 
 def test_a_punch_beyond_the_rim_is_refused():
-    with pytest.raises(ValueError, match=r"3\.0 mm beyond the rim"):
+    with pytest.raises(ValueError, match=r"3\.0 mm outside the rim"):
         template(Body(), Electrodes(), Punch(x_m=0.096), contact(7e-3))

@@ -223,12 +223,12 @@ def test_cells_that_miss_the_wanted_error_are_left_out_and_it_is_told() -> None:
     assert table is not None
     assert table.rim is not None
     assert table.rim.error.signal("normal") == 5e-3
-    assert why == ("touches in 2 of 9 cells of gap and depth near the rim are solved afresh, in 2 since the table is "
-                   "more than 0.01 off, and more than touches solved afresh tell")
+    assert why == ("touches in 2 of 9 cells of gap and depth near the rim are solved anew, in 2 since the table is "
+                   "more than 0.01 off, and more than touches solved anew tell")
     gone = error_estimate.copy()
     gone[2, 0] = np.inf
     _, why = fine_enough_for(design, rough(gone))
-    assert "solved afresh, in 1 since no change was found there and in 2 since" in why
+    assert "solved anew, in 1 since no change was found there and in 2 since" in why
     table, why = fine_enough_for(design, rough(4 * error_estimate))
     assert table is not None
     assert table.rim is None

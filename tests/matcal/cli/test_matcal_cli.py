@@ -115,7 +115,7 @@ def test_predict_takes_the_fitted_range_and_says_what_lies_beyond(matcal, tmp_pa
     strain = json.loads(text)["strain"]
     assert (status, error, strain[0], strain[-1]) == (0, "", -0.8, -0.01)
     said = matcal("predict", out, "uniaxial", "--strain=-0.95")[2]
-    assert "fitted from -0.8 to -0.01, asked up to 0.15 beyond" in said
+    assert "fitted from -0.8 to -0.01, asked up to 0.15 outside" in said
     assert "no planar test was fitted" in matcal("predict", out, "planar", "--strain=-0.1")[2]
     assert "Give --strain A,B" in matcal("predict", out, "planar")[2]
     assert "no finite stress_Pa" in matcal("predict", out, "uniaxial", "--strain=1e300")[2]

@@ -94,7 +94,7 @@ def test_poor_fits_and_predictions_are_said() -> None:
                   predicted=[{"kind": "uniaxial", "source": ["t.csv"], "relative_rms": {"combined": 0.7}}])
     card = replace(card, posterior={"checks": {}, "derived": {"mu_0_Pa": {"median": 1e4, "lo": 9900.0, "hi": 1.1e4}}})
     said = " ".join(cautions(card))
-    for words in ("uniaxial_1 by 20 %", "t.csv (uniaxial) by 70 %", "0.3 s", "disagree", "mu_0_Pa"):
+    for words in ("uniaxial_1 by 20 %", "t.csv (uniaxial) by 70 %", "0.3 s", "differ by more", "mu_0_Pa"):
         assert words in said, words
 
 
@@ -114,7 +114,7 @@ def test_results_come_first_and_fit_the_line(tmp_path: Path, capsys, monkeypatch
                   orders=[{"order": 2, "rms": 0.07, "bic": -2000.0, "confluence": ""},
                           {"order": 3, "rms": 0.001, "bic": -5000.0, "confluence": "two exponents merge " * 3}])
     write_card(card, tmp_path / "card.json")
-    print_fit(replace(card, stability=stability(LAW)), tmp_path / "card.json")
+    print_fit(replace(card, stability=stability(LAW)), tmp_path / "card.json", verbose=True)
     text = capsys.readouterr().out
     places = [text.index(words) for words in ("mu_0_Pa", "Mind", "Errors of the fit", "Stability of the law",
                                               "Order of the law", "Decisions", "Next", "matcal report")]
@@ -126,13 +126,23 @@ def test_results_come_first_and_fit_the_line(tmp_path: Path, capsys, monkeypatch
     assert "\x1b" not in text
 
 
+def test_decisions_are_left_to_verbose_and_that_is_said(tmp_path: Path, capsys) -> None:
+    card = replace(fitted(derived=DERIVED, parameters={}), stability=stability(LAW))
+    write_card(card, tmp_path / "card.json")
+    print_fit(card, tmp_path / "card.json")
+    text = capsys.readouterr().out
+    assert "3 decisions and 1 more table on the fit" in text
+    assert "Errors of the fit" in text
+    assert not any(words in text for words in ("Order 3, by BIC.", "Stability of the law"))
+
+
 def test_a_pipe_gets_whole_sentences(tmp_path: Path, capsys, monkeypatch) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)
     card = fitted()
     long = "Order 3, " + "for many reasons " * 20
     card = replace(card, provenance={**card.provenance, "decisions": [*card.provenance["decisions"][:2], long]})
     write_card(card, tmp_path / "card.json")
-    print_fit(card, tmp_path / "card.json")
+    print_fit(card, tmp_path / "card.json", verbose=True)
     assert f"  - {long}".rstrip() in [line.rstrip() for line in capsys.readouterr().out.splitlines()]
 
 

@@ -27,7 +27,7 @@ def test_every_kind_of_draw_is_told(write_set: Callable[..., Path]) -> None:
         "table": "scenes.csv, sha256 0123456789ab", "touches": "a whole number from 1 to 2",
         "punch 1.place": "polar grid, spacing_mm 9", "punch 1.force_N": "in turn 0.5, 1",
         "punch 1.diameter_mm": "normal, mean 14, standard deviation 2, cut off to 10 ... 18",
-        "punch 2.place": "uniform over the disc where the punch fits, gap_mm 20",
+        "punch 2.place": "uniform over the skin where the punch fits, gap_mm 20",
         "punch 2.depth_mm": "given for each of 2 scenes, from 1 to 2.5", "punch 2.profile": "one of flat, cone",
         "punch 2.fillet_mm": "0.5"} == rows
 

@@ -76,12 +76,12 @@ def test_slopes_of_the_basis_are_differences_and_high_orders_end_in_their_zone(r
     def at(moved: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
         fields = multipole_series.electrode_fields(ring, q, moved, multipole_series.ORDERS + 1)
         found = multipole_series.basis_and_slopes(ring, fields)
-        return list(rim_zone.handed_over(moved, np.array([0.33, 0.40]), *found))
+        return list(rim_zone.ended(moved, (0.33, 0.40), 3, *found))
 
     here, by_x, by_y = at(z)
     t = (np.hypot(0.2, 0.3) - 0.33) / (0.40 - 0.33)
     kept = np.ones((3, multipole_series.ORDERS))
-    kept[:, rim_zone.ORDERS:] = np.array([[0.0], [1.0], [1 - t**2 * (3 - 2 * t)]])
+    kept[:, 3:] = np.array([[0.0], [1.0], [1 - t**2 * (3 - 2 * t)]])
     whole = multipole_series.basis(*multipole_series.patterns(ring, q, z))
     np.testing.assert_allclose(here, whole * kept[:, None], rtol=1e-9, atol=1e-12)
     for slope, way in ((by_x, h), (by_y, 1j * h)):

@@ -30,6 +30,21 @@ def test_rows_that_single_determine_little_teach_coefficients_together() -> None
         assert np.allclose(gradient[..., j], change, atol=1e-5)
 
 
+def test_readings_that_share_an_error_are_one_observation() -> None:
+    """100 readings of a row that are off together by a standard deviation of 0.1 say no more than one: rows are
+    smoothed, and the coefficient errs by half of what a row does."""
+    x = np.linspace(0, 1, 60)[:, None]
+    errors = []
+    for seed in range(3):
+        off = 0.1 * np.random.default_rng(seed).normal(size=60)
+        rows = (np.sin(2 * x[:, 0]) + off)[:, None] * np.ones(100)
+        process = coefficient_process.fit(x, np.ones((60, 100, 1)), rows, np.array([0.1]), x[:, 0])
+        errors.append(coefficient_process.predict(process, x)[0][:, 0] - np.sin(2 * x[:, 0]))
+    error = np.sqrt(np.mean(np.square(errors)))
+    print("RMS error of the coefficient:", error)
+    assert error < 0.055
+
+
 def test_signals_of_a_bilinear_form_give_it_back(ring: Ring) -> None:
     """Coefficients that are linear in log d, load and the gap's logarithm lie in the span of the trend, so rows of
     exact signals determine them at any other touch; the signals have no other part that could be learned instead."""

@@ -12,6 +12,7 @@ from surrogate.forward_map import forward_map
 from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_covariance, strengths
 from surrogate.forward_map.inversion import diameter_force_posterior
 from surrogate.forward_map.inversion.multipole_location import Located, locate
+from surrogate.forward_map.inversion.reading_covariance import no_drift
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.statistics import levenberg_marquardt
 
@@ -133,7 +134,8 @@ def test_strengths_are_located_within_their_covariance(learned: ForwardMap, synt
     """Where the series stands alone; further out what the rim adds counts as strength. In much noise, too, of which the
     training touches leave less of the ratios than the signals do."""
     touch, signal = synthetic(200, 1, (), 100 * INTERIOR)
-    found = locate(learned, signal + noise * np.random.default_rng(0).normal(size=signal.shape), np.full(200, noise))
+    found = locate(learned, signal + noise * np.random.default_rng(0).normal(size=signal.shape), np.full(200, noise),
+                   no_drift(signal.shape[1]))
     truth = strengths(learned, to_unknown(touch, learned.p0))
     sd = np.sqrt(np.diagonal(np.linalg.pinv(found.precision, hermitian=True), axis1=1, axis2=2))
     z = (found.strengths - truth)[:, :2] / sd[:, :2]

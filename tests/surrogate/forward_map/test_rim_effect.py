@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import electrode_correction, forward_map, multipole_series
+from surrogate.forward_map import electrode_correction, forward_map, multipole_series, rim_correction
 from surrogate.forward_map.inversion import reading_covariance
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.forward_map.ring_symmetry import fold, symmetry_of
@@ -79,10 +79,11 @@ def test_its_jacobian_equals_finite_differences(whole: forward_map.ForwardMap) -
 
 def test_touches_near_the_rim_are_told_to_err_more_and_alike(whole: forward_map.ForwardMap) -> None:
     unknown = to_unknown(np.array([[5.0, 3.0, 14.0, 1.0], [80.0, 10.0, 14.0, 1.0]]), whole.p0)
-    told = reading_covariance.at(whole, unknown, np.ones(2), 0.0)
+    no_drift = reading_covariance.no_drift(len(whole.ring.read))
+    told = reading_covariance.at(whole, unknown, np.ones(2), 0.0, no_drift)
     assert np.all(told.shrink[0] == 0)
     assert np.max(told.shrink[1]) > 0.5
-    noisy = reading_covariance.at(whole, unknown, np.ones(2), 1.0)
+    noisy = reading_covariance.at(whole, unknown, np.ones(2), 1.0, no_drift)
     assert noisy.white == pytest.approx([1.0, 1.0], rel=1e-3)
     assert np.max(noisy.shrink) < np.max(told.shrink)
 
@@ -115,3 +116,15 @@ def test_diameters_that_differ_by_rounding_are_learned_as_one(ring: Ring, synthe
         found = forward_map.linearise(learned, to_unknown(asked, learned.p0)).signal_V
         error.append(np.median(np.linalg.norm(found - expected, axis=1) / np.linalg.norm(expected, axis=1)))
     assert error[1] == pytest.approx(error[0], rel=0.5)
+
+
+def test_the_whole_signal_is_learned_where_the_series_only_hides_it(ring: Ring, synthetic: Synthetic) -> None:
+    """Of a series that is nearly right the rest is learned; of one that leaves more than there was, the signal."""
+    touch, signal = synthetic(360, 0, (), 85.0)
+    learned = forward_map.fit(ring, touch, signal)
+    unknown = to_unknown(touch, learned.p0)
+    z, size = forward_map.place(ring, unknown), forward_map.signal_size(learned, unknown)
+    wild = size[:, None] * np.random.default_rng(0).normal(size=signal.shape)
+    for left, replaces in ((1e-4 * signal, False), (wild, True)):
+        rows = rim_correction.Rows(z, unknown[:, 2:], forward_map.gap(ring, unknown), left, size, size)
+        assert rim_correction.fit(ring, learned.field, rows, signal).replaces == replaces

@@ -17,8 +17,18 @@ def test_whitened_covariances_are_the_identity() -> None:
     covariance = (white**2)[:, None, None] * np.eye(20) + (axes * sd[:, None] ** 2) @ axes.transpose(0, 2, 1)
     half = reading_covariance.whitened(found, covariance)
     assert np.allclose(reading_covariance.whitened(found, half.transpose(0, 2, 1)), np.eye(20), atol=1e-10)
-    plain = reading_covariance.white(white, 20)
+    plain = reading_covariance.white(white, reading_covariance.no_drift(20))
     assert np.allclose(reading_covariance.whitened(plain, covariance), covariance / white[:, None, None])
+
+
+def test_a_drift_adds_its_covariance_to_white_noise() -> None:
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(20, 6)) @ np.diag([5.0, 2.0, 1.0, 0.1, 0.0, 0.0])
+    sd = np.array([0.3, 2.0])
+    found = reading_covariance.white(sd, reading_covariance.drift_of(root))
+    covariance = (sd**2)[:, None, None] * np.eye(20) + root @ root.T
+    half = reading_covariance.whitened(found, covariance)
+    assert np.allclose(reading_covariance.whitened(found, half.transpose(0, 2, 1)), np.eye(20), atol=1e-10)
 
 
 def test_alike_errors_are_told_at_every_touch_by_those_of_one_half_sector(ring: Ring) -> None:

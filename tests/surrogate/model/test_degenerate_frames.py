@@ -59,8 +59,19 @@ def test_what_is_no_touch_of_the_training_is_flagged_and_widened(
     for name, odd in cases.items():
         found = predict(predictors[method], untouched_V + odd)
         assert all(MISFIT in flag for flag in found.flag), name
-        assert np.all(found.half_width > 2 * sound.half_width), name
+        assert np.all(found.above > 2 * sound.above), name
     assert all(OUTSIDE in flag for flag in predict(predictors[method], untouched_V + 40 * signal).flag)
+
+
+def test_intervals_of_forces_end_at_0_and_those_of_places_do_not(ridge: Model, synthetic: Synthetic,
+                                                                 untouched_V: Array) -> None:
+    _, signal = synthetic(12, 73)
+    predictor = prepare(ridge, untouched_V, 1e-3)
+    found = predict(predictor, untouched_V + 0.5 * signal)
+    low = found.value - found.below
+    assert np.any(np.isclose(low[:, 2], 0, atol=1e-12))
+    assert np.nanmin(low[:, 2]) >= min(0, np.nanmin(found.value[:, 2]))
+    assert np.nanmin(low[:, :2]) < 0
 
 
 @pytest.mark.parametrize("method", ["forward", "ridge"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eitsim.sensors.labels import PLACE, Labels
 from surrogate.data.sensor_ring import ring_of_design
 from surrogate.forward_map.multipole_series import electrode_fields
 from surrogate.recordings.presses import Presses
@@ -36,7 +37,14 @@ def synthetic_presses(seed: int, count: int, noise: float = 0.3) -> tuple[Presse
     signal = synthetic_signal(place, rng.uniform(0.7, 1.3, count))
     signal += noise * np.abs(signal).mean() * rng.standard_normal(signal.shape)
     return Presses(np.arange(count).astype(np.str_), np.arange(count), signal, np.full_like(signal, np.nan),
-                   np.zeros(count), np.empty((0, signal.shape[1])), np.empty(0)), place
+                   np.zeros(count), np.empty((0, signal.shape[1])), np.empty(0),
+                    np.arange(float(count))), place
+
+
+def labels_at(place: Array, **others: Array) -> Labels:
+    """Labels of synthetic presses: their places (n, 2), mm, and others (n,) by name."""
+    values = np.column_stack([place, *others.values()])
+    return Labels(np.arange(len(place)).astype(np.str_), (*PLACE, *others), values)
 
 
 @pytest.fixture(scope="session")

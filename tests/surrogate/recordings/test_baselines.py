@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from surrogate.recordings.baselines import learn_drift, tracked, without
-from surrogate.recordings.labels import Labels
 from surrogate.recordings.presses import labelled, presses_of
 from touchcal.errors import InputFileError
 
@@ -61,10 +61,8 @@ def test_frames_without_a_counterpart_are_refused(touch: list[str], said: str) -
 def test_labels_meet_their_presses_by_name() -> None:
     presses = presses_of(recording("difference", ["a", "b", "c"]))
     labels = Labels(np.array(["c", "a", "z"]), ("x_mm", "y_mm"), np.array([[1.0, 2], [3, 4], [5, 6]]))
-    kept, place = labelled(presses, labels, "touches.csv")
-    assert kept.name.tolist() == ["a", "c"]
-    np.testing.assert_array_equal(place, [[3, 4], [1, 2]])
+    kept, known = labelled(presses, labels, "touches.csv")
+    assert kept.name.tolist() == known.touch.tolist() == ["a", "c"]
+    np.testing.assert_array_equal(known.values, [[3, 4], [1, 2]])
     with pytest.raises(ValueError, match="none of its 1 touches"):
         labelled(presses, Labels(np.array(["z"]), ("x_mm", "y_mm"), np.ones((1, 2))), "touches.csv")
-    with pytest.raises(ValueError, match="places need x_mm and y_mm"):
-        labelled(presses, Labels(np.array(["a"]), ("x_mm",), np.ones((1, 1))), "touches.csv")

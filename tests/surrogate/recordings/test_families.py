@@ -8,7 +8,7 @@ import pytest
 from surrogate.recordings import kernel_ridge, networks, stacking, templates
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.dead_channels import filled, learn_readings
-from surrogate.recordings.intervals import calibrated
+from surrogate.recordings.intervals import calibrated, radius
 from surrogate.recordings.patterns import learn_features
 from surrogate.recordings.presses import Presses
 from touchcal.arrays import Array
@@ -88,14 +88,46 @@ def test_a_family_whose_error_is_another_ones_and_more_has_no_weight() -> None:
     np.testing.assert_array_equal(found, [1, 0])
 
 
+def drawn(seed: int, count: int, correlation: float = 0.0) -> tuple[Array, Array, Array]:
+    """Errors (count, 2), as a t variable with four degrees of freedom, their spreads, and the covariance."""
+    rng = np.random.default_rng(seed)
+    spread = rng.uniform(0.5, 4, (count, 2))
+    root = np.linalg.cholesky(np.array([[1.0, correlation], [correlation, 1.0]]))
+    error = spread * (rng.standard_normal((count, 2)) @ root.T) / np.sqrt(rng.chisquare(4, (count, 1)) / 4)
+    return error, spread, correlation * spread.prod(axis=1)
+
+
 def test_intervals_hold_and_follow_the_spread() -> None:
-    rng = np.random.default_rng(0)
-    spread = rng.uniform(0.5, 4, (2, 4000, 2))
-    error = spread * rng.standard_t(4, (2, 4000, 2))
-    intervals = calibrated(error[0], spread[0])
-    half = intervals.half_width(spread[1])
-    assert np.mean(np.abs(error[1]) <= half) == pytest.approx(0.9, abs=0.02)
-    assert half[spread[1] > 3].mean() > 2 * half[spread[1] < 1].mean()
+    intervals = calibrated(*drawn(0, 4000))
+    error, spread, _ = drawn(1, 4000)
+    half = intervals.half_width(spread)
+    assert np.mean(np.abs(error) <= half) == pytest.approx(0.9, abs=0.02)
+    assert half[spread > 3].mean() > 2 * half[spread < 1].mean()
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_ellipses_hold_and_are_smaller_where_errors_correlate(said: bool) -> None:
+    areas = []
+    for correlation in (0.0, 0.8):
+        known, new = drawn(0, 4000, correlation), drawn(1, 4000, correlation)
+        intervals = calibrated(known[0], known[1], said * known[2])
+        bounds = intervals.bounds(new[1], said * new[2])
+        assert np.mean(radius(new[0], bounds) <= bounds.ellipse) == pytest.approx(0.9, abs=0.02)
+        areas.append(np.mean(bounds.ellipse**2 * np.sqrt(1 - bounds.correlation**2)))
+    assert areas[1] < 0.85 * areas[0]
+
+
+def test_few_presses_are_calibrated_more_steadily_than_by_their_order_statistic() -> None:
+    error, spread, _ = drawn(1, 2000)
+    held, plain = [], []
+    for seed in range(100, 200):
+        known = drawn(seed, 20)
+        held.append(np.mean(np.abs(error) <= calibrated(*known).half_width(spread)))
+        sd = np.sqrt(known[1] ** 2 + 9 * np.mean(known[0] ** 2))
+        factor = np.sort(np.abs(known[0] / sd), axis=None)[36]
+        plain.append(np.mean(np.abs(error) <= factor * np.sqrt(spread**2 + 9 * np.mean(known[0] ** 2))))
+    assert np.mean(held) == pytest.approx(0.9, abs=0.02)
+    assert np.std(held) < 0.95 * np.std(plain)
 
 
 def test_a_dead_channel_is_filled_in_by_its_neighbours(presses: Pressed) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from surrogate.recordings.labels import read_labels
+from eitsim.sensors.labels import read_labels
 from touchcal.errors import InputFileError
 
 

@@ -12,9 +12,10 @@ from eitsim.sensors.recording import Recording
 from surrogate.recordings import networks, touch_reader
 from surrogate.recordings.late_readings import late_readings, with_late
 from surrogate.recordings.presses import Presses, presses_of
-from touchcal.arrays import Array
+from surrogate.recordings.trained import press_reader
+from touchcal.arrays import Array, Index
 
-from .conftest import synthetic_presses
+from .conftest import labels_at, synthetic_presses
 
 LATE = np.arange(40)
 
@@ -27,7 +28,7 @@ def shifted(seed: int, count: int) -> tuple[Presses, Array]:
     return presses_of(Recording(rows, np.arange(count), None, made.name, "difference", Path("shifted.csv"))), place
 
 
-def late_in(presses: Presses, place: Array) -> Array:
+def late_in(presses: Presses, place: Array) -> Index:
     return late_readings(presses.signal, presses.following, place)
 
 
@@ -57,7 +58,8 @@ def test_late_readings_help_and_their_lack_widens_intervals_and_is_flagged(monke
     unaware = touch_reader.fit(replace(known, following=np.full_like(known.following, np.nan)), place)
     miss = [np.linalg.norm(one.value - there, axis=1).mean() for one in (whole, touch_reader.read(unaware, lacking))]
     assert miss[0] < 0.95 * miss[1]
-    assert cut.half_width.mean() > whole.half_width.mean()
-    assert np.mean(np.abs(cut.value - there) <= cut.half_width) > 0.85
-    assert all("frame that follows" in flag for flag in cut.flag)
-    assert not any("frame that follows" in flag for flag in whole.flag[:-1])
+    assert cut.bounds.half_width.mean() > whole.bounds.half_width.mean()
+    assert np.mean(np.abs(cut.value - there) <= cut.bounds.half_width) > 0.85
+    every = press_reader.fit(known, labels_at(place))
+    assert all("frame that follows" in flag for flag in press_reader.read(every, lacking).flag)
+    assert not any("frame that follows" in flag for flag in press_reader.read(every, new).flag[:-1])

@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
-from surrogate.recordings.reader_scores import scored
+from surrogate.recordings.physics.expectation import expectation_of
+from surrogate.recordings.trained.reader_scores import read_rows
+from surrogate.recordings.worth import SURE
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
+import suggest  # noqa: E402  # pyright: ignore
 from real_skins import REAL, Case, recorded, rows_of, with_drift  # noqa: E402  # pyright: ignore
 
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recordings of real skins are not here")
@@ -23,28 +27,52 @@ HUNDRED = {"skin_plain": 3.0, "skin_radial": 5.0, "skin_carbon": 7.5, "hydrogel"
 
 
 def test_templates_read_the_hydrogel_from_a_hundred_presses() -> None:
-    _, presses, place = recorded("hydrogel")
+    _, presses, labels = recorded("hydrogel")
+    place = labels.values[:, :2]
     train, test = rows_of(Case("hydrogel", 100, "time", "last"), len(place))
     fitted = templates.fit(presses.signal[train], place[train], time_blocks(100), compress=False)
     error = fitted.templates.read(presses.signal[test])[0] - place[test]
     assert np.linalg.norm(error, axis=1).mean() <= 3.0
 
 
+@pytest.mark.parametrize(("skin", "used"), [("hydrogel", 1), ("skin_plain", 1), ("skin_radial", 0)])
+def test_physics_is_used_on_homogeneous_skins_alone_and_helps_there(skin: str, used: int) -> None:
+    _, presses, labels = recorded(skin)
+    place, expectation = labels.values[:, :2], expectation_of(read_sensor(REAL / skin / "sensor.toml"))
+    train, test = rows_of(Case(skin, 20, "time", "last"), len(place))
+    miss = []
+    for priors in ((templates.nothing,), (templates.nothing, expectation.learn)):
+        found = templates.fit(presses.signal[train], place[train], time_blocks(20), compress=False,
+                              priors=priors).templates
+        miss.append(np.linalg.norm(found.read(presses.signal[test])[0] - place[test], axis=1).mean())
+    assert found.prior == used
+    assert miss[1] < 0.9 * miss[0] if used else miss[1] == miss[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("skin", suggest.CHOSEN_ON)
+def test_twenty_suggested_presses_teach_as_much_as_thirty_random_ones(skin: str) -> None:
+    random, suggested = (suggest.measured(suggest.Case(skin, "templates", way, 0, count))
+                         for way, count in (("random", 30), ("suggested", 20)))
+    error, spread = (np.array([float(str(one[key])) for one in (random, suggested)]) for key in ("error_mm", "se_mm"))
+    assert error[1] <= error[0] + SURE * np.hypot(*spread)  # chance alone exceeds it once in 20 times
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("skin", HUNDRED)
 def test_a_hundred_presses_suffice(skin: str) -> None:
-    _, presses, place = recorded(skin)
-    train, test = rows_of(Case(skin, 100, "time", "last"), len(place))
-    found = scored(presses, place, train, test, "time", 0)
-    assert found.distance_mm <= HUNDRED[skin]
-    assert found.distance_mm < found.ridge_mm
+    _, presses, labels = recorded(skin)
+    train, test = rows_of(Case(skin, 100, "time", "last"), len(labels.touch))
+    found = read_rows(presses, labels, train, test, "time", 0)[0].score
+    assert found.error <= HUNDRED[skin]
+    assert found.error < found.ridge_error
     assert 0.85 <= np.mean(found.coverage) <= 0.95  # x and y together: the hydrogel has 70 tested presses
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("drift", "most"), [("20 old", 5.5), ("every 10", 4.0)])
 def test_the_hydrogel_is_read_through_drift(drift: str, most: float) -> None:
-    recording, presses, place = recorded("hydrogel")
-    train, test = rows_of(Case("hydrogel", 100, "time", "last"), len(place))
-    found = scored(with_drift(recording, presses, drift), place, train, test, "time", 0)
-    assert found.distance_mm <= most
+    recording, presses, labels = recorded("hydrogel")
+    train, test = rows_of(Case("hydrogel", 100, "time", "last"), len(labels.touch))
+    found = read_rows(with_drift(recording, presses, drift), labels, train, test, "time", 0)[0].score
+    assert found.error <= most

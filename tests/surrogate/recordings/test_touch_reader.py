@@ -11,16 +11,21 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+import eitsim
+import surrogate
 from surrogate.cli.main import app
-from surrogate.recordings import networks, reader_store, touch_reader
+from surrogate.recordings import networks, touch_reader
 from surrogate.recordings.presses import Presses
-from surrogate.recordings.reader_scores import score, split_rows
-from surrogate.recordings.touch_reader import NothingToRead, TouchReader
-from surrogate.recordings.train_reader import TrainedReader, choice
+from surrogate.recordings.touch_reader import Reading
+from surrogate.recordings.trained import press_reader, reader_store
+from surrogate.recordings.trained.press_reader import PressReader
+from surrogate.recordings.trained.reader_scores import read_split, split_rows
+from surrogate.recordings.trained.train_reader import TrainedReader, choice
+from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-from .conftest import synthetic_places, synthetic_presses, synthetic_signal
+from .conftest import labels_at, synthetic_places, synthetic_presses, synthetic_signal
 
 Pressed = tuple[Presses, Array]
 
@@ -35,56 +40,64 @@ def quick() -> object:
 
 
 @pytest.fixture(scope="module")
-def reader(presses: Pressed, quick: object) -> TouchReader:
-    return touch_reader.fit(*presses)
+def reader(presses: Pressed, quick: object) -> PressReader:
+    return press_reader.fit(presses[0], labels_at(presses[1]))
 
 
-def test_new_presses_are_read_and_held(reader: TouchReader) -> None:
+def place_read(reader: PressReader, presses: Presses) -> Reading:
+    found = press_reader.read(reader, presses).place
+    assert found
+    return found
+
+
+def test_new_presses_are_read_and_held(reader: PressReader) -> None:
     new, place = synthetic_presses(5, 200)
-    found = touch_reader.read(reader, new)
+    found = place_read(reader, new)
+    assert reader.place
     error = np.linalg.norm(found.value - place, axis=1).mean()
-    assert error < 1.3 * reader.held_out[:6].min()
-    assert 0.8 < np.mean(np.abs(found.value - place) <= found.half_width) < 0.99
-    assert sum(map(bool, found.flag)) < 10
+    assert error < 1.3 * reader.place.held_out[:6].min()
+    assert 0.8 < np.mean(np.abs(found.value - place) <= found.bounds.half_width) < 0.99
+    assert sum(map(bool, press_reader.read(reader, new).flag)) < 10
 
 
-def test_the_choice_names_the_families_that_read(reader: TouchReader) -> None:
-    for name, weight in zip(touch_reader.FAMILIES, reader.weights, strict=True):
-        assert (f"{name} {weight:.2f}" in choice(reader)) == (weight > 0)
+def test_the_choice_names_the_families_that_read(reader: PressReader) -> None:
+    assert reader.place
+    (said,) = choice(reader)
+    for name, weight in zip(touch_reader.FAMILIES, reader.place.weights, strict=True):
+        assert (f"{name} {weight:.2f}" in said) == (weight > 0)
 
 
 def test_labels_of_other_presses_are_refused(presses: Pressed, quick: object) -> None:
     refused = 0
     for seed in range(100, 106):
         try:
-            touch_reader.fit(presses[0], np.random.default_rng(seed).permutation(presses[1]))
+            press_reader.fit(presses[0], labels_at(np.random.default_rng(seed).permutation(presses[1])))
         except NothingToRead as refusal:
-            refused += "nothing to read here" in str(refusal)
+            refused += "nothing to read here of the place" in str(refusal)
     assert refused >= 5  # chance reaches the level of the test once in 20 times
 
 
 def test_too_few_presses_are_refused(presses: Pressed) -> None:
     few = replace(presses[0], signal=presses[0].signal[:9])
     with pytest.raises(ValueError, match="9 labelled presses are too few"):
-        touch_reader.fit(few, presses[1][:9])
-    with pytest.raises(ValueError, match="one x or one y"):
-        touch_reader.fit(presses[0], presses[1] * [1, 0])
+        press_reader.fit(few, labels_at(presses[1][:9]))
 
 
-def test_a_dead_channel_is_flagged_and_costs_little(reader: TouchReader) -> None:
+def test_a_dead_channel_is_flagged_and_costs_little(reader: PressReader) -> None:
     new, place = synthetic_presses(6, 50)
     dead = new.signal.copy()
     dead[:, 9] = np.nan
-    whole, found = touch_reader.read(reader, new), touch_reader.read(reader, replace(new, signal=dead))
-    assert all("1 dead channels filled in" in flag for flag in found.flag)
+    lacking = replace(new, signal=dead)
+    whole, found = place_read(reader, new), place_read(reader, lacking)
+    assert all("1 dead channels filled in" in flag for flag in press_reader.read(reader, lacking).flag)
     miss = [np.linalg.norm(one.value - place, axis=1).mean() for one in (whole, found)]
     assert miss[1] < 1.5 * miss[0]
 
 
-def test_strange_and_weak_patterns_are_flagged(reader: TouchReader) -> None:
+def test_strange_and_weak_patterns_are_flagged(reader: PressReader) -> None:
     new, _ = synthetic_presses(7, 2)
     strange = np.random.default_rng(0).standard_normal(new.signal[0].shape) * np.abs(new.signal).mean()
-    found = touch_reader.read(reader, replace(new, signal=np.stack([strange, 1e-3 * new.signal[1]])))
+    found = press_reader.read(reader, replace(new, signal=np.stack([strange, 1e-3 * new.signal[1]])))
     assert "unlike" in found.flag[0]
     assert "weaker" in found.flag[1]
 
@@ -101,18 +114,41 @@ def drifting(seed: int, count: int, apart: int) -> tuple[Presses, Array]:
     old = rest[np.maximum(np.arange(count) - apart, 0)]
     return Presses(np.arange(count).astype(np.str_), 2 * np.arange(count) + 1, signal + rest - old,
                    np.full_like(signal, np.nan), np.full(count, 2.0 * apart + 1), rest,
-                   np.arange(0.0, 2 * count, 2)), place
+                   np.arange(0.0, 2 * count, 2), np.arange(1.0, 2 * count + 1, 2)), place
 
 
-def test_an_old_untouched_frame_is_read_by_what_drift_spares(quick: object) -> None:
+@pytest.fixture(scope="module")
+def of_drift(quick: object) -> PressReader:
     known, place = drifting(1, 60, 0)
-    trained = touch_reader.fit(known, place)
+    return press_reader.fit(known, labels_at(place))
+
+
+def test_an_old_untouched_frame_is_read_by_what_drift_spares(of_drift: PressReader) -> None:
     new, there = drifting(2, 60, 15)
-    found = touch_reader.read(trained, new)
-    assert all("older than any in training" in flag for flag in found.flag)
-    as_if_new = touch_reader.read(trained, replace(new, age=np.zeros(60)))
+    found = place_read(of_drift, new)
+    assert all("older than any in training, and the intervals are wider" in flag
+               for flag in press_reader.read(of_drift, new).flag)
+    as_if_new = place_read(of_drift, replace(new, age=np.zeros(60)))
     miss = [np.linalg.norm(one.value - there, axis=1).mean() for one in (found, as_if_new)]
     assert miss[0] < 0.7 * miss[1]
+
+
+def test_intervals_hold_where_the_untouched_frame_is_as_old_as_training_could_show(of_drift: PressReader) -> None:
+    held, width = [], []
+    for apart in (0, 15):
+        new, there = drifting(3, 300, apart)
+        found = place_read(of_drift, new)
+        held.append(np.mean(np.abs(found.value - there) <= found.bounds.half_width))
+        width.append(found.bounds.half_width.mean())
+    assert min(held) > 0.8
+    assert max(held) < 0.99
+    assert width[1] > 1.2 * width[0]
+
+
+def test_a_frame_older_than_training_could_show_is_said_so(of_drift: PressReader) -> None:
+    new, _ = drifting(2, 5, 0)
+    flag = press_reader.read(of_drift, replace(new, age=np.full(5, 1e4))).flag
+    assert all("so much that the intervals may not hold" in one for one in flag)
 
 
 def test_a_split_tests_rows_that_did_not_train(presses: Pressed, quick: object) -> None:
@@ -120,24 +156,29 @@ def test_a_split_tests_rows_that_did_not_train(presses: Pressed, quick: object) 
         train, test = split_rows(60, split, 0)
         assert sorted([*train, *test]) == list(range(60))
     assert split_rows(60, "time", 0)[1].min() == 48
-    found = score(*presses, "time")
-    assert (found.trained, found.tested) == (48, 12)
-    assert found.distance_mm < 0.3 * found.centre_mm
+    (tested,) = read_split(presses[0], labels_at(presses[1]), "time")
+    found = tested.score
+    assert found.in_ellipse is not None
+    assert (found.output, found.trained, found.tested) == ("place", 48, 12)
+    assert found.error < 0.3 * found.mean_error
 
 
-def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: TouchReader, tmp_path: Path) -> None:
+def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: PressReader, tmp_path: Path) -> None:
     model = TrainedReader(reader, "difference", 60, 0, (), 1.5)
-    reader_store.save(model, tmp_path)
+    reader_store.save_reader(model, tmp_path)
     assert reader_store.is_reader(tmp_path)
-    again = reader_store.load(tmp_path)
+    again = reader_store.load_reader(tmp_path)
     new, _ = synthetic_presses(8, 5)
-    one, two = (touch_reader.read(part.reader, new) for part in (model, again))
+    one, two = (place_read(part.reader, new) for part in (model, again))
     np.testing.assert_array_equal(one.value, two.value)
-    np.testing.assert_array_equal(one.half_width, two.half_width)
+    np.testing.assert_array_equal(one.bounds.half_width, two.bounds.half_width)
     text = json.loads((tmp_path / "model.json").read_text())
     (tmp_path / "model.json").write_text(json.dumps(text | {"presses": 61}))
     with pytest.raises(InputFileError, match="was changed"):
-        reader_store.load(tmp_path)
+        reader_store.load_reader(tmp_path)
+    (tmp_path / "model.json").write_text(json.dumps(text | {"schema": 1}))
+    with pytest.raises(InputFileError, match="schema 1, and this version reads schema 2"):
+        reader_store.load_reader(tmp_path)
 
 
 def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
@@ -157,9 +198,13 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
     found = run.invoke(app, ["predict", f"{tmp_path}/model", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/out.csv"])
     assert found.exit_code == 0, found.output
     table = pd.read_csv(tmp_path / "out.csv")
-    assert [*table] == ["touch", "x0_mm", "x0_lo90_mm", "x0_hi90_mm", "y0_mm", "y0_lo90_mm", "y0_hi90_mm", "flag"]
+    assert [*table] == ["touch", "x0_mm", "x0_lo90_mm", "x0_hi90_mm", "y0_mm", "y0_lo90_mm", "y0_hi90_mm",
+                        "x0_y0_correlation", "x0_y0_ellipse90", "flag"]
     assert table["touch"].tolist() == frames["touch"].tolist()
     assert np.hypot(table["x0_mm"] - place[:, 0], table["y0_mm"] - place[:, 1])[30:].mean() < 12
+    again = surrogate.read_touches(surrogate.load_reader(tmp_path / "model"),
+                                   eitsim.read_recording(tmp_path / "frames.csv", kind="difference"))
+    np.testing.assert_allclose(again["x0_mm"], table["x0_mm"], rtol=1e-5)
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
     assert isinstance(refused.exception, ValueError)
     assert "needs its labels and its sensor" in str(refused.exception)

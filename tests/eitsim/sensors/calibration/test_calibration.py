@@ -17,7 +17,12 @@ from eitsim.scene.drive import Drive, matrices, readings
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.calibration.calibrate import calibrate, untouched
-from eitsim.sensors.calibration.calibration_file import calibration_document, parameters_of, read_calibration
+from eitsim.sensors.calibration.calibration_file import (
+    calibration_document,
+    parameters_of,
+    read_calibration,
+    read_described_sensor,
+)
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, derivatives, sources, voltages
 from eitsim.sensors.calibration.ohm_tests import ohm_tests
 from eitsim.sensors.calibration.stages import fit, halves, harms, unexplained
@@ -26,7 +31,7 @@ from eitsim.sensors.sensor_file import Sensor, read_sensor
 from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 
-REAL = Path(__file__).parents[4] / "shared" / "real"
+REAL = Path(__file__).parents[5] / "shared" / "real"
 COUNT = 8
 
 
@@ -50,7 +55,8 @@ def hidden(seed: int, groups: tuple[str, ...] = ("contacts", "width", "positions
            noise: float = 1e-4) -> tuple[np.ndarray, np.ndarray]:
     """The state of a hidden sensor and its readings with noise of so much of their r.m.s."""
     rng, held = np.random.default_rng(seed), instrument_of(sensor())
-    sizes = {"contacts": np.log(3), "width": 0.05, "positions": 0.5e-3, "gains": 0.03, "currents": 0.03, "leaks": 30e-6}
+    sizes = {"sheet": 0.05, "widths": 0.05, "contacts": np.log(3),
+             "width": 0.05, "positions": 0.5e-3, "gains": 0.03, "currents": 0.03, "leaks": 30e-6}
     change = np.zeros(held.size)
     for group in groups:
         own = held.places[group]
@@ -85,15 +91,20 @@ def test_leaks_are_resistors_to_a_ground_that_the_sink_is_tied_to() -> None:
 
 
 def test_derivatives_are_those_of_differences() -> None:
+    """On an uneven sheet too."""
     one, held = sensor(), instrument_of(sensor())
     state, _ = hidden(1, tuple(GROUPS)[1:])
+    for k in range(held.size):
+        assert _off(held, one, state, k) < 3e-4, held.names[k]
+
+
+def _off(held: Instrument, one: Sensor, state: np.ndarray, k: int) -> float:
+    """How far the derivative by a parameter is from a difference, over the largest."""
     _, found = derivatives(held, one.protocol, state)
-    for k, sd in enumerate(held.prior_sd):
-        step = np.zeros(held.size)
-        step[k] = 1e-4 * min(sd, 1.0)
-        expected = (voltages(held, one.protocol, state + step) - voltages(held, one.protocol, state - step)) / (
-            2 * step[k])
-        assert np.abs(found[..., k] - expected).max() < 3e-4 * np.abs(expected).max(), held.names[k]
+    step = np.zeros(held.size)
+    step[k] = 1e-4 * min(held.prior_sd[k], 1.0)
+    expected = (voltages(held, one.protocol, state + step) - voltages(held, one.protocol, state - step)) / (2 * step[k])
+    return float(np.abs(found[..., k] - expected).max() / np.abs(expected).max())
 
 
 def test_no_reading_determines_what_the_gauges_hold() -> None:
@@ -263,7 +274,7 @@ def test_a_calibrated_sensor_is_read_back_and_predicts_other_drives(document: di
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    (lambda d: d.update(schema=9), "schema 9 is not 1"),
+    (lambda d: d.update(schema=9), "schema 9 is not 2"),
     (lambda d: d.update(absolute_model="refused", reason="why"), "its absolute model was refused: why"),
     (lambda d: d["parameters"].pop("gain_03"), "'gain_03' in parameters is missing"),
     (lambda d: d["parameters"].update(gain_09={"value": 1, "sd": 1, "prior_sd": 1}), "'gain_09' .* no parameter of"),
@@ -279,6 +290,22 @@ def test_what_is_no_calibrated_sensor_is_refused(document: dict, tmp_path: Path,
     write_json(changed, tmp_path / "sensor.json")
     with pytest.raises(InputFileError, match=words):
         read_calibration(tmp_path / "sensor.json")
+
+
+def test_one_function_reads_both_files_of_a_sensor_and_says_which(document: dict, tmp_path: Path) -> None:
+    write_json(document | {"absolute_model": "refused", "reason": "why"}, tmp_path / "fitted")
+    found, words = read_described_sensor(tmp_path / "fitted")
+    assert words == "calibrated sensor"
+    assert found == sensor()
+    (tmp_path / "described").write_text("[body]\nradius_mm = 45\n")
+    found, words = read_described_sensor(tmp_path / "described")
+    assert (words, found.body.radius_m) == ("sensor file", 0.045)
+    write_json(document | {"schema": 9}, tmp_path / "fitted")
+    with pytest.raises(InputFileError, match="schema 9 is not 1"):
+        read_described_sensor(tmp_path / "fitted")
+    (tmp_path / "neither").write_text("v_000,v_001\n1,2\n")
+    with pytest.raises(InputFileError, match="not TOML"):
+        read_described_sensor(tmp_path / "neither")
 
 
 SENSOR = ('[electrodes]\ncount = 8\n[drive]\ncurrent_mA = 1\ncurrents = "currents.csv"\n'

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.input_file import regular
 
@@ -26,8 +26,37 @@ class Labels:
     values: Array  # (n, len(names)) in the units of the names
 
 
+def labels_of(labels: Labels, rows: Index) -> Labels:
+    """The labels of some of the touches, in this order."""
+    return Labels(labels.touch[rows], labels.names, labels.values[rows])
+
+
+def places_of(labels: Labels) -> Array:
+    """(n, 2) x and y, mm; ValueError where they are not labelled."""
+    if any(name not in labels.names for name in PLACE):
+        raise ValueError(f"the labels are {', '.join(labels.names)}; places need {' and '.join(PLACE)}.")
+    return labels.values[:, [labels.names.index(name) for name in PLACE]]
+
+
+def unit_of(name: str) -> str:
+    """The unit of a label, which ends its name."""
+    return name.rpartition("_")[2]
+
+
 def read_labels(path: Path | str) -> Labels:
-    """Read a CSV of labels; InputFileError names the line and column of what is no label."""
+    """Read a CSV of labels, a row a touch: `touch` and any of NAMES, in the units of the names.
+
+    InputFileError names the line and column of what is no label.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "touches.csv"
+    ...     _ = path.write_text("touch,x_mm,y_mm,depth_mm\\na,1,2,10\\nb,3,4,15\\n")
+    ...     labels = read_labels(path)
+    >>> labels.names, labels.values.shape
+    (('x_mm', 'y_mm', 'depth_mm'), (2, 3))
+    """
     path = Path(path)
     try:
         with open(regular(path), newline="", encoding="utf-8-sig") as file:

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.recordings.reader_scores import ReaderScore
-from surrogate.recordings.touch_reader import TouchReader
-from surrogate.recordings.train_reader import TrainedReader
+from surrogate.recordings.trained.press_reader import PressReader
+from surrogate.recordings.trained.reader_scores import Tested
+from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.array_store import flat, read_npz, rebuilt
 from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
 from touchcal.json_file import digest, read_json, write_json
 from touchcal.whole_file import written
 
-METHOD, SCHEMA = "recording", 1
-DESCRIPTION, ARRAYS, PART = "model.json", "arrays.npz", "reader"
+METHOD, SCHEMA = "recording", 2
+DESCRIPTION, ARRAYS, PART, TESTED = "model.json", "arrays.npz", "reader", "tested"
 _HASH, _DESCRIBED = "arrays_sha256", "description_sha256"
 _RETRAIN = "A model is the folder that `surrogate train --out` writes; train it again."
 _COUNT = Number(0, 1e15, whole=True)
@@ -25,14 +25,16 @@ _SHAPE = Keys({"schema": _COUNT, "method": str, "kind": str, "presses": _COUNT, 
                "fit_s": Number(0), "scores": list, _HASH: str})
 
 
-def save(model: TrainedReader, folder: Path) -> None:
+def save_reader(model: TrainedReader, folder: Path) -> None:
     """Write a model; model.json comes last, so that a folder that has it is whole."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / DESCRIPTION).unlink(missing_ok=True)
     text: dict[str, Any] = {"schema": SCHEMA, "method": METHOD, "kind": model.kind, "presses": model.presses,
-                            "seed": model.seed, "fit_s": model.fit_s, "scores": [asdict(one) for one in model.scores]}
+                            "seed": model.seed, "fit_s": model.fit_s,
+                            "scores": [asdict(one.score) for one in model.tested]}
     with written(folder / ARRAYS) as file:
         np.savez_compressed(file, allow_pickle=False, **dict(flat(model.reader, PART)),
+                            **dict(flat(model.tested, TESTED)),
                             **{_DESCRIBED: np.array(digest(text))})
     write_json(text | {_HASH: _file_hash(folder / ARRAYS)}, folder / DESCRIPTION)
 
@@ -43,27 +45,24 @@ def is_reader(folder: Path) -> bool:
     return path.is_file() and read_json(path, "a model", _RETRAIN).get("method") == METHOD
 
 
-def load(folder: Path) -> TrainedReader:
+def load_reader(folder: Path) -> TrainedReader:
     """Read a model; InputFileError where the folder is none, of another schema, damaged or changed."""
     text = read_json(folder / DESCRIPTION, "a model", _RETRAIN)
+    if text.get("schema") != SCHEMA:
+        raise InputFileError(folder, f"a model of schema {text.get('schema')}, and this version reads schema {SCHEMA}. "
+                                     "Train it again: `surrogate train RECORDING --labels touches.csv --out MODEL`.")
     try:
         check(text, _SHAPE)
-        if (text["schema"], text["method"]) != (SCHEMA, METHOD):
-            raise ValueError(f"schema {text['schema']}, method {text['method']} is not one that this version reads")
         stated, arrays = text.pop(_HASH), read_npz(folder / ARRAYS)
         if stated != _file_hash(folder / ARRAYS):
             raise ValueError(f"{ARRAYS} was changed, or is of another model")
         if str(arrays.pop(_DESCRIBED)) != digest(text):
             raise ValueError(f"{DESCRIPTION} was changed")
-        scores = tuple(ReaderScore(**one | {name: tuple(one[name]) for name in ("coverage", "width_mm")})
-                       for one in text["scores"])
-        return TrainedReader(rebuilt(TouchReader, PART, arrays), text["kind"], text["presses"], text["seed"], scores,
-                             text["fit_s"])
+        return TrainedReader(rebuilt(PressReader, PART, arrays), text["kind"], text["presses"], text["seed"],
+                             rebuilt(tuple[Tested, ...], TESTED, arrays), text["fit_s"])
     except (LookupError, TypeError, ValueError) as error:
         raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
                                      f"({error}). Train the model again.") from None
-
-
 
 
 def _file_hash(path: Path) -> str:

@@ -1,0 +1,55 @@
+"""The site of these pages, built by `make docs` without a network: pages, reference made from the code, and examples
+that are run."""
+
+import logging
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import reference
+from pygments.lexers.special import TextLexer
+from sphinx.highlighting import lexers
+
+project, author, version = "touchcal", "the authors of touchcal", "0.1.0"
+root_doc = "site"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "sphinx_gallery.gen_gallery",
+              "sphinx_copybutton"]
+exclude_patterns = ["index.md", "conf.py", "reference.py", "gallery/README*", "tutorials/README*"]
+html_theme, html_title = "furo", "touchcal"
+html_static_path: list[str] = []
+html_theme_options = {"navigation_with_keys": True}
+
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 4
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+autosummary_generate = True
+
+sphinx_gallery_conf = {
+    "examples_dirs": ["tutorials", "gallery"],
+    "gallery_dirs": ["made/tutorials", "made/gallery"],
+    "filename_pattern": r"\.py$",
+    "within_subsection_order": "FileNameSortKey",
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "remove_config_comments": True,
+    "show_memory": False,
+    "capture_repr": (),
+    "show_signature": False,
+    "image_srcset": ["2x"],
+}
+
+logging.getLogger("skfem").setLevel(logging.WARNING)
+lexers["mermaid"] = TextLexer()
+
+_ROOT = Path(__file__).parents[1]
+
+
+def setup(app) -> None:
+    """Write what the site has and the folder has not, before the sources are read."""
+    made = Path(app.srcdir) / "made"
+    reference.write(made / "reference")
+    for name in ("CONTRIBUTING.md", "CHANGELOG.md"):
+        text = (_ROOT / name).read_text(encoding="utf-8")
+        (made / name.lower()).write_text(text.replace("](docs/", "](../"), encoding="utf-8")

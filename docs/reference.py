@@ -1,0 +1,173 @@
+"""Reference pages from the code: commands, keys of files, what packages export, shapes of documents."""
+
+import dataclasses
+import importlib
+import io
+import json
+import re
+import tokenize
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from touchcal.json_schema import schema
+
+COMMANDS = ("matcal", "eitsim", "surrogate")
+# name of a schema -> what it describes, and the module whose _SHAPE it is
+SCHEMAS = {"material-card": ("a material card, as `matcal fit` writes it", "matcal.card"),
+           "data-set": ("`manifest.json` of a data set, as `eitsim sweep` writes it", "eitsim.sweeps.dataset.parquet"),
+           "model": ("`model.json` of a model, as `surrogate train` writes it", "surrogate.model.store")}
+
+
+def write(folder: Path) -> None:
+    """Write every reference page into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    pages = {"commands": commands(), "scene-keys": scene_keys(), **{f"api-{name}": api(name) for name in COMMANDS}}
+    pages["schemas"] = schemas(folder)
+    for name, text in pages.items():
+        path = folder / f"{name}.md"
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def commands() -> str:
+    """Every command with its options, from the programs themselves."""
+    parts = ["# Commands\n"]
+    for name in COMMANDS:
+        parts += _command(name, typer.main.get_command(importlib.import_module(f"{name}.cli.main").app), 2)
+    return "\n".join(parts)
+
+
+def _command(name: str, command: Any, level: int) -> list[str]:
+    out = [f"{'#' * min(level, 6)} {name}\n", *_help(command.help or "")]
+    listed = getattr(command, "commands", {})
+    if not listed:
+        usage = command.collect_usage_pieces(command.make_context(name, [], resilient_parsing=True))
+        out += ["```text", f"{name} {' '.join(usage)}", "```\n"]
+    rows = [(_name(option), _cell(getattr(option, "help", "") or "")) for option in command.params
+            if not getattr(option, "hidden", False)]
+    out += _table(("option", "meaning"), rows)
+    for each, one in listed.items():
+        out += _command(f"{name} {each}", one, level + 1)
+    return out
+
+
+def _name(option: Any) -> str:
+    """An option as it is typed, or an argument in capitals."""
+    if option.param_type_name == "option":
+        return ", ".join(f"`{one}`" for one in (*option.opts, *option.secondary_opts))
+    return f"`{str(option.metavar or option.name).upper()}`"
+
+
+def _help(text: str) -> list[str]:
+    """Paragraphs as prose, indented lines as a block of code."""
+    out = []
+    for part in text.replace("\b\n", "\b").strip().split("\n\n"):
+        code = part.startswith(("\b", "    ", "  "))
+        out += [f"```text\n{part.strip(chr(8))}\n```\n"] if code else [part.replace("\n", " ") + "\n"]
+    return out
+
+
+def schemas(folder: Path) -> str:
+    """JSON Schemas, written into a folder, and the page that links them."""
+    rows = []
+    for name, (title, module) in SCHEMAS.items():
+        found = schema(importlib.import_module(module)._SHAPE, title)
+        (folder / f"{name}.schema.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+        rows.append((f"[{name}.schema.json]({name}.schema.json)", title))
+    return "\n".join(["# Schemas of files\n", "JSON Schemas (draft 2020-12) made from the shapes that the programs "
+                      "check when they read a file. How numbers go together is checked by the programs alone.\n",
+                      *_table(("schema", "of"), rows)])
+
+
+def scene_keys() -> str:
+    """Every key of a scene file, with its unit, default and meaning."""
+    scene = importlib.import_module("eitsim.scene.scene")
+    parts = ["# Keys of a scene file\n",
+             "A scene is a TOML file of these tables; a key that is left out has its default. A file with a list of "
+             "tables `[[punch]]` has one touch a table. The same keys stand in a design, where a list of two numbers "
+             "is a range to draw from.\n"]
+    for table, keys in scene._KEYS.items():
+        kind = scene._CLASSES[table]
+        notes = comments(kind)
+        rows = []
+        for key, (name, per) in keys.items():
+            value = getattr(kind(), name)
+            known = scene._KNOWN.get((table, key))
+            words = f"; one of {', '.join(f'`{word}`' for word in known)}" if known else ""
+            shown = _default(None if value is None else scene._unconverted(value, per))
+            rows.append((f"`{key}`", shown, _cell(_in_words(notes.get(name, "")) + words).lstrip("; ")))
+        parts += [f"## [{table}]\n", (kind.__doc__ or "").splitlines()[0] + "\n", *_table(("key", "default", "meaning"),
+                                                                                         rows)]
+    return "\n".join(parts)
+
+
+def _in_words(note: str) -> str:
+    """A comment without what its key says: names of constants and units in SI."""
+    note = re.sub(r"(, )?one of [A-Z_]+:? ?", "", note)
+    note = re.sub(r"[,;] (m|rad|N|s|A|Ohm m(\^2)?)(?=[;,.]|$)", "", note)
+    note = note.replace("None where", "left out where").replace("None: ", "left out: ")
+    return note.replace("current_A", "current_mA")
+
+
+def _default(value: Any) -> str:
+    if value is None or value in ((), []):
+        return "none"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    return f'`"{value}"`' if isinstance(value, str) else f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
+
+
+def comments(kind: type) -> dict[str, str]:
+    """Field -> the comment that stands behind it, or above it and all that follow without their own."""
+    source = io.StringIO(Path(importlib.import_module(kind.__module__).__file__ or "").read_text(encoding="utf-8"))
+    names = {one.name for one in dataclasses.fields(kind)}
+    found: dict[str, str] = {}
+    above, inside, name, fresh = "", False, "", False
+    for token in tokenize.generate_tokens(source.readline):
+        if token.type == tokenize.NAME and token.line.startswith(f"class {kind.__name__}"):
+            inside = True
+        elif inside and token.type == tokenize.NAME and token.line and not token.line[0].isspace():
+            break
+        if not inside:
+            continue
+        first = token.line.split(":")[0].strip()
+        if token.type == tokenize.NAME and first in names and token.string == first:
+            name, fresh = first, False
+            found[name] = above
+        elif token.type == tokenize.COMMENT:
+            text = token.string.lstrip("# ")
+            if token.line.strip().startswith("#"):
+                above = f"{above} {text}" if fresh else text
+                fresh = True
+            else:
+                found[name], above = text, ""
+    return found
+
+
+def api(name: str) -> str:
+    """What a package exports."""
+    package = importlib.import_module(name)
+    lines = [f"# {name} in Python\n", (package.__doc__ or "").split("\n\n")[0].replace("\n", " ") + "\n"]
+    for each in sorted(package.__all__, key=str.lower):
+        thing = getattr(package, each)
+        if isinstance(thing, type):
+            lines += [f"## {each}\n", "```{eval-rst}", f".. autoclass:: {name}.{each}", "   :members:", "```\n"]
+        elif callable(thing):
+            lines += [f"## {each}\n", "```{eval-rst}", f".. autofunction:: {name}.{each}", "```\n"]
+        else:
+            lines += [f"## {each}\n", f"`{name}.{each}`: {', '.join(map(str, thing))}\n"]
+    return "\n".join(lines)
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    listed = list(rows)
+    if not listed:
+        return []
+    return [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}", *(f"| {' | '.join(row)} |" for row in listed), ""]
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")

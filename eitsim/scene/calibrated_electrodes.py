@@ -1,0 +1,112 @@
+"""The electrodes and channels of a calibrated sensor in the place of a scene's: `calibrated` in [electrodes].
+
+    [electrodes]
+    calibrated = "sensor.json"
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from touchcal.arrays import Array
+from touchcal.document import Keys, Number
+from touchcal.errors import InputFileError
+from touchcal.json_file import read_json
+
+# Group of parameters -> what its names begin with as `eitsim sensor fit` writes them, with the unit of the value
+NAMES = {"conductance": "ln_conductance_S", "contacts": "ln_contact_impedance_Ohm_m", "width": "ln_width_factor",
+         "positions": "offset_mm", "gains": "gain", "currents": "current_factor", "leaks": "leak_uS",
+         "sheet": "sheet_mode", "widths": "ln_one_width_factor"}
+SCHEMA = 2
+_FIX = "A calibrated sensor is the JSON that `eitsim sensor fit` writes."
+_LENGTHS = (Number(), [Number()])
+_SENSOR = Keys({"body": Keys({"radius_mm": Number(1e-3)}), "skin": dict, "drive": dict, "electrodes": Keys({
+    "kind": str, "count": Number(4, 64, whole=True), "width_mm": _LENGTHS}, {
+    "first_angle_deg": Number(), "angles_deg": [Number()]})})
+_SHAPE = Keys({"schema": Number(1, whole=True), "sensor": _SENSOR, "absolute_model": str, "reason": str,
+               "misfit": (Number(0), None),
+               "parameters": {str: Keys({"value": Number(-1e6, 1e6), "sd": Number(0), "prior_sd": Number(0)})}})
+
+
+def with_calibrated(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables of a scene or design file with the calibrated sensor of [electrodes] in its place, its name relative
+    to `folder`; InputFileError names the file, ValueError the key."""
+    electrodes = tables.get("electrodes")
+    if not isinstance(electrodes, Mapping) or "calibrated" not in electrodes:
+        return dict(tables)
+    if other := [f"{key} in [electrodes]" for key in electrodes if key != "calibrated"] + (
+            ["[channels]"] if "channels" in tables else []):
+        raise ValueError(f"{other[0]} has no effect with calibrated in [electrodes]; leave it out.")
+    name = electrodes["calibrated"]
+    if not isinstance(name, str):
+        raise ValueError(f"calibrated in [electrodes] must be the name of a file, got {name!r:.80}.")
+    own = calibrated_tables(folder / name)
+    body, radius = tables.get("body"), own["body"]["radius_mm"]
+    if isinstance(body, Mapping) and body.get("radius_mm", radius) != radius:
+        raise ValueError(f"radius_mm in [body] must be that of the calibrated sensor, {radius:g}, got "
+                         f"{body['radius_mm']!r:.80}; leave it out.")
+    return {**own, **tables, **{key: own[key] for key in ("electrodes", "channels")},
+            **({"body": {"radius_mm": radius, **body}} if isinstance(body, Mapping) else {})}
+
+
+def read_fitted(path: Path) -> dict[str, Any]:
+    """The document of `eitsim sensor fit`; InputFileError where it is none, or of another schema."""
+    raw = read_json(path, "a calibrated sensor", _FIX, _SHAPE)
+    if raw["schema"] != SCHEMA:
+        raise InputFileError(path, f"schema {raw['schema']} is not {SCHEMA}, which is read here. Fit the sensor again.")
+    return raw
+
+
+def calibrated_tables(path: Path) -> dict[str, Any]:
+    """[body], [skin], [electrodes], [drive] and [channels] of a calibrated sensor's file; InputFileError where its
+    absolute model was refused, or a parameter is missing."""
+    raw = read_fitted(path)
+    if raw["absolute_model"] != "usable":
+        raise InputFileError(path, f"its absolute model was refused: {raw['reason']} Give a scene the [electrodes] of "
+                                   "the sensor file.")
+    sensor, values = raw["sensor"], {name: one["value"] for name, one in raw["parameters"].items()}
+    try:
+        electrodes, channels = _electrodes(sensor, values), _channels(sensor["electrodes"]["count"], values)
+    except ValueError as error:
+        raise InputFileError(path, str(error)) from None
+    return {**{key: sensor[key] for key in ("body", "skin", "drive")}, "electrodes": electrodes, "channels": channels}
+
+
+def _electrodes(sensor: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
+    """[electrodes] as calibrated: even angles stay so where no electrode is displaced."""
+    design = sensor["electrodes"]
+    count, first, angles = design["count"], design.get("first_angle_deg", 0.0), design.get("angles_deg", [])
+    offset = _each("positions", count, values)
+    if angles or offset.any():
+        even = angles or first + 360 / count * np.arange(count)
+        place = {"angles_deg": (even + np.degrees(offset / sensor["body"]["radius_mm"])).tolist()}
+    else:
+        place = {"first_angle_deg": first}
+    width = np.broadcast_to(design["width_mm"], count) * np.exp(_one("width", values) + _each("widths", count, values))
+    contact = np.exp(_each("contacts", count, values))
+    return {"kind": design["kind"], "count": count, **place, "width_mm": width.tolist(),
+            "contact_impedance_Ohm_m": contact.tolist()}
+
+
+def _channels(count: int, values: Mapping[str, float]) -> dict[str, list[float]]:
+    return {"gains": _each("gains", count, values).tolist(),
+            "current_factors": [values.get(f"{NAMES['currents']}_{k:02d}", 1.0) for k in range(count)],
+            "leaks_uS": _each("leaks", count, values).tolist(),
+            "conductance_S": [float(np.exp(_one("conductance", values)))],
+            "sheet_modes": [one for name, one in values.items() if name.startswith(NAMES["sheet"])]}
+
+
+def _one(group: str, values: Mapping[str, float]) -> float:
+    return _found(NAMES[group], values)
+
+
+def _each(group: str, count: int, values: Mapping[str, float]) -> Array:
+    return np.array([_found(f"{NAMES[group]}_{k:02d}", values) for k in range(count)])
+
+
+def _found(name: str, values: Mapping[str, float]) -> float:
+    if name not in values:
+        raise ValueError(f"'{name}' in parameters is missing. Fit the sensor again.")
+    return values[name]

@@ -1,0 +1,180 @@
+"""Electrodes on a skin with an outline: stretches of its outer edge, or patches anywhere on its surface."""
+
+import math
+
+import numpy as np
+
+from eitsim.scene.electrodes import SHAPES, TOUCHING, Electrodes, check_sizes, lengths, require, turns, widths
+from eitsim.scene.outline import (
+    Outline,
+    centroid_m,
+    circle,
+    corners_and_edges,
+    edge_distance_m,
+    inside,
+    loops,
+    squared_distance,
+    touching,
+)
+from touchcal.arrays import Array
+
+_CHORDS = 16  # Corners of a round electrode, which has the circle's area; of a sector on its arc, at most.
+_CLOSEST = 1e-6  # Least gap between electrodes on the surface, or to an edge, over the outline's size.
+
+
+def edge_starts(outline: Outline) -> Array:
+    """Arc lengths (n + 1,), m, of the outer edge's corners from its first one, the whole length last."""
+    loop = loops(outline)[0]
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1))])
+
+
+def places_along(outline: Outline, arc_m: Array) -> Array:
+    """Points (..., 2), m, of the outer edge at arc lengths (...) from its first corner, counter-clockwise."""
+    loop, starts = loops(outline)[0], edge_starts(outline)
+    closed, arc = np.vstack([loop, loop[:1]]), np.mod(arc_m, starts[-1])
+    return np.stack([np.interp(arc, starts, closed[:, i]) for i in (0, 1)], axis=-1)
+
+
+def arc_at(outline: Outline, angle_rad: float) -> float:
+    """Arc length, m, of the outermost point of the outer edge in a direction from its centroid.
+
+    ValueError where no part of the edge lies in that direction.
+    """
+    loop, centre, starts = loops(outline)[0], centroid_m(outline), edge_starts(outline)
+    way = np.array([math.cos(angle_rad), math.sin(angle_rad)])
+    a, b = loop - centre, np.roll(loop, -1, axis=0) - centre
+    left, right = way[0] * a[:, 1] - way[1] * a[:, 0], way[0] * b[:, 1] - way[1] * b[:, 0]
+    across = (left <= 0) != (right <= 0)
+    share = np.where(across, left / np.where(across, left - right, 1.0), 0.0)
+    reach = np.where(across, (a + share[:, None] * (b - a)) @ way, -np.inf)
+    k = int(np.argmax(reach))
+    require(reach[k] > 0, "angles_deg", f"no edge lies at {math.degrees(angle_rad):g} degrees from the outline's "
+            "centroid; give shares or positions_mm from another first_angle_deg")
+    return float(starts[k] + share[k] * (starts[k + 1] - starts[k]))
+
+
+def stretches_along(outline: Outline, electrodes: Electrodes) -> Array:
+    """First and last arc length (count, 2), m, of line electrodes from the outer edge's first corner.
+
+    Middles are those of `angles_rad`, or lie `positions_m` or `shares` of the length counter-clockwise from the
+    direction of `first_angle_rad`, evenly unless given. ValueError where they overlap.
+    """
+    whole = edge_starts(outline)[-1]
+    if electrodes.angles_rad:
+        middle = np.array([arc_at(outline, angle) for angle in electrodes.angles_rad])
+    else:
+        shares = electrodes.shares or np.arange(electrodes.count) / electrodes.count
+        from_first = np.array(electrodes.positions_m) if electrodes.positions_m else whole * np.array(shares)
+        middle = arc_at(outline, electrodes.first_angle_rad) + from_first
+    ends = middle[:, None] + widths(electrodes)[:, None] / 2 * np.array([-1.0, 1.0])
+    order = np.argsort(np.mod(middle, whole))
+    middle, half = np.mod(middle, whole)[order], widths(electrodes)[order] / 2
+    gaps = np.append(middle[1:], middle[0] + whole) - middle - half - np.roll(half, -1)
+    k = int(np.argmin(gaps))
+    require(gaps[k] > -TOUCHING * whole, "width_mm",
+            f"electrodes {order[k]} and {order[(k + 1) % len(order)]} (from 0) overlap by {-gaps[k] * 1e3:.3g} mm of "
+            f"the outline's {whole * 1e3:.4g}; place them further from each other or make them narrower")
+    return ends
+
+
+def patch_loops(electrodes: Electrodes) -> list[Array]:
+    """Corners (n, 2), m, counter-clockwise, of each electrode on the surface; round ones keep the circle's area."""
+    sizes = zip(electrodes.x_m, electrodes.y_m, _shapes(electrodes), widths(electrodes), lengths(electrodes),
+                turns(electrodes), strict=True)
+    return [np.array([x, y]) + _patch(shape, width, length, electrodes.opening_rad) @ _rotation(turn)
+            for x, y, shape, width, length, turn in sizes]
+
+
+def _shapes(electrodes: Electrodes) -> tuple[str, ...]:
+    given = electrodes.shape
+    return (given,) * electrodes.count if isinstance(given, str) else given
+
+
+def _patch(shape: str, width: float, length: float, opening: float) -> Array:
+    """Corners about the electrode's own point: the middle, of a sector its tip."""
+    if shape == "disc":
+        return circle(np.zeros(2), width / 2, _CHORDS)
+    if shape == "rectangle":
+        return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [width / 2, length / 2]
+    chords = max(2, math.ceil(_CHORDS * opening / (2 * math.pi)))
+    step = opening / chords
+    angle = step * np.arange(chords + 1) - opening / 2
+    arc = length * math.sqrt(step / math.sin(step)) * np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.vstack([np.zeros((1, 2)), arc])
+
+
+def _rotation(turn: float) -> Array:
+    return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+
+
+def middles_m(outline: Outline, electrodes: Electrodes) -> Array:
+    """Middles (count, 2), m, of the electrodes."""
+    if electrodes.kind == "surface":
+        return np.array([loop.mean(axis=0) for loop in patch_loops(electrodes)])
+    return places_along(outline, stretches_along(outline, electrodes).mean(axis=1))
+
+
+def check_on_outline(outline: Outline, electrodes: Electrodes) -> None:
+    """ValueError where electrodes overlap, lie off the skin or cannot be as they are given; names the key."""
+    require(electrodes.kind != "patch", "kind", "\"patch\" is a sector at the rim of a disc; with an outline give kind "
+            "= \"line\", or \"surface\" with x_mm and y_mm")
+    check_sizes(electrodes)
+    if electrodes.kind == "line":
+        _check_line(electrodes)
+        stretches_along(outline, electrodes)
+        return
+    _check_patches(outline, electrodes)
+
+
+def _check_line(electrodes: Electrodes) -> None:
+    given = [key for key, value in (("angles_deg", electrodes.angles_rad), ("positions_mm", electrodes.positions_m),
+                                    ("shares", electrodes.shares)) if value]
+    require(len(given) <= 1, "".join(given[1:2]), f"has no effect with {''.join(given[:1])}; leave one of them out")
+    require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
+            "has no effect with angles_deg; leave it out")
+
+
+def _check_patches(outline: Outline, electrodes: Electrodes) -> None:
+    require(len(electrodes.x_m) == len(electrodes.y_m) == electrodes.count, "x_mm and y_mm",
+            f"must hold {electrodes.count} numbers each, one an electrode, got {len(electrodes.x_m)} and "
+            f"{len(electrodes.y_m)}")
+    shapes = _shapes(electrodes)
+    for shape in shapes:
+        require(shape in SHAPES, "shape", f"'{shape}' is unknown; known: {', '.join(SHAPES)}")
+    require(len(shapes) == electrodes.count, "shape", f"must be one word or {electrodes.count}, got {len(shapes)}")
+    require(np.all(lengths(electrodes) > 0), "length_mm", "must be positive")
+    require("sector" not in shapes or 0 < electrodes.opening_rad < math.pi, "opening_deg", "of a sector must lie "
+            f"between 0 and 180, got {math.degrees(electrodes.opening_rad):g}")
+    patches = patch_loops(electrodes)
+    start, end = corners_and_edges(outline)
+    least = _CLOSEST * float(np.ptp(loops(outline)[0], axis=0).max())
+    middle = np.array([patch.mean(axis=0) for patch in patches])
+    reach = np.array([np.linalg.norm(patch - at, axis=1).max() for patch, at in zip(patches, middle, strict=True)])
+    room = edge_distance_m(outline, middle)
+    for k, patch in enumerate(patches):
+        near = room[k] <= reach[k] + least
+        off = room[k] < 0 or (near and (_touches(patch, start, end, least) or inside(
+            start, patch, np.roll(patch, -1, axis=0)).any()))
+        require(not off, "x_mm and y_mm", f"electrode {k} (from 0) lies off the skin, or on its edge; move it inwards")
+        for j in np.flatnonzero(np.linalg.norm(middle[:k] - middle[k], axis=1) < reach[:k] + reach[k] + least):
+            require(not _overlap(patch, patches[j], least), "x_mm and y_mm", f"electrodes {j} and {k} (from 0) overlap "
+                    "or touch; place them further from each other or make them smaller")
+
+
+def _overlap(one: Array, other: Array, within: float) -> bool:
+    ends, others = np.roll(one, -1, axis=0), np.roll(other, -1, axis=0)
+    return bool(_touches(one, other, others, within) or inside(one[0], other, others) or inside(other[0], one, ends))
+
+
+def _touches(patch: Array, start: Array, end: Array, within: float) -> bool:
+    return any(touching(a, b, start, end, within).any() for a, b in zip(patch, np.roll(patch, -1, axis=0), strict=True))
+
+
+def patch_distance_m(electrodes: Electrodes, points_m: Array) -> Array:
+    """Distance (...) of points (..., 2) to the nearest electrode on the surface, m; negative on one."""
+    nearest = np.full(points_m.shape[:-1], np.inf)
+    for patch in patch_loops(electrodes):
+        start, end = patch, np.roll(patch, -1, axis=0)
+        away = np.sqrt(squared_distance(points_m[..., None, :], start, end).min(axis=-1))
+        nearest = np.minimum(nearest, np.where(inside(points_m, start, end), -away, away))
+    return nearest

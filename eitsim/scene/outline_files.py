@@ -1,0 +1,130 @@
+"""Outlines from files: points (CSV), a drawing (DXF, SVG) or a triangle mesh that meshio reads; lengths in mm."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from touchcal.arrays import Array
+from touchcal.csv_numbers import read_numbers
+from touchcal.errors import InputFileError
+
+_SAG_MM = 0.01  # Largest distance of a curve of a drawing from its chords, mm.
+_SAME_MM = 1e-3  # Ends of lines of a drawing closer than this are one corner, mm.
+
+Corners = list[list[float]]
+
+
+def outline_of_file(path: Path) -> tuple[Corners, list[Corners]]:
+    """Corners [x, y], mm, of the loop of a file that encloses most, then of the others, which are holes.
+
+    Curves become chords that lie at most 0.01 mm off. InputFileError where the file holds no closed loop.
+    """
+    if not path.exists():
+        raise InputFileError(path, "no such file, which outline or points_mm in [body] names. Check the name, which is "
+                                   "relative to the scene file.")
+    found = {".csv": _csv, ".dxf": _dxf, ".svg": _svg}.get(path.suffix.lower(), _mesh)(path)
+    if not found:
+        raise InputFileError(path, "it holds no closed loop; close the outline.")
+    found.sort(key=lambda loop: -abs(_area(loop)))
+    outer, *holes = [loop.tolist() for loop in found]
+    return outer, holes
+
+
+def _area(loop: Array) -> float:
+    x, y = loop.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def _csv(path: Path) -> list[Array]:
+    return [read_numbers(path, 2, what="numbers x_mm, y_mm").values]
+
+
+def _dxf(path: Path) -> list[Array]:
+    try:
+        from ezdxf import filemanagement
+        from ezdxf import path as paths
+        from ezdxf.lldxf.const import DXFError
+    except ImportError:
+        raise _missing("ezdxf", ".dxf") from None
+    try:
+        space = filemanagement.readfile(path).modelspace()
+    except (DXFError, OSError) as error:
+        raise InputFileError(path, f"no DXF file that can be read ({error}).") from None
+    curves = space.query("LINE ARC CIRCLE ELLIPSE LWPOLYLINE POLYLINE SPLINE")
+    return _joined(path, [np.array([[p.x, p.y] for p in paths.make_path(curve).flattening(_SAG_MM)])
+                          for curve in curves])
+
+
+def _svg(path: Path) -> list[Array]:
+    try:
+        import svgelements
+    except ImportError:
+        raise _missing("svgelements", ".svg") from None
+    try:
+        # user units of 96 an inch, as SVG has them
+        drawing = svgelements.SVG.parse(str(path), ppi=25.4)
+    except (ValueError, OSError, SyntaxError) as error:
+        raise InputFileError(path, f"no SVG file that can be read ({error}).") from None
+    shapes: list[Any] = [one for one in drawing.elements() if isinstance(one, svgelements.Shape)]
+    parts = [part for shape in shapes for part in svgelements.Path(shape).as_subpaths()]
+    return _joined(path, [_flattened(svgelements.Path(part)) for part in parts])
+
+
+def _flattened(part: Any) -> Array:
+    """Points of a path of an SVG, its y upwards, straight pieces by their ends."""
+    points: list[Any] = []
+    for piece in part:
+        if type(piece).__name__ == "Move":
+            points.append(piece.end)
+            continue
+        straight = type(piece).__name__ in ("Line", "Close")
+        # chords of a curve of length l that turns by at most a whole turn: the sag is below pi l / (4 n^2)
+        chords = 1 if straight else max(4, math.ceil(math.sqrt(math.pi * piece.length() / (4 * _SAG_MM))))
+        points += [piece.point(k / chords) for k in range(1, chords + 1)]
+    return np.array([[p.x, -p.y] for p in points if p is not None])
+
+
+def _mesh(path: Path) -> list[Array]:
+    """Loops of the edges that one triangle of a mesh has."""
+    import meshio
+
+    try:
+        mesh = meshio.read(path)
+    except (meshio.ReadError, ValueError, KeyError, OSError, SystemExit) as error:
+        raise InputFileError(path, "no outline: neither .csv, .dxf, .svg nor a mesh that meshio reads "
+                                   f"({error}).") from None
+    cells = [block.data for block in mesh.cells if block.type.startswith("triangle")]
+    if not cells:
+        raise InputFileError(path, "the mesh has no triangles; save the skin's surface.")
+    if mesh.points.shape[1] == 3 and np.ptp(mesh.points[:, 2]) > _SAME_MM:
+        raise InputFileError(path, "the mesh is not flat in z; curved skins are not solved.")
+    corners = np.vstack([block[:, :3] for block in cells])
+    edges = np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    _, index, times = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    return _joined(path, list(mesh.points[edges[index[times == 1]]][..., :2]))
+
+
+def _joined(path: Path, pieces: Sequence[Array]) -> list[Array]:
+    """Closed loops of pieces, which are joined where their ends meet; InputFileError where one ends free."""
+    ahead, loops = [piece for piece in pieces if len(piece) > 1], []
+    while ahead:
+        loop = ahead.pop(0)
+        while np.linalg.norm(loop[0] - loop[-1]) > _SAME_MM:
+            away = [(np.linalg.norm(piece[side] - loop[-1]), k, side) for k, piece in enumerate(ahead)
+                    for side in (0, -1)]
+            near, k, side = min(away, default=(math.inf, 0, 0))
+            if near > _SAME_MM:
+                at = ", ".join(f"{part:.6g}" for part in loop[-1])
+                raise InputFileError(path, f"the outline is open at ({at}) mm; close it.")
+            piece = ahead.pop(k)
+            loop = np.vstack([loop, (piece if side == 0 else piece[::-1])[1:]])
+        loops.append(loop[:-1])
+    return loops
+
+
+def _missing(name: str, suffix: str) -> ValueError:
+    return ValueError(f"outline in [body]: {suffix} files need the package {name}, which is not installed; install "
+                      f"touchcal[outlines], or give the corners as a .csv file.")

@@ -1,0 +1,109 @@
+"""Frames of a calibrated sensor as the sensor of its file would read them, so that models of that one serve.
+
+A small touch at x changes the readings of the real sensor by J_r(x) and those of the ideal one by J_i(x), for a unit of
+its size. M = 1 + (J_i - J_r) J_r' (J_r J_r' + n^2)^-1, means over pixels of the disc, n the noise of a change, is the
+least-squares map from one to the other that leaves alone what lies in the noise: V_ideal = V0_ideal + M (V - V0). What
+it misses, also of sensors that the calibration may have missed, is the covariance of its error (Bayesian approximation
+error).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eitsim.electrics.forward.untouched import untouched_impedance
+from eitsim.electrics.imaging.gauss_newton import pixel_signals, pixels
+from eitsim.scene.channels import Channels, channel_readings
+from eitsim.scene.electrodes import Electrodes
+from eitsim.sensors.calibration.calibration_file import CalibratedSensor
+from eitsim.sensors.recording import Recording
+from eitsim.sensors.sensor_file import Sensor
+from touchcal.arrays import Array
+from touchcal.errors import InputFileError
+
+_INSIDE = 0.9  # part of the radius within which touches lie
+_DRAWS = 4  # of sensors that the calibration may have missed
+_RINGS = 12  # of pixels; one is as large as a touch's usual moment, 36 mm^2 of a disc of 100 mm
+
+
+@dataclass(frozen=True, eq=False)
+class ToIdeal:
+    """The map from a calibrated sensor's readings to those of the sensor that its file describes."""
+
+    untouched_V: Array  # (m,) of the ideal sensor, on the calibrated sheet
+    matrix: Array  # (m, m) by which changes of the readings are multiplied
+    left: float  # part of the ideal sensor's signals, over all places, that the map misses
+
+
+def to_ideal(calibrated: CalibratedSensor) -> ToIdeal:
+    """The map of a calibrated sensor; ValueError as `channel_changes`."""
+    sensor, channels = calibrated.sensor, calibrated.instrument.channels(calibrated.state)
+    even = Channels(conductance_S=channels.conductance_S)
+    real, ideal = signals(calibrated, calibrated.state), ideal_signals(calibrated)
+    matrix = least_squares_map(real, ideal, np.sqrt(2) * calibrated.misfit)
+    rest = channel_readings(sensor.protocol, even, untouched_impedance(sensor.body, sensor.electrodes,
+                                                                       channels.conductance_S[0])).ravel()
+    return ToIdeal(rest, matrix, float(np.linalg.norm(ideal - matrix @ real) / np.linalg.norm(ideal)))
+
+
+def signals(calibrated: CalibratedSensor, state: Array) -> Array:
+    """(m, t) V what a relative change of conductance on each pixel makes of the readings of a state."""
+    sensor, held = calibrated.sensor, calibrated.instrument
+    return _signals(sensor, held.built(state), held.channels(state))
+
+
+def ideal_signals(calibrated: CalibratedSensor) -> Array:
+    """(m, t) V the same of the ideal sensor on the calibrated sheet."""
+    sheet = calibrated.instrument.channels(calibrated.state).conductance_S
+    return _signals(calibrated.sensor, calibrated.sensor.electrodes, Channels(conductance_S=sheet))
+
+
+def _signals(sensor: Sensor, electrodes: Electrodes, channels: Channels) -> Array:
+    mosaic = pixels(sensor.body.radius_m, _RINGS)
+    inside = np.hypot(*mosaic.centre_m.T) < _INSIDE * sensor.body.radius_m
+    return pixel_signals(sensor.body, electrodes, sensor.drive, channels, mosaic)[:, inside]
+
+
+def least_squares_map(real: Array, ideal: Array, noise: float) -> Array:
+    """(m, m) M that makes signals (m, t) of one sensor those of the other, one pixel at a time, noise their standard
+    deviation, V."""
+    gram = real @ real.T + real.shape[1] * noise**2 * np.eye(len(real))
+    return np.eye(len(real)) + np.linalg.solve(gram, real @ (ideal - real).T).T
+
+
+def error_covariance(calibrated: CalibratedSensor, states: Iterable[Array], found: ToIdeal) -> Array:
+    """(m, m) V^2 mean of the outer products of what the map misses of the ideal sensor's signals, over pixels and over
+    states that the sensor may have, for a touch that changes one pixel by its whole conductance."""
+    ideal = ideal_signals(calibrated)
+    missed = np.hstack([ideal - found.matrix @ signals(calibrated, state) for state in states])
+    return missed @ missed.T / missed.shape[1]
+
+
+def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0) -> float:
+    """Standard deviation, V, of a corrected reading of a touched frame, r.m.s.: noise of both frames through the map,
+    and its error for a touch as large as a pixel, over sensors drawn by the standard deviations of the parameters.
+
+    These are taken as independent, which makes the draws wider than the posterior.
+    """
+    chance, held = np.random.default_rng(seed), calibrated.instrument
+    states = [calibrated.state + held.gauged(calibrated.sd * chance.standard_normal(held.size)) for _ in range(_DRAWS)]
+    error = np.trace(error_covariance(calibrated, states, found))
+    noise = 2 * calibrated.misfit**2 * np.sum(found.matrix**2)
+    return float(np.sqrt((error + noise) / len(found.matrix)))
+
+
+def ideal_frames(found: ToIdeal, calibrated: CalibratedSensor, recording: Recording) -> Recording:
+    """A recording as the ideal sensor would read it: untouched frames are its own, touched ones the map of what they
+    add to the untouched frame that came last before them, or first after; InputFileError where none is untouched.
+
+    Of magnitudes the signs are those of the calibrated model, and what is given back is voltages.
+    """
+    rest = np.flatnonzero(recording.untouched)
+    if not len(rest):
+        raise InputFileError(recording.source, "no frame is untouched; leave `touch` empty in rows without a touch.")
+    frames = np.real(recording.readings)
+    sign = np.sign(calibrated.signed_readings().ravel()) if recording.kind == "magnitude" else 1.0
+    latest = rest[np.maximum(np.searchsorted(rest, np.arange(len(frames)), side="right") - 1, 0)]
+    change = np.where(recording.untouched[:, None], 0.0, sign * (frames - frames[latest]))
+    return replace(recording, readings=found.untouched_V + change @ found.matrix.T, kind="voltage")

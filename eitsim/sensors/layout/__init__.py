@@ -1,0 +1,1 @@
+"""Which electrodes, currents and readings tell a touch best: Cramer-Rao bounds over the disc."""

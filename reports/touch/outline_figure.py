@@ -1,0 +1,44 @@
+"""The sensor from above where its skin has an outline."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+from eitsim.scene.outline import loops
+from eitsim.scene.outline_electrodes import edge_starts, middles_m, patch_loops, places_along, stretches_along
+from eitsim.scene.scene import Scene
+from reports.document import style
+
+_NUMBER, _MARGIN = 0.05, 0.1  # Distance of a number from the edge, and room around all, over the outline's size.
+
+
+def outlined_sensor(axes: Axes, scene: Scene) -> None:
+    """Outline, holes and electrodes from above, to scale, electrode numbers from 0; missing ones in grey."""
+    body, electrodes = scene.body, scene.electrodes
+    outer, *holes = (loop * 1e3 for loop in loops(body))
+    axes.add_patch(Polygon(outer, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
+    for hole in holes:
+        axes.add_patch(Polygon(hole, facecolor="white", edgecolor=style.GREY, lw=0.6))
+    size, middles = float(np.ptp(outer, axis=0).max()), middles_m(body, electrodes) * 1e3
+    colours = [style.GREY if k in electrodes.missing else style.INK for k in range(electrodes.count)]
+    if electrodes.kind == "surface":
+        for patch, colour in zip(patch_loops(electrodes), colours, strict=True):
+            axes.add_patch(Polygon(patch * 1e3, facecolor=colour, edgecolor="none"))
+        middles = middles - [0.0, _NUMBER * size]
+    else:
+        ends = stretches_along(body, electrodes)
+        for (first, last), colour in zip(ends, colours, strict=True):
+            corners = edge_starts(body)[None, :-1] + edge_starts(body)[-1] * np.array([[-1], [0], [1]])
+            arcs = np.sort([first, last, *corners[(corners > first) & (corners < last)]])
+            axes.plot(*places_along(body, arcs).T * 1e3, solid_capstyle="butt", lw=2.2, color=colour)
+        step = 1e-3 * (ends[:, 1] - ends[:, 0])
+        along = places_along(body, ends.mean(axis=1) + step) - places_along(body, ends.mean(axis=1) - step)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        middles = middles + _NUMBER * size * np.column_stack([along[:, 1], -along[:, 0]])
+    for k, (x, y) in enumerate(middles):
+        axes.text(x, y, str(k), ha="center", va="center", fontsize=7)
+    low, high = outer.min(axis=0) - _MARGIN * size, outer.max(axis=0) + _MARGIN * size
+    axes.set_aspect("equal")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    style.label(axes, "x (mm)", "y (mm)")

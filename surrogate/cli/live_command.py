@@ -1,0 +1,92 @@
+"""`surrogate live`: the page where one presses the skin, and its export as one file."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from surrogate.cli.limit_command import counted
+from surrogate.cli.predict_command import ModelFolder, NoiseV
+from touchcal.terminal import check_out
+
+if TYPE_CHECKING:
+    from surrogate.live.serve import Show
+    from surrogate.model.model import Model
+
+INPUT_HELP = "- reads frames that a device writes, line by line, from standard input."
+REPLAY_HELP = "Recording or table of frames to show at its rate, or at 50 frames a second without a clock."
+SIMULATE_HELP = "Card of foam and skin: presses are answered by the simulator, from tables."
+DATA_HELP = "Data set whose design tells the sensor of --simulate."
+EXPORT_HELP = "Write the page as one file that presses and reads in the browser, without a server; forward models."
+
+
+def live(model_folder: ModelFolder,
+         frames: Annotated[str | None, typer.Argument(metavar="[-]", help=INPUT_HELP)] = None,
+         port: Annotated[int, typer.Option(min=0, max=65535, help="Port of 127.0.0.1; 0 takes a free one.")] = 0,
+         replay: Annotated[Path | None, typer.Option(help=REPLAY_HELP)] = None,
+         simulate: Annotated[Path | None, typer.Option(metavar="CARD", help=SIMULATE_HELP)] = None,
+         data: Annotated[Path | None, typer.Option(help=DATA_HELP)] = None,
+         scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --simulate.")] = None,
+         baseline: Annotated[Path | None, typer.Option(help="CSV of untouched frames; else the first frame.")] = None,
+         noise_v: NoiseV = None,
+         export: Annotated[Path | None, typer.Option(help=EXPORT_HELP)] = None) -> None:
+    """Show a skin on a page of 127.0.0.1: press it with the mouse, by touch or with the keyboard, and see it read.
+
+    Presses are answered by the simulator (--simulate), or without it by the model's own learned map; or the page shows
+    a recording (--replay) or what a device writes (-). The address holds a token that other pages do not know.
+
+    Example: surrogate live forward --simulate card.json
+    """
+    import surrogate
+    from surrogate.live.export_page import export_page
+    from surrogate.live.serve import check_installed, serve
+    from surrogate.recordings.trained.reader_store import is_reader
+
+    _check_choice(frames, replay, simulate, data or scene, export)
+    if is_reader(model_folder):
+        raise ValueError(f"{model_folder} was trained on a recording, and the page shows models of sweeps. Read its "
+                         "frames with `surrogate predict`.")
+    if export is not None:
+        check_out(export, "--export")
+        export_page(surrogate.load(model_folder), export)
+        print(f"page: {export}, {export.stat().st_size / 1e6:.2f} MB")
+        return
+    check_installed()
+    serve(_show(surrogate.load(model_folder), frames, replay, simulate, data, scene, baseline, noise_v), port,
+          lambda address: print(f"{address}\nCtrl-C stops.", flush=True))
+
+
+def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None, sensor: Path | None,
+                  export: Path | None) -> None:
+    if frames not in (None, "-"):
+        raise ValueError(f"'{frames}' is no input; - reads standard input. Give a file with --replay.")
+    given = [name for name, value in (("-", frames), ("--replay", replay), ("--simulate", simulate),
+                                      ("--export", export)) if value is not None]
+    if len(given) > 1:
+        raise ValueError(f"{' and '.join(given)} are different sources of readings. Give one of them.")
+    if sensor is not None and simulate is None:
+        raise ValueError("--data and --scene tell the sensor of the simulator, which needs --simulate CARD.")
+
+
+def _show(model: Model, frames: str | None, replay: Path | None, simulate: Path | None, data: Path | None,
+          scene: Path | None, baseline: Path | None, noise_v: float | None) -> Show:
+    from surrogate.live.shows import pressed_show, read_untouched, recorded_show, streamed_show
+    from surrogate.live.skins import learned_skin, simulated_skin
+
+    untouched_V = None if baseline is None else read_untouched(baseline, len(model.baseline_V))
+    if replay is not None:
+        return recorded_show(model, replay, untouched_V, noise_v)
+    if frames == "-":
+        return streamed_show(model, open(sys.stdin.fileno(), "rb", closefd=False), untouched_V, noise_v)
+    if simulate is None:
+        _say("presses are answered by the model's own learned map. Give --simulate CARD for the simulator.")
+        return pressed_show(model, learned_skin(model), noise_v)
+    _say("load paths are read, or solved where none are stored, which takes minutes once.")
+    return pressed_show(model, simulated_skin(model, simulate, data, scene, counted("load paths")), noise_v)
+
+
+def _say(words: str) -> None:
+    print(f"surrogate: {words}", file=sys.stderr)

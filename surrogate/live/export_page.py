@@ -1,0 +1,121 @@
+"""The page as one file: the learned map in the browser presses the skin and is inverted there, without a server."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_zone
+from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_discrepancy
+from surrogate.forward_map.inversion.multipole_location import MARGIN, MARGIN_MM, RIM, spiral
+from surrogate.live.messages import hello
+from surrogate.live.serve import PAGE
+from surrogate.live.skins import forward_of, limits_of, usual_noise_V
+from surrogate.model.predict import MISFIT_FACTOR, WEAK
+from surrogate.model.trained import TrainedModel, interval_scale
+from surrogate.statistics.conformal import COVERAGE, normal
+from surrogate.statistics.gaussian_process import GaussianProcess
+from touchcal.whole_file import written
+
+MOST_BYTES = 5_000_000  # largest file that is written
+# Candidate places of a touch, and places and loads whose strengths' errors are averaged.
+CANDIDATES, SAMPLED = 400, 64
+_POLICY = ("default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
+           "form-action 'none'")
+_SCRIPTS = ("drawing.js", "press.js", "learned_map.js", "browser_skin.js", "page.js")
+
+
+def export_page(model: TrainedModel, path: Path | str) -> None:
+    """Write one HTML file in which presses are made by a forward model's learned map S = f(x, y, log d, g) and read by
+    Gauss-Newton on it, with no server and no network.
+
+    Parameters
+    ----------
+    model : Model
+        Of the method forward, with the outputs x0, y0, d and F.
+    path : path
+        File to write, at most MOST_BYTES.
+
+    Raises
+    ------
+    ValueError
+        For another method or other outputs, or where the map is too large.
+
+    Examples
+    --------
+    >>> export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
+    """
+    data = {"hello": hello(model, limits_of(model), "exported", usual_noise_V(model)), "map": document(model)}
+    text = _whole(json.dumps(data, allow_nan=False))
+    if len(text.encode()) > MOST_BYTES:
+        raise ValueError(f"the page would have {len(text.encode()) / 1e6:.1f} MB, at most {MOST_BYTES / 1e6:g} are "
+                         "written. Train on fewer scenes.")
+    with written(Path(path)) as file:
+        file.write(text.encode())
+
+
+def document(model: TrainedModel) -> dict[str, Any]:
+    """A forward model's map and what inverting it needs, as JSON; arrays as base64 of little-endian numbers."""
+    forward = forward_of(model)
+    ring, places = forward.ring, spiral(forward, SAMPLED)
+    unknown = np.column_stack([places, np.tile(forward.mean[2:], (SAMPLED, 1))])
+    k = [model.names.index(name) for name in ("x0", "y0", "d", "F")]
+    return {
+        "ring": {"radius_mm": ring.radius_mm, "angle_rad": _packed(ring.angle_rad), "copies": float(ring.copies)} | {
+            name: getattr(ring, name).tolist() for name in ("source", "sink", "read", "ground")},
+        "field": _packed(forward.field), "orders": multipole_series.ORDERS, "interior": INTERIOR,
+        "size": {"centre": _packed(forward.size.centre), "weights": _packed(forward.size.weights)},
+        "strengths": [_process(one) for one in forward.strengths],
+        "strength_sd": np.median(strength_discrepancy(forward, unknown), axis=0).tolist(),
+        "high_end": list(rim_zone.HIGH_END), "kept_orders": rim_zone.ORDERS, "zone": list(rim_zone.ZONE),
+        "p0": forward.p0, "floor": forward.floor, "shift_mm": forward.shift_mm, "mean": forward.mean.tolist(),
+        "sd": forward.sd.tolist(), "bounds": forward.bounds.tolist(), "margin_mm": MARGIN_MM, "margin": MARGIN,
+        "most_radius": RIM, "candidates": _packed(spiral(forward, CANDIDATES)),
+        "rim": _rim(forward) if electrode_correction.teaches(forward.beside.rim) else None,
+        "weakest_V": WEAK * model.trained.weakest_V, "misfit": MISFIT_FACTOR * max(model.trained.misfit, 1.0),
+        "interval": np.maximum(interval_scale(model)[k], normal(COVERAGE)).tolist(),
+        "normal": normal(COVERAGE), "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
+
+
+def _process(process: GaussianProcess) -> dict[str, Any]:
+    return {"nodes": _packed(process.nodes), "centre": _packed(process.centre), "lengths": _packed(process.lengths),
+            "weights": _packed(process.amplitude**2 * process.weights), "trend": _packed(process.trend)}
+
+
+def _rim(forward: ForwardMap) -> dict[str, Any]:
+    """What the rim adds: the skin's answer, what electrodes add, and how large the error of both is."""
+    fitted = forward.beside
+    answer, metal, error = fitted.polarization, fitted.rim, fitted.error
+    return {
+        "replaces": bool(fitted.replaces), "step": fitted.step if np.isfinite(fitted.step) else None,
+        "answer": {name: _packed(getattr(answer, name)) for name in ("nodes", "centre", "lengths", "weights")},
+        "answer_soft": polarization.SOFT, "answer_orders": polarization.ORDERS,
+        "metal": {"turn": [[one.real, one.imag] for one in metal.symmetry.turn.tolist()],
+                  "mirrored": metal.symmetry.mirrored.tolist(), "directions": _packed(metal.directions, "<f4"),
+                  "components": metal.directions.shape[2], "nodes": _packed(metal.process.nodes),
+                  "lengths": _packed(metal.process.lengths), "weights": _packed(metal.process.weights)},
+        "metal_soft": electrode_correction.SOFT, "along": electrode_correction.ALONG,
+        "error": {name: getattr(error, name).tolist() for name in ("gap", "load", "error")}}
+
+
+def _packed(values: ArrayLike, kind: str = "<f8") -> dict[str, str]:
+    return {"kind": kind, "base64": base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()}
+
+
+def _whole(data: str) -> str:
+    """The page with style, scripts and data in it, and a policy that forbids every request."""
+    text = (PAGE / "index.html").read_text(encoding="utf-8")
+    text = text.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n<meta http-equiv="Content-Security-Policy" '
+                                                  f'content="{_POLICY}">')
+    style = (PAGE / "page.css").read_text(encoding="utf-8")
+    text = text.replace('<link rel="stylesheet" href="page.css">', f"<style>\n{style}</style>")
+    scripts = "\n".join(f"<script>\n{(PAGE / name).read_text(encoding='utf-8')}</script>" for name in _SCRIPTS)
+    within = f'<script type="application/json" id="learned">{data}</script>\n{scripts}'
+    return re.sub(r'<script src="drawing.js">.*<script src="page.js"></script>', lambda _: within, text,
+                  flags=re.DOTALL)

@@ -1,0 +1,56 @@
+"""What the page is sent: first what skin it is, then each frame with what was read from it, as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from surrogate.live.controls import Limits
+from surrogate.live.moments import Moment
+from surrogate.model.tracked import CALIBRATING, TOUCH, Tracked
+from surrogate.model.trained import TrainedModel
+
+# Names of the touch's values, and their units in SI
+VALUES = {"x_mm": 1e3, "y_mm": 1e3, "d_mm": 1e3, "F_N": 1.0}
+
+
+def hello(model: TrainedModel, limits: Limits | None, source: str, noise_V: float = 0.0) -> dict[str, Any]:
+    """The sensor, what may be pressed, the noise to begin with, and where the readings come from: "simulated",
+    "learned", "recorded", "streamed" or "exported"."""
+    ring = model.ring
+    return {"source": source, "radius_mm": ring.radius_mm, "electrodes_rad": np.round(ring.angle_rad, 6).tolist(),
+            "readings": len(model.baseline_V), "limits": None if limits is None else asdict(limits),
+            "noise_mV": round(noise_V * 1e3, 6)}
+
+
+def frame(number: int, moment: Moment, found: Tracked, caution: str, spent_ms: float) -> str:
+    """One frame: its number, time, differences to the untouched frame in mV, the press that made it, what was read,
+    cautions, and what the server spent on it."""
+    true, values = moment.true, _numbers(found.value)
+    long_m, short_m, angle_rad = found.ellipse if values else (0.0, 0.0, 0.0)
+    return json.dumps({
+        "number": number, "time_s": round(moment.time_s, 4),
+        "difference_mV": [round(1e3 * value, 4) if math.isfinite(value) else None for value in found.signal_V.tolist()],
+        "true": None if true is None or true.force_N == 0 else {
+            "x_mm": true.x_mm, "y_mm": true.y_mm, "d_mm": true.diameter_mm, "F_N": true.force_N},
+        "read": values or None, "half_width": _numbers((found.below + found.above) / 2),
+        "ellipse": None if not values else {"long_mm": round(1e3 * long_m, 4), "short_mm": round(1e3 * short_m, 4),
+                                            "angle_rad": round(angle_rad, 4)},
+        "state": _state(found), "flag": found.flag, "caution": caution, "note": moment.note,
+        "fields": moment.fields, "answers_ms": moment.answers_ms, "spent_ms": round(spent_ms, 2)},
+        allow_nan=False)
+
+
+def _numbers(values: np.ndarray) -> dict[str, float]:
+    return {name: round(float(value) * unit, 6) for (name, unit), value in zip(VALUES.items(), values, strict=True)
+            if math.isfinite(value)}
+
+
+def _state(found: Tracked) -> str:
+    if found.state == CALIBRATING:
+        return f"calibrating: {found.left} untouched frames more"
+    return "no value for this touch" if found.state == TOUCH and not np.isfinite(found.value[0]) else found.state

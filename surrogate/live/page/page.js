@@ -1,0 +1,103 @@
+"use strict";
+// The page: each frame becomes numbers, words and pictures.
+
+(() => {
+  const byId = id => document.getElementById(id);
+  const SOURCES = {
+    simulated: "simulated presses, answered by the simulator", recorded: "a recording, at its rate",
+    learned: "simulated presses, answered by the model's own learned map", streamed: "frames from standard input",
+    exported: "simulated presses: the model's learned map makes and reads them in this browser" };
+  const ROWS = { x: ["x_mm", 1, 2], y: ["y_mm", 1, 2], d: ["d_mm", 1, 2], F: ["F_N", 3, 3] };
+  const SPOKEN_EVERY_MS = 1500, PLOTTED_EVERY_MS = 60;
+  let hello = null, hands = null, frame = null, frames = [], arrivals = [], missed = 0;
+  let drawn = null, stale = true, plotted = 0, spoken = 0;
+  const latencies = [];
+
+  const number = (value, digits) => value === undefined || value === null ? "–" : value.toFixed(digits);
+
+  function greet(message) {
+    const again = hello !== null;
+    hello = message;
+    byId("source").textContent = SOURCES[hello.source];
+    byId("counted").textContent = hello.readings + " of them";
+    byId("shown-field").hidden = hello.source !== "simulated";
+    byId("reach").hidden = !hello.limits || hello.limits.reach_mm > hello.radius_mm - 1;
+    document.body.classList.toggle("shown-only", !hello.limits);
+    if (hello.limits && !again) hands = pressing(hello, send);
+  }
+
+  function take(message) {
+    if (frame && message.number > frame.number + 1) missed += message.number - frame.number - 1;
+    frame = message;
+    frames.push(frame);
+    arrivals.push(performance.now());
+    while (frames.length && frames[0].time_s < frame.time_s - HISTORY_S) frames.shift();
+    while (arrivals.length && arrivals[0] < performance.now() - 2000) arrivals.shift();
+  }
+
+  function lost() { byId("state").textContent = "the connection is closed; trying again"; }
+
+  function words() {
+    return [frame.note && !frame.read ? "" : frame.state, frame.flag, frame.note].filter(Boolean).join("; ");
+  }
+
+  function write() {
+    for (const [row, [key, digits, finer]] of Object.entries(ROWS)) {
+      byId("true-" + row).textContent = number(frame.true && frame.true[key], digits);
+      byId("read-" + row).textContent = number(frame.read && frame.read[key], digits);
+      byId("half-" + row).textContent = number(frame.half_width[key], finer);
+    }
+    if (latencies.length) byId("latency").value = Math.round(latencies[latencies.length - 1]);
+    const state = words();
+    if (byId("state").textContent !== state) byId("state").textContent = state;
+    if (arrivals.length > 1)
+      byId("rate").value = Math.round(1000 * (arrivals.length - 1) / (arrivals[arrivals.length - 1] - arrivals[0]));
+    byId("caution").textContent = frame.caution;
+    const field = byId("field").value, picture = frame.fields[field];
+    const quantity = field === "strain" ? "strain" : "relative change of conductance";
+    byId("shade").textContent = picture ? `${quantity}, at most ${picture.largest.toPrecision(2)}` : "";
+    if (performance.now() - spoken > SPOKEN_EVERY_MS) {
+      spoken = performance.now();
+      const said = frame.read ? `read x ${number(frame.read.x_mm, 0)}, y ${number(frame.read.y_mm, 0)} millimetres, ` +
+        `force ${number(frame.read.F_N, 1)} newtons` : "no touch read";
+      if (byId("spoken").textContent !== said) byId("spoken").textContent = said;
+    }
+  }
+
+  function drawPlots() {
+    const truth = name => f => f.true && f.true[name], read = name => f => f.read && f.read[name];
+    drawLines(byId("force-plot"), frames, [{ value: truth("F_N"), colour: "pressed" },
+                                           { value: read("F_N"), colour: "read" }], 0.5);
+    drawLines(byId("place-plot"), frames, [
+      { value: truth("x_mm"), colour: "pressed" }, { value: truth("y_mm"), colour: "pressed", dash: [4, 3] },
+      { value: read("x_mm"), colour: "read" }, { value: read("y_mm"), colour: "read", dash: [4, 3] }], 10);
+    drawBars(byId("bars"), frame.difference_mV);
+  }
+
+  // The skin with every frame; numbers and plots, which nobody reads as fast, less often.
+  function draw(now) {
+    requestAnimationFrame(draw);
+    if (!hello) return;
+    const moved = hands ? hands.tick(now) : false;
+    if (frame === drawn && !moved && !stale) return;
+    drawSkin(byId("skin"), hello, frame, hands && hands.cursor(), byId("field").value);
+    for (const one of frames.filter(f => !f.seen)) {
+      one.seen = true;
+      if (one.answers_ms !== null) latencies.push(performance.now() - one.answers_ms);
+    }
+    if (latencies.length > 5000) latencies.splice(0, 1000);
+    drawn = frame;
+    stale = false;
+    if (!frame || now - plotted < PLOTTED_EVERY_MS) return;
+    plotted = now;
+    write();
+    drawPlots();
+  }
+
+  const redraw = () => { stale = true; };
+  addEventListener("resize", redraw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  const send = connect(greet, take, lost);
+  window.shown = () => ({ frame, missed, latencies, count: frame ? frame.number : 0 });
+  requestAnimationFrame(draw);
+})();

@@ -1,0 +1,103 @@
+"use strict";
+// What is done with mouse, finger, wheel and keys becomes the controls that a skin is sent.
+
+const MOVE_MM = 1, FAR_MM = 5, FORCE_STEP_N = 0.05, GROWS_IN_S = 4, SENT_EVERY_MS = 12;
+
+function pressing(hello, send) {
+  const byId = id => document.getElementById(id), canvas = byId("skin"), limits = hello.limits;
+  const place = { x_mm: 0, y_mm: 0 };
+  let moved = true, down = false, held = false, grown = 0, last = performance.now(), sent = 0, waits = false;
+
+  byId("force").max = Math.floor(limits.force_N / FORCE_STEP_N) * FORCE_STEP_N;
+  byId("force").value = limits.force_N / 4;
+  byId("noise").max = limits.noise_mV;
+  byId("noise").step = byId("drift").step = limits.noise_mV / 100;
+  byId("noise").value = hello.noise_mV;
+  byId("drift").max = limits.drift_mV_per_min;
+  byId("drift").value = 0;
+  for (const d of limits.diameters_mm) byId("diameter").add(new Option(d, d));
+  byId("diameter").selectedIndex = Math.floor(limits.diameters_mm.length / 2);
+
+  function force() { return Math.min(Number(byId("force").value) + grown, limits.force_N); }
+
+  function cursor() { return { ...place, diameter_mm: Number(byId("diameter").value) }; }
+
+  function changed() {
+    moved = true;
+    byId("force-now").value = force().toFixed(2);
+    byId("noise-now").value = Number(byId("noise").value).toFixed(2);
+    byId("drift-now").value = Number(byId("drift").value).toFixed(2);
+    const now = performance.now();
+    waits = now - sent < SENT_EVERY_MS;
+    if (waits) return;
+    sent = now;
+    send({ ...cursor(), force_N: down ? force() : 0, noise_mV: Number(byId("noise").value),
+           drift_mV_per_min: Number(byId("drift").value), sent_ms: now });
+  }
+
+  function moveTo(x, y) {
+    const far = Math.hypot(x, y), pull = far > limits.reach_mm ? limits.reach_mm / far : 1;
+    place.x_mm = x * pull;
+    place.y_mm = y * pull;
+  }
+
+  function pointed(event) {
+    const box = canvas.getBoundingClientRect(), scale = skinScale(box.width, hello.radius_mm);
+    moveTo((event.clientX - box.left - box.width / 2) / scale, (box.height / 2 - event.clientY + box.top) / scale);
+  }
+
+  function lift() { down = held = false; grown = 0; changed(); }
+
+  canvas.addEventListener("pointerdown", event => {
+    if (event.button !== 0) return;
+    canvas.setPointerCapture(event.pointerId);
+    pointed(event);
+    down = held = true;
+    grown = 0;
+    changed();
+  });
+  canvas.addEventListener("pointermove", event => { if (held) { pointed(event); changed(); } });
+  canvas.addEventListener("pointerup", () => { if (held) lift(); });
+  canvas.addEventListener("pointercancel", () => { if (held) lift(); });
+
+  function forceBy(step) { byId("force").value = Number(byId("force").value) + step; changed(); }
+
+  canvas.addEventListener("wheel", event => {
+    event.preventDefault();
+    forceBy(event.deltaY < 0 ? FORCE_STEP_N : -FORCE_STEP_N);
+  }, { passive: false });
+
+  const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+  canvas.addEventListener("keydown", event => {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const step = event.shiftKey ? FAR_MM : MOVE_MM;
+    if (moves[event.key]) {
+      const [right, up] = moves[event.key];
+      moveTo(place.x_mm + right * step, place.y_mm + up * step);
+      changed();
+    } else if (event.key === "+" || event.key === "=") forceBy(FORCE_STEP_N);
+    else if (event.key === "-" || event.key === "−") forceBy(-FORCE_STEP_N);
+    else if (event.key === " ") { if (down) lift(); else { down = true; changed(); } }
+    else return;
+    event.preventDefault();
+  });
+
+  for (const id of ["force", "diameter", "drift"]) byId(id).addEventListener("input", changed);
+  byId("noise").addEventListener("input", () => { byId("noise-now").value = Number(byId("noise").value).toFixed(2); });
+  byId("noise").addEventListener("change", changed);
+
+  // Once a picture: forces that grow, and what came too soon after the last message; whether anything changed.
+  function tick(now) {
+    if (held && byId("grow").checked && force() < limits.force_N) {
+      grown += (now - last) / 1e3 * limits.force_N / GROWS_IN_S;
+      changed();
+    } else if (waits) changed();
+    last = now;
+    const was = moved;
+    moved = false;
+    return was;
+  }
+
+  changed();
+  return { cursor, tick };
+}

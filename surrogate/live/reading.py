@@ -1,0 +1,26 @@
+"""A touch read from each frame by a tracker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from surrogate.live.moments import Moment
+from surrogate.model.tracked import Tracked
+from surrogate.model.tracker import Tracker
+from surrogate.model.trained import TrainedModel
+from touchcal.arrays import Array
+
+
+def reader_of(model: TrainedModel, untouched_V: Array | None, noise_V: float | None,
+              say: Callable[[str], object]) -> Callable[[Moment], Tracked]:
+    """Follows frames from an untouched one (or several) and its noise, which the tracker learns where they are not
+    given; a new tracker begins where a moment states another noise."""
+    tracker, known = Tracker(model, untouched_V, noise_V, say=say), noise_V
+
+    def read(moment: Moment) -> Tracked:
+        nonlocal tracker, known
+        if moment.noise_V is not None and moment.noise_V != known:
+            tracker, known = Tracker(model, moment.untouched_V, moment.noise_V, say=say), moment.noise_V
+        return tracker.update(moment.volts, moment.time_s)
+
+    return read

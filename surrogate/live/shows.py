@@ -1,0 +1,65 @@
+"""What there is to show: a skin that is pressed, a recording, or what a device writes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from io import BufferedIOBase
+from pathlib import Path
+
+import numpy as np
+
+from eitsim.sensors.recording import read_recording
+from surrogate.data.frame_rows import read_lines
+from surrogate.live.controls import Controls, Latest, Limits
+from surrogate.live.messages import hello
+from surrogate.live.moments import Moment, pressed_moments, recorded_moments, streamed_moments
+from surrogate.live.reading import reader_of
+from surrogate.live.serve import Show
+from surrogate.live.skins import LearnedSkin, Skin, limits_of, usual_noise_V
+from surrogate.model.trained import TrainedModel
+from touchcal.arrays import Array
+from touchcal.errors import InputFileError
+
+
+def pressed_show(model: TrainedModel, skin: Skin, noise_V: float | None = None) -> Show:
+    """A skin that is pressed on the page, with this noise to begin with, V; the usual one where it is not given."""
+    limits = limits_of(model)
+    noise = usual_noise_V(model) if noise_V is None else noise_V
+    limits = replace(limits, noise_mV=max(limits.noise_mV, noise * 1e3))
+    latest = Latest(Controls(0.0, 0.0, limits.diameters_mm[len(limits.diameters_mm) // 2], noise_mV=noise * 1e3))
+    source = "learned" if isinstance(skin, LearnedSkin) else "simulated"
+    skin.pressed(replace(latest.wait(0.0)[0], force_N=limits.force_N / 2))  # what is compiled at the first press
+    return _show(model, skin.baseline_V, noise, pressed_moments(skin, latest), source, limits, latest)
+
+
+def recorded_show(model: TrainedModel, path: Path, untouched_V: Array | None = None,
+                  noise_V: float | None = None) -> Show:
+    """A recording at its rate; its untouched frames are those given, else those that it names where it names touches,
+    else its first ones. InputFileError where it cannot be read."""
+    recording = read_recording(path, readings=len(model.baseline_V))
+    frames = np.asarray(recording.readings, np.float64)
+    if untouched_V is None and (recording.touch != "").any() and recording.untouched.any():
+        untouched_V = frames[recording.untouched]
+    return _show(model, untouched_V, noise_V, recorded_moments(frames, recording.time_s), "recorded")
+
+
+def streamed_show(model: TrainedModel, source: BufferedIOBase, untouched_V: Array | None = None,
+                  noise_V: float | None = None) -> Show:
+    """Lines of frames as they come, the first ones untouched where none are given."""
+    return _show(model, untouched_V, noise_V, streamed_moments(source, len(model.baseline_V)), "streamed")
+
+
+def read_untouched(path: Path, readings: int) -> Array:
+    """(n, readings) untouched frames of a file, V; InputFileError where a line of it is no frame."""
+    read = read_lines(path, readings)
+    if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
+        raise InputFileError(path, f"{read.problem[bad]}. Fix it, or leave the line out.", line=int(read.line[bad]))
+    return read.volts
+
+
+def _show(model: TrainedModel, untouched_V: Array | None, noise_V: float | None, moments: Iterator[Moment], source: str,
+          limits: Limits | None = None, latest: Latest | None = None) -> Show:
+    cautions: list[str] = []
+    read = reader_of(model, untouched_V, noise_V, cautions.append)
+    return Show(hello(model, limits, source, noise_V or 0.0), moments, read, cautions, limits, latest)

@@ -1,0 +1,120 @@
+"""Every label of a press read from its signal: the place where x and y are labelled, and each other label by itself."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+
+from eitsim.sensors.labels import PLACE, Labels
+from surrogate.recordings import scalar_reader, touch_reader
+from surrogate.recordings.ageing import learn_known
+from surrogate.recordings.baselines import without
+from surrogate.recordings.intervals import chosen
+from surrogate.recordings.late_readings import late_readings
+from surrogate.recordings.physics.expectation import Expectation
+from surrogate.recordings.presses import Presses, cut
+from surrogate.recordings.scalar_reader import ScalarReader
+from surrogate.recordings.signals import FEWEST, Signals, flags
+from surrogate.recordings.touch_reader import Reading, TouchReader
+from surrogate.recordings.worth import NothingToRead
+from touchcal.arrays import Array
+
+SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True, eq=False)
+class PressReader:
+    """A trained reader of labels; one of `place` and `scalars` is there."""
+
+    signals: Signals
+    place: TouchReader | None
+    scalars: tuple[ScalarReader, ...]
+    left_out: tuple[str, ...]  # why a label is not read, a sentence each
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarReading:
+    """One label of some frames, in the unit of its name."""
+
+    name: str
+    value: Array  # (n,)
+    half_width: Array  # (n,) half width of the 90 % interval
+
+
+@dataclass(frozen=True, eq=False)
+class PressReading:
+    """What is read of some frames."""
+
+    place: Reading | None
+    scalars: tuple[ScalarReading, ...]
+    flag: tuple[str, ...]  # (n,) why not to trust a frame; empty where nothing speaks against it
+
+
+def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectation | None = None) -> PressReader:
+    """Learn the labels of presses, in the same time order; frames with dead channels are filled in. What a model of the
+    sensor expects is used where it explains held-out presses better.
+
+    A label that is the same in all presses, or of which held-out presses are read no better than by its mean, is left
+    out. ValueError where there are fewer than FEWEST presses or no label differs; NothingToRead where none is read.
+    """
+    if len(labels.touch) < FEWEST:
+        raise ValueError(f"{len(labels.touch)} labelled presses are too few to learn from; give {FEWEST} or more.")
+    values = dict(zip(labels.names, labels.values.T, strict=True))
+    varied = {name: value for name, value in values.items() if np.ptp(value)}
+    left_out = [f"all labelled presses have one {name}, {value[0]:.6g}: press with several, or leave the column out."
+                for name, value in values.items() if name not in varied]
+    if not varied:
+        raise ValueError(" ".join(left_out))
+    if {*PLACE} <= {*varied}:
+        place = np.stack([varied.pop(name) for name in PLACE], axis=1)
+        known = learn_known(presses, late_readings(presses.signal, presses.following, place))
+        learnt = _tried(partial(touch_reader.learn, presses, place, known, seed, expectation), left_out)
+    else:
+        known, learnt = learn_known(presses, np.zeros(0, np.intp)), None
+    reader, held_out = learnt or (None, None)
+    taken_out = (reader.projected, reader.spared) if reader else (0, SPARED)
+    gone = known.signals.whole(cut(presses))
+    scalars = [_tried(partial(scalar_reader.fit, name, value, known, gone, taken_out, held_out, seed), left_out)
+               for name, value in varied.items()]
+    scalars = tuple(one for one in scalars if one)
+    if not reader and not scalars:
+        raise NothingToRead(" ".join(left_out))
+    return PressReader(known.signals, reader, scalars, tuple(left_out))
+
+
+def read(reader: PressReader, presses: Presses) -> PressReading:
+    """Labels of presses with their intervals and flags.
+
+    Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
+    on presses that lack it. Where the untouched frame is far older than in training, what drift spares is read.
+    """
+    place = touch_reader.read(reader.place, presses) if reader.place else None
+    where, signals = place.value if place else None, reader.signals
+    signal = seen(signals, reader.place, presses)
+    spared = without(signals.drift, signals.whole(presses), reader.place.spared if reader.place else SPARED)
+    scalars = []
+    for one in reader.scalars:
+        value, bounds = scalar_reader.read(one, signal, where)
+        bounds = chosen(signals.cut(presses), one.of_cut.bounds(*np.zeros((2, len(signal), 1))), bounds)
+        old, of_old = scalar_reader.read_old(one, spared, where, presses.age)
+        bounds = chosen(signals.old(presses), of_old, bounds)
+        scalars.append(ScalarReading(one.name, np.where(signals.old(presses), old, value), bounds.half_width[:, 0]))
+    strange = place.strange if place else np.zeros(len(signal), bool)
+    return PressReading(place, tuple(scalars), flags(reader.signals, presses, strange))
+
+
+def seen(signals: Signals, place: TouchReader | None, presses: Presses) -> Array:
+    """(n, m + late) signals of presses as families take them: directions of drift taken out."""
+    return without(signals.drift, signals.whole(presses), place.projected if place else 0)
+
+
+def _tried(learn: Callable[[], Found], left_out: list[str]) -> Found | None:
+    """What is learnt; None where there is nothing to read, and why is added."""
+    try:
+        return learn()
+    except NothingToRead as refusal:
+        left_out.append(str(refusal))
+        return None

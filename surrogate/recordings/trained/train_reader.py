@@ -1,0 +1,98 @@
+"""A reader of presses trained on a recording and its labels, scored on two splits."""
+
+import time
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from eitsim.sensors.labels import Labels, unit_of
+from eitsim.sensors.recording import Recording
+from surrogate.recordings import scalar_reader, touch_reader
+from surrogate.recordings.physics.expectation import Expectation
+from surrogate.recordings.presses import Presses, labelled, presses_of
+from surrogate.recordings.signals import FEWEST
+from surrogate.recordings.trained import press_reader
+from surrogate.recordings.trained.press_reader import PressReader
+from surrogate.recordings.trained.reader_scores import SPLITS, TESTED, Tested, read_split
+from surrogate.recordings.worth import NothingToRead
+from touchcal.arrays import Array
+from touchcal.parallel.pool import Failed, answers
+from touchcal.parallel.processes import processes
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedReader:
+    """A reader, and what is known of how well it reads."""
+
+    reader: PressReader
+    kind: str  # of the readings, one of recording.KINDS
+    presses: int  # that it was trained on
+    seed: int
+    tested: tuple[Tested, ...]  # by readers of four fifths, a split after the other; none where these are too few
+    fit_s: float  # CPU time of the reader, s
+
+
+def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
+                 expectation: Expectation | None = None) -> TrainedReader:
+    """Learn the labels of a recording's presses by families of readers whose weights make the held-out error least, and
+    test readers of four fifths of the presses on the rest, at random and the last in time.
+
+    recording: frames in time order, (n, m) readings of one kind; labels: of ten touches or more; workers: processes;
+    expectation: what a model of the sensor expects, used where it explains held-out presses better.
+    ValueError where the presses are too few, or dead channels too many; NothingToRead where no label is read better
+    than by its mean. `save_reader` keeps what it returns, `read_touches` reads with it.
+
+    >>> model = train_reader(read_recording("frames.csv"), read_labels("touches.csv"))     # doctest: +SKIP
+    >>> read_touches(model, read_recording("new.csv"))                                     # doctest: +SKIP
+    """
+    presses, known = labelled(presses_of(recording), labels, str(recording.source))
+    count = len(known.touch)
+    splits = SPLITS if count - count // TESTED >= FEWEST else ()
+    found = {}
+    with processes(min(workers, 1 + len(splits))) as pool:
+        for item, answer in answers(pool, partial(_answer, presses, known, seed, expectation), ("", *splits)):
+            if isinstance(answer, Failed):
+                raise answer.error
+            found[item] = answer
+    reader, fit_s = found[""]
+    if isinstance(reader, NothingToRead):
+        raise reader
+    tested = tuple(one for split in splits for one in found[split])
+    return TrainedReader(reader, recording.kind, count, seed, tested, fit_s)
+
+
+def _answer(presses: Presses, labels: Labels, seed: int, expectation: Expectation | None,
+            split: str) -> tuple[Tested, ...] | tuple[PressReader | NothingToRead, float]:
+    """What is read on a split, none where four fifths say nothing; for no split the reader of all and its time."""
+    begun = time.process_time()
+    try:
+        if split:
+            return read_split(presses, labels, split, seed, expectation)
+        return press_reader.fit(presses, labels, seed, expectation), time.process_time() - begun
+    except NothingToRead as refusal:
+        return () if split else (refusal, 0.0)
+
+
+def choice(reader: PressReader) -> tuple[str, ...]:
+    """In words, for each output, which families read, with which weights, how each did on held-out blocks in time; and
+    what is left out."""
+    said = []
+    if reader.place:
+        taken_out = (f"; {reader.place.projected} directions of drift are projected out" if reader.place.projected
+                     else "")
+        informed = [name for name, one in (("direction", reader.place.direction), ("readings", reader.place.compressed))
+                   if one.prior]
+        expected = f"; templates of {' and of '.join(informed)} go on from the model of the sensor" if informed else ""
+        said.append("place: " + _families(touch_reader.FAMILIES, reader.place.weights, reader.place.held_out,
+                                          "distance", "mm") + taken_out + expected)
+    said += [f"{one.name}: " + _families(scalar_reader.FAMILIES, one.weights, one.held_out, "error", unit_of(one.name))
+             for one in reader.scalars]
+    return (*said, *reader.left_out)
+
+
+def _families(names: tuple[str, ...], weights: Array, held_out: Array, measure: str, unit: str) -> str:
+    used = [f"{names[i]} {weights[i]:.2f}" for i in np.argsort(-weights) if weights[i] > 0]
+    alone = [f"{name} {value:.3g}" for name, value in zip((*names, "combined", "the mean"), held_out, strict=True)]
+    return (f"weights that make the held-out error least: {', '.join(used)}. Mean {measure} on held-out blocks in "
+            f"time, {unit}: {', '.join(alone)}")

@@ -1,0 +1,28 @@
+"""Whether a reader says more than the mean of what it was trained on."""
+
+import numpy as np
+
+from touchcal.arrays import Array
+
+# Standard errors by which the mean square of held-out errors must lie below that from the mean; chance alone reaches it
+# once in 20 times.
+SURE = 1.65
+
+
+class NothingToRead(ValueError):
+    """The signals say no more of a label than its mean does."""
+
+
+def distance(value: Array, target: Array) -> float:
+    """Mean distance of values (n, k) from targets (n, k) or (k,)."""
+    return float(np.linalg.norm(value - target, axis=-1).mean())
+
+
+def check_worth(value: Array, mean: Array, target: Array, name: str, unit: str) -> None:
+    """NothingToRead where held-out values (n, k) of targets (n, k) are no better than their mean."""
+    gain = np.sum((mean - target) ** 2 - (value - target) ** 2, axis=1)
+    if gain.mean() <= SURE * gain.std() / np.sqrt(len(gain)):
+        raise NothingToRead(f"nothing to read here of {name}: held-out presses are read to "
+                            f"{distance(value, target):.3g} {unit}, and the mean is as near, "
+                            f"{distance(mean, target):.3g} {unit}. Check that the labels belong to this recording, and "
+                            "that touches change the readings by more than noise.")

@@ -1,0 +1,82 @@
+"""Outlines from files: corners as CSV, drawings as DXF and SVG, meshes."""
+
+from __future__ import annotations
+
+import math
+
+import ezdxf
+import meshio
+import numpy as np
+import pytest
+
+from eitsim.scene.outline import area_m2, loops
+from eitsim.scene.scene import read_scene
+from touchcal.errors import InputFileError
+
+
+def scene_of(tmp_path, name, more=""):
+    (tmp_path / "scene.toml").write_text(f'[body]\noutline = "{name}"\n{more}[electrodes]\ncount = 8\nwidth_mm = 2\n')
+    return read_scene(tmp_path / "scene.toml")
+
+
+def test_corners_of_a_csv_are_the_outline(tmp_path):
+    (tmp_path / "skin.csv").write_text("x_mm,y_mm\n0,0\n60,0\n60,40\n0,40\n")
+    body = scene_of(tmp_path, "skin.csv", "holes_mm = [[30, 20, 5]]\n").body
+    assert body.outline == "polygon"
+    assert area_m2(body) == pytest.approx(60e-3 * 40e-3 - math.pi * 5e-3**2)
+    (tmp_path / "a.toml").write_text('[body]\noutline = "polygon"\npoints_mm = "skin.csv"\n')
+    assert read_scene(tmp_path / "a.toml").body.points_m == body.points_m
+
+
+def test_lines_and_arcs_of_a_dxf_are_joined_and_its_circles_are_holes(tmp_path):
+    drawing = ezdxf.new()
+    space = drawing.modelspace()
+    space.add_line((0, 0), (60, 0))
+    space.add_line((0, 40), (0, 0))
+    space.add_arc((60, 20), 20, -90, 90)
+    space.add_line((60, 40), (0, 40))
+    space.add_circle((20, 20), 5)
+    drawing.saveas(tmp_path / "skin.dxf")
+    body = scene_of(tmp_path, "skin.dxf").body
+    assert area_m2(body) == pytest.approx((60 * 40 + math.pi * 20**2 / 2 - math.pi * 5**2) * 1e-6, rel=1e-3)
+    space.add_line((100, 0), (120, 0))
+    drawing.saveas(tmp_path / "skin.dxf")
+    with pytest.raises(InputFileError, match="the outline is open at \\(120, 0\\) mm"):
+        scene_of(tmp_path, "skin.dxf")
+
+
+def test_paths_of_an_svg_are_in_millimetres_and_point_upwards(tmp_path):
+    (tmp_path / "skin.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="60mm" viewBox="0 0 100 60">'
+        '<path d="M 0 0 L 80 0 L 80 40 L 40 50 L 0 40 Z"/><circle cx="20" cy="20" r="6"/></svg>')
+    body = scene_of(tmp_path, "skin.svg").body
+    assert area_m2(body) == pytest.approx((80 * 40 + 80 * 10 / 2 - math.pi * 6**2) * 1e-6, rel=1e-3)
+    np.testing.assert_allclose(loops(body)[0].min(axis=0), [0, -0.05], atol=1e-6)
+
+
+def test_the_edge_of_a_mesh_is_the_outline(tmp_path):
+    x, y = np.meshgrid(np.arange(7.0) * 10, np.arange(5.0) * 10)
+    number = np.arange(35).reshape(5, 7)
+    squares = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1).reshape(-1, 4)
+    squares = np.delete(squares, 8, axis=0)  # a hole
+    triangles = np.vstack([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
+    points = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    meshio.Mesh(points, [("triangle", triangles)]).write(tmp_path / "skin.vtk")
+    body = scene_of(tmp_path, "skin.vtk").body
+    assert len(body.holes_m) == 1
+    assert area_m2(body) == pytest.approx((60 * 40 - 100) * 1e-6)
+    points[3, 2] = 5
+    meshio.Mesh(points, [("triangle", triangles)]).write(tmp_path / "skin.vtk")
+    with pytest.raises(InputFileError, match="curved skins are not solved"):
+        scene_of(tmp_path, "skin.vtk")
+
+
+@pytest.mark.parametrize(("name", "content", "said"), [
+    ("skin.csv", None, "no such file"), ("skin.csv", "x,y\n1\n", "1 columns, expected 2"),
+    ("skin.dxf", "words", "no DXF file"), ("skin.stl", "words", "nor a mesh that meshio reads"),
+])
+def test_files_that_hold_no_outline_are_named(tmp_path, name, content, said):
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(InputFileError, match=said):
+        scene_of(tmp_path, name)

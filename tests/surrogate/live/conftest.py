@@ -1,0 +1,150 @@
+"""What tests of the page share: a small synthetic model, a running server, a browser."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import surrogate
+
+WIDTH, HEIGHT = 1280, 800
+CANVAS_PER_RADIUS = 2 * 1.13  # width of the skin's canvas over the disc's radius
+
+
+@pytest.fixture(scope="session")
+def live_model(sweep: Path) -> surrogate.Model:
+    """A forward model of synthetic touches."""
+    return surrogate.train(sweep, "forward", seed=1)
+
+
+@pytest.fixture(scope="session")
+def live_folder(live_model: surrogate.Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its folder."""
+    folder = tmp_path_factory.mktemp("live") / "model"
+    live_model.save(folder)
+    return folder
+
+
+Start = Callable[..., tuple[subprocess.Popen[str], str]]
+
+
+@pytest.fixture(scope="session")
+def start() -> Iterator[Start]:
+    """(words of `surrogate live`, standard input) -> its process, and the address that it prints."""
+    for name in ("starlette", "uvicorn", "websockets"):
+        pytest.importorskip(name)
+    running: list[subprocess.Popen[str]] = []
+
+    def begin(*words: object, stdin: Any = subprocess.DEVNULL) -> tuple[subprocess.Popen[str], str]:
+        process = subprocess.Popen([sys.executable, "-m", "surrogate", "live", *map(str, words)], text=True,
+                                   stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                   env=os.environ | {"OMP_NUM_THREADS": "1"})
+        running.append(process)
+        assert process.stdout is not None
+        return process, process.stdout.readline().strip()
+
+    yield begin
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture(scope="session")
+def address(start: Start, live_folder: Path) -> str:
+    """The address of a page whose presses the model's own map answers, in little noise."""
+    return start(live_folder, "--noise-V", "1e-6")[1]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page in a browser, as one handles it; the disc has a radius of 100 mm."""
+
+    browser: Any
+
+    def open(self, address: str) -> None:
+        """Open an address and wait for frames."""
+        self.browser.get(address)
+        self.wait("window.shown && shown().count > 2")
+
+    def run(self, script: str, *given: Any) -> Any:
+        """What a script returns."""
+        return self.browser.execute_script(script, *given)
+
+    def wait(self, condition: str, timeout_s: float = 60.0) -> Any:
+        """The value of an expression, as soon as it is true."""
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end:
+            if found := self.run(f"return {condition}"):
+                return found
+            time.sleep(0.05)
+        raise AssertionError(f"{condition} stays false")
+
+    def element(self, name: str) -> Any:
+        """An element by its id."""
+        return self.browser.find_element("id", name)
+
+    def text(self, name: str) -> str:
+        """Its text."""
+        return self.element(name).text
+
+    def hold(self, x_mm: float, y_mm: float) -> Any:
+        """Press the mouse at a place, and hold it."""
+        from selenium.webdriver.common.action_chains import ActionChains
+
+        canvas = self.element("skin")
+        scale = canvas.rect["width"] / CANVAS_PER_RADIUS / 100
+        hand = ActionChains(self.browser, duration=0)
+        hand.move_to_element_with_offset(canvas, round(x_mm * scale), round(-y_mm * scale)).click_and_hold().perform()
+        return hand
+
+    def keys(self, *names: str) -> None:
+        """Press keys one after the other."""
+        from selenium.webdriver.common.action_chains import ActionChains
+
+        ActionChains(self.browser).send_keys(*names).perform()
+
+    def place(self) -> tuple[float, float]:
+        """The place that the page's numbers state, mm, once a press is read."""
+        self.wait("document.getElementById('read-x').textContent !== '–' && shown().frame.read")
+        time.sleep(0.3)
+        return float(self.text("read-x")), float(self.text("read-y"))
+
+    def asked(self) -> list[str]:
+        """Addresses that it asked for since the last call."""
+        sent = [json.loads(one["message"])["message"] for one in self.browser.get_log("performance")]
+        return [one["params"]["request"]["url"] for one in sent if one["method"] == "Network.requestWillBeSent"] + [
+            one["params"]["url"] for one in sent if one["method"] == "Network.webSocketCreated"]
+
+    def command(self, name: str, **given: Any) -> Any:
+        """A command of the browser's own protocol."""
+        return self.browser.execute_cdp_cmd(name, given)
+
+
+@pytest.fixture
+def page() -> Iterator[Page]:
+    """Chromium without a window, whose log tells every request."""
+    webdriver = pytest.importorskip("selenium.webdriver")
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("Chromium and chromedriver are not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for word in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+                 "--disable-background-networking", "--disable-component-update"):
+        options.add_argument(word)
+    options.set_capability("goog:loggingPrefs", {"performance": "ALL", "browser": "ALL"})
+    window = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    window.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
+                           {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False})
+    yield Page(window)
+    window.quit()

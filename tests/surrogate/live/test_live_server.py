@@ -1,0 +1,173 @@
+"""The running server: who is let in, what it withstands, and how it stops."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import random
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+import surrogate
+from touchcal.csv_numbers import write_numbers
+
+websockets = pytest.importorskip("websockets.sync.client")
+Start = Callable[..., tuple[subprocess.Popen[str], str]]
+PRESS = {"x_mm": 20.0, "y_mm": -10.0, "diameter_mm": 14.0, "force_N": 1.0, "noise_mV": 0.001, "drift_mV_per_min": 0.0,
+         "sent_ms": 1.0}
+
+
+def asked(address: str, path: str = "", method: str = "GET", **headers: str) -> http.client.HTTPResponse:
+    parts = urlsplit(address)
+    connection = http.client.HTTPConnection(parts.netloc, timeout=60)
+    connection.request(method, path or parts.path, headers=headers)
+    return connection.getresponse()
+
+
+def connected(address: str, origin: str | None = None):
+    parts = urlsplit(address)
+    return websockets.connect(f"ws://{parts.netloc}{parts.path}frames", origin=origin or f"http://{parts.netloc}",
+                              open_timeout=60)
+
+
+def status(address: str, origin: str | None) -> int:
+    """Status that refuses a websocket."""
+    from websockets.exceptions import InvalidStatus
+
+    parts = urlsplit(address)
+    with (pytest.raises(InvalidStatus) as refused,
+          websockets.connect(f"ws://{parts.netloc}{parts.path}frames", origin=origin, open_timeout=60)):
+        pass
+    return refused.value.response.status_code
+
+
+def pressed(socket, press: dict = PRESS) -> dict:
+    """The first frame that answers a press and reads it."""
+    socket.send(json.dumps(press))
+    for _ in range(500):
+        frame = json.loads(socket.recv(timeout=60))
+        if frame.get("read") and frame["true"] and frame["true"]["x_mm"] == press["x_mm"]:
+            return frame
+    raise AssertionError("no frame reads the press")
+
+
+def test_the_page_is_served_with_a_strict_policy(address: str) -> None:
+    page = asked(address)
+    assert page.status == 200
+    assert b"<canvas" in page.read()
+    assert "script-src 'self'" in str(page.getheader("content-security-policy"))
+    assert (page.getheader("cache-control"), page.getheader("referrer-policy")) == ("no-store", "no-referrer")
+    assert asked(address, urlsplit(address).path + "page.js").status == 200
+
+
+def test_only_this_machine_is_listened_to(address: str) -> None:
+    assert urlsplit(address).hostname == "127.0.0.1"
+
+
+def test_foreign_hosts_origins_and_missing_tokens_get_403(address: str) -> None:
+    assert asked(address, Host="evil.example").status == 403
+    assert asked(address, Origin="http://evil.example").status == 403
+    assert asked(address, "/").status == 403
+    assert asked(address, "/page.js").status == 403
+    assert asked(address, "/x" + urlsplit(address).path[2:]).status == 403
+    assert asked(address, method="POST").status == 403
+    assert asked(address, urlsplit(address).path + "../serve.py").status in (403, 404)
+    assert status(address, "http://evil.example") == 403
+    assert status(address, None) == 403
+    assert status(address.replace(urlsplit(address).path, "/none/"), f"http://{urlsplit(address).netloc}") == 403
+
+
+def test_a_press_is_read(address: str) -> None:
+    with connected(address) as socket:
+        assert json.loads(socket.recv())["source"] == "learned"
+        frame = pressed(socket)
+        assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx((20.0, -10.0), abs=0.2)
+
+
+def test_what_is_pressed_is_lifted_when_the_browser_goes_away(address: str) -> None:
+    with connected(address) as socket:
+        pressed(socket)
+    with connected(address) as socket:
+        socket.recv()
+        frames = [json.loads(socket.recv(timeout=60)) for _ in range(100)]
+    assert frames[-1]["true"] is None
+
+
+def test_five_thousand_malformed_messages_do_not_end_the_server(address: str) -> None:
+    rng = random.Random(1)
+
+    def malformed() -> str | bytes:
+        broken = json.dumps({key: rng.choice([value, "1", None, [], 1e400, -1e308, {}, True]) for key, value in
+                             PRESS.items() if rng.random() < 0.8})
+        return rng.choice([broken, broken[:rng.randrange(len(broken) + 1)], "[" * rng.randrange(900),
+                           "".join(chr(rng.randrange(1, 0xD7FF)) for _ in range(rng.randrange(200))),
+                           json.dumps(rng.choice([1, "a", None, [1, 2], {"a": {}}]))])
+
+    with connected(address) as socket:
+        for _ in range(5000):
+            socket.send(malformed())
+        pressed(socket)
+    for odd in (b"\x00\xff" * 40, "x" * 100_000):  # bytes, and too much: this browser is cut off, nobody else
+        with connected(address) as socket:
+            socket.send(odd)
+    with connected(address) as socket:
+        pressed(socket, PRESS | {"x_mm": -5.0})
+
+
+def test_ctrl_c_stops_it_without_a_traceback(start: Start, live_folder: Path) -> None:
+    process, address = start(live_folder)
+    with connected(address) as socket:
+        socket.recv()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 0
+    assert process.stderr is not None
+    assert "Traceback" not in process.stderr.read()
+
+
+def test_a_recording_is_shown_and_read(start: Start, live_model: surrogate.Model, live_folder: Path,
+                                       tmp_path: Path) -> None:
+    rng, signal_V, target = np.random.default_rng(1), *touch_of(live_model)
+    frames = live_model.baseline_V + np.outer(np.arange(60) >= 40, signal_V) + rng.normal(0, 1e-6, (60, 208))
+    write_numbers(tmp_path / "frames.csv", [f"v_{k:03d}" for k in range(208)], frames)
+    _, address = start(live_folder, "--replay", tmp_path / "frames.csv")
+    with connected(address) as socket:
+        assert json.loads(socket.recv())["limits"] is None
+        frame = last_read(socket)
+    assert frame["true"] is None
+    assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
+
+
+def test_lines_of_a_device_are_shown_and_read(start: Start, live_model: surrogate.Model, live_folder: Path) -> None:
+    signal_V, target = touch_of(live_model)
+    process, address = start(live_folder, "-", "--noise-V", "1e-6", stdin=subprocess.PIPE)
+    assert process.stdin is not None
+    with connected(address) as socket:
+        socket.recv()
+        for volts in [live_model.baseline_V, "no frame", *[live_model.baseline_V + signal_V] * 4]:
+            process.stdin.write((volts if isinstance(volts, str) else ",".join(map(repr, volts.tolist()))) + "\n")
+        process.stdin.close()
+        frame = last_read(socket)
+    assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
+
+
+def touch_of(model: surrogate.Model) -> tuple[np.ndarray, np.ndarray]:
+    """Signal and target of a validation row, of the strongest signal."""
+    k = int(np.argmax(np.linalg.norm(model.calibration.signal_V, axis=1)))
+    return model.calibration.signal_V[k], model.calibration.target[k]
+
+
+def last_read(socket) -> dict:
+    """The last frame with a touch before the input ends."""
+    read: dict = {}
+    for _ in range(2000):
+        frame = json.loads(socket.recv(timeout=30))
+        read = frame if frame.get("read") else read
+        if frame["note"] == "the input ended":
+            return read
+    raise AssertionError("the input does not end")

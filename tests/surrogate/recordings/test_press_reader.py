@@ -1,0 +1,136 @@
+"""Labels of any subset on synthetic presses, no skin measured: what is read, what is left out and why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eitsim.sensors.labels import Labels
+from eitsim.sensors.recording import Recording
+from surrogate.recordings import networks
+from surrogate.recordings.intervals import radius
+from surrogate.recordings.presses import Presses
+from surrogate.recordings.trained import press_reader, reader_store
+from surrogate.recordings.trained.press_reader import PressReader
+from surrogate.recordings.trained.reader_scores import read_split
+from surrogate.recordings.trained.reader_table import read_touches
+from surrogate.recordings.trained.train_reader import TrainedReader, choice
+from surrogate.recordings.worth import NothingToRead
+from touchcal.arrays import Array
+
+from .conftest import labels_at, synthetic_places, synthetic_presses, synthetic_signal
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick() -> object:
+    """Few, short networks: what is tested here does not depend on how well they learn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(networks, "MOST_STEPS", 40)
+        patch.setattr(networks, "HIDDEN", (32,))
+        yield
+
+
+def deep(seed: int, count: int) -> tuple[Presses, Array, Array]:
+    """Presses, their places and their depths, mm, to which signals are in proportion."""
+    rng = np.random.default_rng(seed)
+    place, depth = synthetic_places(rng, count), rng.uniform(5, 15, count)
+    signal = synthetic_signal(place, depth)
+    signal += 0.1 * np.abs(signal).mean() * rng.standard_normal(signal.shape)
+    return Presses(np.arange(count).astype(np.str_), np.arange(count), signal, np.full_like(signal, np.nan),
+                   np.zeros(count), np.empty((0, signal.shape[1])), np.empty(0),
+                    np.arange(float(count))), place, depth
+
+
+def only(labels: Labels, *names: str) -> Labels:
+    return Labels(labels.touch, names, labels.values[:, [labels.names.index(name) for name in names]])
+
+
+@pytest.fixture(scope="module")
+def reader() -> PressReader:
+    """Of place and depth; the force is the same in all presses."""
+    presses, place, depth = deep(1, 80)
+    return press_reader.fit(presses, labels_at(place, depth_mm=depth, F_N=np.full(80, 0.5)))
+
+
+def test_depth_and_place_are_read_and_held(reader: PressReader) -> None:
+    new, there, deeper = deep(2, 200)
+    found = press_reader.read(reader, new)
+    (said,) = found.scalars
+    error = np.abs(said.value - deeper)
+    assert said.name == "depth_mm"
+    assert error.mean() < 0.35 * np.abs(deeper.mean() - deeper).mean()
+    assert 0.78 < np.mean(error <= said.half_width) < 0.99  # 80 presses calibrate
+    assert found.place
+    assert np.linalg.norm(found.place.value - there, axis=1).mean() < 8
+    assert 0.8 < np.mean(radius(found.place.value - there, found.place.bounds) <= found.place.bounds.ellipse) < 0.99
+
+
+def test_depth_alone_is_learnt() -> None:
+    presses, place, depth = deep(1, 80)
+    labels = only(labels_at(place, depth_mm=depth), "depth_mm")
+    reader = press_reader.fit(presses, labels)
+    assert reader.place is None
+    (tested,) = read_split(presses, labels, "time")
+    one = tested.score
+    assert (one.output, one.unit, one.trained) == ("depth_mm", "mm", 64)
+    assert one.error < 0.7 * one.mean_error
+
+
+def test_one_coordinate_is_learnt_by_itself_and_has_the_columns_of_places() -> None:
+    presses, place, _ = deep(1, 80)
+    reader = press_reader.fit(presses, only(labels_at(place), "y_mm"))
+    frames = Recording(presses.signal, presses.index, None, presses.name, "difference", Path("synthetic.csv"))
+    table = read_touches(TrainedReader(reader, "difference", 80, 0, (), 1.0), frames)
+    assert [*table] == ["touch", "y0_mm", "y0_lo90_mm", "y0_hi90_mm", "flag"]
+    assert np.corrcoef(table["y0_mm"], place[:, 1])[0, 1] > 0.9
+
+
+def test_a_constant_label_is_left_out_by_name_and_refused_alone(reader: PressReader) -> None:
+    assert [one.name for one in reader.scalars] == ["depth_mm"]
+    assert reader.left_out == ("all labelled presses have one F_N, 0.5: press with several, or leave the column out.",)
+    assert reader.left_out[0] in choice(reader)
+    presses, place, _ = deep(1, 80)
+    with pytest.raises(ValueError, match="have one F_N, 0"):
+        press_reader.fit(presses, only(labels_at(place, F_N=np.full(80, 0.5)), "F_N"))
+
+
+def test_a_label_that_signals_do_not_hold_is_left_out_and_the_place_stays() -> None:
+    presses, place, depth = deep(1, 60)
+    shuffled = np.random.default_rng(200).permutation(depth)
+    reader = press_reader.fit(presses, labels_at(place, F_N=shuffled))
+    assert reader.place
+    assert not reader.scalars
+    assert "nothing to read here of F_N" in reader.left_out[0]
+
+
+def test_where_no_label_is_read_the_refusal_names_each() -> None:
+    presses, place, depth = deep(1, 60)
+    rng = np.random.default_rng(5)
+    labels = labels_at(rng.permutation(place), depth_mm=rng.permutation(depth))
+    with pytest.raises(NothingToRead, match=r"of the place.*of depth_mm"):
+        press_reader.fit(presses, labels)
+
+
+def test_stored_readers_with_and_without_places_read_the_same(reader: PressReader, tmp_path: Path) -> None:
+    presses, place, depth = deep(1, 60)
+    of_depth = press_reader.fit(presses, only(labels_at(place, depth_mm=depth), "depth_mm"))
+    for name, one in (("both", reader), ("depth", of_depth)):
+        reader_store.save_reader(TrainedReader(one, "difference", 60, 0, (), 1.5), tmp_path / name)
+        again = reader_store.load_reader(tmp_path / name).reader
+        first, second = (press_reader.read(part, synthetic_presses(8, 5)[0]).scalars[0] for part in (one, again))
+        np.testing.assert_array_equal(first.value, second.value)
+        np.testing.assert_array_equal(first.half_width, second.half_width)
+        assert (again.place is None) == (name == "depth")
+
+
+def test_a_dead_channel_is_flagged_without_places_too() -> None:
+    presses, place, depth = deep(1, 60)
+    reader = press_reader.fit(presses, only(labels_at(place, depth_mm=depth), "depth_mm"))
+    dead = presses.signal.copy()
+    dead[0, 9] = np.nan
+    flag = press_reader.read(reader, replace(presses, signal=dead)).flag
+    assert flag[0] == "1 dead channels filled in"
+    assert not any(flag[1:])

@@ -1,0 +1,50 @@
+"""Words that non-native readers stumble over are in no page, help or message; CONTRIBUTING.md has others for them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("touchcal", "matcal", "eitsim", "surrogate", "reports")
+RETIRED = re.compile(r"\b(told|besides?|beyond|apart|afresh|alike|wanted|mend(s|ed)?)\b", re.IGNORECASE)
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("[he]*/*.md")),
+         *sorted((ROOT / "docs").glob("[tg]*/*.py")), *sorted((ROOT / "examples").iterdir())]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages_are_in_plain_words(page: Path) -> None:
+    assert RETIRED.findall(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_help_and_messages_are_in_plain_words(package: str) -> None:
+    found = [f"{path.name}:{line}: {text}" for path in sorted((ROOT / package).rglob("*.py"))
+             for line, text in shown(ast.parse(path.read_text(encoding="utf-8"))) if RETIRED.search(text)]
+    assert found == []
+
+
+def shown(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Texts of more than one word that are no docstring, and docstrings of commands, which are their help."""
+    inner = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
+            is_command = isinstance(node, ast.FunctionDef) and any(
+                isinstance(one, ast.Call) and getattr(one.func, "attr", "") in ("command", "callback")
+                for one in node.decorator_list)
+            if not is_command:
+                inner.add(id(node.body[0].value))  # type: ignore[attr-defined]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inner and (
+                " " in node.value):
+            yield node.lineno, node.value
+
+
+def test_the_check_sees_what_it_should() -> None:
+    tree = ast.parse('"""Beyond."""\ndef f():\n    raise ValueError(f"{1} mm beyond the rim")\n'
+                     '@app.command()\ndef g():\n    """Solve afresh."""\n')
+    assert {text for _, text in shown(tree) if RETIRED.search(text)} == {" mm beyond the rim", "Solve afresh."}
