@@ -168,12 +168,12 @@ def _update(before: Followed, slope: Array, white: Array, alike: Array, innovati
     own, others = np.flatnonzero(unsure.kept), np.s_[len(unsure.kept):]
     scaled = white[:, None, None]
     by_constants = scaled * (before.shared[:, :, own] @ unsure.axes) + before.shared[:, :, others] @ _turned(alike)
-    across = np.asarray(before.covariance @ _turned(slope) + by_constants, np.float64)
+    across = before.covariance @ _turned(slope) + by_constants
     whole = slope @ across + _turned(slope @ by_constants) + alike @ _turned(alike)
     whole += (scaled**2 + unsure.noise_V**2) * np.eye(slope.shape[1])
     solved = np.linalg.solve(whole, np.concatenate([_turned(across), innovation[..., None]], axis=2))
-    gain = _turned(solved[..., :4])
-    covariance = np.asarray(before.covariance - gain @ _turned(across), np.float64)
+    gain = _turned(np.asarray(solved[..., :4], np.float64))
+    covariance = before.covariance - gain @ _turned(across)
     shared = before.shared - gain @ (slope @ before.shared)
     shared[:, :, own] -= scaled * (gain @ unsure.axes.T)
     shared[:, :, others] -= gain @ alike
