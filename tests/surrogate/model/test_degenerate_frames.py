@@ -147,7 +147,9 @@ def test_a_dead_electrode_widens_the_intervals(predictors: dict[str, Predictor],
     signal = (frames - untouched_V)[within]
     ratio = estimate(without(model, dead), signal[:, ~dead], NOISE_V).sd / estimate(model, signal, NOISE_V).sd
     assert np.all(ratio > 0.95)
-    assert np.all(np.median(ratio, axis=0) > 1.1)
+    mean = np.exp(np.mean(np.log(ratio), axis=0))  # the median of so few is one touch's
+    print("geometric mean of the widening:", mean)
+    assert np.all(mean > 1.1)
 
 
 def test_the_map_beside_a_dead_electrode_is_the_whole_map_without_its_readings(forward: Model,
