@@ -210,8 +210,6 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
     flags[reverse] += f"; {OTHER_SIGN}"
     flags[_several(model, below + above)] += f"; {SEVERAL}"
     flags = np.array([flag.removeprefix("; ") for flag in flags], object)
-    sized = [name not in ("x0", "y0") for name in model.names]
-    below[:, sized] = np.minimum(below[:, sized], np.maximum(value[:, sized], 0.0))  # no size or force is below 0
     left = np.where([name in STRESSES for name in model.names], predictor.left, 1.0)
     return Predictions(value * left, below * left, above * left, flags.tolist(), parts * predictor.left)
 
@@ -282,9 +280,12 @@ def _columns(model: TrainedModel, units: Sequence[str]) -> list[str]:
     return each + [f"F_sd_{part}_N" for part in PARTS if _force_part_count(model)]
 
 
-def numbers_of(found: Predictions) -> Array:
+def numbers_of(model: TrainedModel, found: Predictions) -> Array:
     """(n, 3 outputs + parts) value, lowest and highest of each output, then parts, in the order of `columns`."""
-    ends = (found.value, found.value - found.below, found.value + found.above)
+    low = found.value - found.below
+    sized = [name not in ("x0", "y0") for name in model.names]
+    low[:, sized] = np.maximum(low[:, sized], np.minimum(found.value[:, sized], 0.0))  # no size or force is below 0
+    ends = (found.value, low, found.value + found.above)
     return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), -1), found.force_parts])
 
 
@@ -292,7 +293,7 @@ def si_table(model: TrainedModel, found: Predictions) -> pd.DataFrame:
     """One row a frame, in SI units: the columns of `columns`, line aside."""
     units, scales = zip(*(outputs.SI[unit] for unit in model.units), strict=True)
     scale = [*np.repeat(scales, 3), *np.ones(found.force_parts.shape[1])]
-    return pd.DataFrame(numbers_of(found) * scale, columns=_columns(model, units)).assign(flag=found.flag)
+    return pd.DataFrame(numbers_of(model, found) * scale, columns=_columns(model, units)).assign(flag=found.flag)
 
 
 def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
@@ -315,7 +316,7 @@ def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
 def table_of(predictor: Predictor, lines: Lines) -> pd.DataFrame:
     """One row a line, with the columns of `columns`; frames without a touch have no values."""
     found = read_touches(predictor, lines)
-    table = pd.DataFrame(numbers_of(found), columns=columns(predictor.model)[1:-1]).assign(flag=found.flag)
+    table = pd.DataFrame(numbers_of(predictor.model, found), columns=columns(predictor.model)[1:-1]).assign(flag=found.flag)
     table.insert(0, "line", lines.line)
     return table
 

@@ -104,5 +104,6 @@ def _untouched(model: Model, lines: Lines, say: Callable[[str], object]) -> Arra
 def answers(predictor: Predictor, lines: Lines) -> list[list[str]]:
     """Rows of predictions of some lines, in their order."""
     found = read_touches(predictor, lines)
+    numbers = numbers_of(predictor.model, found).tolist()
     return [[str(number), *("" if math.isnan(value) else f"{value:.6g}" for value in values), flag]
-            for number, values, flag in zip(lines.line.tolist(), numbers_of(found).tolist(), found.flag, strict=True)]
+            for number, values, flag in zip(lines.line.tolist(), numbers, found.flag, strict=True)]

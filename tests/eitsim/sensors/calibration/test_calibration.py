@@ -301,7 +301,7 @@ def test_one_function_reads_both_files_of_a_sensor_and_says_which(document: dict
     found, words = read_described_sensor(tmp_path / "described")
     assert (words, found.body.radius_m) == ("sensor file", 0.045)
     write_json(document | {"schema": 9}, tmp_path / "fitted")
-    with pytest.raises(InputFileError, match="schema 9 is not 1"):
+    with pytest.raises(InputFileError, match="schema 9 is not 2"):
         read_described_sensor(tmp_path / "fitted")
     (tmp_path / "neither").write_text("v_000,v_001\n1,2\n")
     with pytest.raises(InputFileError, match="not TOML"):
