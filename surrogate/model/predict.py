@@ -316,7 +316,8 @@ def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
 def table_of(predictor: Predictor, lines: Lines) -> pd.DataFrame:
     """One row a line, with the columns of `columns`; frames without a touch have no values."""
     found = read_touches(predictor, lines)
-    table = pd.DataFrame(numbers_of(predictor.model, found), columns=columns(predictor.model)[1:-1]).assign(flag=found.flag)
+    numbers = numbers_of(predictor.model, found)
+    table = pd.DataFrame(numbers, columns=columns(predictor.model)[1:-1]).assign(flag=found.flag)
     table.insert(0, "line", lines.line)
     return table
 

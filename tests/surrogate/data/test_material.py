@@ -117,7 +117,7 @@ def test_the_force_s_deviation_has_parts_that_add_up(drawn: Callable[..., Sample
     base = unseen.baseline_V[0]
     found = predict(prepare(carried, base, NOISE_V), base + unseen.signal_V)
     assert columns(carried)[-4:] == ["F_sd_noise_N", "F_sd_material_N", "F_sd_model_N", "flag"]
-    assert numbers_of(found).shape == (6, 15)
+    assert numbers_of(carried, found).shape == (6, 15)
     assert np.allclose(normal(0.9) * np.sqrt(np.sum(found.force_parts**2, axis=1)), found.half_width[:, 3])
     assert np.all(found.force_parts > 0)
 
