@@ -118,6 +118,7 @@ def test_diameters_that_differ_by_rounding_are_learned_as_one(ring: Ring, synthe
     assert error[1] == pytest.approx(error[0], rel=0.5)
 
 
+@pytest.mark.slow
 def test_the_whole_signal_is_learned_where_the_series_only_hides_it(ring: Ring, synthetic: Synthetic) -> None:
     """Of a series that is nearly right the rest is learned; of one that leaves more than there was, the signal."""
     touch, signal = synthetic(360, 0, (), 85.0)

@@ -76,6 +76,7 @@ def test_unseen_touches_are_read_as_predict_reads_them(
     assert differs_mm(page, live_model, noisy, noise_V) < PLACE_MM
 
 
+@pytest.mark.slow
 def test_the_map_in_the_browser_is_that_of_the_model(
         page: Any, make_dataset: Callable[..., Path], synthetic: Callable[..., Any], untouched_V: np.ndarray,
         tmp_path: Path) -> None:

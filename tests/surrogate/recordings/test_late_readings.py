@@ -48,6 +48,7 @@ def test_a_frame_follows_only_where_its_index_is_one_more() -> None:
     np.testing.assert_array_equal(with_late(found.signal, found.following, np.array([1]))[0], [0, 1, 3])
 
 
+@pytest.mark.slow
 def test_late_readings_help_and_their_lack_widens_intervals_and_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(networks, "MOST_STEPS", 100)
     known, place = shifted(1, 80)

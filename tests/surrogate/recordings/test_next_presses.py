@@ -121,6 +121,7 @@ def test_the_command_suggests_before_the_first_press_and_after_few(tmp_path: Pat
     assert "4 labelled presses are too few" in str(refused.exception)
 
 
+@pytest.mark.slow
 def test_the_command_trains_from_physics_and_a_sweep_and_then_suggests(tmp_path: Path, sweep: Path,
                                                                       monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(networks, "MOST_STEPS", 40)
