@@ -1,4 +1,4 @@
-"""What the rim changes of a touch, by its distance from the punch's edge, and the error and cost of telling it.
+"""What the rim changes of a touch, by its distance from the punch's edge, and the error and cost of solving it.
 
 "effect": relative changes of depth, of the surface's strains (2-norm over the disc, and largest over the largest), of
 the radial displacement (2-norm) and of the 208 touch signals (2-norm) when the rim is taken into account; the plan's
@@ -39,7 +39,7 @@ COMPARED = quick(((0.014, 1.0, 0.005), (0.018, 0.5, 0.002)), ((0.014, 1.0, 0.005
 FINER = Resolution(2.0, 9, 18)
 # 14 mm, 1 N: distances of the punch's centre from the rim, m, and the solution on the whole disc
 SERIES_M = quick((0.04, 0.025, 0.015, 0.01), (0.04,))
-WHOLE_DISC = replace(FINER, beyond=np.inf)
+WHOLE_DISC = replace(FINER, out_to=np.inf)
 
 
 def at(diameter_m: float, force_N: float, gap_m: float) -> Punch:

@@ -13,7 +13,7 @@ from touchcal.errors import NotConverged
 # Least error of the added depth, relative: what two finenesses may happen to share.
 _LEAST_ERROR = 0.03
 # Error of a signal over its difference by two finenesses, found by trial against finer solutions
-# (benchmarks/rim_told.py).
+# (benchmarks/rim_touches.py).
 _UNCONVERGED = 2.0
 
 

@@ -1,8 +1,8 @@
-"""How far touches near the rim are off finer solutions on the whole disc, and what they tell.
+"""How far touches near the rim are off finer solutions on the whole disc, and the errors they state.
 
 Random places up to 25 mm from the rim, all bearings, 10 to 18 mm, 0.1 to 2 N, Table 1; "deep" touches, 10 and 12 mm
 at 1.4 to 2 N and 1 to 8 mm, are where the rim changes most. Run by `make bench`, which pins threads; writes
-results/rim_told.csv.
+results/rim_touches.csv.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def main() -> None:
     for kind, (*_, count, few) in KINDS.items():
         rng = np.random.default_rng(1)
         rows += [compared(kind, drawn(kind, rng)) for _ in range(quick(count, few))]
-    shown(written(rows, "rim_told"))
+    shown(written(rows, "rim_touches"))
 
 
 if __name__ == "__main__":
