@@ -28,7 +28,7 @@ from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, harmo
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, clipped_disc
 from eitsim.mechanics.harmonics.equilibrium import solve
 from eitsim.mechanics.rim.correction import no_correction
-from eitsim.mechanics.rim.solve_near_rim import Resolution, Solution, _change_of, set_up
+from eitsim.mechanics.rim.solve_near_rim import Resolution, Solution, change_of, set_up
 from eitsim.scene.results import RimField
 from eitsim.scene.scene import STRAINS, Body, Electrodes, Punch
 
@@ -36,9 +36,9 @@ CASES = quick(((0.014, 1.0), (0.010, 2.0), (0.018, 0.3)), ((0.014, 1.0),))
 GAPS_M = quick((0.0005, 0.002, 0.005, 0.01, 0.02), (0.005,))
 HEIGHTS_M = quick((0.002, 0.005, 0.01), (0.01,))
 # Stiffness of the strip over the foam's, its depth outwards, thicknesses, and the mesh that resolves it.
-STIFF, DEEP = 50.0, 0.4
-FINE = Resolution(4.0, quick(16, 10), quick(32, 20), widest=0.15)
-OTHER = {"stiffer": (200.0, FINE), "finer": (STIFF, Resolution(3.0, 22, 44, widest=0.1))}
+STIFF, DEEP = 20.0, 0.4
+FINE = Resolution(5.0, 10, 20, widest=0.2)
+OTHER = {"stiffer": (100.0, FINE), "finer": (STIFF, Resolution(4.0, 14, 28, widest=0.15))}
 
 
 def with_strip(disc: ClippedDisc, model: IndentationProblem, half: float, height: float, stiff: float) -> ClippedDisc:
@@ -76,7 +76,7 @@ def found(body: Body, punch: Punch, height_m: float, stiff: float, fineness: Res
     if height_m:
         disc = with_strip(disc, model, float(np.max(Electrodes().width_m)) / 2 / unit, height_m / unit, stiff)
     at = solve(disc, None)
-    return _change_of(Solution(disc, model, state, at.x, at.residuals), body).field
+    return change_of(Solution(disc, model, state, at.x, at.residuals), body).field
 
 
 def rows(diameter_m: float, force_N: float, gap_m: float, what: str, heights_m: Sequence[float], stiff: float,

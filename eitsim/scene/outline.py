@@ -130,23 +130,6 @@ def edge_distance_m(outline: Outline, points_m: ArrayLike) -> Array:
     return np.where(inside(points, start, end), away, -away)
 
 
-def quarter_distances_m(outline: Outline, point_m: ArrayLike) -> Array:
-    """Distances (4,), m, of a point (2,) on the skin to the edges and holes in the four quarters of all directions, the
-    first about that to the nearest edge; infinite where a quarter has none. Edges count as points 1/400 of the outline
-    from each other."""
-    start, end = corners_and_edges(outline)
-    step = float(np.ptp(loops(outline)[0], axis=0).max()) / 400
-    pieces = np.ceil(np.linalg.norm(end - start, axis=1) / step).astype(int)
-    edge = np.repeat(np.arange(len(start)), pieces)
-    way = (np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[edge]
-    offset = start[edge] + way[:, None] * (end - start)[edge] - np.asarray(point_m)
-    away, angle = np.hypot(*offset.T), np.arctan2(offset[:, 1], offset[:, 0])
-    quarter = np.round((angle - angle[np.argmin(away)]) / (math.pi / 2)).astype(int) % 4
-    found = np.array([np.min(away[quarter == k], initial=np.inf) for k in range(4)])
-    found[0] = abs(edge_distance_m(outline, point_m))
-    return found
-
-
 def squared_distance(points: Array, start: Array, end: Array) -> Array:
     """Squared distances (...) of points to edges, each (..., 2)."""
     along = end - start

@@ -59,8 +59,10 @@ class RimField:
     # radius of the disc, and distance of the punch's axis from its centre, m
     disc_m: float
     offset_m: float
-    # (2,) direction to the neighbour, on whose side of the plane nothing is changed; None for the rim
+    # (2,) direction to the neighbour, on whose side of the plane nothing is changed, or to the edge of an outline; None
+    # for the rim of a disc, outwards from its centre
     towards: Array | None = None
+    neighbour: bool = False  # whether it is a neighbour's
     # (4,) how far the depth, and the signals by scene.STRAINS, may be off those solved anew, relative; None where they
     # are
     error_estimate: Array | None = None

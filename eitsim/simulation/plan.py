@@ -15,7 +15,7 @@ from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP, rim_problem
 from eitsim.mechanics.rim.two_punches import pair_problem
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import lengths, present
-from eitsim.scene.outline import quarter_distances_m
+from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge, quarter_distances_m
 from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 from eitsim.simulation.material import Material, material_of
@@ -176,7 +176,10 @@ def _rim_refusal(scene: Scene, punch: Punch) -> str:
                    "loading_s = 0")
     gap, allowed = rim_gap_m(scene.body, punch), _RIM_SHARE * scene.accuracy.signal
     outlined = scene.body.has_outline
-    if not problem or (gap < LEAST_GAP * scene.body.radius_m and not outlined):
+    if not problem and outlined and (left := _other_edges_effect(scene, punch)) > allowed:
+        problem = (f"one edge is solved, straight or part of a circle, and what is left of the others may still cost "
+                   f"{left:.2g}")
+    if not problem or gap < LEAST_GAP * scene.body.radius_m:
         return problem and f"{problem}."
     near, edge = ("the nearest edge of the skin", "edges") if outlined else ("the rim", "the rim")
     return (f"the punch's edge is {gap * 1e3:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
@@ -196,6 +199,14 @@ def _rim_effect(scene: Scene, punch: Punch) -> float:
     if scene.body.has_outline:
         gaps = (quarter_distances_m(scene.body, (punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps)
+
+
+def _other_edges_effect(scene: Scene, punch: Punch) -> float:
+    """What the edges but the nearest may cost: the sum of what the rim of a disc would, as near as the nearest of them
+    in each quarter about the punch."""
+    others = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
+    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in others.tolist()
+               if math.isfinite(gap))
 
 
 def least_gap_m(scene: Scene) -> float:
@@ -333,11 +344,18 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     gap = rim_gap_m(scene.body, punch)
     edge = "nearest edge" if scene.body.has_outline else "rim"
     where = f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
+    if scene.body.has_outline and near_rim(scene, punch):
+        nearest = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m))
+        straight = nearest.disc_m == STRAIGHT_M
+        kind = "a straight one" if straight else f"part of a circle of {nearest.disc_m * 1e3:.0f} mm"
+        return Decision("mechanics in three dimensions near one edge, as a change of the axisymmetric touch",
+                        f"{where}, taken as {kind}; a coarser mesh with fewer harmonics tells the error, which counts "
+                        "in the result's own; the bound is of the other edges", _other_edges_effect(scene, punch))
     if scene.body.has_outline:
         where += ("; solved on the disc of the outline's area, and bounded by what rims of discs change that are as "
                   "near as the edges in each quarter about it")
     creeps = bool(scene.hold.time_s) and not scene.hold.keeps_deformation
-    if exact and not creeps and not rim_problem(scene.body, punch):
+    if exact and not creeps and not scene.body.has_outline and not rim_problem(scene.body, punch):
         return Decision("exact: mechanics in three dimensions on the whole disc, as a change of the axisymmetric touch",
                         f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
                         "own", 0.0)

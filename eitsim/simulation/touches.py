@@ -53,7 +53,8 @@ def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: b
     """A touch on the default mesh, and on one of half its element size where that misses the requested error or is not
     exact; in three dimensions near the rim and, where that is built and no neighbour is solved together with it, to be
     exact."""
-    if near_rim(scene, punch) or (exact and not paired and not rim_problem(scene.body, punch)):
+    whole = exact and not paired and not scene.body.has_outline and not rim_problem(scene.body, punch)
+    if near_rim(scene, punch) or whole:
         return _kept("near the rim", partial(solve_near_rim, whole=exact), law, scene.body, punch, keep)[0]
     if not exact:
         with suppress(Unresolved):  # where the default mesh is too coarse to show the foam at the punch's edge or tip

@@ -133,7 +133,7 @@ def _outer(one: Array, other: Array) -> Array:
 
 
 def local_axes(punch: Punch, touch: Touch) -> Array:
-    """Rows: the directions towards the nearest point of the rim, or to the neighbour, and across (2, 2)."""
+    """Rows: the directions towards the nearest point of the rim or edge, or to the neighbour, and across (2, 2)."""
     place = np.array([punch.x_m, punch.y_m])
     outwards = place / np.linalg.norm(place) if place.any() else np.array([1.0, 0.0])
     if touch.rim is not None and touch.rim.towards is not None:
@@ -187,7 +187,7 @@ def _sampled(rim: RimField, local_m: Array, parts: Array, unchanged: Sequence[fl
     `unchanged` beyond the last circle and nearer to the neighbour."""
     cubics = np.ascontiguousarray(CubicSpline(rim.share, parts, axis=1).c.transpose(2, 1, 0, 3))
     out = np.empty((*local_m.shape[:-1], len(unchanged)))
-    _interpolate(np.ascontiguousarray(local_m).reshape(-1, 2), rim.disc_m, rim.offset_m, rim.towards is not None,
+    _interpolate(np.ascontiguousarray(local_m).reshape(-1, 2), rim.disc_m, rim.offset_m, rim.neighbour,
                  rim.radius_m, rim.share, cubics, np.array(unchanged), out.reshape(-1, len(unchanged)))
     return out
 
@@ -232,7 +232,7 @@ def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:
 
 def extrapolated_fraction(body: Body, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> float:
     """Fraction of the skin whose driving strain lies outside the fitted range by more than NEAR_RANGE; with an outline,
-    of the disc of its area about the punch, since touches stay away from edges."""
+    of the disc of its area about the punch, as if no edge were near."""
     edges = np.union1d(np.linspace(0, touch.radius_m[-1], 4001), touch.radius_m)
     radius, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
     strain = driving_strain(skin.strain, *stretches(touch, radius))

@@ -55,7 +55,7 @@ def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, ne
     metric = turn @ metric @ np.swapaxes(turn, -1, -2)
     moved = np.concatenate([(turn @ moved[..., :2, None])[..., 0], moved[..., 2:]], axis=-1)
     return RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, at.outline.disc * unit,
-                    at.outline.offset * unit, towards)
+                    at.outline.offset * unit, towards, neighbour is not None)
 
 
 def _added(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:

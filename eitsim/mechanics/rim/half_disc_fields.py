@@ -49,8 +49,9 @@ def volume_fields(touch: Touch) -> tuple[Array, list[tuple[str, Indices]], dict[
     ValueError where the touch keeps no such fields, or where they turn the foam inside out."""
     volume = touch.volume
     if volume is None:
-        raise ValueError("this touch keeps no fields with the rim's effect; solve it with "
-                         "eitsim.mechanics.rim.solve_near_rim.")
+        raise ValueError("this touch keeps no fields with the rim's effect: it comes from a table, or lies near the "
+                         "edge of an outline, where they are not built. Solve it with "
+                         "eitsim.mechanics.rim.solve_near_rim on a disc.")
     lattice = _lattice_of(volume)
     parts, cells, count = [], [], 0
     for name, corner in _CORNERS.items():

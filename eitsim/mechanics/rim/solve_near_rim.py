@@ -28,6 +28,7 @@ from eitsim.mechanics.rim.correction import RimCorrection, no_correction, with_e
 from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
+from eitsim.scene.nearest_edge import nearest_edge
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
 from matcal.laws.hyperfoam import Hyperfoam
@@ -110,14 +111,13 @@ class Load:
 
 def rim_problem(body: Body, punch: Punch) -> str:
     """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
-    if body.has_outline:
-        return "edges of outlines other than the disc are not solved yet"
     gap = rim_gap_m(body, punch)
     least = LEAST_GAP * body.radius_m
     if gap < least:
+        edge = "the nearest edge of the skin" if body.has_outline else "the rim of the disc"
         where = f"{-gap * 1e3:.1f} mm outside" if gap <= -5e-5 else "on"
         inwards = (math.floor((least - gap) * 1e5) + 1) / 100
-        return (f"the punch's edge lies {where} the rim of the disc; change x_mm and y_mm so that the punch lies "
+        return (f"the punch's edge lies {where} {edge}; change x_mm and y_mm so that the punch lies "
                 f"{inwards:.2f} mm further inwards")
     if 0 < friction.coefficient(punch) < np.inf:
         return "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")"
@@ -125,15 +125,17 @@ def rim_problem(body: Body, punch: Punch) -> str:
 
 
 def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False) -> Touch:
-    """Equilibrium near the rim under the punch's force or at its depth: the axisymmetric touch, and what the rim adds.
-    whole: on finer meshes and out to the whole disc. ValueError where `rim_problem` names one, NotConverged where no
-    equilibrium is found."""
+    """Equilibrium near the rim, or near the edge of an outline, which is taken as part of the rim of a disc (see
+    `eitsim.scene.nearest_edge`), under the punch's force or at its depth: the axisymmetric touch, and what the rim
+    adds. whole: on finer meshes and, on a disc, out to all of it. ValueError where `rim_problem` names one,
+    NotConverged where no equilibrium is found."""
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
     if not whole:
         return corrected(solve_touch(law, body, punch), law, body, punch)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
-    return corrected(touch, law, body, punch, coarse=FINE, fine=FULL_DISC)
+    return corrected(touch, law, body, punch, coarse=FINE,
+                     fine=replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC)
 
 
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
@@ -158,27 +160,43 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
 def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: Resolution,
                fine: Resolution) -> Touch:
     started = cpu_s()
-    before = _found(law, body, punch, coarse)
-    rough = _change_of(before, body)
-    after = _found(law, body, punch, fine, before)
-    change = _change_of(after, body)
+    if body.has_outline:
+        edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
+        disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
+        near = replace(punch, x_m=disc.radius_m - edge.distance_m, y_m=0.0)
+        found = _added(touch, law, disc, near, OffsetDisc(edge.disc_m, edge.offset_m), coarse, fine)
+        assert found.rim is not None
+        return replace(found, rim=replace(found.rim, towards=edge.towards), volume=None,
+                       cpu_s=touch.cpu_s + cpu_s() - started)
+    outline = OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
+    return replace(_added(touch, law, body, punch, outline, coarse, fine), cpu_s=touch.cpu_s + cpu_s() - started)
+
+
+def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc, coarse: Resolution,
+           fine: Resolution) -> Touch:
+    """The touch with what the rim of an outline, m, adds; its error is of signals on the body, a disc."""
+    before = _found(law, body, punch, outline, coarse)
+    rough = change_of(before, body)
+    after = _found(law, body, punch, outline, fine, before)
+    change = change_of(after, body)
     out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch)
     way = _WAY if punch.friction == "stick" else 0.0
     volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
                        math.atan2(punch.y_m, punch.x_m))
-    return replace(out, volume=volume, cpu_s=touch.cpu_s + cpu_s() - started,
-                   signal_errors=out.signal_errors + (way and way * signal_differences(
-                       body, punch, touch, no_correction(change.field), change.field)))
+    return replace(out, volume=volume, signal_errors=out.signal_errors + (way and way * signal_differences(
+        body, punch, touch, no_correction(change.field), change.field)))
 
 
 def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE) -> RimCorrection:
     """What the rim changes of the touch under the punch's force or at its depth. Radii and angles of the field depend
     on the body, the punch's size and shape and the fineness alone, so that fields of several forces and places on the
     disc interpolate point by point. NotConverged where no equilibrium is found."""
-    return _change_of(_found(law, body, punch, fineness), body)
+    outline = OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
+    return change_of(_found(law, body, punch, outline, fineness), body)
 
 
-def _change_of(solution: Solution, body: Body) -> RimCorrection:
+def change_of(solution: Solution, body: Body) -> RimCorrection:
+    """What a solution changes of the axisymmetric touch, with its field on the whole top of the body."""
     disc, unit = solution.disc, body.thickness_m
     at, added = samples(disc, solution.model, disc.outline), amplitudes(disc, solution.x[:-1])
     alone, whole = (deformation(at.points, a) for a in (disc.base, disc.base + added))
@@ -200,12 +218,13 @@ def _force_ratio(solution: Solution) -> float:
     return ratio - (1 - ratio) * penetration / float(state.by_force[-1] * state.force)
 
 
-def _found(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution, before: Solution | None = None) -> Solution:
-    """The solution from the axisymmetric state, or from one on another mesh; else by way of half the load."""
+def _found(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc, fineness: Resolution,
+           before: Solution | None = None) -> Solution:
+    """The solution in an outline, m, from the axisymmetric state, or from one on another mesh; else by way of half the
+    load."""
     model, load = set_up(law, body, punch, fineness)
-    unit = body.thickness_m
-    outline = OffsetDisc(body.radius_m / unit, float(np.hypot(punch.x_m, punch.y_m)) / unit)
-    return _under(model, load, punch.friction == "stick", outline, fineness, before, _HALVINGS)
+    cut = OffsetDisc(outline.disc / body.thickness_m, outline.offset / body.thickness_m)
+    return _under(model, load, punch.friction == "stick", cut, fineness, before, _HALVINGS)
 
 
 def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution) -> tuple[IndentationProblem, Load]:

@@ -178,9 +178,10 @@ def repays(design: Design, shape: DimensionlessProblem) -> bool:
 
 
 def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
-    """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes."""
+    """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes, which
+    is built for discs."""
     rows = list(valid_scenes(design, _ROWS))
-    near = sum(not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))
+    near = sum(not s.body.has_outline and not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
 
 

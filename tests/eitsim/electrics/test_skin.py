@@ -144,7 +144,7 @@ def rim_field(towards: np.ndarray | None) -> RimField:
     radius, share = np.array([1e-3, 5e-3, 12e-3, 25e-3, 40e-3]), np.linspace(0, 1, 7)**1.3
     metric = np.array([1.0, 0.0, 1.0]) + 0.2 * rng.uniform(-1, 1, (5, 7, 3))
     return RimField(radius, share, 1e-3 * rng.normal(size=(5, 7, 3)), metric, 1 + 0.2 * rng.uniform(-1, 1, (5, 7)),
-                    0.1, 0.08, towards)
+                    0.1, 0.08, towards, neighbour=towards is not None)
 
 
 def sampled(rim: RimField, local: np.ndarray, samples: np.ndarray, unchanged: np.ndarray) -> np.ndarray:
@@ -159,7 +159,7 @@ def sampled(rim: RimField, local: np.ndarray, samples: np.ndarray, unchanged: np
     at = np.arange(len(local))
     found = (1 - way) * on_circles[at, ring] + way * on_circles[at, ring + 1]
     none = radius > rim.radius_m[-1]
-    return np.where((none if rim.towards is None else none | (angle < start - 1e-9))[:, None], unchanged, found)
+    return np.where((none if not rim.neighbour else none | (angle < start - 1e-9))[:, None], unchanged, found)
 
 
 @pytest.mark.parametrize("towards", [None, np.array([0.6, 0.8])])

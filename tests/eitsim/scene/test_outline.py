@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from eitsim.scene.outline import area_m2, centroid_m, edge_distance_m, loops, quarter_distances_m
+from eitsim.scene.nearest_edge import quarter_distances_m
+from eitsim.scene.outline import area_m2, centroid_m, edge_distance_m, loops
 from eitsim.scene.scene import Body, Punch, Scene, rim_gap_m, scene_from, scene_tables
 
 SIZES = {"outline": "rectangle", "width_mm": 120, "height_mm": 80}

@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eitsim.cli.output_files import OutputFiles, check_output_files
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.scene import Accuracy, Body, Drive, Electrodes, Punch, Scene, rim_gap_m
 from eitsim.sensors.calibration.calibrate import check_electrodes
 from eitsim.sensors.inspection import inspect
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 from eitsim.simulation.derivatives.readings import check_differentiable
-from eitsim.simulation.plan import least_gap_m, make_plan, rim_effect
+from eitsim.simulation.plan import least_gap_m, make_plan, near_rim, rim_effect
 from eitsim.simulation.result_json import result_document
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
@@ -53,36 +56,61 @@ def test_a_touch_far_from_edges_is_that_of_the_disc_of_the_area():
     assert document["scene"]["body"]["outline"] == "rectangle"
 
 
-@pytest.mark.parametrize(("x_m", "y_m"), [(0.01, 0.03), (0.05, 0.0), (-0.03, 0.01)])
-def test_a_touch_near_an_edge_or_a_hole_is_refused_with_the_gap_that_is_solved(x_m, y_m):
+@pytest.mark.parametrize(("x_m", "y_m"), [(0.051, 0.031), (-0.03, 0.01)])
+def test_a_touch_near_a_corner_or_a_hole_is_refused_with_the_gap_that_is_solved(x_m, y_m):
     refused = make_plan(at(x_m, y_m), CARD).refusal
     keep = least_gap_m(SCENE)
-    assert "edges of outlines other than the disc are not solved yet" in refused
+    assert "one edge is solved, straight or part of a circle, and what is left of the others may still cost" in refused
     assert f"a gap of {keep * 1e3:.0f} mm" in refused
     assert rim_gap_m(SKIN, at(x_m, y_m).punches[0]) < keep
     assert simulate(at(x_m, y_m), CARD).outcome == "refused"
 
 
-def test_the_least_gap_parts_what_is_solved_from_what_is_not_in_a_corner():
-    """There two edges are as near; along one edge a touch may lie nearer, between three it must keep more."""
+def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
+    scene = at(0.01, 0.03)
+    found = simulate(scene, CARD)
+    assert found.outcome == "ok", found.message
+    edge = next(d for d in found.plan.decisions if d.decision.startswith("mechanics in three dimensions near one edge"))
+    assert "5.0 mm from the nearest edge, 1.0 thicknesses, taken as a straight one" in edge.reason
+    assert edge.error_bound < 0.01 < rim_effect(0.005, 0.005, "principal")
+    (touch,) = found.touches
+    assert touch.rim is not None
+    np.testing.assert_allclose(touch.rim.towards, [0.0, 1.0], atol=1e-12)
+    wide = Body(2.0, 0.005)
+    near = solve_near_rim(CARD.hyperfoam, wide, replace(scene.punches[0], x_m=1.99, y_m=0.0))
+    assert touch.depth_m == pytest.approx(near.depth_m, rel=5e-4)
+    far = simulate(SCENE, CARD).touches[0].depth_m
+    assert touch.depth_m - far == pytest.approx(near.depth_m - solve_touch(CARD.hyperfoam, wide, scene.punches[0]).depth_m,
+                                                rel=0.05)
+    assert touch.depth_m > far
+
+
+def test_fields_in_the_foam_near_an_edge_are_refused_before_anything_is_solved():
+    with pytest.raises(ValueError, match="--fields is not built for a touch near the edge of a skin"):
+        check_output_files(at(0.01, 0.03), OutputFiles(fields=Path("fields.vtu")))
+    check_output_files(SCENE, OutputFiles(fields=Path("fields.vtu")))
+
+
+def test_the_least_gap_is_solved_in_a_corner_without_three_dimensions():
+    """There two edges are as near; along one edge a touch may lie nearer."""
     scene = replace(SCENE, body=replace(SKIN, width_m=0.4, height_m=0.4, holes_m=()))
     gap, edge = least_gap_m(scene), 0.2 - 0.005
     assert 2 * rim_effect(gap, 0.005, "principal") <= 0.01
-    for shift, solved in ((1e-4, True), (-1e-3, False)):
-        corner = edge - gap - shift
-        assert (make_plan(at(corner, corner, scene), CARD).refusal == "") is solved
-    assert make_plan(at(0.0, edge - gap + 1e-3, scene), CARD).refusal == ""
-    strip = replace(SCENE, body=replace(SKIN, width_m=0.4, height_m=2 * (gap + 0.0051), holes_m=()))
-    assert make_plan(at(0.0, 0.0, strip), CARD).refusal == ""
-    assert "not solved yet" in make_plan(at(edge - gap - 1e-4, 0.0, strip), CARD).refusal
+    for shift, alone in ((1e-4, True), (-1e-3, False)):
+        scene_at = at(edge - gap - shift, edge - gap - shift, scene)
+        assert make_plan(scene_at, CARD).refusal == ""
+        assert near_rim(scene_at, scene_at.punches[0]) is not alone
+    assert not near_rim(scene, at(0.0, edge - gap + 1e-3, scene).punches[0])
+    deep = edge - gap + 6e-3
+    assert make_plan(at(0.0, deep, scene), CARD).refusal == ""
+    assert "what is left of the others" in make_plan(at(deep, deep, scene), CARD).refusal
 
 
 @pytest.mark.parametrize("y_m", [0.036, 0.06])
 def test_a_punch_over_the_edge_is_refused(y_m):
     refused = make_plan(at(0.0, y_m), CARD).refusal
-    assert "not solved yet" in refused
-    assert "from the nearest edge of the skin" in refused
-    assert "move the punch inwards to a gap of" in refused
+    assert "the nearest edge of the skin; change x_mm and y_mm so that the punch lies" in refused
+    assert "mm further inwards" in refused
 
 
 def test_touches_near_each_other_are_refused_and_far_ones_solved():

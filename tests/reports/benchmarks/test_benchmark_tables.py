@@ -48,6 +48,12 @@ def test_benchmarks_use_public_names_alone(path: Path) -> None:
     assert not [name for name in found if any(part.startswith("_") for part in name.split("."))]
 
 
+@pytest.mark.parametrize("path", sorted(BENCHMARKS.glob("*.py")), ids=lambda path: path.stem)
+def test_a_benchmark_can_be_imported(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    assert importlib.import_module(path.stem).__doc__
+
+
 def test_benchmarks_that_ask_for_files_are_given_them_or_run_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     whole = importlib.import_module("whole")
