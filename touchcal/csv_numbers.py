@@ -1,6 +1,7 @@
 """A CSV of numbers: a header where its first cell is no number, then rows of one width, each with its line."""
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
+from touchcal.whole_file import written
 
 Array = NDArray[np.float64]
 
@@ -24,18 +26,24 @@ class NumberTable:
     line: NDArray[np.int64]  # (rows,) line numbers from 1
 
 
+def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
+    """Rows of a CSV of `what` with their line numbers from 1, cells stripped, blank rows left out; InputFileError where
+    it is no text."""
+    try:
+        with open(regular(path), newline="", encoding="utf-8-sig") as file:
+            rows = [[cell.strip() for cell in cells] for cells in csv.reader(file)]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of {what}.") from None
+    return [(number, cells) for number, cells in enumerate(rows, start=1) if any(cells)]
+
+
 def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "numbers",
                  blanks: bool = False) -> NumberTable:
     """Read a CSV of numbers, blank lines left out; InputFileError names the line of a row of another width than
     `columns` or, without it, than the first row, and the column of a cell that is no finite number. With `blanks`,
     empty cells are NaN."""
     path = Path(path)
-    try:
-        with open(regular(path), newline="", encoding="utf-8-sig") as file:
-            rows = [(number, [cell.strip() for cell in cells]) for number, cells in enumerate(csv.reader(file), start=1)
-                    if any(cell.strip() for cell in cells)]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of {what}.") from None
+    rows = csv_rows(path, what)
     width = columns or (len(rows[0][1]) if rows else 0)
     for number, cells in rows:
         if len(cells) != width:
@@ -51,11 +59,14 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
 
 
 def write_numbers(path: Path | str, names: Sequence[str], values: Array) -> None:
-    """Write rows (rows, columns) under a header, each number with all its digits, NaN as an empty cell."""
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(names)
-        table.writerows(cells(values))
+    """Write rows (rows, columns) under a header, each number with all its digits, NaN as an empty cell; the file is
+    written whole or stays as it was."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(names)
+    table.writerows(cells(values))
+    with written(Path(path)) as file:
+        file.write(text.getvalue().encode())
 
 
 def cells(values: Array) -> list[list[float | str]]:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from touchcal.terminal import JsonOption, check_apart, check_out, counter, print_json
+from touchcal.whole_file import written
 
 
 def design(sensors: Annotated[list[Path], typer.Argument(
@@ -60,7 +61,9 @@ def design(sensors: Annotated[list[Path], typer.Argument(
     if out is not None:
         import numpy as np
 
-        np.savetxt(out, made[sensors[0]].pairs, fmt="%d", delimiter=",", header="source,sink,plus,minus", comments="")
+        with written(out) as file:
+            np.savetxt(file, made[sensors[0]].pairs, fmt="%d", delimiter=",", header="source,sink,plus,minus",
+                       comments="")
     if as_json:
         print_json({"sensors": [{"sensor": path} | design_document(one) for path, one in made.items()]})
         return

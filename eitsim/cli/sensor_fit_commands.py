@@ -107,7 +107,7 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     Example: eitsim sensor correct frames.csv --sensor sensor.json --out corrected.csv
     """
     from eitsim.sensors.calibration.calibration_file import read_calibration
-    from eitsim.sensors.calibration.ideal_frames import frame_noise, ideal_frames, to_ideal
+    from eitsim.sensors.calibration.ideal_frames import frame_noise, ideal_frames, live_readings, to_ideal
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.recording import write_recording
 
@@ -116,8 +116,9 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     calibrated = read_calibration(sensor)
     known = calibrated.sensor
     patterns, each = known.protocol.shape
-    found = to_ideal(calibrated)
-    frames = ideal_frames(found, calibrated, open_recording(recording, kind=known.kind, readings=patterns * each))
+    read = open_recording(recording, kind=known.kind, readings=patterns * each)
+    found = to_ideal(calibrated, live_readings(read))
+    frames = ideal_frames(found, calibrated, read)
     write_recording(frames, out)
     noise = frame_noise(calibrated, found)
     if as_json:

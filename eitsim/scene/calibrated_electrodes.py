@@ -48,7 +48,7 @@ def with_calibrated(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise ValueError(f"radius_mm in [body] must be that of the calibrated sensor, {radius:g}, got "
                          f"{body['radius_mm']!r:.80}; leave it out.")
     return {**own, **tables, **{key: own[key] for key in ("electrodes", "channels")},
-            **({"body": {"radius_mm": radius, **body}} if isinstance(body, Mapping) else {})}
+            **({"body": {**own["body"], **body}} if isinstance(body, Mapping) else {})}
 
 
 def read_fitted(path: Path) -> dict[str, Any]:

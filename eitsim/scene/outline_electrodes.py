@@ -13,7 +13,6 @@ from eitsim.scene.outline import (
     edge_distance_m,
     inside,
     loops,
-    squared_distance,
     touching,
 )
 from touchcal.arrays import Array
@@ -168,13 +167,3 @@ def _overlap(one: Array, other: Array, within: float) -> bool:
 
 def _touches(patch: Array, start: Array, end: Array, within: float) -> bool:
     return any(touching(a, b, start, end, within).any() for a, b in zip(patch, np.roll(patch, -1, axis=0), strict=True))
-
-
-def patch_distance_m(electrodes: Electrodes, points_m: Array) -> Array:
-    """Distance (...) of points (..., 2) to the nearest electrode on the surface, m; negative on one."""
-    nearest = np.full(points_m.shape[:-1], np.inf)
-    for patch in patch_loops(electrodes):
-        start, end = patch, np.roll(patch, -1, axis=0)
-        away = np.sqrt(squared_distance(points_m[..., None, :], start, end).min(axis=-1))
-        nearest = np.minimum(nearest, np.where(inside(points_m, start, end), -away, away))
-    return nearest

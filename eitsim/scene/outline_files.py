@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.scene.outline import signed_area
 from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError
 
 _SAG_MM = 0.01  # Largest distance of a curve of a drawing from its chords, mm.
+_PER_INCH = 96.0  # User units of an SVG without units of its own.
+_MM = 25.4 / _PER_INCH
 _SAME_MM = 1e-3  # Ends of lines of a drawing closer than this are one corner, mm.
 
 Corners = list[list[float]]
@@ -28,14 +31,9 @@ def outline_of_file(path: Path) -> tuple[Corners, list[Corners]]:
     found = {".csv": _csv, ".dxf": _dxf, ".svg": _svg}.get(path.suffix.lower(), _mesh)(path)
     if not found:
         raise InputFileError(path, "it holds no closed loop; close the outline.")
-    found.sort(key=lambda loop: -abs(_area(loop)))
+    found.sort(key=lambda loop: -abs(signed_area(loop)))
     outer, *holes = [loop.tolist() for loop in found]
     return outer, holes
-
-
-def _area(loop: Array) -> float:
-    x, y = loop.T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
 def _csv(path: Path) -> list[Array]:
@@ -64,8 +62,7 @@ def _svg(path: Path) -> list[Array]:
     except ImportError:
         raise _missing("svgelements", ".svg") from None
     try:
-        # user units of 96 an inch, as SVG has them
-        drawing = svgelements.SVG.parse(str(path), ppi=25.4)
+        drawing = svgelements.SVG.parse(str(path), ppi=_PER_INCH)
     except (ValueError, OSError, SyntaxError) as error:
         raise InputFileError(path, f"no SVG file that can be read ({error}).") from None
     shapes: list[Any] = [one for one in drawing.elements() if isinstance(one, svgelements.Shape)]
@@ -74,7 +71,7 @@ def _svg(path: Path) -> list[Array]:
 
 
 def _flattened(part: Any) -> Array:
-    """Points of a path of an SVG, its y upwards, straight pieces by their ends."""
+    """Points of a path of an SVG, mm, its y upwards, straight pieces by their ends."""
     points: list[Any] = []
     for piece in part:
         if type(piece).__name__ == "Move":
@@ -82,9 +79,9 @@ def _flattened(part: Any) -> Array:
             continue
         straight = type(piece).__name__ in ("Line", "Close")
         # chords of a curve of length l that turns by at most a whole turn: the sag is below pi l / (4 n^2)
-        chords = 1 if straight else max(4, math.ceil(math.sqrt(math.pi * piece.length() / (4 * _SAG_MM))))
+        chords = 1 if straight else max(4, math.ceil(math.sqrt(math.pi * _MM * piece.length() / (4 * _SAG_MM))))
         points += [piece.point(k / chords) for k in range(1, chords + 1)]
-    return np.array([[p.x, -p.y] for p in points if p is not None])
+    return _MM * np.array([[p.x, -p.y] for p in points if p is not None])
 
 
 def _mesh(path: Path) -> list[Array]:

@@ -364,10 +364,6 @@ def _electrodes(raw: Any) -> Electrodes:
 
 def _check(scene: Scene) -> None:
     body, electrodes = scene.body, scene.electrodes
-    for part in (body, scene.skin, scene.accuracy, *scene.punches):
-        for key, value in vars(part).items():
-            if isinstance(value, float) and not key.startswith("contact_impedance"):
-                _require(math.isfinite(value), f"{key} of {type(part).__name__}", "must be finite", value)
     for punch in scene.punches:
         _check_punch(punch, body)
     for table, keys in _KEYS.items():
@@ -383,7 +379,6 @@ def _check(scene: Scene) -> None:
     else:
         check(body.radius_m, electrodes)
     _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
-    _require(scene.hold.loading_s >= 0, "loading_s in [hold]", "must not be negative", scene.hold.loading_s)
     _require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",
              "has no effect without time_s; give time_s, or leave it out", scene.hold.loading_s)
     _require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
@@ -435,14 +430,11 @@ def _check_punch(punch: Punch, body: Body) -> None:
     if punch.depth_m is not None:
         _require(0 < punch.depth_m < body.thickness_m, "depth_mm in [punch]",
                  "must lie between 0 and the foam's thickness", punch.depth_m * 1e3)
-    _require(punch.diameter_m > 0, "diameter_mm in [punch]", "must be positive", punch.diameter_m * 1e3)
     _require(0 < punch.fillet_m <= punch.diameter_m / 2, "fillet_mm in [punch]",
              "(0.5 unless given) must be positive (a sharp edge has no finite peak stress) and at most half of "
              f"diameter_mm = {punch.diameter_m * 1e3:g}", punch.fillet_m * 1e3)
     _require(0 < punch.half_angle_rad < math.pi / 2, "half_angle_deg in [punch]",
              "(from the axis to the face of a cone) must lie between 0 and 90", math.degrees(punch.half_angle_rad))
-    _require(punch.contact_impedance_Ohm_m2 > 0, "contact_impedance_Ohm_m2 in [punch]", "must be positive",
-             punch.contact_impedance_Ohm_m2)
     by_coulomb = punch.friction == "coulomb"
     _require(punch.friction_coefficient > 0 or not by_coulomb, "friction_coefficient in [punch]",
              "must be positive with friction = \"coulomb\"", punch.friction_coefficient)

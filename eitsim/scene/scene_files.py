@@ -1,6 +1,5 @@
 """The tables of a scene file with everything that they name in other files, or for short, written out."""
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,9 @@ from eitsim.scene.drive import with_matrices
 from eitsim.scene.electrodes import MOST
 from eitsim.scene.outline import OUTLINES
 from eitsim.scene.outline_files import outline_of_file
+from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number
 from touchcal.errors import InputFileError
-from touchcal.input_file import regular
 
 # Columns of a file of electrodes on the surface, and those that it may leave out.
 _PLACES, _SIZES = ("x_mm", "y_mm"), ("width_mm", "length_mm", "turn_deg", "contact_impedance_Ohm_m2", "shape")
@@ -83,15 +82,14 @@ def _listed(path: Path) -> dict[str, list[Any]]:
     if not path.exists():
         raise InputFileError(path, "no such file, which places in [electrodes] names. Check the name, which is "
                                    "relative to the scene file.")
-    with open(regular(path), newline="", encoding="utf-8-sig") as file:
-        rows = [[cell.strip() for cell in row] for row in csv.reader(file) if any(row)]
-    names = rows[0] if rows else []
+    rows = csv_rows(path, "one row an electrode")
+    names = rows[0][1] if rows else []
     known = (*_PLACES, *_SIZES)
     if not set(_PLACES) <= set(names) or not set(names) <= set(known):
         raise InputFileError(path, f"its header must name {', '.join(_PLACES)} and may name {', '.join(_SIZES)}; got "
                                    f"{', '.join(names) or 'nothing'}.")
     out: dict[str, list[Any]] = {name: [] for name in names}
-    for line, row in enumerate(rows[1:], start=2):
+    for line, row in rows[1:]:
         if len(row) != len(names):
             raise InputFileError(path, f"{len(row)} columns, expected {len(names)}.", line=line)
         for name, cell in zip(names, row, strict=True):

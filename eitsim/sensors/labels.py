@@ -1,6 +1,5 @@
 """Labels of recorded presses: a CSV with `touch` and any of x_mm, y_mm, d_mm, F_N, depth_mm, z_mm."""
 
-import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchcal.arrays import Array, Index
+from touchcal.csv_numbers import csv_rows
 from touchcal.errors import InputFileError, unknown_key
-from touchcal.input_file import regular
 
 NAMES = ("x_mm", "y_mm", "d_mm", "F_N", "depth_mm", "z_mm")
 TOUCH = "touch"
@@ -58,12 +57,7 @@ def read_labels(path: Path | str) -> Labels:
     (('x_mm', 'y_mm', 'depth_mm'), (2, 3))
     """
     path = Path(path)
-    try:
-        with open(regular(path), newline="", encoding="utf-8-sig") as file:
-            rows = [(line, [cell.strip() for cell in cells]) for line, cells in enumerate(csv.reader(file), start=1)
-                    if any(cell.strip() for cell in cells)]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of one row a touch.") from None
+    rows = csv_rows(path, "one row a touch")
     if not rows:
         raise InputFileError(path, f"the file is empty. Expected a header of {TOUCH} and any of {', '.join(NAMES)}.")
     header = rows[0][1]

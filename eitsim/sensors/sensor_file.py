@@ -81,7 +81,11 @@ def sensor_from(raw: Mapping[str, Any], folder: Path) -> Sensor:
     kind = readings.get("kind", Sensor.kind)
     check_kind(kind, "kind in [readings]")
     tables = {name: table for name, table in raw.items() if name != "readings"}
-    scene = scene_from(with_files(_with_pairs(tables, folder), folder))
+    tables = with_files(_with_pairs(tables, folder), folder)
+    if "channels" in tables:
+        raise ValueError("calibrated in [electrodes] serves scenes and designs; a sensor file describes the sensor as "
+                         "it is built. Leave it out.")
+    scene = scene_from(tables)
     return Sensor(scene.body, scene.skin, scene.electrodes, scene.drive, kind)
 
 

@@ -11,7 +11,6 @@ from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene, profile_of
 from eitsim.simulation.material import Material
-from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 
@@ -28,7 +27,7 @@ _FLAT = -0.97  # Strain that touches of a foam come near to: flat.
 def unresolvable(scene: Scene, material: Material) -> str:
     """Why a touch or the card's conductivity is more than numbers resolve, with the remedy; empty where none is."""
     problems = (_too_thin(scene.body, punch) or _too_light(scene.body, punch, material.law) for punch in scene.punches)
-    return _conductivity_problem(material.card) or next((problem for problem in problems if problem), "")
+    return _conductivity_problem(material) or next((problem for problem in problems if problem), "")
 
 
 def positive_from(law: Conductivity) -> float | None:
@@ -50,8 +49,8 @@ def check_positive(law: Conductivity, strain: str, touches: Sequence[Touch]) -> 
                          f"tells. Press less, or fix the card: {error}") from None
 
 
-def _conductivity_problem(card: MaterialCard) -> str:
-    law = card.conductivity
+def _conductivity_problem(material: Material) -> str:
+    card, law = material.card, None if material.card.conductivity is None else material.skin
     if law is None or _LEAST_S_PER_M <= law.c0_S_per_m <= _LARGEST_S_PER_M:
         return ""
     return (f"c0_S_per_m = {law.c0_S_per_m:g} in the conductivity of card '{card.name}': {_LEAST_S_PER_M:g} to "

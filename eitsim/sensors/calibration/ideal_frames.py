@@ -17,9 +17,10 @@ from eitsim.electrics.imaging.gauss_newton import pixel_signals, pixels
 from eitsim.scene.channels import Channels, channel_readings
 from eitsim.scene.electrodes import Electrodes
 from eitsim.sensors.calibration.calibration_file import CalibratedSensor
+from eitsim.sensors.reading_checks import dead_readings
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 from touchcal.errors import InputFileError
 
 _INSIDE = 0.9  # part of the radius within which touches lie
@@ -36,12 +37,13 @@ class ToIdeal:
     left: float  # part of the ideal sensor's signals, over all places, that the map misses
 
 
-def to_ideal(calibrated: CalibratedSensor) -> ToIdeal:
+def to_ideal(calibrated: CalibratedSensor, there: Mask | None = None) -> ToIdeal:
     """The map of a calibrated sensor; ValueError as `channel_changes`."""
     sensor, channels = calibrated.sensor, calibrated.instrument.channels(calibrated.state)
     even = Channels(conductance_S=channels.conductance_S)
     real, ideal = signals(calibrated, calibrated.state), ideal_signals(calibrated)
-    matrix = least_squares_map(real, ideal, np.sqrt(2) * calibrated.misfit)
+    there = np.ones(len(real), dtype=bool) if there is None else there
+    matrix = least_squares_map(real, ideal, np.sqrt(2) * calibrated.misfit, there)
     rest = channel_readings(sensor.protocol, even, untouched_impedance(sensor.body, sensor.electrodes,
                                                                        channels.conductance_S[0])).ravel()
     return ToIdeal(rest, matrix, float(np.linalg.norm(ideal - matrix @ real) / np.linalg.norm(ideal)))
@@ -65,11 +67,12 @@ def _signals(sensor: Sensor, electrodes: Electrodes, channels: Channels) -> Arra
     return pixel_signals(sensor.body, electrodes, sensor.drive, channels, mosaic)[:, inside]
 
 
-def least_squares_map(real: Array, ideal: Array, noise: float) -> Array:
+def least_squares_map(real: Array, ideal: Array, noise: float, there: Mask) -> Array:
     """(m, m) M that makes signals (m, t) of one sensor those of the other, one pixel at a time, noise their standard
     deviation, V."""
+    real = real * there[:, None]
     gram = real @ real.T + real.shape[1] * noise**2 * np.eye(len(real))
-    return np.eye(len(real)) + np.linalg.solve(gram, real @ (ideal - real).T).T
+    return np.diag(there.astype(float)) + np.linalg.solve(gram, real @ (ideal - real).T).T
 
 
 def error_covariance(calibrated: CalibratedSensor, states: Iterable[Array], found: ToIdeal) -> Array:
@@ -93,6 +96,11 @@ def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0) -> 
     return float(np.sqrt((error + noise) / len(found.matrix)))
 
 
+def live_readings(recording: Recording) -> Mask:
+    """(m,) which readings are there in every frame and not dead."""
+    return ~dead_readings(recording) & np.isfinite(recording.readings).all(axis=0)
+
+
 def ideal_frames(found: ToIdeal, calibrated: CalibratedSensor, recording: Recording) -> Recording:
     """A recording as the ideal sensor would read it: untouched frames are its own, touched ones the map of what they
     add to the untouched frame that came last before them, or first after; InputFileError where none is untouched.
@@ -104,6 +112,7 @@ def ideal_frames(found: ToIdeal, calibrated: CalibratedSensor, recording: Record
         raise InputFileError(recording.source, "no frame is untouched; leave `touch` empty in rows without a touch.")
     frames = np.real(recording.readings)
     sign = np.sign(calibrated.signed_readings().ravel()) if recording.kind == "magnitude" else 1.0
+    there = live_readings(recording)
     latest = rest[np.maximum(np.searchsorted(rest, np.arange(len(frames)), side="right") - 1, 0)]
-    change = np.where(recording.untouched[:, None], 0.0, sign * (frames - frames[latest]))
+    change = np.where(recording.untouched[:, None], 0.0, np.where(there, sign * (frames - frames[latest]), 0.0))
     return replace(recording, readings=found.untouched_V + change @ found.matrix.T, kind="voltage")

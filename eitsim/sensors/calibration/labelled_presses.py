@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from eitsim.sensors.calibration.placement import Placement
-from eitsim.sensors.labels import Labels
-from eitsim.sensors.reading_checks import mean_frame
+from eitsim.sensors.labels import Labels, places_of
+from eitsim.sensors.reading_checks import dead_readings, mean_frame
 from eitsim.sensors.recording import Recording
 from touchcal.arrays import Array, Mask
 from touchcal.errors import InputFileError
 
-PLACE = ("x_mm", "y_mm")
 GAIN_SD = 0.3  # prior of a reading's gain about 1
 MOMENT_SD = 10.0  # prior of ln_moment_mm2: nothing is known but what the signals say
 FEWEST = 4  # presses, so that there are two in each half
@@ -63,13 +62,11 @@ class SignalSize:
 def labelled_presses(recording: Recording, labels: Labels) -> Presses:
     """The labelled touches of a recording, the mean of their frames less the untouched frame that came last before
     them, or first after; ValueError where fewer than four have a place, InputFileError where none is untouched."""
-    if any(name not in labels.names for name in PLACE):
-        raise ValueError(f"the labels are {', '.join(labels.names)}; places need x_mm and y_mm.")
     frames = np.real(recording.readings)
     rest = np.flatnonzero(recording.untouched)
     if recording.kind != "difference" and not len(rest):
         raise InputFileError(recording.source, "no frame is untouched; leave `touch` empty in rows without a touch.")
-    place = dict(zip(labels.touch.tolist(), labels.values[:, [labels.names.index(n) for n in PLACE]], strict=True))
+    place = dict(zip(labels.touch.tolist(), places_of(labels), strict=True))
     names = [name for name in dict.fromkeys(recording.touch.tolist()) if name in place]
     if len(names) < FEWEST:
         raise ValueError(f"{len(names)} touches of the recording have a label, and {FEWEST} are the fewest. Name "
@@ -80,7 +77,9 @@ def labelled_presses(recording: Recording, labels: Labels) -> Presses:
         before = rest[rest < rows[0]][-1:] if np.any(rest < rows[0]) else rest[:1]
         base = 0.0 if recording.kind == "difference" else frames[before[0]]
         signals.append(mean_frame(frames[rows] - base))
-    return Presses(1e-3 * np.array([place[name] for name in names]), np.array(signals))
+    signal = np.array(signals)
+    signal[:, dead_readings(recording)] = np.nan
+    return Presses(1e-3 * np.array([place[name] for name in names]), signal)
 
 
 def signal_size(presses: Presses, there: Mask, shape: Array, lies: Placement, seed: int, *,

@@ -66,4 +66,12 @@ def placement(places_m: Array, signal: Array, shape_of: Callable[[Array], Array]
                                     "fatol": 1e-6, "maxfev": 200}).x)
     own = Placement()
     inside = np.hypot(*own.placed(places_m).T).max() <= _INSIDE * radius_m
-    return own if inside and left(found) > _CLEARLY * left(own) else found
+    if inside and left(found) > _CLEARLY * left(own):
+        return own
+    away = np.hypot(*found.placed(places_m).T)
+    if away.max() > radius_m:
+        x, y = 1e3 * places_m[int(np.argmax(away))]
+        raise ValueError(f"the press at {x:.4g}, {y:.4g} mm lies {away.max() * 1e3:.3g} mm from the sensor's "
+                         f"middle, where the others place it, and radius_mm in [body] is {radius_m * 1e3:g}; correct "
+                         "its label.")
+    return found

@@ -152,6 +152,8 @@ def fit(instrument: Instrument, frame: Untouched, groups: Sequence[str], start: 
         white = problem.minimum(white, misfit)
         residual, change = problem.linearised(white)
         degrees = len(residual) - len(white) + np.sum(_root(change / misfit) ** 2)
+        if degrees < 1:  # the readings are interpolated, and say nothing of their noise
+            break
         before, misfit = misfit, float(np.sqrt(residual @ residual / degrees))
         root = _root(change / misfit)
         if abs(misfit / before - 1) < _SETTLED:

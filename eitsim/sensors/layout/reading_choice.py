@@ -33,6 +33,6 @@ def bounds(by: Array) -> Array:
     information = by.transpose(0, 2, 1) @ by
     scale = np.sqrt(np.maximum(np.einsum("nqq->nq", information), np.finfo(float).tiny))
     part, axes = np.linalg.eigh(information / scale[:, :, None] / scale[:, None, :])
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(part > part.shape[1] * np.finfo(float).eps, 1 / part, np.inf)
-    return np.sqrt(np.sum(axes**2 * inverse[:, None], axis=2)) / scale
+        return np.sqrt(np.nansum(axes**2 * inverse[:, None], axis=2)) / scale  # 0 inf: what does not lie on an axis

@@ -21,6 +21,7 @@ from touchcal.toml_file import read_toml
 OWN = "own drive"
 CANDIDATES = ("own", "all")  # the readings to choose from: those of the own drive, or of any four electrodes
 MOST_CANDIDATES = 20_000  # readings of any four of 21 electrodes
+MOST_DB = 300
 HIGH = 0.9  # quantile over the places that is stated next to the median
 
 
@@ -51,7 +52,8 @@ class SensorDesign:
 
 def read_layout(path: Path) -> Scene:
     """The scene of a sensor file, or of a scene file, which has a punch; errors as those."""
-    return read_sensor(path).scene if set(read_toml(path)) <= set(TABLES) else read_scene(path)
+    described = path.suffix == ".json" or set(read_toml(path)) <= set(TABLES)
+    return read_sensor(path).scene if described else read_scene(path)
 
 
 def design_sensor(scene: Scene, card: MaterialCard, *, noise_dB: float = 80.0, noise_V: float | None = None,
@@ -103,6 +105,9 @@ def design_sensor(scene: Scene, card: MaterialCard, *, noise_dB: float = 80.0, n
                          f"{len(unknowns)} to {len(pool)}.")
     if noise_V is not None and not 0 < noise_V < np.inf:
         raise ValueError(f"the noise of one reading must be above 0 V, got {noise_V:g}.")
+    if not abs(noise_dB) <= MOST_DB:
+        raise ValueError(f"the noise of one reading must lie {-MOST_DB} to {MOST_DB} dB below the readings, got "
+                         f"{noise_dB:g}.")
     slopes = touch_slopes(scene, card, within_m=within_m, places=places, each=each)
     noise = noise_V or float(np.sqrt(np.mean(untouched_V(slopes, own) ** 2))) * 10 ** (-noise_dB / 20)
 

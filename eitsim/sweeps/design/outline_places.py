@@ -13,7 +13,7 @@ from eitsim.simulation.plan import least_gap_m
 from touchcal.arrays import Array
 
 _CELLS = 256  # Cells along the longer side of the outline, in which the distance to the edges is known.
-_TABLES = ("body", "skin", "accuracy")  # Those that decide how near an edge a touch is solved.
+_TABLES = ("body", "skin", "electrodes", "drive", "channels", "accuracy")
 
 
 @lru_cache(maxsize=8)

@@ -20,7 +20,7 @@ from eitsim.sensors.calibration.calibrate import Calibration
 from eitsim.sensors.calibration.calibration_file import calibration_document, read_calibration
 from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
 from eitsim.sensors.calibration.stages import Fit
-from eitsim.sensors.sensor_file import Sensor
+from eitsim.sensors.sensor_file import Sensor, read_sensor
 from eitsim.simulation.simulate import plan
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import read_design, scene_at
@@ -101,6 +101,22 @@ def test_leaks_act_on_touched_readings_as_on_a_network_with_a_ground() -> None:
     found = channel_changes(asked, Channels(leaks_S=tuple(leaks)), z, other, other - z)
     np.testing.assert_allclose(found, reading[1] - reading[0], atol=1e-9 * float(np.abs(reading).max()))
     assert np.abs(found - readings(asked, other - z)).max() > 1e-3 * np.abs(found).max()
+
+
+def test_a_calibrated_sensor_is_for_scenes_not_for_sensor_files(tmp_path: Path) -> None:
+    written(state_of("gains"), tmp_path / "sensor.json")
+    (tmp_path / "sensor.toml").write_text('[electrodes]\ncalibrated = "sensor.json"\n', encoding="utf-8")
+    with pytest.raises(InputFileError, match=r"calibrated in .electrodes. serves scenes and designs"):
+        read_sensor(tmp_path / "sensor.toml")
+
+
+def test_the_calibrated_body_stays_where_a_scene_names_a_part_of_it(tmp_path: Path) -> None:
+    path = written(state_of(), tmp_path / "sensor.json")
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["sensor"]["body"]["thickness_mm"] = 5.0
+    path.write_text(json.dumps(document), encoding="utf-8")
+    radius = document["sensor"]["body"]["radius_mm"]
+    assert scene_of(tmp_path, TOUCH + f"[body]\nradius_mm = {radius}\n").body.thickness_m == pytest.approx(5e-3)
 
 
 def test_an_ideal_sensor_changes_nothing(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from eitsim.scene.electrodes import present
 from eitsim.scene.outline import signed_area
-from eitsim.scene.outline_electrodes import middles_m, patch_distance_m, patch_loops, stretches_along
+from eitsim.scene.outline_electrodes import middles_m, patch_loops, stretches_along
 from eitsim.scene.scene import Body, Electrodes, Scene, read_scene, scene_from
 from touchcal.errors import InputFileError
 
@@ -49,8 +49,6 @@ def test_patches_have_their_areas_places_and_turns():
     np.testing.assert_allclose(np.ptp(plain, axis=0), [0.008, 0.006])
     np.testing.assert_allclose(np.ptp(turned, axis=0), [0.006, 0.008], atol=1e-15)
     assert sector[:, 0].max() == pytest.approx(0.04)
-    assert patch_distance_m(electrodes, np.array([0.02, 0.01])) == pytest.approx(0.007)
-    assert patch_distance_m(electrodes, np.array([0.02, 0.002])) == pytest.approx(-0.001)
 
 
 def test_grids_and_files_of_places_are_written_out(tmp_path):

@@ -54,6 +54,12 @@ def test_paths_of_an_svg_are_in_millimetres_and_point_upwards(tmp_path):
     np.testing.assert_allclose(loops(body)[0].min(axis=0), [0, -0.05], atol=1e-6)
 
 
+def test_user_units_of_an_svg_are_96_an_inch(tmp_path):
+    (tmp_path / "skin.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="480" height="480">'
+                                       '<path d="M 0 0 L 384 0 L 384 192 L 0 192 Z"/></svg>')
+    assert area_m2(scene_of(tmp_path, "skin.svg").body) == pytest.approx(0.1016 * 0.0508, rel=1e-9)
+
+
 def test_the_edge_of_a_mesh_is_the_outline(tmp_path):
     x, y = np.meshgrid(np.arange(7.0) * 10, np.arange(5.0) * 10)
     number = np.arange(35).reshape(5, 7)

@@ -39,6 +39,14 @@ def test_places_keep_the_gap_that_the_plan_solves_unless_one_is_given():
     assert rough.min() < keep
 
 
+def test_a_small_skin_has_its_own_electrodes():
+    """16 of the default width would not fit along its edge."""
+    small = {"outline": "rectangle", "width_mm": 30, "height_mm": 30, "thickness_mm": 2}
+    made = DESIGN | {"body": small, "electrodes": {"count": 16, "width_mm": 2}}
+    gaps = gaps_of(made | {"punch": {"diameter_mm": 4, "force_N": 0.05, "place": {"gap_mm": 3}}}, 20)
+    assert gaps.min() >= 0.003
+
+
 def test_places_are_uniform_over_what_is_left():
     """Shares of a fine grid of both numbers in four parts of the skin are those of their areas."""
     scene = scene_from({"body": BODY})

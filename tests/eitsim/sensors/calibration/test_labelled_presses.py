@@ -21,7 +21,8 @@ from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.calibration.calibrate import calibrate
 from eitsim.sensors.calibration.calibration_file import calibration_document, parameters_of
-from eitsim.sensors.calibration.placement import Placement
+from eitsim.sensors.calibration.labelled_presses import labelled_presses
+from eitsim.sensors.calibration.placement import Placement, placement
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor, read_sensor
@@ -126,6 +127,31 @@ def test_labels_without_places_or_of_other_touches_are_refused() -> None:
         calibrate(one, frames, Labels(np.array(["p0"]), ("F_N",), np.ones((1, 1))))
     with pytest.raises(ValueError, match="2 touches of the recording have a label, and 4 are the fewest"):
         calibrate(one, frames, labels(2))
+
+
+def test_stuck_readings_do_not_count_as_presses() -> None:
+    rest = channel_readings(SENSOR.protocol, Channels(), solve_rim(SENSOR.body, SENSOR.electrodes, 6e-4).impedance_Ohm)
+    one = signals(Channels(), 30.0 * np.ones(len(PLACES)))
+    frames = recorded(one, rest.ravel(), "voltage")
+    frames.readings[:, 7] = 0.3
+    found = labelled_presses(frames, labels())
+    assert np.isnan(found.signal[:, 7]).all()
+    assert np.isfinite(np.delete(found.signal, 7, axis=1)).all()
+
+
+def test_a_press_that_others_place_off_the_disc_is_named() -> None:
+    """Only a hundred of the presses are searched with; the wrong label is none of these."""
+    radius, angle = 40.0 * np.sqrt(np.linspace(0, 1, 150)), 2.4 * np.arange(150)
+    places = 1e-3 * np.column_stack([55.0 + radius * np.cos(angle), radius * np.sin(angle)])
+
+    def shape(at: np.ndarray) -> np.ndarray:
+        return signal_by_touch(SENSOR.body, SENSOR.electrodes, 6e-4, Channels(), SENSOR.protocol, at)
+
+    signal, labelled = shape(places), places - [0.055, 0.0]
+    labelled[2] = [0.038, 0.038]
+    assert 2 not in np.linspace(0, 149, 100).astype(int)
+    with pytest.raises(ValueError, match=r"the press at 38, 38 mm lies .* mm from the sensor's middle"):
+        placement(labelled, signal, shape, SENSOR.body.radius_m)
 
 
 def test_a_refused_model_is_written_for_changes_and_read_as_a_sensor(
