@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.scene.outline import signed_area
+from eitsim.scene.outline import MOST_POINTS, signed_area
 from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError
@@ -101,6 +101,9 @@ def _mesh(path: Path) -> list[Array]:
     corners = np.vstack([block[:, :3] for block in cells])
     edges = np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
     _, index, times = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    if (count := int(np.sum(times == 1))) > MOST_POINTS:
+        raise InputFileError(path, f"its edge has {count} corners, at most {MOST_POINTS} are taken; save a coarser "
+                                   "mesh.")
     return _joined(path, list(mesh.points[edges[index[times == 1]]][..., :2]))
 
 

@@ -94,7 +94,8 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     compared = (None, None, None) if pairs is None or (pairs == MEAN).any() else _compared(
         signals if profile is None else profile[None], pairs, sensor,
         signed=kind == "voltage" and profile is not None and has_sign(profile))
-    lost = reading_checks.dead_electrodes(dead, pairs, count) if pairs is not None and count else []
+    lost = reading_checks.dead_electrodes(dead, [(pairs[:, 2:] == k).any(axis=1) for k in range(count)]
+                                          ) if pairs is not None and count else ()
     return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead), tuple(lost),
                       np.flatnonzero(late), reading_checks.noise(untouched), reading_checks.drift(untouched), *compared,
                       placed=_placed(sensor, profile) if sensor and profile is not None and agrees else None)

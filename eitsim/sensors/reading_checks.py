@@ -3,7 +3,7 @@
 Two lists of numbers that should be the same, a and later b, are |a - b| / |a| from each other, 2-norms.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,14 +51,14 @@ def dead_readings(recording: Recording) -> Mask:
     return dead
 
 
-def dead_electrodes(dead: Mask, pairs: Index, count: int) -> list[int]:
-    """Electrodes, from 0, most of whose readings are dead while other readings are not."""
+def dead_electrodes(dead: Mask, uses: Iterable[Mask]) -> dict[int, float]:
+    """Electrodes, from 0, most of whose readings are dead while other readings are not, and what part; `uses`: for each
+    which readings (m,) are taken at it."""
     if dead.all() or not dead.any():
-        return []
-    uses = [(pairs[:, 2:] == k).any(axis=1) for k in range(count)]
+        return {}
     shares = [float(dead[use].mean()) if use.any() else 0.0 for use in uses]
     worst = max(shares)
-    return [k for k, share in enumerate(shares) if share >= _MOSTLY and share == worst]
+    return {k: share for k, share in enumerate(shares) if share >= _MOSTLY and share == worst}
 
 
 def mean_frame(frames: Array) -> Array:

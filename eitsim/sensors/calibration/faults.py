@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from eitsim.sensors import reading_checks
 from eitsim.sensors.calibration.stages import Untouched, driven
 from touchcal.arrays import Array, Mask
 
-_MOSTLY = 0.8  # an electrode is dead where this part of the readings at it is
 # An electrode is suspect where so many times the median of all electrodes is left of its readings, and named where the
 # others are explained so many times better without it.
 _SUSPECT, _BETTER = 2.0, 3.0
@@ -21,12 +21,9 @@ def read_at(frame: Untouched, electrode: int) -> Mask:
 
 def dead_electrodes(frame: Untouched) -> dict[int, str]:
     """Electrodes, from 0, nearly all of whose readings are dead while others are not, with the words that say so."""
-    there, count = np.isfinite(frame.volts), frame.asked.currents_A.shape[1]
-    share = np.array([1 - there[read_at(frame, k)].mean() if read_at(frame, k).any() else 0.0 for k in range(count)])
-    if not share.any():
-        return {}
-    worst = [k for k in range(count) if share[k] >= _MOSTLY and share[k] == share.max()]
-    return {k: f"{share[k]:.0%} of the readings at it are dead" for k in worst}
+    uses = [read_at(frame, k).ravel() for k in range(frame.asked.currents_A.shape[1])]
+    found = reading_checks.dead_electrodes(~np.isfinite(frame.volts).ravel(), uses)
+    return {k: f"{share:.0%} of the readings at it are dead" for k, share in found.items()}
 
 
 def suspect(by_electrode: Sequence[float]) -> int | None:

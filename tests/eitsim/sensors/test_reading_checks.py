@@ -91,7 +91,8 @@ def test_dead_channels_and_electrodes() -> None:
     few = reading_checks.dead_readings(recording(values[:2]))
     assert np.flatnonzero(few).tolist() == [3, 4]  # of few bits: the same value twice is no fault
     uses_3 = (PAIRS[:, 2:] == 3).any(axis=1)
-    assert reading_checks.dead_electrodes(uses_3, PAIRS, 4) == [3]
-    assert reading_checks.dead_electrodes(np.zeros(len(PAIRS), bool), PAIRS, 4) == []
+    uses = [(PAIRS[:, 2:] == k).any(axis=1) for k in range(4)]
+    assert reading_checks.dead_electrodes(uses_3, uses) == {3: 1.0}
+    assert reading_checks.dead_electrodes(np.zeros(len(PAIRS), bool), uses) == {}
     twice = recording(np.tile(values[:1, :3], (20, 1)))
     assert not reading_checks.dead_readings(twice).any()
