@@ -23,6 +23,7 @@ MEMBERS = 1  # without each block
 EPOCHS, MOST_STEPS, BATCH = 120, 4000, 128
 RATE, DECAY, DROPOUT, NOISE = 4e-3, 0.05, 0.1, 0.1  # of AdamW; of the standardised inputs
 SMOOTH = 1e-4  # square of the distance, over the spread of the targets, below which the loss is quadratic
+POOL = 1 << 21  # random numbers drawn once, of which each step takes a run from a random place on
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +85,14 @@ def _trained(inputs: Array, target: Array, rows: list[Index], seed: int, epochs:
     descent = torch.optim.AdamW(parameters, RATE, weight_decay=DECAY, fused=True)
     cycle = torch.optim.lr_scheduler.OneCycleLR(descent, RATE, total_steps=epochs * each)
     known = [torch.from_numpy(one) for one in rows]
+    noise = NOISE * torch.randn(POOL, generator=chance)
+    kept = (torch.rand(POOL, generator=chance) >= DROPOUT).float() / (1 - DROPOUT)
     for _ in range(epochs):
         order = torch.stack([one[torch.randperm(len(one), generator=chance)[:fewest]] for one in known])
         for step in range(each):
             taken = order[:, step * batch:(step + 1) * batch]
             seen = x[taken]
-            found = _run(layers, seen + NOISE * torch.randn(seen.shape, generator=chance), chance)
+            found = _run(layers, seen + _some(noise, seen.shape, chance), kept, chance)
             loss = ((found - y[taken]).square().sum(dim=2) + SMOOTH).sqrt().mean(dim=1).sum()
             descent.zero_grad()
             loss.backward()
@@ -106,13 +109,24 @@ def _drawn(members: int, sizes: tuple[int, ...], chance: torch.Generator) -> lis
             for a, b in pairwise(sizes)]
 
 
-def _run(layers: list[tuple[torch.Tensor, torch.Tensor]], x: torch.Tensor, chance: torch.Generator) -> torch.Tensor:
+def _some(pool: torch.Tensor, shape: torch.Size, chance: torch.Generator) -> torch.Tensor:
+    """A run of a pool of random numbers, of a shape; the whole pool, again and again, where that is larger."""
+    import torch
+
+    size = shape.numel()
+    if size >= len(pool):
+        return pool.repeat(-(-size // len(pool)))[:size].view(shape)
+    start = int(torch.randint(len(pool) - size, (1,), generator=chance))
+    return pool[start:start + size].view(shape)
+
+
+def _run(layers: list[tuple[torch.Tensor, torch.Tensor]], x: torch.Tensor, kept: torch.Tensor,
+         chance: torch.Generator) -> torch.Tensor:
     import torch
     from torch.nn.functional import gelu
 
     for number, (weight, bias) in enumerate(layers):
         if number:
-            kept = torch.rand(x.shape, generator=chance) >= DROPOUT
-            x = gelu(x) * kept / (1 - DROPOUT)
+            x = gelu(x) * _some(kept, x.shape, chance)
         x = torch.baddbmm(bias, x, weight)
     return x
