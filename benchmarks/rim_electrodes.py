@@ -4,8 +4,8 @@ A strip as wide as an electrode and as high as given, bonded to the side of the 
 punch and free to move, is STIFF times as stiff as the foam; one as high as the foam is bonded to the ground too. It
 stands in the part of the circles about the punch that the rim cuts off, where the problem of the clipped disc has a
 weak tie only. "electrode" and "rim" are relative differences of the 208 touch signals (2-norm) at the worst bearing,
-with and without the strip, and with and without the rim. Run by `make bench`, which pins threads; writes
-results/rim_electrodes.csv.
+with and without the strip, and with and without the rim; empty where the solution is not found. Run by `make bench`,
+which pins threads; writes results/rim_electrodes.csv.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from eitsim.mechanics.rim.correction import no_correction
 from eitsim.mechanics.rim.solve_near_rim import Resolution, Solution, change_of, set_up
 from eitsim.scene.results import RimField
 from eitsim.scene.scene import STRAINS, Body, Electrodes, Punch
+from touchcal.errors import NotConverged
 
 CASES = quick(((0.014, 1.0), (0.010, 2.0), (0.018, 0.3)), ((0.014, 1.0),))
 GAPS_M = quick((0.0005, 0.002, 0.005, 0.01, 0.02), (0.005,))
@@ -66,8 +67,8 @@ def with_strip(disc: ClippedDisc, model: IndentationProblem, half: float, height
                    weight=np.hstack([disc.weight, stiff * volume[:, None] * share[foam.circle]]))
 
 
-def found(body: Body, punch: Punch, height_m: float, stiff: float, fineness: Resolution) -> RimField:
-    """What the rim changes, with a strip of this height on it; 0: without."""
+def found(body: Body, punch: Punch, height_m: float, stiff: float, fineness: Resolution) -> RimField | None:
+    """What the rim changes, with a strip of this height on it; 0: without; None where it is not found."""
     unit = body.thickness_m
     model, load = set_up(TABLE_1, body, punch, fineness)
     model, state = load.state(model, False)
@@ -75,7 +76,10 @@ def found(body: Body, punch: Punch, height_m: float, stiff: float, fineness: Res
                         fineness.angles, model.punch.profile.radius + fineness.out_to)
     if height_m:
         disc = with_strip(disc, model, float(np.max(Electrodes().width_m)) / 2 / unit, height_m / unit, stiff)
-    at = solve(disc, None)
+    try:
+        at = solve(disc, None)
+    except NotConverged:
+        return None
     return change_of(Solution(disc, model, state, at.x, at.residuals), body).field
 
 
@@ -84,11 +88,14 @@ def rows(diameter_m: float, force_N: float, gap_m: float, what: str, heights_m: 
     body, punch = Body(), at(diameter_m, force_N, gap_m)
     far = solve_touch(TABLE_1, body, punch)
     bare = found(body, punch, 0.0, stiff, fineness)
+    if bare is None:
+        return []
     rim = signal_differences(body, punch, far, no_correction(bare), bare)
     out = []
     for height_m in heights_m:
         begun = time.process_time()
-        strip = signal_differences(body, punch, far, found(body, punch, height_m, stiff, fineness), bare)
+        held = found(body, punch, height_m, stiff, fineness)
+        strip = np.full(len(STRAINS), np.nan) if held is None else signal_differences(body, punch, far, held, bare)
         out.append({"what": what, "d_mm": diameter_m * 1e3, "force_N": force_N, "gap_mm": gap_m * 1e3,
                     "height_mm": height_m * 1e3,
                     **{f"rim_{name}": part for name, part in zip(STRAINS, rim, strict=True)},
