@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -181,7 +182,7 @@ def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: Pre
         reader_store.load_reader(tmp_path)
 
 
-def row_of(cells: list[object]) -> list[str]:
+def row_of(cells: Sequence[object]) -> list[str]:
     return [str(one).strip() for one in cells]
 
 

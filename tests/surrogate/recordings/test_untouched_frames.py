@@ -48,7 +48,7 @@ def recorded(step_s: float | None = 1.0, each: int = 1) -> tuple[Recording, Arra
     readings[pressed] += signal
     touch = np.full(frames, "", "U8")
     touch[pressed] = np.arange(COUNT)
-    time_s = None if step_s is None else step_s * np.arange(frames)
+    time_s = None if step_s is None else np.asarray(step_s * np.arange(frames), np.float64)
     return Recording(readings, np.arange(frames), time_s, touch, "voltage", Path("synthetic.csv")), place
 
 
