@@ -125,7 +125,7 @@ def measured(case: Case) -> pd.DataFrame:
         presses = with_drift(recording, presses, case.drift)
     begun = time.process_time()
     expectation = expectation_of(read_sensor(REAL / case.skin / "sensor.toml"))
-    read = read_rows(known_by(presses, train), labels, train, test, case.split, 0, expectation)
+    read = read_rows(presses, labels, train, test, case.split, 0, expectation)
     spent = round(time.process_time() - begun, 1)
     return pd.DataFrame([asdict(case) | {
         "output": one.output, "unit": one.unit, "trained": one.trained, "tested": one.tested,
@@ -139,12 +139,6 @@ def held(one: ReaderScore) -> dict[str, float]:
     return ({f"{axis}_in_90": round(part, 3) for axis, part in zip(axes, one.coverage, strict=True)}
             | {f"{axis}_half": round(half, 3) for axis, half in zip(axes, one.half_width, strict=True)}
             | ({} if one.in_ellipse is None else {"in_ellipse": round(one.in_ellipse, 3)}))
-
-
-def known_by(presses: Presses, train: Index) -> Presses:
-    """The presses with the untouched frames of the time until the last row that trains."""
-    before = presses.rest_time <= presses.index[train].max()
-    return replace(presses, rest=presses.rest[before], rest_time=presses.rest_time[before])
 
 
 def main(labels: Sequence[int]) -> None:

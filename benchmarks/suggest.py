@@ -22,16 +22,16 @@ from itertools import product
 import numpy as np
 import pandas as pd
 from conditions import earlier, quick, shown, written
-from real_skins import REAL, known_by, recorded
+from real_skins import REAL, recorded
 
 from eitsim.sensors.labels import PLACE, Labels, places_of
 from eitsim.sensors.sensor_file import Sensor, read_sensor
 from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
-from surrogate.recordings.pattern_process import matern
+from surrogate.recordings.disc_grid import disc_grid
 from surrogate.recordings.physics.expectation import Pose, expectation_of
-from surrogate.recordings.presses import Presses, taken
-from surrogate.recordings.suggestion.next_presses import ACROSS, LENGTH, NOISE, SHARE, greedy, next_presses
+from surrogate.recordings.presses import Presses, taken, until
+from surrogate.recordings.suggestion.next_presses import ACROSS, SHARE, greedy, left_open, next_presses
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.trained.reader_scores import split_rows
 from surrogate.statistics.gaussian_process import squared_distance
@@ -106,23 +106,12 @@ def places_asked(skin: Skin, case: Case, rows: Index) -> Array:
     count, pressed = case.presses - len(rows), skin.place[rows]
     if case.way == "suggested":
         return next_presses(skin.radius, pressed, count).place
-    grid = candidates(skin.radius)
+    grid = disc_grid(np.zeros(2), SHARE * skin.radius, ACROSS)
     if case.way == "nearest":
         return nearest(grid, pressed, count)
-    left = matern(grid, grid, LENGTH * skin.radius)
-    if len(pressed):
-        shared = matern(grid, pressed, LENGTH * skin.radius)
-        known = matern(pressed, pressed, LENGTH * skin.radius) + NOISE * np.eye(len(pressed))
-        left -= shared @ np.linalg.solve(known, shared.T)
+    left = left_open(grid, pressed, skin.radius)
     weight = by_gradient(skin, grid) if case.way == "gradient" else by_error(skin, grid, rows)
     return grid[greedy(left, weight / weight.sum(), count)[0]]
-
-
-def candidates(radius: float) -> Array:
-    """(g, 2) all places that `next_presses` compares, mm."""
-    axis = np.linspace(-SHARE * radius, SHARE * radius, ACROSS)
-    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    return grid[np.linalg.norm(grid, axis=1) <= SHARE * radius]
 
 
 def nearest(grid: Array, pressed: Array, count: int) -> Array:
@@ -163,7 +152,8 @@ def error_of(skin: Skin, reader: str, rows: Index, test: Index) -> float:
         value = fitted.templates.read(skin.presses.signal[test])[0]
     else:
         labels = Labels(skin.presses.name[rows], PLACE, skin.place[rows])
-        fitted_reader = press_reader.fit(taken(known_by(skin.presses, rows), rows), labels, 0, expected)
+        known = until(taken(skin.presses, rows), float(skin.presses.time[rows].max()))
+        fitted_reader = press_reader.fit(known, labels, 0, expected)
         found = press_reader.read(fitted_reader, taken(skin.presses, test)).place
         value = found.value if found else np.broadcast_to(skin.place[rows].mean(axis=0), (len(test), 2))
     return float(np.linalg.norm(value - skin.place[test], axis=1).mean())

@@ -1,16 +1,21 @@
 """What every command line here shares: exit status, plain errors, progress, one JSON object."""
 
+from __future__ import annotations
+
 import json
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from touchcal.errors import NotConverged
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 BAD_INPUT, NOT_CONVERGED = 2, 3
 
@@ -111,6 +116,16 @@ def check_apart(outs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None
         if place.resolve() in taken:
             raise ValueError(f"{flag} {place} would be overwritten: {taken[place.resolve()]}. Choose another name.")
         taken[place.resolve()] = f"{flag} {place} is written"
+
+
+def print_table(table: Table) -> None:
+    """Print a table on standard output, wider than a narrow terminal or a pipe of 80 columns where its cells would be
+    cut else."""
+    from rich.console import Console
+    from rich.measure import Measurement
+
+    wide = Console(width=10_000)
+    Console(width=max(Console().width, Measurement.get(wide, wide.options, table).maximum)).print(table)
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from touchcal.arrays import Array
 
 OF_MEAN = (0.1, 0.3)  # error over that of the mean that is good, and that is usable
 PLACE = "place"
-NO_SCORES = "Not scored: four fifths of so few presses do not train a reader."
+NO_SCORES = "Not scored: the cautions say why."
 PARTS = {"time": "the last in time", "random": "at random"}
 
 
@@ -44,7 +44,8 @@ def report(model: TrainedReader, model_dir: Path) -> Report:
     findings = [f"The reader was trained in {number(model.fit_s)} s of CPU on {_presses(model.presses)}."]
     return Report("reader", "Reader of presses", f"{_presses(model.presses)}, readings of the kind {model.kind}",
                   provenance.footer(sources, provenance.seed_words(model.seed)), findings, plates, tables, absent,
-                  cautions=[typeset(words[0].upper() + words[1:]) for words in model.reader.left_out],
+                  cautions=[typeset(words[0].upper() + words[1:])
+                            for words in (*model.left_out, *model.reader.left_out)],
                   verdict=[*_verdict(model)])
 
 

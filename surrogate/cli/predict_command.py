@@ -12,6 +12,7 @@ import typer
 from surrogate.cli.limit_command import counted
 from surrogate.cli.recording_command import predict_recording
 from touchcal.terminal import JsonOption, SeedOption, check_apart, check_out, print_json
+from touchcal.whole_file import written
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,6 +36,7 @@ MOST_NOISE_V = 1000.0  # no instrument reads more, and equations of more noise a
 SCALE_HELP = ("Multiply all readings by the training's untouched ones over those measured: yes, no, or auto, where "
               "that explains a difference larger than noise.")
 RATE_HELP = "Frames a second of standard input, for how fast touches and drift may move between two lines."
+RATE_HZ = 50.0
 HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
 DRIFT_HELP = ("What may have changed between the untouched and the touched frames, as relative standard deviations: "
               "gain=0.001,contact=0.01; contact needs --scene or --data. Method forward.")
@@ -48,7 +50,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             scale_baseline: Annotated[str, typer.Option(help=SCALE_HELP)] = "auto",
             held: Annotated[float | None, typer.Option(help=HELD_HELP)] = None,
             drift: Annotated[str, typer.Option(metavar="gain=SD,contact=SD", help=DRIFT_HELP)] = "",
-            rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = 50.0,
+            rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = RATE_HZ,
             touches: Annotated[int, typer.Option(min=1, max=2, help=TOUCHES_HELP)] = 1,
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
             data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card or "
@@ -98,13 +100,17 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
         raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
                          "or --scene FILE for the sensor.")
     if is_reader(model_folder):
-        if frames == "-" and (card, data, scene, held) == (None,) * 4 and not direct and not posterior and not changes:
+        given = {"--card": card, "--data": data, "--scene": scene, "--held": held, "--direct": direct or None,
+                 "--posterior": posterior or None, "--drift": drift or None, "--touches": touches - 1 or None,
+                 "--seed": seed or None, "--scale-baseline": None if scale_baseline == "auto" else scale_baseline}
+        if frames != "-":
+            given |= {"--baseline": baseline, "--noise-V": noise_v, "--rate": None if rate == RATE_HZ else rate}
+        if odd := [flag for flag, value in given.items() if value is not None]:
+            raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
+                             f"rows are the baseline, or a stream. Leave out {', '.join(odd)}.")
+        if frames == "-":
             _track_stream(load_reader(model_folder), baseline, noise_v, out, rate)
             return
-        if (frames == "-" or (baseline, noise_v, card, data, scene, held) != (None,) * 6 or direct or posterior
-                or changes):
-            raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
-                             "rows are the baseline. Give that file and --out alone.")
         _written(predict_recording(model_folder, Path(frames)), model_folder, out, as_json)
         return
     model = surrogate.load(model_folder)
@@ -135,15 +141,20 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
 
 def _drift_of(text: str) -> dict[str, float]:
     """Standard deviations by what drifts; ValueError names the option."""
-    pairs = [one.partition("=") for one in text.split(",") if one]
-    try:
-        found = {name: float(value) for name, _, value in pairs}
-    except ValueError:
-        found = {"": 0.0}
-    if unknown := [name for name in found if name not in ("gain", "contact")]:
-        raise ValueError(f"--drift {text}: '{unknown[0]}' is not known; give --drift gain=0.001,contact=0.01, or one "
-                         "of them.")
+    found: dict[str, float] = {}
+    for pair in filter(None, text.split(",")):
+        name, _, value = pair.partition("=")
+        if name not in ("gain", "contact") or name in found:
+            raise _no_drift(text, pair, f"names {name} again" if name in found else "is not known")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise _no_drift(text, pair, "holds no number") from None
     return found
+
+
+def _no_drift(text: str, pair: str, why: str) -> ValueError:
+    return ValueError(f"--drift {text}: '{pair}' {why}; give --drift gain=0.001,contact=0.01, or one of them.")
 
 
 def _frame_drift(model: Model, changes: dict[str, float], data: Path | None, scene: Path | None) -> FrameDrift:
@@ -239,7 +250,8 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
 
 def _written(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool) -> None:
     if out is not None:
-        table.to_csv(out, index=False, float_format="%.6g")
+        with written(out) as file:
+            file.write(table.to_csv(index=False, float_format="%.6g").encode())
     if as_json:
         print_json({"model": model, "frames": [_plain(row) for row in table.to_dict("records")]})
     elif out is None:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from touchcal.terminal import print_json
+from touchcal.terminal import print_json, print_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from eitsim.sensors.labels import Labels
     from surrogate.recordings.suggestion.next_presses import NextPresses
     from surrogate.recordings.trained.train_reader import TrainedReader
+
+NO_DISC = "The body is no disc, so that no model of the sensor is used."
 
 
 def train_recording(recording: Path, labels: Path | None, sensor: Path | None, simulated: Path | None,
@@ -22,10 +24,11 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
     """Train on a recording, write the model, print its scores, and where asked the places to press next; with fewer
     labels than can be learnt from, these places alone."""
     from eitsim.sensors.calibration.calibration_file import read_described_sensor
-    from eitsim.sensors.labels import read_labels
+    from eitsim.sensors.labels import PLACE, places_of, read_labels
     from eitsim.sensors.recording import read_recording
     from surrogate.recordings.physics.expectation import expectation_of
     from surrogate.recordings.signals import FEWEST
+    from surrogate.recordings.suggestion.next_presses import next_presses
     from surrogate.recordings.trained import reader_store
     from surrogate.recordings.trained.train_reader import train_reader
     from surrogate.recordings.worth import NothingToRead
@@ -35,21 +38,33 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
                          "touches.csv and --sensor sensor.toml. Where nothing is pressed yet, give --sensor and "
                          "--suggest 20, which names the places to press first.")
     known, file_kind = read_described_sensor(sensor)
-    expectation = expectation_of(known, simulated)
     given = read_labels(labels) if labels is not None else None
-    ahead = _suggested(known.body.radius_m * 1e3, given, suggest, out) if suggest is not None else None
+    if known.body.has_outline and (suggest, simulated) != (None, None):
+        raise ValueError(f"--suggest and --simulated are for discs, and the body of {sensor} has the outline "
+                         f"'{known.body.outline}'. Leave them out.")
+    if simulated is not None and given is not None and not {*PLACE} <= {*given.names}:
+        raise ValueError(f"--simulated says how patterns depend on the place, and {labels} lacks {' or '.join(PLACE)}. "
+                         "Add them, or leave it out.")
+    expectation = None if known.body.has_outline else expectation_of(known, simulated)
+    ahead = None if suggest is None else next_presses(
+        known.body.radius_m * 1e3, np.empty((0, 2)) if given is None else places_of(given), suggest)
     if given is None or (ahead is not None and len(given.touch) < FEWEST):
-        _tell_untrained(0 if given is None else len(given.touch), FEWEST, ahead, as_json)
+        _write_suggested(ahead, out)
+        _say_untrained(0 if given is None else len(given.touch), FEWEST, ahead, out, as_json)
         return
     frames = read_recording(recording, kind=known.kind, readings=len(known.protocol.weights.reshape(-1,
                             known.electrodes.count)))
     try:
         model = train_reader(frames, given, seed, workers, expectation)
     except NothingToRead:
+        _write_suggested(ahead, out)
         if not as_json:
             _print_suggested(ahead)
         raise
+    if expectation is None:
+        model = replace(model, left_out=(*model.left_out, NO_DISC))
     reader_store.save_reader(model, out)
+    _write_suggested(ahead, out)
     if as_json:
         print_json(_described(model) | {"model": out, "sensor": file_kind} | _listed(ahead))
     else:
@@ -59,24 +74,27 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
         _print_suggested(ahead)
 
 
-def _suggested(radius_mm: float, given: Labels | None, count: int, out: Path) -> NextPresses:
-    """The places to press next, written into the model's folder."""
-    from eitsim.sensors.labels import places_of
-    from surrogate.recordings.suggestion.next_presses import SUGGESTED, next_presses
+def _write_suggested(ahead: NextPresses | None, out: Path) -> None:
+    """The places to press next, if any, into the model's folder."""
+    from surrogate.recordings.suggestion.next_presses import SUGGESTED
     from touchcal.whole_file import written
 
-    found = next_presses(radius_mm, places_of(given) if given is not None else np.empty((0, 2)), count)
+    if ahead is None:
+        return
     out.mkdir(parents=True, exist_ok=True)
     with written(out / SUGGESTED) as file:
-        file.write(found.table().to_csv(index=False, float_format="%.6g").encode())
-    return found
+        file.write(ahead.table().to_csv(index=False, float_format="%.6g").encode())
 
 
-def _tell_untrained(labels: int, fewest: int, ahead: NextPresses | None, as_json: bool) -> None:
+def _say_untrained(labels: int, fewest: int, ahead: NextPresses | None, out: Path, as_json: bool) -> None:
+    from surrogate.recordings.trained.reader_store import DESCRIPTION
+
+    earlier = (out / DESCRIPTION).exists()
     if as_json:
-        print_json({"presses": labels, "model": None} | _listed(ahead))
+        print_json({"presses": labels, "model": None, "earlier_model": out if earlier else None} | _listed(ahead))
         return
-    print(f"{labels} labelled presses, and {fewest} are the fewest to learn from: no model is trained yet")
+    print(f"{labels} labelled presses, and {fewest} are the fewest to learn from: no model is trained yet"
+          + f"; that of an earlier training stays in {out}" * earlier)
     _print_suggested(ahead)
 
 
@@ -87,7 +105,6 @@ def _listed(ahead: NextPresses | None) -> dict[str, Any]:
 def _print_suggested(ahead: NextPresses | None) -> None:
     if ahead is None:
         return
-    from rich.console import Console
     from rich.table import Table
 
     from surrogate.recordings.suggestion.next_presses import SHARE, SUGGESTED
@@ -95,7 +112,7 @@ def _print_suggested(ahead: NextPresses | None) -> None:
     table = Table("press", "x, mm", "y, mm", "gain, %", title="press next")
     for number, ((x, y), gain) in enumerate(zip(ahead.place, ahead.gain, strict=True), start=1):
         table.add_row(str(number), f"{x:.1f}", f"{y:.1f}", f"{100 * gain:.1f}")
-    Console().print(table)
+    print_table(table)
     x, y = ahead.middle
     print(f"places to press next, the best first, within {100 * SHARE:.0f} % of the radius about ({x:.4g}, {y:.4g}) "
           f"mm, also in {SUGGESTED}; gain: the part of the map's variance that a press takes away after those before")
@@ -117,11 +134,10 @@ def _described(model: TrainedReader) -> dict[str, Any]:
     from surrogate.recordings.trained.train_reader import choice
 
     return {"presses": model.presses, "fit_s": model.fit_s, "choice": choice(model.reader),
-            "scores": [asdict(one.score) for one in model.tested]}
+            "left_out": model.left_out, "scores": [asdict(one.score) for one in model.tested]}
 
 
 def _print_trained(model: TrainedReader) -> None:
-    from rich.console import Console
     from rich.table import Table
 
     from surrogate.recordings.trained.train_reader import choice
@@ -135,7 +151,7 @@ def _print_trained(model: TrainedReader) -> None:
                       ", ".join(f"{100 * part:.0f}" for part in one.coverage),
                       ", ".join(f"{half:.3g}" for half in one.half_width),
                       "-" if one.in_ellipse is None else f"{100 * one.in_ellipse:.0f}")
-    Console().print(table)
-    for line in choice(model.reader):
+    print_table(table)
+    for line in (*model.left_out, *choice(model.reader)):
         print(line)
     print(f"fit {model.fit_s:.1f} CPU s on {model.presses} presses")

@@ -3,6 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from touchcal.arrays import Array
+
 
 @dataclass(frozen=True)
 class Output:
@@ -30,6 +35,12 @@ def chosen(choice: str | Sequence[str]) -> tuple[str, ...]:
     if unknown := [name for name in requested if name not in NAMES]:
         raise ValueError(f"output '{unknown[0]}' is unknown; known: all, {', '.join(NAMES)}.")
     return tuple(name for name in NAMES if name in requested)
+
+
+def lowest(value: Array, below: Array, sized: ArrayLike) -> Array:
+    """Lower ends of intervals of values, each so far below; none below 0 where it is a size or a force, as `sized`
+    (broadcast) says, unless the value is."""
+    return np.where(sized, np.maximum(value - below, np.minimum(value, 0.0)), value - below)
 
 
 def of(name: str) -> Output:

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from surrogate.data.dead_readings import too_many
 from surrogate.learners.registry import METHODS, listed
 from surrogate.model.trained import Calibration, TrainedModel
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Mask
 
 DEAD = 1e-9  # a reading this far below the RMS of its frame reads nothing
-MOST_DEAD = 0.5  # most readings, as a part of all, that a model can do without
 CALIBRATION_ROWS = 100  # validation rows that calibrate the intervals of a model without some readings
 
 
@@ -43,9 +43,7 @@ def why_not(model: TrainedModel, dead: Mask) -> str:
     if not METHODS[model.method].handles_missing_channels:
         return ("a model trained on all readings cannot do without it; --method "
                 f"{listed(lambda method: method.handles_missing_channels)} can")
-    if np.mean(dead) > MOST_DEAD:
-        return f"{np.sum(dead)} of {len(dead)} readings are dead, and more than half are needed"
-    return ""
+    return too_many(dead)
 
 
 def check_needed(model: TrainedModel, dead: Mask, where: str) -> None:

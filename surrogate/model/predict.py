@@ -282,9 +282,7 @@ def _columns(model: TrainedModel, units: Sequence[str]) -> list[str]:
 
 def numbers_of(model: TrainedModel, found: Predictions) -> Array:
     """(n, 3 outputs + parts) value, lowest and highest of each output, then parts, in the order of `columns`."""
-    low = found.value - found.below
-    sized = [name not in ("x0", "y0") for name in model.names]
-    low[:, sized] = np.maximum(low[:, sized], np.minimum(found.value[:, sized], 0.0))  # no size or force is below 0
+    low = outputs.lowest(found.value, found.below, [name not in ("x0", "y0") for name in model.names])
     ends = (found.value, low, found.value + found.above)
     return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), -1), found.force_parts])
 

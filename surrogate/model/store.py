@@ -1,6 +1,5 @@
 """A model as a folder: model.json says what it is, arrays.npz holds its numbers; nothing in it is ever executed."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,11 +12,12 @@ from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS
 from surrogate.model.holding_time import holding_caution
 from surrogate.model.trained import Calibration, Range, Rows, TrainedModel, estimate
+from surrogate.recordings.trained.reader_store import METHOD as RECORDING
 from touchcal.array_store import Arrays, flat, read_npz, rebuilt
 from touchcal.arrays import Array
 from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
-from touchcal.json_file import digest, read_json, write_json
+from touchcal.json_file import digest, file_digest, read_json, write_json
 from touchcal.whole_file import written
 
 SCHEMA = 11
@@ -52,7 +52,7 @@ def save(model: TrainedModel, folder: Path) -> None:
     with written(folder / ARRAYS) as file:
         np.savez_compressed(file, allow_pickle=False, baseline_V=model.baseline_V,
                             **arrays, **{DESCRIBED: np.array(digest(text))})
-    write_json(text | {HASH: _file_hash(folder / ARRAYS)}, folder / DESCRIPTION)
+    write_json(text | {HASH: file_digest(folder / ARRAYS)}, folder / DESCRIPTION)
 
 
 def check_own(folder: Path, further: Sequence[str] = ()) -> None:
@@ -64,11 +64,6 @@ def check_own(folder: Path, further: Sequence[str] = ()) -> None:
     for path in sorted(folder.iterdir()) if folder.exists() else []:
         if not path.name.startswith(".") and path.name not in own:
             raise InputFileError(folder, f"it holds {path.name} and no model. Choose an empty folder for the model.")
-
-
-def _file_hash(path: Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def save_evaluation(folder: Path, scores: Mapping[str, Any], predictions: pd.DataFrame) -> None:
@@ -92,7 +87,7 @@ def read_evaluation(folder: Path) -> tuple[dict[str, Any], dict[str, Any], pd.Da
 
 
 def _scored_hashes(folder: Path, scores: Mapping[str, Any]) -> dict[str, str]:
-    return {name: _file_hash(folder / name) for name in (DESCRIPTION, PREDICTIONS)} | {EVALUATION: digest(scores)}
+    return {name: file_digest(folder / name) for name in (DESCRIPTION, PREDICTIONS)} | {EVALUATION: digest(scores)}
 
 
 def histories(folder: Path, names: Sequence[str]) -> dict[str, Array]:
@@ -109,6 +104,9 @@ def read(kind: type[M], folder: Path) -> M:
         raise InputFileError(folder, f"not a model: it holds no {DESCRIPTION}. A model is the folder that "
                                      "`surrogate train --out` writes.")
     text = read_json(path, "a model", _RETRAIN)
+    if text.get("method") == RECORDING:
+        raise InputFileError(folder, "a model of a recording, which `surrogate predict` and `surrogate report` read; "
+                                     "this is for models of a sweep.")
     if text.get("schema") != SCHEMA or text.get("method") not in [*METHODS]:
         raise InputFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one "
                                    f"that this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
@@ -118,7 +116,7 @@ def read(kind: type[M], folder: Path) -> M:
         raise InputFileError(path, f"not a model: {error} {_RETRAIN}") from None
     try:
         stated, arrays = text.pop(HASH), read_npz(folder / ARRAYS)
-        if stated != _file_hash(folder / ARRAYS):
+        if stated != file_digest(folder / ARRAYS):
             raise ValueError(f"{ARRAYS} was changed, or is of another model")
         if str(arrays.pop(DESCRIBED)) != digest(text):
             raise ValueError(f"{DESCRIPTION} was changed")

@@ -7,7 +7,7 @@ import numpy as np
 
 from surrogate.recordings.baselines import interpolated
 from surrogate.recordings.intervals import Bounds, Intervals, calibrated
-from surrogate.recordings.presses import Presses
+from surrogate.recordings.presses import Presses, whole_rest
 from surrogate.recordings.signals import OLD, Signals, learn_signals
 from touchcal.arrays import Array, Index
 
@@ -66,7 +66,9 @@ class OldReadings:
 
 
 def learn_known(presses: Presses, late: Index) -> Known:
-    """What training presses say of signals, drift and age; ValueError as learn_signals."""
+    """What training presses say of signals, and untouched frames without a dead channel of drift and age; ValueError as
+    learn_signals."""
+    presses = whole_rest(presses)
     signals, signal = learn_signals(presses, late)
     aged = _aged(signals, presses, signal)
     oldest = aged[-1].age if aged else signals.greatest_age
@@ -94,7 +96,7 @@ def _aged(signals: Signals, presses: Presses, signal: Array) -> tuple[Aged, ...]
     rest = np.hstack([presses.rest, presses.rest[:, signals.late]])
     now, _ = interpolated(rest, presses.rest_time, presses.time)
     apart = np.abs(presses.time[:, None] - presses.rest_time)
-    views, age = [], OLD * max(signals.greatest_age, float(np.diff(presses.rest_time).min()))
+    views, age = [], OLD * max(signals.greatest_age, float(np.diff(np.unique(presses.rest_time)).min()))
     while age <= apart.max():
         nearest = np.argmin(np.abs(apart - age), axis=1)
         rows = np.flatnonzero(apart[np.arange(len(nearest)), nearest] >= NEAR * age)

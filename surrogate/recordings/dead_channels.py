@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from touchcal.arrays import Array
+from surrogate.statistics.gaussian_process import spread_evenly
+from touchcal.arrays import Array, Mask
 
 RIDGE = 1e-3  # of the mean variance: readings are taken as no surer than this
+MOST_KEPT = 100  # training signals that show what filling in costs
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,13 +17,16 @@ class Readings:
 
     mean: Array  # (m,)
     covariance: Array  # (m, m)
+    rows: int  # training signals
+    kept: Array  # (k, m) some of them, evenly spread
 
 
 def learn_readings(signal: Array) -> Readings:
     """Mean and covariance of whole signals (n, m)."""
     mean = signal.mean(axis=0)
     covariance = (signal - mean).T @ (signal - mean) / len(signal)
-    return Readings(mean, covariance + RIDGE * np.trace(covariance) / len(mean) * np.eye(len(mean)))
+    covariance += RIDGE * np.trace(covariance) / len(mean) * np.eye(len(mean))
+    return Readings(mean, covariance, len(signal), signal[spread_evenly(len(signal), MOST_KEPT)])
 
 
 def filled(readings: Readings, signal: Array) -> Array:
@@ -32,4 +37,16 @@ def filled(readings: Readings, signal: Array) -> Array:
         alive = readings.covariance[np.ix_(~dead, ~dead)]
         left = np.linalg.solve(alive, signal[row, ~dead] - readings.mean[~dead])
         out[row, dead] = readings.mean[dead] + readings.covariance[np.ix_(dead, ~dead)] @ left
+    return out
+
+
+def filled_without(readings: Readings, dead: Mask) -> Array:
+    """(k, m) the kept training signals with these readings (m,) filled in from what the training signals but their own
+    say: with leverages h of the others, which are alive, leave-one-out residuals are residuals over 1 - h."""
+    left = readings.kept - readings.mean
+    alive = left[:, ~dead]
+    weighted = np.linalg.solve(readings.covariance[np.ix_(~dead, ~dead)], alive.T)
+    missed = left[:, dead] - (readings.covariance[np.ix_(dead, ~dead)] @ weighted).T
+    out = readings.kept.copy()
+    out[:, dead] -= missed / (1 - (1 + np.sum(alive.T * weighted, axis=0)) / readings.rows)[:, None]
     return out

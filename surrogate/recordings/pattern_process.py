@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from surrogate.recordings.patterns import centred
 from surrogate.statistics.gaussian_process import spread_evenly, squared_distance
 from touchcal.arrays import Array
 
@@ -37,7 +38,7 @@ def choose(pattern: Array, place: Array, expected: Array) -> Process:
     """Length and noise of the highest leave-one-out predictive density of patterns (n, m) at places (n, 2), mm, one
     amplitude for all readings; expected (n, m) there."""
     rows = spread_evenly(len(pattern), MOST_SEARCHED)
-    left, basis, at = _centred(pattern[rows]), _centred(expected[rows]), place[rows]
+    left, basis, at = centred(pattern[rows]), centred(expected[rows]), place[rows]
     spread = float(np.sqrt(at.var(axis=0).mean()))
     scored = []
     for length in LENGTHS:
@@ -73,7 +74,7 @@ class Conditioned:
 
 def conditioned(process: Process, pattern: Array, place: Array, expected: Array) -> Conditioned:
     """The process given patterns (n, m) at places (n, 2), mm, where `expected` (n, m) is expected."""
-    left, basis = _centred(pattern), _centred(expected)
+    left, basis = centred(pattern), centred(expected)
     factor = cho_factor(matern(place, place, process.length) + process.noise * np.eye(len(place)))
     inverse = cho_solve(factor, np.eye(len(place)))
     gains = _gains(left, basis, inverse @ basis)
@@ -94,7 +95,3 @@ def _gains(left: Array, basis: Array, weighted: Array) -> Array:
     """(m,) gains by generalised least squares; weighted: K^-1 times the basis (n, m)."""
     information = np.sum(basis * weighted, axis=0)
     return np.sum(left * weighted, axis=0) / np.maximum(information + RIDGE * information.mean(), np.finfo(float).tiny)
-
-
-def _centred(rows: Array) -> Array:
-    return rows - rows.mean(axis=0)

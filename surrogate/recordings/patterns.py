@@ -16,6 +16,11 @@ def direction(signal: Array) -> Array:
     return signal / np.maximum(np.linalg.norm(signal, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
+def centred(rows: Array) -> Array:
+    """Rows (n, m) less their mean."""
+    return rows - rows.mean(axis=0)
+
+
 def compressed(signal: Array, scale: float) -> Array:
     """(n, m) arsinh of the signals over a scale in the unit of the signal."""
     return np.arcsinh(signal / scale)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.recording import Recording
 from surrogate.recordings.baselines import in_order, tracked
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 from touchcal.errors import InputFileError
 
 
@@ -25,6 +25,7 @@ class Presses:
     rest: Array  # (k, m) untouched frames, in time order
     rest_time: Array  # (k,) their times, s, or their indices where the recording has no clock
     time: Array  # (n,) time of each touched frame, likewise
+    clocked: bool = False  # whether times are seconds, and not indices
 
 
 def presses_of(recording: Recording) -> Presses:
@@ -48,7 +49,7 @@ def presses_of(recording: Recording) -> Presses:
         baseline, age = tracked(np.asarray(frames[used], float), time[used], untouched[used])
         signal, following = signal - baseline, following - baseline
     return Presses(recording.touch[touched], recording.index[touched], signal, following, age, rest, time[untouched],
-                   time[touched])
+                   time[touched], recording.time_s is not None)
 
 
 def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Labels]:
@@ -70,8 +71,22 @@ def cut(presses: Presses) -> Presses:
 
 def taken(presses: Presses, rows: NDArray[np.intp]) -> Presses:
     """Some of the presses, in this order."""
-    return Presses(presses.name[rows], presses.index[rows], presses.signal[rows], presses.following[rows],
-                   presses.age[rows], presses.rest, presses.rest_time, presses.time[rows])
+    return replace(presses, name=presses.name[rows], index=presses.index[rows], signal=presses.signal[rows],
+                   following=presses.following[rows], age=presses.age[rows], time=presses.time[rows])
+
+
+def until(presses: Presses, latest: float) -> Presses:
+    """The presses with the untouched frames up to a time alone."""
+    return _rested(presses, np.flatnonzero(presses.rest_time <= latest))
+
+
+def whole_rest(presses: Presses) -> Presses:
+    """The presses with the untouched frames that have no dead channel alone."""
+    return _rested(presses, np.flatnonzero(np.isfinite(presses.rest).all(axis=1)))
+
+
+def _rested(presses: Presses, kept: Index) -> Presses:
+    return replace(presses, rest=presses.rest[kept], rest_time=presses.rest_time[kept])
 
 
 def _following(frames: Array, index: NDArray[np.int64]) -> Array:

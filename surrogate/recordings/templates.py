@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from surrogate.recordings.disc_grid import disc_grid
 from surrogate.recordings.pattern_process import MOST_SEARCHED, choose, mapped
 from surrogate.recordings.patterns import compressed, compression_scale, direction
 from surrogate.statistics.gaussian_process import spread_evenly
@@ -162,9 +163,7 @@ def places_about(place: Array) -> Array:
     """(g, 2) square grid of the disc about the middle of the range of places (n, 2)."""
     middle = (place.min(axis=0) + place.max(axis=0)) / 2
     radius = MARGIN * float(np.linalg.norm(place - middle, axis=1).max())
-    axis = np.linspace(-radius, radius, ACROSS)
-    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    return middle + grid[np.linalg.norm(grid, axis=1) <= radius]
+    return disc_grid(middle, radius, ACROSS)
 
 
 def _pattern(scale: float, signal: Array) -> Array:

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.recordings import kernel_ridge, networks, stacking, templates
-from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age, learn_known
+from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.intervals import Bounds, Intervals, calibrated, chosen
 from surrogate.recordings.kernel_ridge import KernelRidge
-from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.physics.expectation import Expectation
@@ -58,12 +57,6 @@ class Reading:
     value: Array  # (n, 2) mm
     bounds: Bounds  # mm
     strange: Mask  # (n,) whether the pattern is unlike those of the training presses
-
-
-def fit(presses: Presses, place: Array, seed: int = 0) -> TouchReader:
-    """Learn places (n, 2), mm, from presses in time order; errors as `learn`."""
-    late = late_readings(presses.signal, presses.following, place)
-    return learn(presses, place, learn_known(presses, late), seed)[0]
 
 
 def learn(presses: Presses, place: Array, known: Known, seed: int,
@@ -122,7 +115,7 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     training could show them.
     """
     signals = reader.signals
-    signal, old = signals.whole(presses), signals.old(presses)
+    signal, old = signals.whole(presses), signals.spared(presses)
     kept = without(signals.drift, signal, reader.projected)
     direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
     inputs = reader.features.of(kept)

@@ -63,7 +63,7 @@ class FollowedModel:
             self._predictor = prepare(model, model.baseline_V, noise, held_s=self._held_s)
         return found.gain, found.words
 
-    def read(self, volts: Array, background: Background, since_s: float, step_s: float) -> Read:
+    def read(self, volts: Array, background: Background, since_s: float, since: int, step_s: float) -> Read:
         """The touch with one more frame."""
         dead = np.isnan(volts)
         predictor, axes = self._without(dead, background)

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from surrogate.data.dead_readings import too_many
 from surrogate.data.outputs import TOUCH as PARTS
 from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import WALK
-from surrogate.model.missing_channels import MOST_DEAD, named
+from surrogate.model.missing_channels import named
 from surrogate.model.tracking.contact import patterns_of
 from surrogate.model.tracking.followed_reading import Read
 from surrogate.model.tracking.tracked import TOUCH
@@ -71,7 +72,7 @@ class FollowedPresses:
 
     def why_not(self, dead: Mask) -> str:
         """Why these are needed."""
-        return f"{dead.sum()} of {len(dead)} readings are dead" if np.mean(dead) > MOST_DEAD else ""
+        return too_many(dead)
 
     def ended(self) -> None:
         """No touch is followed."""
@@ -81,11 +82,12 @@ class FollowedPresses:
         """Readings are taken as they are."""
         return np.ones(self.readings), ""
 
-    def read(self, volts: Array, background: Background, since_s: float, step_s: float) -> Read:
+    def read(self, volts: Array, background: Background, since_s: float, since: int, step_s: float) -> Read:
         """The place with one more frame; the next frame, which may hold late readings, is not waited for."""
         none = np.full((1, self.readings), np.nan)
+        age = since_s if self._reader.signals.clocked else since
         press = Presses(np.array([""]), np.zeros(1, np.int64), (volts - background.volts)[None], none,
-                        np.array([since_s]), none[:0], np.zeros(0), np.zeros(1))
+                        np.array([float(age)]), none[:0], np.zeros(0), np.zeros(1))
         found = read(self._reader, press)
         place = found.place
         assert place is not None

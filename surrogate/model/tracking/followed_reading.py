@@ -50,9 +50,9 @@ class Following(Protocol):
         """In words, why no touch can be read without these channels; empty where one can."""
         ...
 
-    def read(self, volts: Array, background: Background, since_s: float, step_s: float) -> Read:
-        """The touch with one more frame (readings,), NaN where a channel is dead, so long after the latest untouched
-        frame and after the latest frame."""
+    def read(self, volts: Array, background: Background, since_s: float, since: int, step_s: float) -> Read:
+        """The touch with one more frame (readings,), NaN where a channel is dead, so many seconds and frames after the
+        latest untouched frame, and so many seconds after the latest frame."""
         ...
 
     def ended(self) -> None:

@@ -79,7 +79,7 @@ class Tracker:
         self._left = 1 if noise_V is not None else CALIBRATION
         self._background: Background | None = None
         self._contact = Contact(self._following.patterns, (BELIEVED * self._following.weakest) ** 2)
-        self._time_s = -1 / rate_hz
+        self._time_s, self._since = -1 / rate_hz, 0  # of the latest frame; frames since the latest untouched one
         if baseline_V is not None:
             self._from_baseline(np.asarray(baseline_V, np.float64).reshape(-1, self._following.readings))
 
@@ -144,6 +144,7 @@ class Tracker:
         if volts.size != len(self._gain):
             raise ValueError(f"a frame of {volts.size} readings; the trained sensor has {len(self._gain)}.")
         before_s, self._time_s = self._time_s, self._time_s + 1 / self.rate_hz if time_s is None else time_s
+        self._since += 1
         background = self._background
         dead = self._following.dead(volts) | self._dead
         if background is not None:
@@ -159,14 +160,15 @@ class Tracker:
         if self._contact.touched:
             self._background = untouched_stream.interrupted(background)
             step_s = max(self._time_s - before_s, 0.0)
-            return self._told(self._following.read(volts, background, since_s, step_s), signal)
+            return self._told(self._following.read(volts, background, since_s, self._since, step_s), signal)
         self._following.ended()
         if not self._contact.against:
-            self._background = untouched_stream.followed(background, volts, self._time_s)
+            self._background, self._since = untouched_stream.followed(background, volts, self._time_s), 0
         return self._told(unread(UNTOUCHED, named(dead) if dead.any() else ""), signal)
 
     def _calibrated(self, known: Background | None, volts: Array) -> Read:
         """One more frame of those that tell the noise, or the first untouched one where it is stated."""
+        self._since = 0
         if self._noise_V is not None:
             self._background = untouched_stream.known(volts, self._noise_V, 1, self._time_s)
         elif known is None:

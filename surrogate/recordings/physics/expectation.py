@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from eitsim.sensors.sensor_file import Sensor
+from surrogate.recordings.patterns import centred
 from surrogate.recordings.physics.disc_sensitivity import DiscSensitivity
 from surrogate.recordings.physics.simulated_patterns import read_simulated
 from surrogate.statistics.gaussian_process import spread_evenly
@@ -73,12 +74,12 @@ class Expectation:
 
     def pose(self, pattern: Array, place: Array) -> Pose:
         """How the sensor lies, by patterns (n, m) at places (n, 2), mm."""
-        left = _centred(pattern)
+        left = centred(pattern)
         left /= max(float(np.linalg.norm(left)), np.finfo(float).tiny)
         middles = 0j, complex(*((place.min(axis=0) + place.max(axis=0)) / 2))
 
         def missed(pose: Pose) -> Array:
-            basis = _centred(self.patterns(pose, place))
+            basis = centred(self.patterns(pose, place))
             information = np.sum(basis**2, axis=0)
             return left - np.sum(left * basis, axis=0) / (information + PRIOR * information.mean()) * basis
 
@@ -97,10 +98,9 @@ class Expectation:
 
 def expectation_of(sensor: Sensor, simulated: Path | None = None) -> Expectation:
     """What the sensitivity of a uniform disc expects of a sensor's readings, or where a folder is given the touches
-    that `eitsim sweep` simulated into it; errors as read_simulated."""
+    that `eitsim sweep` simulated into it; ValueError where the body is no disc, and errors as read_simulated."""
+    if sensor.body.has_outline:
+        raise ValueError(f"the body has the outline '{sensor.body.outline}', and what is expected of readings is that "
+                         "of a disc.")
     return Expectation(read_simulated(simulated, sensor) if simulated else DiscSensitivity(sensor.protocol),
                        sensor.body.radius_m * 1e3)
-
-
-def _centred(rows: Array) -> Array:
-    return rows - rows.mean(axis=0)

@@ -1,24 +1,27 @@
 """Every label of a press read from its signal: the place where x and y are labelled, and each other label by itself."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import TypeVar
 
 import numpy as np
 
 from eitsim.sensors.labels import PLACE, Labels
+from surrogate.data.dead_readings import too_many
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
+from surrogate.recordings.dead_channels import filled_without
 from surrogate.recordings.intervals import chosen
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.physics.expectation import Expectation
-from surrogate.recordings.presses import Presses, cut
+from surrogate.recordings.presses import Presses, cut, whole_rest
 from surrogate.recordings.scalar_reader import ScalarReader
 from surrogate.recordings.signals import FEWEST, Signals, flags
 from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
+from surrogate.statistics.conformal import conformal_scale
 from touchcal.arrays import Array
 
 SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
@@ -32,7 +35,7 @@ class PressReader:
     signals: Signals
     place: TouchReader | None
     scalars: tuple[ScalarReader, ...]
-    left_out: tuple[str, ...]  # why a label is not read, a sentence each
+    left_out: tuple[str, ...]  # why a label or an untouched frame is not used, a sentence each
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +85,9 @@ def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectatio
     scalars = tuple(one for one in scalars if one)
     if not reader and not scalars:
         raise NothingToRead(" ".join(left_out))
+    if lacking := len(presses.rest) - len(whole_rest(presses).rest):
+        left_out.append(f"{lacking} of {len(presses.rest)} untouched frames have dead channels: drift is learnt from "
+                        "the others.")
     return PressReader(known.signals, reader, scalars, tuple(left_out))
 
 
@@ -90,7 +96,37 @@ def read(reader: PressReader, presses: Presses) -> PressReading:
 
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
     on presses that lack it. Where the untouched frame is far older than in training, what drift spares is read.
+    Where channels are dead, squares of half widths are sums of those of whole frames and of what filling in these
+    channels moves 90 % of the training presses by; where more than MOST_DEAD of them are, values are NaN.
     """
+    found = _whole(reader, presses)
+    added = np.array([_filling(reader, one.tobytes()) for one in np.isnan(presses.signal)])
+    unread, place = np.isnan(added[:, 0]), found.place
+    if place:
+        half_width = np.hypot(place.bounds.half_width, added[:, :2])
+        place = replace(place, value=np.where(unread[:, None], np.nan, place.value),
+                        bounds=replace(place.bounds, half_width=half_width))
+    scalars = tuple(replace(one, value=np.where(unread, np.nan, one.value), half_width=np.hypot(one.half_width, extra))
+                    for one, extra in zip(found.scalars, added[:, 2:].T, strict=True))
+    return PressReading(place, scalars, found.flag)
+
+
+@lru_cache(maxsize=32)
+def _filling(reader: PressReader, dead: bytes) -> Array:
+    """(2 + labels,) how far filling in channels, bytes of a mask (m,), moves 90 % of the training presses in x, y and
+    each label; NaN where too many are dead."""
+    signals, mask = reader.signals, np.frombuffer(dead, bool)
+    if not mask.any() or too_many(mask):
+        return np.full(2 + len(reader.scalars), np.nan if mask.any() else 0.0)
+    lacking = filled_without(signals.readings, np.append(mask, mask[signals.late]))
+    seen = [_whole(reader, signals.presses(one)) for one in (signals.readings.kept, lacking)]
+    each = [np.column_stack([one.place.value if one.place else np.zeros((len(lacking), 2)),
+                             *(label.value for label in one.scalars)]) for one in seen]
+    return conformal_scale(each[1] - each[0], np.ones_like(each[0]), len(lacking))
+
+
+def _whole(reader: PressReader, presses: Presses) -> PressReading:
+    """What is read where filling in dead channels costs nothing."""
     place = touch_reader.read(reader.place, presses) if reader.place else None
     where, signals = place.value if place else None, reader.signals
     signal = seen(signals, reader.place, presses)
@@ -100,8 +136,8 @@ def read(reader: PressReader, presses: Presses) -> PressReading:
         value, bounds = scalar_reader.read(one, signal, where)
         bounds = chosen(signals.cut(presses), one.of_cut.bounds(*np.zeros((2, len(signal), 1))), bounds)
         old, of_old = scalar_reader.read_old(one, spared, where, presses.age)
-        bounds = chosen(signals.old(presses), of_old, bounds)
-        scalars.append(ScalarReading(one.name, np.where(signals.old(presses), old, value), bounds.half_width[:, 0]))
+        bounds = chosen(signals.spared(presses), of_old, bounds)
+        scalars.append(ScalarReading(one.name, np.where(signals.spared(presses), old, value), bounds.half_width[:, 0]))
     strange = place.strange if place else np.zeros(len(signal), bool)
     return PressReading(place, tuple(scalars), flags(reader.signals, presses, strange))
 

@@ -7,7 +7,7 @@ import numpy as np
 from eitsim.sensors.labels import PLACE, Labels, labels_of, unit_of
 from surrogate.recordings.intervals import radius
 from surrogate.recordings.physics.expectation import Expectation
-from surrogate.recordings.presses import Presses, taken
+from surrogate.recordings.presses import Presses, taken, until
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.worth import distance
 from touchcal.arrays import Array, Index
@@ -60,8 +60,9 @@ def read_split(presses: Presses, labels: Labels, split: str, seed: int = 0,
 
 def read_rows(presses: Presses, labels: Labels, train: Index, test: Index, split: str, seed: int,
               expectation: Expectation | None = None) -> tuple[Tested, ...]:
-    """What a reader trained on some rows reads of others."""
-    reader = press_reader.fit(taken(presses, train), labels_of(labels, train), seed, expectation)
+    """What a reader trained on some rows, and on the untouched frames until the last of them, reads of others."""
+    reader = press_reader.fit(until(taken(presses, train), float(presses.time[train].max())),
+                              labels_of(labels, train), seed, expectation)
     tested = taken(presses, test)
     found = press_reader.read(reader, tested)
     known = dict(zip(labels.names, labels.values.T, strict=True))

@@ -1,6 +1,5 @@
 """A trained reader as a folder: model.json says what it is, arrays.npz holds its numbers; nothing is ever executed."""
 
-import hashlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,16 +12,16 @@ from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.array_store import flat, read_npz, rebuilt
 from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
-from touchcal.json_file import digest, read_json, write_json
+from touchcal.json_file import digest, file_digest, read_json, write_json
 from touchcal.whole_file import written
 
-METHOD, SCHEMA = "recording", 2
+METHOD, SCHEMA = "recording", 3
 DESCRIPTION, ARRAYS, PART, TESTED = "model.json", "arrays.npz", "reader", "tested"
 _HASH, _DESCRIBED = "arrays_sha256", "description_sha256"
 _RETRAIN = "A model is the folder that `surrogate train --out` writes; train it again."
 _COUNT = Number(0, 1e15, whole=True)
 _SHAPE = Keys({"schema": _COUNT, "method": str, "kind": str, "presses": _COUNT, "seed": Number(0, whole=True),
-               "fit_s": Number(0), "scores": list, _HASH: str})
+               "fit_s": Number(0), "left_out": [str], "scores": list, _HASH: str})
 
 
 def save_reader(model: TrainedReader, folder: Path) -> None:
@@ -30,13 +29,13 @@ def save_reader(model: TrainedReader, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / DESCRIPTION).unlink(missing_ok=True)
     text: dict[str, Any] = {"schema": SCHEMA, "method": METHOD, "kind": model.kind, "presses": model.presses,
-                            "seed": model.seed, "fit_s": model.fit_s,
+                            "seed": model.seed, "fit_s": model.fit_s, "left_out": [*model.left_out],
                             "scores": [asdict(one.score) for one in model.tested]}
     with written(folder / ARRAYS) as file:
         np.savez_compressed(file, allow_pickle=False, **dict(flat(model.reader, PART)),
                             **dict(flat(model.tested, TESTED)),
                             **{_DESCRIBED: np.array(digest(text))})
-    write_json(text | {_HASH: _file_hash(folder / ARRAYS)}, folder / DESCRIPTION)
+    write_json(text | {_HASH: file_digest(folder / ARRAYS)}, folder / DESCRIPTION)
 
 
 def is_reader(folder: Path) -> bool:
@@ -54,17 +53,13 @@ def load_reader(folder: Path) -> TrainedReader:
     try:
         check(text, _SHAPE)
         stated, arrays = text.pop(_HASH), read_npz(folder / ARRAYS)
-        if stated != _file_hash(folder / ARRAYS):
+        if stated != file_digest(folder / ARRAYS):
             raise ValueError(f"{ARRAYS} was changed, or is of another model")
         if str(arrays.pop(_DESCRIBED)) != digest(text):
             raise ValueError(f"{DESCRIPTION} was changed")
         return TrainedReader(rebuilt(PressReader, PART, arrays), text["kind"], text["presses"], text["seed"],
-                             rebuilt(tuple[Tested, ...], TESTED, arrays), text["fit_s"])
+                             rebuilt(tuple[Tested, ...], TESTED, arrays), text["fit_s"],
+                             tuple(text["left_out"]))
     except (LookupError, TypeError, ValueError) as error:
         raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
                                      f"({error}). Train the model again.") from None
-
-
-def _file_hash(path: Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

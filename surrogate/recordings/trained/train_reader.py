@@ -6,16 +6,16 @@ from functools import partial
 
 import numpy as np
 
-from eitsim.sensors.labels import Labels, unit_of
+from eitsim.sensors.labels import Labels, labels_of, unit_of
 from eitsim.sensors.recording import Recording
+from surrogate.data.dead_readings import too_many
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.physics.expectation import Expectation
-from surrogate.recordings.presses import Presses, labelled, presses_of
+from surrogate.recordings.presses import Presses, labelled, presses_of, taken
 from surrogate.recordings.signals import FEWEST
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.trained.press_reader import PressReader
 from surrogate.recordings.trained.reader_scores import SPLITS, TESTED, Tested, read_split
-from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
 from touchcal.parallel.pool import Failed, answers
 from touchcal.parallel.processes import processes
@@ -31,6 +31,7 @@ class TrainedReader:
     seed: int
     tested: tuple[Tested, ...]  # by readers of four fifths, a split after the other; none where these are too few
     fit_s: float  # CPU time of the reader, s
+    left_out: tuple[str, ...] = ()  # which presses are not used and which splits not tested, and why, a sentence each
 
 
 def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
@@ -46,32 +47,43 @@ def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: i
     >>> model = train_reader(read_recording("frames.csv"), read_labels("touches.csv"))     # doctest: +SKIP
     >>> read_touches(model, read_recording("new.csv"))                                     # doctest: +SKIP
     """
-    presses, known = labelled(presses_of(recording), labels, str(recording.source))
+    presses, known, left_out = _readable(*labelled(presses_of(recording), labels, str(recording.source)))
     count = len(known.touch)
     splits = SPLITS if count - count // TESTED >= FEWEST else ()
+    if not splits:
+        left_out.append(f"{count} presses are too few to test on as well: there are no scores. Label more of them.")
     found = {}
     with processes(min(workers, 1 + len(splits))) as pool:
         for item, answer in answers(pool, partial(_answer, presses, known, seed, expectation), ("", *splits)):
             if isinstance(answer, Failed):
                 raise answer.error
             found[item] = answer
-    reader, fit_s = found[""]
-    if isinstance(reader, NothingToRead):
-        raise reader
-    tested = tuple(one for split in splits for one in found[split])
-    return TrainedReader(reader, recording.kind, count, seed, tested, fit_s)
+    reader, fit_s = found.pop("")
+    left_out += [f"split {split}, no scores: {found[split]}" for split in splits if isinstance(found[split], str)]
+    tested = tuple(one for split in splits if not isinstance(found[split], str) for one in found[split])
+    return TrainedReader(reader, recording.kind, count, seed, tested, fit_s, tuple(left_out))
+
+
+def _readable(presses: Presses, labels: Labels) -> tuple[Presses, Labels, list[str]]:
+    """Presses too many of whose readings are not dead, their labels, and how many others there are, in words."""
+    dead = [bool(too_many(one)) for one in np.isnan(presses.signal)]
+    if not any(dead):
+        return presses, labels, []
+    rows = np.flatnonzero(~np.array(dead))
+    return taken(presses, rows), labels_of(labels, rows), [
+        f"{sum(dead)} labelled presses, more than half of whose readings are dead, are left out."]
 
 
 def _answer(presses: Presses, labels: Labels, seed: int, expectation: Expectation | None,
-            split: str) -> tuple[Tested, ...] | tuple[PressReader | NothingToRead, float]:
-    """What is read on a split, none where four fifths say nothing; for no split the reader of all and its time."""
+            split: str) -> tuple[Tested, ...] | str | tuple[PressReader, float]:
+    """What is read on a split, or why its four fifths teach nothing; for no split the reader of all and its time."""
     begun = time.process_time()
-    try:
-        if split:
-            return read_split(presses, labels, split, seed, expectation)
+    if not split:
         return press_reader.fit(presses, labels, seed, expectation), time.process_time() - begun
-    except NothingToRead as refusal:
-        return () if split else (refusal, 0.0)
+    try:
+        return read_split(presses, labels, split, seed, expectation)
+    except ValueError as refusal:
+        return str(refusal)
 
 
 def choice(reader: PressReader) -> tuple[str, ...]:

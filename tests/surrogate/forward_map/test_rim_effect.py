@@ -129,3 +129,22 @@ def test_the_whole_signal_is_learned_where_the_series_only_hides_it(ring: Ring, 
     for left, replaces in ((1e-4 * signal, False), (wild, True)):
         rows = rim_correction.Rows(z, unknown[:, 2:], forward_map.gap(ring, unknown), left, size, size)
         assert rim_correction.fit(ring, learned.field, rows, signal).replaces == replaces
+
+
+def test_derivatives_are_those_of_the_signal_where_the_whole_is_learned(
+        whole: forward_map.ForwardMap, ring: Ring, synthetic: Synthetic, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a map that was made to learn the whole near the rim, by central differences."""
+    sizes = iter([0.0, 1.0])
+    monkeypatch.setattr(rim_correction, "_size", lambda _: next(sizes))
+    learned = forward_map.fit(ring, *synthetic(360, 0, (), 85.0))
+    assert (learned.beside.replaces, whole.beside.replaces) == (True, False)
+    at = to_unknown(synthetic(60, 5, (), 85.0)[0], learned.p0)
+    found = forward_map.linearise(learned, at)
+    plain = forward_map.linearise(whole, at)
+    assert np.linalg.norm(found.signal_V - plain.signal_V) > 1e-3 * np.linalg.norm(plain.signal_V)
+    for number, step in enumerate((1e-3, 1e-3, 1e-5, 1e-5)):
+        by = step * np.eye(4)[number]
+        change = (forward_map.linearise(learned, at + by).signal_V
+                  - forward_map.linearise(learned, at - by).signal_V) / (2 * step)
+        missed = np.linalg.norm(found.jacobian[..., number] - change, axis=1) / np.linalg.norm(change, axis=1)
+        assert missed.max() < 1e-4

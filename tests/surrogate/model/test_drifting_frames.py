@@ -108,7 +108,9 @@ def test_the_command_counts_drift(model: surrogate.Model, touches: tuple[Array, 
     assert done.returncode == 0, done.stderr
     rest = model.predict(frames, model.baseline_V, noise_V=NOISE_V, gain_drift=GAIN)
     assert np.allclose(pd.read_csv(tmp_path / "found.csv")["x0_mm"], rest["x0_m"] * 1e3, rtol=1e-3)
-    for drift, named in (("gain=a", "--drift"), ("gains=0.1", "gains"), ("contact=0.01", "--scene")):
+    for drift, named in (("gain=a", "'gain=a' holds no number"), ("contact=0.1,gain", "'gain' holds no number"),
+                         ("gains=0.1", "'gains=0.1' is not known"), ("contact=0.01", "--scene"),
+                         ("gain=0.1,gain=0.2", "'gain=0.2' names gain again")):
         refused = command("surrogate", *words, "--drift", drift, cwd=tmp_path)
         assert refused.returncode == 2
         assert named in refused.stderr

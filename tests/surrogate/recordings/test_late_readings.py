@@ -10,8 +10,10 @@ import pytest
 
 from eitsim.sensors.recording import Recording
 from surrogate.recordings import networks, touch_reader
+from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.late_readings import late_readings, with_late
 from surrogate.recordings.presses import Presses, presses_of
+from surrogate.recordings.touch_reader import TouchReader
 from surrogate.recordings.trained import press_reader
 from touchcal.arrays import Array, Index
 
@@ -48,15 +50,19 @@ def test_a_frame_follows_only_where_its_index_is_one_more() -> None:
     np.testing.assert_array_equal(with_late(found.signal, found.following, np.array([1]))[0], [0, 1, 3])
 
 
+def learnt(presses: Presses, place: Array) -> TouchReader:
+    return touch_reader.learn(presses, place, learn_known(presses, late_in(presses, place)), 0)[0]
+
+
 @pytest.mark.slow
 def test_late_readings_help_and_their_lack_widens_intervals_and_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(networks, "MOST_STEPS", 100)
     known, place = shifted(1, 80)
-    reader = touch_reader.fit(known, place)
+    reader = learnt(known, place)
     new, there = shifted(2, 100)
     lacking = replace(new, following=np.full_like(new.following, np.nan))
     whole, cut = touch_reader.read(reader, new), touch_reader.read(reader, lacking)
-    unaware = touch_reader.fit(replace(known, following=np.full_like(known.following, np.nan)), place)
+    unaware = learnt(replace(known, following=np.full_like(known.following, np.nan)), place)
     miss = [np.linalg.norm(one.value - there, axis=1).mean() for one in (whole, touch_reader.read(unaware, lacking))]
     assert miss[0] < 0.95 * miss[1]
     assert cut.bounds.half_width.mean() > whole.bounds.half_width.mean()

@@ -10,10 +10,12 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from eitsim.sensors.sensor_file import read_sensor
 from surrogate.cli.main import app
 from surrogate.recordings import networks, templates
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.pattern_process import matern
+from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.suggestion.next_presses import LENGTH, NOISE, SHARE, next_presses
 from touchcal.arrays import Array
 
@@ -65,9 +67,15 @@ def test_presses_spread_over_the_body_and_avoid_those_before() -> None:
 
 def test_labels_outside_the_body_about_the_origin_say_where_it_lies() -> None:
     middle = np.array([400.0, -100.0])
-    found = next_presses(RADIUS, middle + np.array([[-40.0, 10.0], [40.0, -10.0]]), 3)
+    found = next_presses(RADIUS, middle + np.array([[-40.0, 10.0], [40.0, -10.0], [0.0, 41.0], [5.0, -41.0]]), 3)
     np.testing.assert_allclose(found.middle, middle)
     assert np.linalg.norm(found.place - middle, axis=1).max() <= SHARE * RADIUS * 1.001
+
+
+@pytest.mark.parametrize("pressed", [[[101.0, 0.0], [90.0, 0.0]], [[150.0, 150.0], [160.0, 140.0]]])
+def test_labels_outside_the_body_that_do_not_say_where_it_lies_are_refused(pressed: list[list[float]]) -> None:
+    with pytest.raises(ValueError, match=r"the press at \(1.*\) mm lies outside the body, of radius 100 mm"):
+        next_presses(100.0, np.array(pressed), 3)
 
 
 def test_more_places_than_are_compared_are_refused() -> None:
@@ -116,9 +124,47 @@ def test_the_command_suggests_before_the_first_press_and_after_few(tmp_path: Pat
     few = run.invoke(app, [*arguments, "--suggest", "3", "--json"])
     assert few.exit_code == 0, few.output
     said = json.loads(few.output)
-    assert (said["presses"], said["model"], len(said["suggested"])) == (4, None, 3)
+    assert (said["presses"], said["model"], said["earlier_model"], len(said["suggested"])) == (4, None, None, 3)
+    (tmp_path / "model" / "model.json").write_text("{}")
+    again = run.invoke(app, [*arguments, "--suggest", "3", "--json"])
+    assert json.loads(again.output)["earlier_model"] == f"{tmp_path}/model"
+    said = run.invoke(app, [*arguments, "--suggest", "3"]).output
+    assert "that of an earlier training stays in" in said
     refused = run.invoke(app, arguments)
     assert "4 labelled presses are too few" in str(refused.exception)
+
+
+def test_a_recording_that_cannot_be_read_leaves_no_folder(tmp_path: Path) -> None:
+    arguments = written(tmp_path, 14)
+    (tmp_path / "frames.csv").unlink()
+    failed = CliRunner().invoke(app, [*arguments, "--suggest", "3"])
+    assert "frames.csv" in str(failed.exception)
+    assert not (tmp_path / "model").exists()
+
+
+def test_sweeps_are_refused_where_labels_have_no_place(tmp_path: Path) -> None:
+    arguments = written(tmp_path, 14)
+    labels = pd.read_csv(tmp_path / "touches.csv").rename(columns={"x_mm": "depth_mm"})
+    labels.to_csv(tmp_path / "touches.csv", index=False)
+    refused = CliRunner().invoke(app, [*arguments, "--simulated", f"{tmp_path}"])
+    assert "--simulated says how patterns depend on the place" in str(refused.exception)
+
+
+def test_on_a_body_that_is_no_disc_nothing_is_expected_or_suggested(tmp_path: Path,
+                                                                    monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(networks, "MOST_STEPS", 40)
+    monkeypatch.setattr(networks, "HIDDEN", (32,))
+    arguments, run = written(tmp_path, 11), CliRunner()
+    (tmp_path / "sensor.toml").write_text('[body]\noutline = "rectangle"\nwidth_mm = 300\nheight_mm = 60\n'
+                                          '[readings]\nkind = "difference"\n')
+    for further in (["--suggest", "3"], ["--simulated", f"{tmp_path}"]):
+        refused = run.invoke(app, [*arguments, *further])
+        assert "are for discs, and the body of" in str(refused.exception)
+    done = run.invoke(app, [*arguments, "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.output)["left_out"][-1] == "The body is no disc, so that no model of the sensor is used."
+    with pytest.raises(ValueError, match="the body has the outline 'rectangle'"):
+        expectation_of(read_sensor(tmp_path / "sensor.toml"))
 
 
 @pytest.mark.slow

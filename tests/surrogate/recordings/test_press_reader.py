@@ -10,18 +10,19 @@ import pytest
 
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
-from surrogate.recordings import networks
+from surrogate.recordings import dead_channels, networks
+from surrogate.recordings.dead_channels import filled, filled_without, learn_readings
 from surrogate.recordings.intervals import radius
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.trained import press_reader, reader_store
 from surrogate.recordings.trained.press_reader import PressReader
 from surrogate.recordings.trained.reader_scores import read_split
 from surrogate.recordings.trained.reader_table import read_touches
-from surrogate.recordings.trained.train_reader import TrainedReader, choice
+from surrogate.recordings.trained.train_reader import TrainedReader, choice, train_reader
 from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
 
-from .conftest import labels_at, synthetic_places, synthetic_presses, synthetic_signal
+from .conftest import RING, labels_at, synthetic_places, synthetic_presses, synthetic_signal
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -134,3 +135,88 @@ def test_a_dead_channel_is_flagged_without_places_too() -> None:
     flag = press_reader.read(reader, replace(presses, signal=dead)).flag
     assert flag[0] == "1 dead channels filled in"
     assert not any(flag[1:])
+
+
+def test_signals_filled_in_leave_one_out_are_those_of_readings_learnt_without_each() -> None:
+    rng = np.random.default_rng(3)
+    signal = rng.standard_normal((30, 4)) @ rng.standard_normal((4, 12)) + 0.1 * rng.standard_normal((30, 12))
+    dead = np.isin(np.arange(12), (2, 7, 8))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dead_channels, "RIDGE", 1e-9)  # a share of the variance, which a row less changes
+        found = filled_without(learn_readings(signal), dead)
+        for row in range(30):
+            others = learn_readings(np.delete(signal, row, axis=0))
+            np.testing.assert_allclose(found[row], filled(others, np.where(dead, np.nan, signal[[row]]))[0], rtol=1e-4)
+
+
+@pytest.mark.parametrize("lost", ["an electrode", "104 at random"])
+def test_intervals_hold_where_many_channels_are_filled_in(reader: PressReader, lost: str) -> None:
+    new, there, deeper = deep(3, 200)
+    dead = np.zeros(new.signal.shape[1], bool)
+    dead[np.random.default_rng(0).permutation(len(dead))[:104]] = True
+    if lost == "an electrode":
+        dead = np.any([ends == 3 for ends in (RING.source, RING.sink, RING.read, RING.ground)], axis=0)
+    found = press_reader.read(reader, replace(new, signal=np.where(dead, np.nan, new.signal)))
+    assert found.place
+    assert 0.84 <= np.mean(np.abs(found.place.value - there) <= found.place.bounds.half_width) <= 0.98
+    assert 0.84 <= np.mean(np.abs(found.scalars[0].value - deeper) <= found.scalars[0].half_width) <= 0.98
+
+
+def test_frames_most_of_which_are_dead_have_no_value(reader: PressReader) -> None:
+    new, _, _ = deep(3, 4)
+    lacking = new.signal.copy()
+    lacking[0, :105] = lacking[1] = np.nan
+    lacking[2, :104] = np.nan
+    frames = Recording(lacking, new.index, None, new.name, "difference", Path("synthetic.csv"))
+    table = read_touches(TrainedReader(reader, "difference", 80, 0, (), 0.0), frames)
+    values = table.drop(columns=["touch", "flag", "x0_y0_correlation", "x0_y0_ellipse90"]).to_numpy(float)
+    assert np.isnan(values[:2]).all()
+    assert np.isfinite(values[2:]).all()
+    assert table["flag"].tolist()[:3] == ["105 of 208 readings are dead, and half or more are needed",
+                                          "208 of 208 readings are dead, and half or more are needed",
+                                          "104 dead channels filled in"]
+
+
+def test_no_depth_is_below_0_at_its_lower_end_and_coordinates_may_be() -> None:
+    presses, place, _ = deep(1, 60)
+    size = np.linalg.norm(presses.signal, axis=1)
+    force = (size - size.min()) / np.ptp(size)
+    reader = press_reader.fit(presses, labels_at(place, F_N=force, z_mm=force - 0.1))
+    frames = Recording(presses.signal, presses.index, None, presses.name, "difference", Path("synthetic.csv"))
+    table = read_touches(TrainedReader(reader, "difference", 60, 0, (), 0.0), frames)
+    value, low, high, coordinate = table[["F_N", "F_lo90_N", "F_hi90_N", "z_lo90_mm"]].to_numpy(float).T
+    assert np.all(low >= np.minimum(value, 0))
+    assert np.any(2 * value - high < 0)
+    assert np.any(coordinate < 0)
+
+
+def recorded(presses: Presses) -> Recording:
+    return Recording(presses.signal, presses.index, None, presses.name, "difference", Path("synthetic.csv"))
+
+
+def test_a_split_that_teaches_nothing_has_no_score_and_the_reader_is_trained() -> None:
+    presses, place, _ = deep(1, 60)
+    depth = np.where(np.arange(60) < 48, 5.0, 12.0)
+    signal = synthetic_signal(place, depth)
+    labels = only(labels_at(place, depth_mm=depth), "depth_mm")
+    model = train_reader(recorded(replace(presses, signal=signal)), labels)
+    assert [one.name for one in model.reader.scalars] == ["depth_mm"]
+    assert {one.score.split for one in model.tested} == {"random"}
+    assert model.left_out == ("split time, no scores: all labelled presses have one depth_mm, 5: press with several, "
+                              "or leave the column out.",)
+    with pytest.raises(ValueError, match="all labelled presses have one depth_mm, 5"):
+        train_reader(recorded(presses), Labels(labels.touch, labels.names, np.full((60, 1), 5.0)))
+
+
+def test_presses_too_few_to_test_on_and_mostly_dead_ones_are_said(tmp_path: Path) -> None:
+    presses, place, _ = deep(1, 13)
+    lacking = presses.signal.copy()
+    lacking[[2, 5], 9:] = np.nan
+    model = train_reader(recorded(replace(presses, signal=lacking)), labels_at(place))
+    assert model.presses == 11
+    assert model.tested == ()
+    assert model.left_out == (
+        "2 labelled presses, more than half of whose readings are dead, are left out.",
+        "11 presses are too few to test on as well: there are no scores. Label more of them.")
+    reader_store.save_reader(model, tmp_path)
+    assert reader_store.load_reader(tmp_path).left_out == model.left_out

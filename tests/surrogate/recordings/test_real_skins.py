@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from eitsim.sensors.labels import labels_of, places_of
 from eitsim.sensors.sensor_file import read_sensor
 from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.physics.expectation import expectation_of
+from surrogate.recordings.presses import taken
+from surrogate.recordings.trained import press_reader
 from surrogate.recordings.trained.reader_scores import read_rows
 from surrogate.recordings.worth import SURE
 
@@ -67,6 +71,21 @@ def test_a_hundred_presses_suffice(skin: str) -> None:
     assert found.error <= HUNDRED[skin]
     assert found.error < found.ridge_error
     assert 0.85 <= np.mean(found.coverage) <= 0.95  # x and y together: the hydrogel has 70 tested presses
+
+
+@pytest.mark.slow
+def test_intervals_hold_on_the_hydrogel_without_an_electrode() -> None:
+    _, presses, labels = recorded("hydrogel")
+    train, test = rows_of(Case("hydrogel", 100, "time", "last"), len(labels.touch))
+    reader = press_reader.fit(taken(presses, train), labels_of(labels, train))
+    protocol, tested = read_sensor(REAL / "hydrogel" / "sensor.toml").protocol, taken(presses, test)
+    used = (np.abs(protocol.weights) + np.abs(protocol.currents_A)[:, None]).reshape(-1, protocol.weights.shape[-1])
+    for electrode in (3, 9, 14):
+        found = press_reader.read(reader, replace(tested, signal=np.where(used[:, electrode] > 0, np.nan,
+                                                                         tested.signal))).place
+        assert found
+        inside = np.abs(found.value - places_of(labels)[test]) <= found.bounds.half_width
+        assert 0.84 <= inside.mean() <= 0.98
 
 
 @pytest.mark.slow

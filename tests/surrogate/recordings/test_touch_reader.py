@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -177,8 +178,12 @@ def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: Pre
     with pytest.raises(InputFileError, match="was changed"):
         reader_store.load_reader(tmp_path)
     (tmp_path / "model.json").write_text(json.dumps(text | {"schema": 1}))
-    with pytest.raises(InputFileError, match="schema 1, and this version reads schema 2"):
+    with pytest.raises(InputFileError, match=f"schema 1, and this version reads schema {reader_store.SCHEMA}"):
         reader_store.load_reader(tmp_path)
+
+
+def row_of(cells: Sequence[object]) -> list[str]:
+    return [str(one).strip() for one in cells]
 
 
 def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
@@ -195,6 +200,11 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
                                f"{tmp_path}/sensor.toml", "--out", f"{tmp_path}/model", "--workers", "1"])
     assert trained.exit_code == 0, trained.output
     assert "kernel ridge" in trained.output
+    for one in (tested.score for tested in surrogate.load_reader(tmp_path / "model").tested):
+        row = [one.split, one.trained, one.tested, one.output, f"{one.error:.3g} mm", f"{one.ridge_error:.3g}",
+               f"{one.mean_error:.3g}", ", ".join(f"{100 * part:.0f}" for part in one.coverage),
+               ", ".join(f"{half:.3g}" for half in one.half_width), f"{100 * (one.in_ellipse or 0):.0f}"]
+        assert row_of(row) in [row_of(line.split("│")[1:-1]) for line in trained.output.splitlines()]
     found = run.invoke(app, ["predict", f"{tmp_path}/model", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/out.csv"])
     assert found.exit_code == 0, found.output
     table = pd.read_csv(tmp_path / "out.csv")
@@ -205,6 +215,13 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
     again = surrogate.read_touches(surrogate.load_reader(tmp_path / "model"),
                                    eitsim.read_recording(tmp_path / "frames.csv", kind="difference"))
     np.testing.assert_allclose(again["x0_mm"], table["x0_mm"], rtol=1e-5)
+    for option in (["--touches", "2"], ["--scale-baseline", "no"], ["--rate", "20"], ["--seed", "3"]):
+        refused = run.invoke(app, ["predict", f"{tmp_path}/model", f"{tmp_path}/frames.csv", *option])
+        assert f"Leave out {option[0]}." in str(refused.exception)
+    for words in (["evaluate", f"{tmp_path}/model", f"{tmp_path}"],
+                  ["export", f"{tmp_path}/model", "--out", f"{tmp_path}/network.pt"]):
+        refused = run.invoke(app, words)
+        assert "a model of a recording, which `surrogate predict` and" in str(refused.exception)
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
     assert isinstance(refused.exception, ValueError)
     assert "needs its labels and its sensor" in str(refused.exception)
