@@ -35,8 +35,8 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
     """Write one row for each line of a stream, flushed as soon as it is known.
 
     A line that is no frame has a row without values whose flag tells why; the stream goes on, and the tracker's clock
-    stands still for it. `say` takes words on the calibration and on the first signals of the other sign. ValueError where a header
-    names anything but readings, or there is no frame.
+    stands still for it. `say` takes words on the calibration and on the first signals of the other sign. ValueError
+    where a header names anything but readings, or there is no frame.
     """
     table, names = csv.writer(sink, lineterminator="\n"), columns(model)
     table.writerow(names)
