@@ -13,6 +13,7 @@ from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS
 from surrogate.model.holding_time import holding_caution
 from surrogate.model.trained import Calibration, Range, Rows, TrainedModel, estimate
+from surrogate.recordings.trained.reader_store import METHOD as RECORDING
 from touchcal.array_store import Arrays, flat, read_npz, rebuilt
 from touchcal.arrays import Array
 from touchcal.document import Keys, Number, check
@@ -41,8 +42,8 @@ def save(model: TrainedModel, folder: Path) -> None:
     InputFileError as check_own."""
     check_own(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for name in (DESCRIPTION, EVALUATION, PREDICTIONS):
-        (folder / name).unlink(missing_ok=True)
+    (folder / DESCRIPTION).unlink(missing_ok=True)
+    forget_scores(folder)
     parts = {"ring": model.ring, "learner": model.learner, "calibration": model.calibration, "rows": model.rows,
              "trained": model.trained}
     arrays = {key: value for name, part in parts.items() for key, value in flat(part, name)}
@@ -64,6 +65,12 @@ def check_own(folder: Path, further: Sequence[str] = ()) -> None:
     for path in sorted(folder.iterdir()) if folder.exists() else []:
         if not path.name.startswith(".") and path.name not in own:
             raise InputFileError(folder, f"it holds {path.name} and no model. Choose an empty folder for the model.")
+
+
+def forget_scores(folder: Path) -> None:
+    """Delete the scores of an earlier model, and the predictions behind them."""
+    for name in (EVALUATION, PREDICTIONS):
+        (folder / name).unlink(missing_ok=True)
 
 
 def _file_hash(path: Path) -> str:
@@ -109,6 +116,9 @@ def read(kind: type[M], folder: Path) -> M:
         raise InputFileError(folder, f"not a model: it holds no {DESCRIPTION}. A model is the folder that "
                                      "`surrogate train --out` writes.")
     text = read_json(path, "a model", _RETRAIN)
+    if text.get("method") == RECORDING:
+        raise InputFileError(folder, "a model of a recording: read it with `surrogate predict`, or in Python with "
+                                     "surrogate.load_reader; `surrogate report` has its scores.")
     if text.get("schema") != SCHEMA or text.get("method") not in [*METHODS]:
         raise InputFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one "
                                    f"that this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")
