@@ -12,13 +12,27 @@ from typing import Any
 
 import typer
 
+from eitsim.scene.electrodes import IMPEDANCES, SHAPES
 from touchcal.json_schema import schema
 
 COMMANDS = ("matcal", "eitsim", "surrogate")
 # name of a schema -> what it describes, and the module whose _SHAPE it is
 SCHEMAS = {"material-card": ("a material card, as `matcal fit` writes it", "matcal.card"),
-           "data-set": ("`manifest.json` of a data set, as `eitsim sweep` writes it", "eitsim.sweeps.dataset.parquet"),
-           "model": ("`model.json` of a model, as `surrogate train` writes it", "surrogate.model.store")}
+           "data-set": ("`design.json` of a data set, as `eitsim sweep` writes it", "eitsim.sweeps.dataset.parquet"),
+           "model": ("`model.json` of a model of a data set, as `surrogate train` writes it", "surrogate.model.store"),
+           "recording-model": ("`model.json` of a model of a recording, as `surrogate train` writes it",
+                               "surrogate.recordings.trained.reader_store")}
+# (table, key) -> what it may hold, where the scene checks that with other keys
+LISTED = {("electrodes", "kind"): IMPEDANCES, ("electrodes", "shape"): SHAPES}
+# table -> further keys of a file, which name another file or stand for several keys, each with its meaning
+SHORT = {"body": {"outline": "or a CSV, DXF, SVG or mesh file of the outer edge and its holes",
+                  "points_mm": "or a file of the outer edge alone"},
+         "electrodes": {"grid": "[columns, rows] of electrodes on the surface about the origin",
+                        "pitch_mm": "steps of the grid along x and y",
+                        "places": "CSV of electrodes on the surface: `x_mm`, `y_mm`, and what differs of each",
+                        "calibrated": "`sensor.json` of `eitsim sensor fit`: its electrodes and channels, without any "
+                                      "other key"},
+         "drive": {"currents": "or a CSV of them", "measurements": "or a CSV of them"}}
 
 
 def write(folder: Path) -> None:
@@ -88,25 +102,32 @@ def scene_keys() -> str:
     parts = ["# Keys of a scene file\n",
              "A scene is a TOML file of these tables; a key that is left out has its default. A file with a list of "
              "tables `[[punch]]` has one touch a table. The same keys stand in a design, where a list of two numbers "
-             "is a range to draw from.\n"]
+             "is a range to draw from.\n",
+             "Above the tables may stand `card`, the material card that the file is solved with, relative to it.\n"]
     for table, keys in scene._KEYS.items():
         kind = scene._CLASSES[table]
-        notes = comments(kind)
+        notes, short = comments(kind), SHORT.get(table, {})
         rows = []
         for key, (name, per) in keys.items():
             value = getattr(kind(), name)
-            known = scene._KNOWN.get((table, key))
+            known = scene._KNOWN.get((table, key)) or LISTED.get((table, key))
             words = f"; one of {', '.join(f'`{word}`' for word in known)}" if known else ""
             shown = _default(None if value is None else scene._unconverted(value, per))
-            rows.append((f"`{key}`", shown, _cell(_in_words(notes.get(name, "")) + words).lstrip("; ")))
-        parts += [f"## [{table}]\n", (kind.__doc__ or "").splitlines()[0] + "\n", *_table(("key", "default", "meaning"),
-                                                                                         rows)]
+            also = f"; {short[key]}" if key in short else ""
+            rows.append((f"`{key}`", shown, _cell(_in_words(notes.get(name, "")) + words + also).lstrip("; ")))
+        rows += [(f"`{key}`", "none", meaning) for key, meaning in short.items() if key not in keys]
+        parts += [f"## [{table}]\n", _summary(kind) + "\n", *_table(("key", "default", "meaning"), rows)]
     return "\n".join(parts)
+
+
+def _summary(kind: type) -> str:
+    """The first paragraph of a docstring, without what is raised."""
+    return " ".join((kind.__doc__ or "").split("\n\n")[0].split(" ValueError ")[0].split())
 
 
 def _in_words(note: str) -> str:
     """A comment without what its key says: names of constants and units in SI."""
-    note = re.sub(r"(, )?one of [A-Z_]+:? ?", "", note)
+    note = re.sub(r"(, )?one of [A-Z_]+(: )?", "", note)
     note = re.sub(r"[,;] (m|rad|N|s|A|Ohm m(\^2)?)(?=[;,.]|$)", "", note)
     note = note.replace("None where", "left out where").replace("None: ", "left out: ")
     return note.replace("current_A", "current_mA")
@@ -121,7 +142,15 @@ def _default(value: Any) -> str:
 
 
 def comments(kind: type) -> dict[str, str]:
-    """Field -> the comment that stands behind it, or above it and all that follow without their own."""
+    """Field, inherited ones too -> the comment that stands behind it, or above it and all that follow without their
+    own."""
+    found: dict[str, str] = {}
+    for one in filter(dataclasses.is_dataclass, reversed(kind.__mro__)):
+        found |= _own_comments(one)
+    return found
+
+
+def _own_comments(kind: type) -> dict[str, str]:
     source = io.StringIO(Path(importlib.import_module(kind.__module__).__file__ or "").read_text(encoding="utf-8"))
     names = {one.name for one in dataclasses.fields(kind)}
     found: dict[str, str] = {}

@@ -6,7 +6,7 @@ from typing import Any
 from touchcal.document import Keys, Number
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_TYPES = {str: "string", bool: "boolean", dict: "object", None: "null"}
+_TYPES = {str: "string", bool: "boolean", dict: "object", list: "array", None: "null"}
 
 
 def schema(shape: Any, title: str) -> dict[str, Any]:

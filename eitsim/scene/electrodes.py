@@ -29,7 +29,7 @@ class Electrodes:
     """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface at it; or, on
     a skin with an outline, patches anywhere on the surface."""
 
-    kind: str = "line"  # one of IMPEDANCES
+    kind: str = "line"  # how they meet the skin, one of IMPEDANCES
     count: int = 16  # how many, missing ones too
     width_m: PerElectrode = 0.01  # width along the rim, or of a patch on the surface along its x, m
     # length of patches from the rim inwards, or of a patch on the surface across its width, m

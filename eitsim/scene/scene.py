@@ -38,7 +38,7 @@ class Body(Outline):
     """Foam of one thickness, bottom fixed: a disc, unless the outline is another. ValueError for one that is none."""
 
     radius_m: float = 0.1  # of the disc; of another outline, that of the disc of its area
-    thickness_m: float = 0.01
+    thickness_m: float = 0.01  # of the foam, m
 
     def __post_init__(self) -> None:
         for name in ("points_m", "holes_m"):
@@ -87,7 +87,7 @@ class Punch:
 class Skin:
     """Conductive coating of the top surface."""
 
-    thickness_m: float = 20e-6
+    thickness_m: float = 20e-6  # of the coating, m
     strain: str = "principal"  # the strain that drives its conductivity, one of STRAINS
 
 

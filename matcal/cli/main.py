@@ -181,13 +181,14 @@ def export_command(
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [card])
-    deck = export(card, to, moduli, units, density)
+    deck = export(card, to.lower(), moduli, units, density)
     for warning in deck.warnings:
         print(f"matcal: warning: {warning}", file=sys.stderr)
     if out is None:
         print(deck.text, end="")
     else:
         out.write_text(deck.text, encoding="utf-8")
+        print(f"deck: {out}")
 
 
 @app.command("compare")

@@ -16,6 +16,7 @@ from matcal.statistics.block_means import block_means, sample_noise
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
+FEW_ROWS = "A table of strain and stress may have few rows."
 _ENOUGH = 20  # fewer samples than this before contact do not make a zero
 
 
@@ -42,8 +43,8 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     except ValueError as error:
         raise InputFileError(
             recording.paths[0], f"{error}, so the contact cannot be found. Check {fix_of_sizes(kind)} and the unit of "
-            "the displacement; if they are right, give preload_N and the height at it, or a record with more samples."
-        ) from None
+            "the displacement; if they are right, give preload_N, above 0, and the height at that load, or a record with "
+            f"more samples. {FEW_ROWS}") from None
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
     first = int(np.argmax(moved >= contact.travel_m))

@@ -4,11 +4,12 @@ import numpy as np
 
 from matcal.readers.recording import Recording
 from matcal.reduction.experiment import Experiment
-from matcal.reduction.load_frame import correct
+from matcal.reduction.load_frame import FEW_ROWS, correct
 from matcal.reduction.specimen import Block
 from matcal.statistics.block_means import block_means, equal_blocks
 from touchcal.errors import InputFileError
 
+_FEWEST = 10  # samples of a loading, at least
 _POINTS, _TOE_STRAIN = 200, 0.01  # points left of a loading, and the strain below which the toe is not the material's
 
 
@@ -24,8 +25,9 @@ def reduce_quasistatic(kind: str, recording: Recording, block: Block, branch: st
     """
     record = correct(kind, recording, block, branch)
     strain, stress = record.strain[:record.end + 1], record.stress_Pa[:record.end + 1]
-    if strain.size < 10:
-        raise InputFileError(recording.paths[0], f"only {strain.size} samples lie in the loading. Give more of them.")
+    if strain.size < _FEWEST:
+        raise InputFileError(recording.paths[0], f"only {strain.size} samples lie in the loading from contact on; "
+                                                 f"{_FEWEST} are needed. Give more of them. {FEW_ROWS}")
     toe = int(np.argmax(np.abs(strain) >= _TOE_STRAIN)) if record.from_rest else 0
     edges = toe + equal_blocks(strain.size - toe, _POINTS)
     size = int(edges[1] - edges[0])

@@ -18,13 +18,15 @@ from eitsim.scene.scene import Scene
 from reports.document import style
 from reports.document.numerals import number, percent
 from reports.document.page import ReportFigure
+from touchcal.arrays import Array
 
 
-def electrodes(sensor: Scene) -> ReportFigure:
-    """The electrodes of a calibrated scene from above, coloured by contact impedance."""
+def electrodes(sensor: Scene, offset_mm: Array) -> ReportFigure:
+    """The electrodes of a calibrated scene from above, coloured by contact impedance; offset_mm (N,) is how far along
+    the rim each lies from where its sensor file puts it."""
     impedance = contact_impedances(sensor.electrodes)
     low, high = float(impedance.min()), float(impedance.max())
-    figure = _ring(sensor, impedance, LogNorm(low, max(high, 1.01 * low)), style.SEQUENTIAL,
+    figure = _ring(sensor, offset_mm, impedance, LogNorm(low, max(high, 1.01 * low)), style.SEQUENTIAL,
                    "Contact impedance (Ω m)")
     poorest = int(np.argmax(impedance))
     uneven = _draw_sheet(figure.axes[0], sensor)
@@ -34,11 +36,11 @@ def electrodes(sensor: Scene) -> ReportFigure:
         "electrode": np.arange(len(impedance)), "contact_impedance_Ohm_m": impedance})})
 
 
-def channels(sensor: Scene) -> ReportFigure:
-    """The electrodes coloured by the gain of their channels, leaks as rings outside."""
+def channels(sensor: Scene, offset_mm: Array) -> ReportFigure:
+    """The electrodes coloured by the gain of their channels, leaks as circles inside; offset_mm as in `electrodes`."""
     gains, leaks = 100 * (np.array(sensor.channels.gains) - 1), 1e6 * np.array(sensor.channels.leaks_S)
     most = max(float(np.abs(gains).max()), 1e-3)
-    figure = _ring(sensor, gains, Normalize(-most, most), style.DIVERGING, "Gain less the mean (%)")
+    figure = _ring(sensor, offset_mm, gains, Normalize(-most, most), style.DIVERGING, "Gain less the mean (%)")
     axes, radius, largest = figure.axes[0], sensor.body.radius_m * 1e3, max(float(np.abs(leaks).max()), 1e-9)
     for (start, stop), leak in zip(arcs(sensor.body.radius_m, sensor.electrodes), leaks, strict=True):
         middle = (start + stop) / 2
@@ -105,18 +107,14 @@ def _draw_sheet(axes: Axes, sensor: Scene) -> str:
             f"{number(float(np.nanmax(change)), 2)} %.")
 
 
-def _ring(sensor: Scene, value: np.ndarray, norm: Normalize, colours: str, words: str) -> Any:
+def _ring(sensor: Scene, offset_mm: Array, value: Array, norm: Normalize, colours: str, words: str) -> Any:
     radius = sensor.body.radius_m * 1e3
     figure = style.sheet(76, style.HALF_WIDTH_MM)
     axes = figure.subplots()
     axes.grid(False)
     axes.add_patch(Circle((0, 0), radius, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
     ends = arcs(sensor.body.radius_m, sensor.electrodes)
-    middle, even = ends.mean(axis=1), sensor.electrodes.first_angle_rad
-    count = sensor.electrodes.count
-    usual = middle[0] + 2 * np.pi / count * np.arange(count) if sensor.electrodes.angles_rad else (
-        even + 2 * np.pi / count * np.arange(count))
-    shift = 9 * (middle - usual - np.mean(middle - usual))
+    shift = 9 * (offset_mm - np.mean(offset_mm)) / radius
     palette = matplotlib.colormaps[colours]
     for k, ((start, stop), each, moved) in enumerate(zip(ends, value, shift, strict=True)):
         arc = np.linspace(start, stop, 9) + moved

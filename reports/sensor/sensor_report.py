@@ -14,7 +14,7 @@ from reports.document.page import Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
 from reports.document.verdict import GOOD, NOT_USABLE, USABLE, Limits, Verdict, graded
 from reports.sensor import sensor_figures
-from reports.sensor.repairs import repairs
+from reports.sensor.repairs import repairs, values
 
 HELD_OUT: Limits = (0.03, 0.1)  # part of the readings of drives that were not fitted
 PRESSES: Limits = (0.3, 0.7)  # part of the signals of presses that were not fitted
@@ -52,7 +52,8 @@ def report(path: Path) -> Report:
                 f"{number(sensor['body']['radius_mm'])} mm; {counted(document['untouched_frames'], 'untouched frame')}")
     footer = provenance.footer([provenance.source(path)], "seed 0: halves of the drives and starts")
     return Report("sensor", "Calibrated sensor", subtitle, footer, _findings(document), plates, tables, absent,
-                  {"repairs": repairs(document), "left_out": _LEFT_OUT}, verdict=_verdict(document))
+                  {"repairs": repairs(document), "left_out": _LEFT_OUT}, _cautions(document),
+                  verdict=_verdict(document))
 
 
 def _verdict(document: Mapping[str, Any]) -> list[Verdict]:
@@ -75,15 +76,30 @@ def _verdict(document: Mapping[str, Any]) -> list[Verdict]:
     return found
 
 
+def _cautions(document: Mapping[str, Any]) -> list[str]:
+    if not document["stage"]:
+        return []
+    before, after = _held_out(document)
+    return [f"The calibrated sensor predicts drives that were not fitted worse ({percent(after)} unexplained) than a "
+            f"uniform sheet alone ({percent(before)}): what was fitted is not the sensor. See that nothing touched it, "
+            "and record more untouched frames."] if after > before else []
+
+
+def _held_out(document: Mapping[str, Any]) -> tuple[float, float]:
+    """What a uniform sheet alone, and the calibrated sensor, leave of drives that were not fitted."""
+    before, after = (document["unexplained"][stage]["held_out"] for stage in ("conductance", document["stage"]))
+    return before, after
+
+
 def _findings(document: Mapping[str, Any]) -> list[str]:
     found = []
     if document["stage"]:
-        before, after = (document["unexplained"][stage]["held_out"] for stage in ("conductance", document["stage"]))
+        before, after = _held_out(document)
         found.append(f"On drives that were not fitted {percent(before)} of the readings stay unexplained by a uniform "
                      f"sheet alone, {percent(after)} by the calibrated sensor.")
         lost = [group for group in document["unexplained"] if group not in document["kept"]]
         found.append(f"Left out, since those drives get worse: {', '.join(lost)}." if lost else
-                     "Every group of parameters is kept: none makes those drives worse.")
+                     "Every group of parameters is kept: none makes those drives clearly worse.")
         open_ = len(document["not_determined"])
         count = len(document["parameters"])
         found.append(f"{count - open_} of {count} parameters are determined by the data.")
@@ -104,7 +120,8 @@ def _plates(path: Path, document: Mapping[str, Any]) -> tuple[list[ReportFigure]
     absent: dict[str, str] = {}
     if document["absolute_model"] == "usable":
         sensor = scene_from(calibrated_tables(path))
-        plates = [sensor_figures.electrodes(sensor), sensor_figures.channels(sensor)]
+        offset_mm = np.array([one["value"] for one in values(document["parameters"], "positions").values()])
+        plates = [sensor_figures.electrodes(sensor, offset_mm), sensor_figures.channels(sensor, offset_mm)]
     else:
         absent["electrodes"] = (f"Not there: {document['reason']}")
     if document["unexplained"]:

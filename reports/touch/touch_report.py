@@ -12,6 +12,7 @@ from reports.document.numerals import counted, interval, number, percent, typese
 from reports.document.page import Report, ReportFigure, Table
 from reports.document.verdict import ERROR, EXTRAPOLATED, NOT_USABLE, PAST_TEST, Verdict, graded, real, worst
 from reports.touch import reading_figures, skin_maps, touch_figures
+from reports.touch.drive_sentence import drive_sentence
 from touchcal.document import Keys
 from touchcal.json_file import read_json
 
@@ -27,6 +28,7 @@ def report(path: Path) -> Report:
     absent: dict[str, str] = {}
     plates = _plates(result, absent) + _maps(path, result, absent)
     tables = {"plan": _plan_table(result["plan"])}
+    prose = provenance.origin(result)
     if "delta_max_mm" in result:
         tables["mechanics"] = _mechanics_table(result)
     else:
@@ -35,6 +37,7 @@ def report(path: Path) -> Report:
         tables["hold"] = _hold_table(times, _voltages(result)[1])
     if "scene" in result:
         tables["scene"] = _scene_table(result["scene"])
+        prose["drive"] = drive_sentence(result["scene"]["drive"])
     else:
         absent["scene"] = "The result does not hold its scene."
     tables["quality"] = _quality_table(result)
@@ -42,7 +45,7 @@ def report(path: Path) -> Report:
     footer = provenance.footer([provenance.source(file) for file in files], "no seed: nothing is drawn")
     card = f"Card {provenance.card_words(result['card'])}, " if result.get("card") else ""
     return Report("touch", "Touch simulation", f"{card}outcome: {result['outcome']}", footer, _findings(result), plates,
-                  tables, absent, provenance.origin(result), verdict=_verdict(result), cautions=_cautions(result))
+                  tables, absent, prose, verdict=_verdict(result), cautions=_cautions(result))
 
 
 def read_result(path: Path) -> dict[str, Any]:

@@ -20,6 +20,8 @@ INPUT_HELP = "- reads frames that a device writes, line by line, from standard i
 REPLAY_HELP = "Recording or table of frames to show at its rate, or at 50 frames a second without a clock."
 SIMULATE_HELP = "Card of foam and skin: presses are answered by the simulator, from tables."
 DATA_HELP = "Data set whose design tells the sensor of --simulate."
+BASELINE_HELP = ("CSV of untouched frames, for --replay and -; else those that the recording marks, or the first 20 "
+                 "frames, with --noise-V the first one.")
 EXPORT_HELP = "Write the page as one file that presses and reads in the browser, without a server; forward models."
 
 
@@ -30,7 +32,7 @@ def live(model_folder: ModelFolder,
          simulate: Annotated[Path | None, typer.Option(metavar="CARD", help=SIMULATE_HELP)] = None,
          data: Annotated[Path | None, typer.Option(help=DATA_HELP)] = None,
          scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --simulate.")] = None,
-         baseline: Annotated[Path | None, typer.Option(help="CSV of untouched frames; else the first frame.")] = None,
+         baseline: Annotated[Path | None, typer.Option(help=BASELINE_HELP)] = None,
          noise_v: NoiseV = None,
          export: Annotated[Path | None, typer.Option(help=EXPORT_HELP)] = None) -> None:
     """Show a skin on a page of 127.0.0.1: press it with the mouse, by touch or with the keyboard, and see it read.
@@ -45,7 +47,13 @@ def live(model_folder: ModelFolder,
     from surrogate.live.serve import check_installed, serve
     from surrogate.recordings.trained.reader_store import is_reader
 
-    _check_choice(frames, replay, simulate, data or scene, export)
+    _check_choice(frames, replay, simulate, data or scene)
+    if export is not None:
+        _check_export({"-": frames, "--replay": replay, "--simulate": simulate, "--baseline": baseline,
+                       "--noise-V": noise_v, "--port": port or None})
+    elif baseline is not None and frames is None and replay is None:
+        raise ValueError("--baseline gives the untouched frames of a recording (--replay) or a device (-); presses on "
+                         "the page have their own. Leave it out.")
     if is_reader(model_folder):
         raise ValueError(f"{model_folder} was trained on a recording, and the page shows models of sweeps. Read its "
                          "frames with `surrogate predict`.")
@@ -59,12 +67,17 @@ def live(model_folder: ModelFolder,
           lambda address: print(f"{address}\nCtrl-C stops.", flush=True))
 
 
-def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None, sensor: Path | None,
-                  export: Path | None) -> None:
+def _check_export(given: dict[str, object]) -> None:
+    if idle := [name for name, value in given.items() if value is not None]:
+        raise ValueError(f"--export writes a page whose presses the model's own map answers, without a server: "
+                         f"{' and '.join(idle)} would have no effect. Leave {'it' if len(idle) == 1 else 'them'} out.")
+
+
+def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None, sensor: Path | None) -> None:
     if frames not in (None, "-"):
         raise ValueError(f"'{frames}' is no input; - reads standard input. Give a file with --replay.")
-    given = [name for name, value in (("-", frames), ("--replay", replay), ("--simulate", simulate),
-                                      ("--export", export)) if value is not None]
+    given = [name for name, value in (("-", frames), ("--replay", replay), ("--simulate", simulate))
+             if value is not None]
     if len(given) > 1:
         raise ValueError(f"{' and '.join(given)} are different sources of readings. Give one of them.")
     if sensor is not None and simulate is None:

@@ -33,8 +33,8 @@ LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of 
 SENSOR_HELP = "Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote."
 SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrodes and drive: what its touches say of a "
                   "recording's patterns is used in place of the sensitivity of a uniform disc.")
-SUGGEST_HELP = ("Name as many places to press next, and write them to suggested.csv next to the model. Needs no "
-                "labels, nor a recording, before the first press.")
+SUGGEST_HELP = ("Name as many places to press next, and write them to suggested.csv in the folder of --out. Needs "
+                "no labels, nor a recording, before the first press.")
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
@@ -66,6 +66,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     from surrogate.data.outputs import chosen
     from surrogate.model import store
     from surrogate.recordings.suggestion.next_presses import SUGGESTED
+    from surrogate.recordings.trained.reader_store import is_reader
 
     check_out(out, folder=True)
     store.check_own(out, (SUGGESTED,))
@@ -74,6 +75,8 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
             raise ValueError("--method, --outputs, --epochs and --calibrate are for sweeps; a recording is learnt by "
                              "all families of readers, for all of its labels. Leave them out.")
         train_recording(folder, labels, sensor, simulated, suggest, out, seed, workers or _cores(), as_json)
+        if is_reader(out):
+            store.forget_scores(out)
         return
     method_of(method)
     names, levels = chosen(outputs), _levels(noise_db)

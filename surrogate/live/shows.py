@@ -61,5 +61,5 @@ def read_untouched(path: Path, readings: int) -> Array:
 def _show(model: TrainedModel, untouched_V: Array | None, noise_V: float | None, moments: Iterator[Moment], source: str,
           limits: Limits | None = None, latest: Latest | None = None) -> Show:
     cautions: list[str] = []
-    read = reader_of(model, untouched_V, noise_V, cautions.append)
+    read = reader_of(model, untouched_V, noise_V, cautions)
     return Show(hello(model, limits, source, noise_V or 0.0), moments, read, cautions, limits, latest)

@@ -41,8 +41,8 @@ def save(model: TrainedModel, folder: Path) -> None:
     InputFileError as check_own."""
     check_own(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for name in (DESCRIPTION, EVALUATION, PREDICTIONS):
-        (folder / name).unlink(missing_ok=True)
+    (folder / DESCRIPTION).unlink(missing_ok=True)
+    forget_scores(folder)
     parts = {"ring": model.ring, "learner": model.learner, "calibration": model.calibration, "rows": model.rows,
              "trained": model.trained}
     arrays = {key: value for name, part in parts.items() for key, value in flat(part, name)}
@@ -64,6 +64,12 @@ def check_own(folder: Path, further: Sequence[str] = ()) -> None:
     for path in sorted(folder.iterdir()) if folder.exists() else []:
         if not path.name.startswith(".") and path.name not in own:
             raise InputFileError(folder, f"it holds {path.name} and no model. Choose an empty folder for the model.")
+
+
+def forget_scores(folder: Path) -> None:
+    """Delete the scores of an earlier model, and the predictions behind them."""
+    for name in (EVALUATION, PREDICTIONS):
+        (folder / name).unlink(missing_ok=True)
 
 
 def save_evaluation(folder: Path, scores: Mapping[str, Any], predictions: pd.DataFrame) -> None:
@@ -105,8 +111,8 @@ def read(kind: type[M], folder: Path) -> M:
                                      "`surrogate train --out` writes.")
     text = read_json(path, "a model", _RETRAIN)
     if text.get("method") == RECORDING:
-        raise InputFileError(folder, "a model of a recording, which `surrogate predict` and `surrogate report` read; "
-                                     "this is for models of a sweep.")
+        raise InputFileError(folder, "a model of a recording: read it with `surrogate predict`, or in Python with "
+                                     "surrogate.load_reader; `surrogate report` has its scores.")
     if text.get("schema") != SCHEMA or text.get("method") not in [*METHODS]:
         raise InputFileError(path, f"model schema {text.get('schema')!r}, method {text.get('method')!r} is not one "
                                    f"that this version reads (schema {SCHEMA}; {', '.join(METHODS)}). Train it again.")

@@ -93,7 +93,7 @@ def with_history(curve: Curve, prony: Prony) -> Curve:
     time = curve.experiment.time_s
     if time is None:
         return curve
-    if curve.experiment.strain[0] != (1.0 if curve.experiment.kind == "volumetric" else 0.0):
+    if curve.experiment.strain[0] != _rest(curve.experiment):
         raise ValueError(f"{curve.label} ({', '.join(curve.experiment.source)}): the rate correction needs a record "
                          f"that starts at rest, this one starts at a strain of {curve.experiment.strain[0]:g}. "
                          "Add a first row without strain and stress, or leave the time column out.")
@@ -131,10 +131,11 @@ def weighted_stress(curves: Sequence[Curve]) -> Array:
 
 
 def different_strains(curves: Sequence[Curve]) -> int:
-    """Number of different strains of each kind, summed over the kinds: what repeats teaches nothing new."""
+    """Number of different strains of each kind away from rest, summed over the kinds: repeats and the state of rest,
+    where every law is right, teach nothing."""
     strains: dict[str, list[Array]] = {}
     for curve in curves:
-        strains.setdefault(curve.experiment.kind, []).append(curve.experiment.strain)
+        strains.setdefault(curve.experiment.kind, []).append(_away_from_rest(curve.experiment))
     return sum(np.unique(np.concatenate(each)).size for each in strains.values())
 
 
@@ -146,6 +147,15 @@ def reached(curves: Sequence[Curve]) -> tuple[float, float]:
         x = np.arcsinh(e / 2) if kind == "shear" else np.log(e) / 3 if kind == "volumetric" else np.log1p(e)
         ends += [float(x.min()), float(x.max())] + ([-float(x.max()), -float(x.min())] if kind == "shear" else [])
     return min(ends), max(ends)
+
+
+def _rest(experiment: Experiment) -> float:
+    """The strain, or the volume ratio, of the state without stress."""
+    return 1.0 if experiment.kind == "volumetric" else 0.0
+
+
+def _away_from_rest(experiment: Experiment) -> Array:
+    return experiment.strain[experiment.strain != _rest(experiment)]
 
 
 def _units(experiments: Sequence[Experiment], residual: str) -> list[tuple[Array, str]]:
@@ -190,12 +200,12 @@ def _checked_weights(weights: Mapping[str, float], experiments: Sequence[Experim
 
 def _check(experiment: Experiment) -> None:
     where = f"{experiment.kind} ({', '.join(experiment.source) or 'no file'})"
-    e, value, rest = experiment.strain, experiment.value, 1.0 if experiment.kind == "volumetric" else 0.0
+    e, value, rest = experiment.strain, experiment.value, _rest(experiment)
     if not np.all(np.isfinite(e) & np.isfinite(value)):
         raise ValueError(f"{where}: strain or stress is not a number in {np.sum(~np.isfinite(e + value))} rows.")
     if e.size < 3 or not np.any(value):
         raise ValueError(f"{where}: {e.size} points, or no stress at all; a fit needs at least three.")
-    if (different := np.unique(e[e != rest]).size) < 3:
+    if (different := np.unique(_away_from_rest(experiment)).size) < 3:
         raise ValueError(f"{where}: {different} different strains away from rest in {e.size} points; a fit needs at "
                          "least three. Is the strain column the right one?")
     if np.sum((e - rest) * value) <= 0:

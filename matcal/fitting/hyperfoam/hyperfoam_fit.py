@@ -138,8 +138,8 @@ def _orders(order: int | str, curves: tuple[Curve, ...], poisson: Poisson) -> tu
     if order not in ORDERS:
         raise ValueError(f"order '{order}' is unknown; known: auto, {', '.join(map(str, ORDERS))}.")
     if 2 * int(order) >= points:
-        raise ValueError(f"order {order} has {2 * int(order)} parameters but there are {points} different strains. "
-                         "Lower the order or give more data.")
+        raise ValueError(f"order {order} has {2 * int(order)} parameters but there are {points} different strains away "
+                         "from rest. Lower the order or give more data.")
     return (int(order),)
 
 

@@ -11,7 +11,8 @@ function pressing(hello, send) {
   byId("force").max = Math.floor(limits.force_N / FORCE_STEP_N) * FORCE_STEP_N;
   byId("force").value = limits.force_N / 4;
   byId("noise").max = limits.noise_mV;
-  byId("noise").step = byId("drift").step = limits.noise_mV / 100;
+  byId("noise").step = "any"; // a step would round the noise to begin with
+  byId("drift").step = limits.noise_mV / 100;
   byId("noise").value = hello.noise_mV;
   byId("drift").max = limits.drift_mV_per_min;
   byId("drift").value = 0;
@@ -20,12 +21,14 @@ function pressing(hello, send) {
 
   function force() { return Math.min(Number(byId("force").value) + grown, limits.force_N); }
 
+  function sayNoise() { byId("noise-now").value = Number(Number(byId("noise").value).toPrecision(3)); }
+
   function cursor() { return { ...place, diameter_mm: Number(byId("diameter").value) }; }
 
   function changed() {
     moved = true;
     byId("force-now").value = force().toFixed(2);
-    byId("noise-now").value = Number(byId("noise").value).toFixed(2);
+    sayNoise();
     byId("drift-now").value = Number(byId("drift").value).toFixed(2);
     const now = performance.now();
     waits = now - sent < SENT_EVERY_MS;
@@ -83,7 +86,7 @@ function pressing(hello, send) {
   });
 
   for (const id of ["force", "diameter", "drift"]) byId(id).addEventListener("input", changed);
-  byId("noise").addEventListener("input", () => { byId("noise-now").value = Number(byId("noise").value).toFixed(2); });
+  byId("noise").addEventListener("input", sayNoise);
   byId("noise").addEventListener("change", changed);
 
   // Once a picture: forces that grow, and what came too soon after the last message; whether anything changed.

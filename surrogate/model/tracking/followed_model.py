@@ -18,13 +18,12 @@ from surrogate.model.predict import WEAK, Predictions, Predictor, judged, number
 from surrogate.model.tracking import follow_by_map
 from surrogate.model.tracking.contact import patterns_of
 from surrogate.model.tracking.follow_by_map import Touch
-from surrogate.model.tracking.followed_reading import Read, unread
+from surrogate.model.tracking.followed_reading import TOO_WEAK, Read, unread
 from surrogate.model.tracking.tracked import SEVERAL_TOUCHES, TOUCH
 from surrogate.model.trained import TrainedModel
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask
 
-TOO_WEAK = "weaker than any trained touch"
 _SI = np.array([1e-3, 1e-3, 1e-3, 1.0])  # of x, y, d in mm and F in N
 
 

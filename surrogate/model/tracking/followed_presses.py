@@ -1,4 +1,5 @@
-"""Touches followed by a model of a recording: each frame is read, and the place walks at random between them.
+"""Touches followed by a model of a recording: each frame is read, and the place walks at random between them. Other
+labels are those of one frame.
 
 A reading errs by a constant of the place, which its calibrated interval holds, and by noise, whose variance is a sixth
 of that of second differences of readings of a touch. The filter takes out noise; the interval stays that of one frame.
@@ -10,19 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eitsim.sensors.labels import PLACE
 from surrogate.data.dead_readings import too_many
 from surrogate.data.outputs import TOUCH as PARTS
 from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import WALK
 from surrogate.model.missing_channels import named
 from surrogate.model.tracking.contact import patterns_of
-from surrogate.model.tracking.followed_reading import Read
+from surrogate.model.tracking.followed_reading import TOO_WEAK, Read, unread
 from surrogate.model.tracking.tracked import TOUCH
 from surrogate.recordings.presses import Presses
-from surrogate.recordings.trained.press_reader import read
+from surrogate.recordings.signals import WEAK
+from surrogate.recordings.trained.press_reader import PressReader, ScalarReading, read
+from surrogate.recordings.trained.reader_table import OUTPUTS
 from surrogate.recordings.trained.train_reader import TrainedReader
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask
+
+_SIZES = {"d_mm": (2, 1e-3), "F_N": (3, 1.0)}  # labels that are parts of a touch: which, and their unit in SI
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +56,13 @@ def followed(place: Place, reading: Array, step_s: float) -> Place:
     variance = place.variance + WALK[:2] ** 2 * step_s
     gain = variance / np.maximum(variance + noise, np.finfo(float).tiny)
     return Place(place.mean + gain * (reading - place.mean), (1 - gain) * variance, readings, noise, count)
+
+
+def columns(reader: PressReader) -> list[str]:
+    """Names of the values of a row, with the ends of their 90 % intervals, as those of `read_touches`."""
+    labels = [*PLACE, *(one.name for one in reader.scalars)]
+    names = [OUTPUTS.get(label, label).rpartition("_") for label in labels]
+    return [f"{stem}{end}_{unit}" for stem, _, unit in names for end in ("", "_lo90", "_hi90")]
 
 
 class FollowedPresses:
@@ -88,14 +101,30 @@ class FollowedPresses:
         age = since_s if self._reader.signals.clocked else since
         press = Presses(np.array([""]), np.zeros(1, np.int64), (volts - background.volts)[None], none,
                         np.array([float(age)]), none[:0], np.zeros(0), np.zeros(1))
+        signals = self._reader.signals
+        if np.linalg.norm(signals.whole(press)) < WEAK * signals.weakest:
+            self._place = None
+            return unread(TOUCH, TOO_WEAK)
         found = read(self._reader, press)
         place = found.place
         assert place is not None
         self._place = begun(place.value[0]) if self._place is None else followed(self._place, place.value[0], step_s)
         value, half, covariance = np.full(PARTS, np.nan), np.full(PARTS, np.nan), np.full((PARTS, PARTS), np.nan)
         value[:2], half[:2] = self._place.mean * 1e-3, place.bounds.half_width[0] * 1e-3
-        sd, correlation = half[:2] / normal(COVERAGE), place.bounds.correlation[0]
-        covariance[:2, :2] = np.outer(sd, sd) * [[1.0, correlation], [correlation, 1.0]]
+        for one in found.scalars:
+            if one.name in _SIZES:
+                part, unit = _SIZES[one.name]
+                value[part], half[part] = one.value[0] * unit, one.half_width[0] * unit
+        sd, correlation = half / normal(COVERAGE), place.bounds.correlation[0]
+        covariance[np.diag_indices(PARTS)] = sd**2
+        covariance[0, 1] = covariance[1, 0] = correlation * sd[0] * sd[1]
         dead = np.isnan(volts)
         flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[0])))
-        return Read(TOUCH, value, covariance, half, half, flag)
+        return Read(TOUCH, value, covariance, half, half, flag,
+                    _row(self._place.mean, place.bounds.half_width[0], found.scalars))
+
+
+def _row(place: Array, half_width: Array, scalars: tuple[ScalarReading, ...]) -> Array:
+    value = np.array([*place, *(one.value[0] for one in scalars)])
+    half = np.array([*half_width, *(one.half_width[0] for one in scalars)])
+    return np.stack([value, value - half, value + half], axis=1).ravel()

@@ -11,6 +11,8 @@ from surrogate.data.outputs import TOUCH
 from surrogate.data.untouched_stream import Background
 from touchcal.arrays import Array, Mask
 
+TOO_WEAK = "weaker than any trained touch"
+
 
 @dataclass(frozen=True, eq=False)
 class Read:

@@ -13,19 +13,20 @@ import numpy as np
 from surrogate.data.frame_rows import Line, frame_of, header_of, waiting_lines
 from surrogate.model import predict
 from surrogate.model.stream import SOURCE, Counts
-from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
+from surrogate.model.tracking import followed_presses
+from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED
 from surrogate.model.tracking.tracker import Tracker
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Index
 
 QUIET = (CALIBRATING, UNTOUCHED)  # states whose flags count no frame as flagged
-_PLACE = ("x0_mm", "x0_lo90_mm", "x0_hi90_mm", "y0_mm", "y0_lo90_mm", "y0_hi90_mm")
 
 
 def columns(model: TrainedModel | TrainedReader) -> list[str]:
     """Names of the columns of rows: those of predictions, `state` before the flag."""
-    each = [*predict.columns(model)[1:-1]] if isinstance(model, TrainedModel) else [*_PLACE]
+    each = (predict.columns(model)[1:-1] if isinstance(model, TrainedModel) else
+            followed_presses.columns(model.reader))
     return ["line", *each, "state", "flag"]
 
 
@@ -34,8 +35,8 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
     """Write one row for each line of a stream, flushed as soon as it is known.
 
     A line that is no frame has a row without values whose flag tells why; the stream goes on, and the tracker's clock
-    with it. `say` takes words on the calibration and on the first signals of the other sign. ValueError where a header
-    names anything but readings, or there is no frame.
+    stands still for it. `say` takes words on the calibration and on the first signals of the other sign. ValueError
+    where a header names anything but readings, or there is no frame.
     """
     table, names = csv.writer(sink, lineterminator="\n"), columns(model)
     table.writerow(names)
@@ -52,7 +53,7 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
                 order = np.arange(tracker.readings) if named is None else named
                 if named is not None:
                     continue
-            state, values, flag = _answer(tracker, model, line, order)
+            state, values, flag = _answer(tracker, line, order)
             table.writerow([line[0], *(_cell(value) for value in values or [math.nan] * (len(names) - 3)), state, flag])
             sink.flush()
             answered, flagged = answered + 1, flagged + (bool(flag) and state not in QUIET)
@@ -76,26 +77,20 @@ def _header(line: Line, readings: int) -> Index | None:
         raise ValueError(f"{SOURCE}, line {line[0]}: {error}") from None
 
 
-def _answer(tracker: Tracker, model: TrainedModel | TrainedReader, line: Line,
-            order: Index) -> tuple[str, Sequence[float] | None, str]:
+def _answer(tracker: Tracker, line: Line, order: Index) -> tuple[str, Sequence[float] | None, str]:
     """State, values or none, and flag of a line."""
     try:
         volts = frame_of(line[1], order)
     except ValueError as error:
         return UNREADABLE, None, f"unreadable: {error}"
     said = tracker.update(volts)
-    if said.row is not None:
-        return said.state, said.row.tolist(), said.flag
-    return said.state, _place(said) if isinstance(model, TrainedReader) else None, said.flag
-
-
-def _place(said: Tracked) -> list[float]:
-    ends = np.stack([said.value, said.value - said.below, said.value + said.above], axis=1)
-    return (1e3 * ends[:2]).ravel().tolist()
+    return said.state, None if said.row is None else said.row.tolist(), said.flag
 
 
 def _say_calibrating(tracker: Tracker, state: str, before: bool, say: Callable[[str], object]) -> bool:
     """Say once that the noise is being learnt and how long that takes, and once what it is."""
+    if state == UNREADABLE:
+        return before
     if state == CALIBRATING and not before:
         say(f"the first {tracker.calibration} frames tell the untouched frame and the noise, "
             f"{tracker.calibration / tracker.rate_hz:.2g} s at {tracker.rate_hz:g} frames a second: touch nothing. "

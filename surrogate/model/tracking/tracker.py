@@ -70,7 +70,7 @@ class Tracker:
         if not 0 < rate_hz < math.inf:
             raise ValueError(f"the rate must be a finite number of frames a second above 0, got {rate_hz:g}.")
         if held_s is not None and isinstance(model, TrainedReader):
-            raise ValueError("a model of a recording reads no forces; leave the holding time out.")
+            raise ValueError("a model of a recording knows no holding time; leave held_s out.")
         self._following: Following = (FollowedPresses(model) if isinstance(model, TrainedReader)
                                       else FollowedModel(model, scale_baseline, held_s))
         self.rate_hz, self._say, self._noise_V = rate_hz, say, noise_V
@@ -81,7 +81,7 @@ class Tracker:
         self._contact = Contact(self._following.patterns, (BELIEVED * self._following.weakest) ** 2)
         self._time_s, self._since = -1 / rate_hz, 0  # of the latest frame; frames since the latest untouched one
         if baseline_V is not None:
-            self._from_baseline(np.asarray(baseline_V, np.float64).reshape(-1, self._following.readings))
+            self._from_baseline(np.asarray(baseline_V, np.float64))
 
     @property
     def readings(self) -> int:
@@ -99,6 +99,10 @@ class Tracker:
         return math.nan if self._background is None else self._background.noise_V
 
     def _from_baseline(self, frames: Array) -> None:
+        frames = frames.reshape(1, -1) if frames.size == self.readings else np.atleast_2d(frames)
+        if frames.ndim != 2 or frames.shape[1] != self.readings:
+            raise ValueError(f"untouched frames of {frames.shape[-1]} readings; the trained sensor has "
+                             f"{self.readings}.")
         self._dead = stuck(frames)
         for frame in frames:
             self._dead |= self._following.dead(frame)

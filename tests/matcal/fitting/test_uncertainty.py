@@ -104,3 +104,12 @@ def test_nuisances_move_the_stress_by_one_standard_deviation() -> None:
 def test_derived_quantities_of_table_1() -> None:
     law = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0])
     assert derived_quantities(law) == pytest.approx({"mu_0_Pa": 9530, "E_0_Pa": 19060, "plateau_Pa": 3776}, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_short_table_that_begins_at_rest_is_not_interpolated(seed: int) -> None:
+    strain, law = -0.1 * np.arange(5), Hyperfoam([3000.0, 8000.0], [-1.0, 8.0], [0, 0])
+    stress = nominal_stress(law, "uniaxial", strain) * (1 + 0.02 * np.random.default_rng(seed).normal(size=5))
+    interval = linearised(fit(weigh([Experiment("uniaxial", strain, stress)]))).derived["mu_0_Pa"]
+    assert interval.hi - interval.lo > 0.02 * interval.value
+    assert interval.lo < law.mu_0_Pa < interval.hi

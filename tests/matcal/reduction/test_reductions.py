@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import matcal
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import find_holds
 from matcal.reduction.reduce import read_and_reduce
@@ -210,3 +211,13 @@ def test_gamma_that_is_called_lambda_and_a_gel_that_is_compressed_twice(tmp_path
     part = next((REAL / "mts_testsuite").glob("*5.txt"))
     assert _reduced(part, "uniaxial", gel).facts["loadings"] == 2
     assert _reduced(part, "uniaxial", gel, "first").strain.min() == pytest.approx(-0.374, abs=0.01)
+
+
+def test_a_record_of_few_samples_is_refused_with_what_would_do(tmp_path: Path) -> None:
+    (tmp_path / "foam_uniaxial.csv").write_text("displacement_mm,force_N\n" + "\n".join(
+        f"{k},{force}" for k, force in enumerate((0, 2, 4, 6.5, 10, 16, 27, 45))))
+    sizes = '[uniaxial]\ndiameter_mm = 40\nheight_mm = 20\ndirection = "compression"\n'
+    for preload, said in (("0", "give preload_N, above 0"), ("0.5", "only 7 samples .* 10 are needed")):
+        (tmp_path / "specimen.toml").write_text(f"{sizes}preload_N = {preload}\n")
+        with pytest.raises(InputFileError, match=f"{said}.* A table of strain and stress may have few rows"):
+            matcal.fit(tmp_path / "foam_uniaxial.csv")

@@ -72,3 +72,24 @@ def test_a_usable_and_a_refused_sensor_are_drawn(tmp_path: Path) -> None:
     report = sensor_report.report(tmp_path / "refused.json")
     assert (report.verdict[0].grade, report.verdict[0].why) == ("not usable", "the readings are differences.")
     assert not report.plates
+
+
+def test_electrodes_at_uneven_angles_are_drawn_where_they_lie(tmp_path: Path) -> None:
+    angles_deg = (0.0, 20.0, 45.0, 70.0, 180.0, 225.0, 270.0, 320.0)
+    described = Sensor(Body(), Skin(), Electrodes(count=8, angles_rad=tuple(np.radians(angles_deg))), SENSOR.drive)
+    ideal = Instrument(described.body, described.electrodes, sources(described.protocol), 1e-3)
+    calibration = Calibration(described, 3, None, "", {"conductance": Stage(0.1, 0.1, kept=True)}, ("conductance",),
+                              ideal, Fit(ideal.prior_mean, 1e-6, 0.0, np.diag(ideal.prior_sd**2)),
+                              by_electrode=(0.01,) * 8)
+    write_json(calibration_document(calibration), tmp_path / "sensor.json")
+    for plate in sensor_report.report(tmp_path / "sensor.json").plates[:2]:
+        xy = np.array([np.mean(line.get_xydata(), axis=0) for line in plate.figure.axes[0].lines])
+        np.testing.assert_allclose(np.degrees(np.arctan2(xy[:, 1], xy[:, 0])) % 360, angles_deg, atol=1e-6)
+
+
+def test_a_calibration_that_predicts_worse_than_a_uniform_sheet_is_cautioned(tmp_path: Path) -> None:
+    worse = document()
+    worse["unexplained"][worse["stage"]]["held_out"] = 2 * worse["unexplained"]["conductance"]["held_out"]
+    for one, cautions in ((document(), 0), (worse, 1)):
+        write_json(one, tmp_path / "sensor.json")
+        assert len(sensor_report.report(tmp_path / "sensor.json").cautions) == cautions

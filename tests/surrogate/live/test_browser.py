@@ -31,6 +31,14 @@ def test_a_mouse_press_is_read_as_predict_reads_it(page: Any, address: str, live
     assert page.browser.get_log("browser") == []
 
 
+@pytest.mark.parametrize("noise_V", [5e-6, 3e-5])
+def test_the_noise_to_begin_with_is_the_one_given(page: Any, start: Callable[..., Any], live_folder: Any,
+                                                  noise_V: float) -> None:
+    page.open(start(live_folder, "--noise-V", str(noise_V))[1])
+    assert float(page.element("noise").get_attribute("value")) == pytest.approx(1e3 * noise_V)
+    assert float(page.text("noise-now")) == pytest.approx(1e3 * noise_V)
+
+
 def test_force_grows_while_held_and_follows_the_wheel(page: Any, address: str) -> None:
     page.open(address)
     page.hold(0, 15)

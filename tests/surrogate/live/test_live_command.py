@@ -14,7 +14,10 @@ Command = Callable[..., CompletedProcess[str]]
 
 @pytest.mark.parametrize(("words", "said"), [
     (("frames.csv",), "--replay"), (("-", "--replay", "a.csv"), "- and --replay"),
-    (("--simulate", "card.json", "--export", "page.html"), "--simulate and --export"),
+    (("--simulate", "card.json", "--export", "page.html"), "--simulate would have no effect"),
+    (("--export", "page.html", "--baseline", "none.csv", "--noise-V", "-5", "--port", "80"),
+     "--baseline and --noise-V and --port would have no effect"),
+    (("--baseline", "none.csv"), "--baseline gives the untouched frames of a recording"),
     (("--data", "sweep"), "needs --simulate"), (("--replay", "none.csv"), "none.csv")], ids=str)
 def test_choices_are_checked(command: Command, live_folder: Path, words: tuple[str, ...], said: str) -> None:
     pytest.importorskip("uvicorn")

@@ -210,6 +210,10 @@ def test_degenerate_rows(samples: Samples) -> None:
 def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=r"not a model: it holds no model\.json"):
         surrogate.load(tmp_path)
+    (tmp_path / "recording").mkdir()
+    (tmp_path / "recording" / "model.json").write_text('{"schema": 2, "method": "recording"}')
+    with pytest.raises(InputFileError, match=r"a model of a recording: read it with `surrogate predict`.*load_reader"):
+        surrogate.load(tmp_path / "recording")
     models["ridge"].save(tmp_path / "model")
     text = json.loads((tmp_path / "model" / "model.json").read_text())
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "schema": 99}))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from surrogate.model.tracking.followed_presses import begun, followed
+from surrogate.model.tracking.followed_reading import TOO_WEAK
 from surrogate.model.tracking.tracked import TOUCH, UNTOUCHED
 from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import Tracker
@@ -28,6 +29,19 @@ def model() -> TrainedReader:
         patch.setattr(networks, "HIDDEN", (32,))
         presses, place = synthetic_presses(1, 60, noise=0.05)
         reader = press_reader.fit(presses, labels_at(place))
+    return TrainedReader(reader, "voltage", 60, 0, (), 0.0)
+
+
+@pytest.fixture(scope="module")
+def with_forces() -> TrainedReader:
+    """Presses labelled with their place and how strong they are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(networks, "MOST_STEPS", 40)
+        patch.setattr(networks, "HIDDEN", (32,))
+        presses, place = synthetic_presses(1, 60, noise=0.05)
+        size = np.linalg.norm(presses.signal, axis=1)
+        force = size / np.linalg.norm(synthetic_signal(place, np.ones(len(place))), axis=1)
+        reader = press_reader.fit(presses, labels_at(place, F_N=force, depth_mm=2 * force))
     return TrainedReader(reader, "voltage", 60, 0, (), 0.0)
 
 
@@ -61,6 +75,35 @@ def test_its_stream_has_places_alone(model: TrainedReader) -> None:
                                       "state", "flag"]
     low, value, high = (float(rows[REST + 10][k]) for k in (2, 1, 3))
     assert low < value < high
+
+
+def test_forces_and_depths_are_in_its_stream_and_in_python(with_forces: TrainedReader) -> None:
+    place, sink = synthetic_places(np.random.default_rng(9), 3), io.StringIO()
+    frames = stream(place, 0.02)
+    lines = "\n".join(",".join(map(repr, frame)) for frame in frames.tolist())
+    track(Tracker(with_forces), with_forces, io.BytesIO(lines.encode()), sink)
+    head, *rows = [row.split(",") for row in sink.getvalue().splitlines()]
+    assert head[7:13] == ["F_N", "F_lo90_N", "F_hi90_N", "depth_mm", "depth_lo90_mm", "depth_hi90_mm"]
+    row = [float(cell) for cell in rows[REST + 10][7:13]]
+    assert row[1] < row[0] < row[2]
+    assert row[0] == pytest.approx(1.0, abs=0.3)
+    assert row[3] == pytest.approx(2.0, abs=0.6)
+    now = [tracker.update(frame) for tracker in [Tracker(with_forces)] for frame in frames][REST + 10]
+    assert now.value[3] == pytest.approx(row[0], rel=1e-4)
+    assert now.value[3] - now.below[3] == pytest.approx(row[1], rel=1e-4)
+    assert np.isnan(now.value[2])
+
+
+def test_a_touch_weaker_than_any_trained_one_has_no_values(model: TrainedReader) -> None:
+    frames = stream(synthetic_places(np.random.default_rng(8), 1), 0.01)
+    frames = np.concatenate([frames[:REST], 0.9 * frames[:REST].mean(axis=0) + 0.1 * frames[REST:]])
+    said = [tracker.update(frame) for tracker in [Tracker(model)] for frame in frames]
+    weak = [now for now in said[REST:REST + 20] if now.state == TOUCH]
+    assert weak
+    for now in weak:
+        assert np.isnan(now.value).all()
+        assert now.row is None
+        assert now.flag == TOO_WEAK
 
 
 def test_the_scatter_of_readings_is_filtered_and_a_movement_is_followed() -> None:

@@ -195,11 +195,15 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
     pd.DataFrame({"touch": frames["touch"], "x_mm": place[:, 0], "y_mm": place[:, 1]}).iloc[:30].to_csv(
         tmp_path / "touches.csv", index=False)
     (tmp_path / "sensor.toml").write_text('[readings]\nkind = "difference"\n')
+    (tmp_path / "model").mkdir()
+    for name in ("model.json", "evaluation.json", "predictions.parquet"):  # of an earlier model of a sweep
+        (tmp_path / "model" / name).write_text("{}")
     run = CliRunner()
     trained = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--labels", f"{tmp_path}/touches.csv", "--sensor",
                                f"{tmp_path}/sensor.toml", "--out", f"{tmp_path}/model", "--workers", "1"])
     assert trained.exit_code == 0, trained.output
     assert "kernel ridge" in trained.output
+    assert sorted(path.name for path in (tmp_path / "model").iterdir()) == ["arrays.npz", "model.json"]
     for one in (tested.score for tested in surrogate.load_reader(tmp_path / "model").tested):
         row = [one.split, one.trained, one.tested, one.output, f"{one.error:.3g} mm", f"{one.ridge_error:.3g}",
                f"{one.mean_error:.3g}", ", ".join(f"{100 * part:.0f}" for part in one.coverage),

@@ -177,6 +177,13 @@ def test_a_stage_does_harm_where_most_drives_get_worse_and_not_where_some_do() -
     assert not harms(asked, before, before + scatter - scatter.mean())
 
 
+@pytest.mark.parametrize("size", [10.0, 1e6])
+def test_one_ruined_drive_is_harm_however_large_its_scatter(size: float) -> None:
+    asked, before = sensor().protocol, np.ones(len(sensor().protocol.weights))
+    assert harms(asked, before, before + np.where(np.arange(len(before)) == 3, size * len(before), 0.0))
+    assert not harms(asked, before, before + np.where(np.arange(len(before)) == 3, 1.0, 0.0))
+
+
 def test_halves_keep_drives_between_the_same_electrodes_together() -> None:
     asked = sensor().protocol
     half = halves(asked, 0)

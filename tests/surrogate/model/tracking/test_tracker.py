@@ -185,8 +185,21 @@ def test_one_line_in_is_one_row_out(model: Model, press: Callable[..., Array], u
         NOISE_V, rel=0.1)
 
 
+def test_a_line_that_is_no_frame_does_not_end_the_calibration(model: Model, press: Callable[..., Array]) -> None:
+    lines = [",".join(map(repr, frame)) for frame in press(slide(8), 7).tolist()]
+    lines.insert(5, "1,2,3")
+    said: list[str] = []
+    track(Tracker(model), model, io.BytesIO("\n".join(lines).encode()), io.StringIO(), said.append)
+    assert [words.split(" ")[0] for words in said] == ["the", "calibrated:"]
+
+
 def test_bad_frames_and_noise_are_refused(model: Model) -> None:
     with pytest.raises(ValueError, match="a frame of 7 readings; the trained sensor has 208"):
         Tracker(model).update(np.zeros(7))
     with pytest.raises(ValueError, match="finite number of volts from 0, got -1"):
         Tracker(model, noise_V=-1.0)
+    with pytest.raises(ValueError, match="untouched frames of 7 readings; the trained sensor has 208"):
+        Tracker(model, np.ones((2, 7)))
+    with pytest.raises(ValueError, match="untouched frames of 0 readings"):
+        Tracker(model, [])
+    assert Tracker(model, np.ones((16, 13)), 1e-4, say=lambda words: None).noise_V == 1e-4

@@ -1,0 +1,52 @@
+"""Pages of reference: every key of a scene file with a meaning, and files under the names that the programs write."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from eitsim.sweeps.dataset.parquet import MANIFEST
+from surrogate.recordings.trained import reader_store
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def reference() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("reference", ROOT / "docs" / "reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_key_of_a_scene_has_a_meaning(reference: ModuleType) -> None:
+    page = reference.scene_keys()
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| `")]
+    assert [row for row in rows if len(row) != 3 or not row[2]] == []
+    keys = {row[0].strip("`") for row in rows}
+    read = set(re.findall(r'"(\w+)" (?:not )?in electrodes',
+                          (ROOT / "eitsim" / "scene" / "scene_files.py").read_text(encoding="utf-8")))
+    assert {"grid", "pitch_mm", "places"} <= read
+    assert {*read, "calibrated"} <= keys
+    assert "`card`" in page
+
+
+def test_tables_are_introduced_by_whole_sentences_without_errors(reference: ModuleType) -> None:
+    page = reference.scene_keys()
+    for words in re.findall(r"^## \[\w+\]\n\n(.*)$", page, flags=re.MULTILINE):
+        assert words.endswith(".")
+        assert "Error" not in words
+
+
+def test_files_are_named_as_they_are_written(reference: ModuleType, tmp_path: Path) -> None:
+    page = reference.schemas(tmp_path)
+    assert f"`{MANIFEST}` of a data set" in page
+    assert f"`{reader_store.DESCRIPTION}` of a model of a recording" in page
+    for name in reference.SCHEMAS:
+        assert (tmp_path / f"{name}.schema.json").is_file()
