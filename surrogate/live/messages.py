@@ -26,8 +26,8 @@ def hello(model: TrainedModel | TrainedReader, limits: Limits | None, source: st
     "learned", "recorded", "streamed" or "exported"."""
     skin = pictured(model)
     return {"source": source, "centre_mm": np.round(skin.centre_mm, 6).tolist(), "radius_mm": skin.radius_mm,
-            "electrodes_rad": np.round(skin.electrodes_rad, 6).tolist(), "readings": skin.readings, "values": list(skin.values),
-            "limits": None if limits is None else asdict(limits),
+            "electrodes_rad": np.round(skin.electrodes_rad, 6).tolist(), "readings": skin.readings,
+            "values": list(skin.values), "limits": None if limits is None else asdict(limits),
             "noise_mV": round(noise_V * 1e3, 6)}
 
 
