@@ -15,6 +15,7 @@ from touchcal.terminal import check_out
 if TYPE_CHECKING:
     from surrogate.live.serve import Show
     from surrogate.model.model import Model
+    from surrogate.recordings.trained.train_reader import TrainedReader
 
 INPUT_HELP = "- reads frames that a device writes, line by line, from standard input."
 REPLAY_HELP = "Recording or table of frames to show at its rate, or at 50 frames a second without a clock."
@@ -45,7 +46,7 @@ def live(model_folder: ModelFolder,
     import surrogate
     from surrogate.live.export_page import export_page
     from surrogate.live.serve import check_installed, serve
-    from surrogate.recordings.trained.reader_store import is_reader
+    from surrogate.recordings.trained.reader_store import is_reader, load_reader
 
     _check_choice(frames, replay, simulate, data or scene)
     if export is not None:
@@ -55,16 +56,25 @@ def live(model_folder: ModelFolder,
         raise ValueError("--baseline gives the untouched frames of a recording (--replay) or a device (-); presses on "
                          "the page have their own. Leave it out.")
     if is_reader(model_folder):
-        raise ValueError(f"{model_folder} was trained on a recording, and the page shows models of sweeps. Read its "
-                         "frames with `surrogate predict`.")
+        if frames is None and replay is None:
+            raise ValueError(f"{model_folder} was trained on a recording: its skin cannot be simulated. Show frames of "
+                             "the device with -, or a recording with --replay.")
+        check_installed()
+        serve(_frames_show(load_reader(model_folder), frames, replay, baseline, noise_v), port, _served)
+        return
     if export is not None:
         check_out(export, "--export")
         export_page(surrogate.load(model_folder), export)
         print(f"page: {export}, {export.stat().st_size / 1e6:.2f} MB")
         return
     check_installed()
-    serve(_show(surrogate.load(model_folder), frames, replay, simulate, data, scene, baseline, noise_v), port,
-          lambda address: print(f"{address}\nCtrl-C stops.", flush=True))
+    model = surrogate.load(model_folder)
+    serve(_frames_show(model, frames, replay, baseline, noise_v) if frames or replay
+          else _pressed_show(model, simulate, data, scene, noise_v), port, _served)
+
+
+def _served(address: str) -> None:
+    print(f"{address}\nCtrl-C stops.", flush=True)
 
 
 def _check_export(given: dict[str, object]) -> None:
@@ -84,16 +94,22 @@ def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None
         raise ValueError("--data and --scene tell the sensor of the simulator, which needs --simulate CARD.")
 
 
-def _show(model: Model, frames: str | None, replay: Path | None, simulate: Path | None, data: Path | None,
-          scene: Path | None, baseline: Path | None, noise_v: float | None) -> Show:
-    from surrogate.live.shows import pressed_show, read_untouched, recorded_show, streamed_show
-    from surrogate.live.skins import learned_skin, simulated_skin
+def _frames_show(model: Model | TrainedReader, frames: str | None, replay: Path | None, baseline: Path | None,
+                 noise_v: float | None) -> Show:
+    from surrogate.live.pictured import pictured
+    from surrogate.live.shows import read_untouched, recorded_show, streamed_show
 
-    untouched_V = None if baseline is None else read_untouched(baseline, len(model.baseline_V))
+    untouched_V = None if baseline is None else read_untouched(baseline, pictured(model).readings)
     if replay is not None:
         return recorded_show(model, replay, untouched_V, noise_v)
-    if frames == "-":
-        return streamed_show(model, open(sys.stdin.fileno(), "rb", closefd=False), untouched_V, noise_v)
+    return streamed_show(model, open(sys.stdin.fileno(), "rb", closefd=False), untouched_V, noise_v)
+
+
+def _pressed_show(model: Model, simulate: Path | None, data: Path | None, scene: Path | None,
+                  noise_v: float | None) -> Show:
+    from surrogate.live.shows import pressed_show
+    from surrogate.live.skins import learned_skin, simulated_skin
+
     if simulate is None:
         _say("presses are answered by the model's own learned map. Give --simulate CARD for the simulator.")
         return pressed_show(model, learned_skin(model), noise_v)

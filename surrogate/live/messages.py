@@ -11,19 +11,23 @@ import numpy as np
 
 from surrogate.live.controls import Limits
 from surrogate.live.moments import Moment
+from surrogate.live.pictured import pictured
 from surrogate.model.tracking.tracked import CALIBRATING, TOUCH, Tracked
 from surrogate.model.trained import TrainedModel
+from surrogate.recordings.trained.train_reader import TrainedReader
 
 # Names of the touch's values, and their units in SI
 VALUES = {"x_mm": 1e3, "y_mm": 1e3, "d_mm": 1e3, "F_N": 1.0}
 
 
-def hello(model: TrainedModel, limits: Limits | None, source: str, noise_V: float = 0.0) -> dict[str, Any]:
+def hello(model: TrainedModel | TrainedReader, limits: Limits | None, source: str,
+          noise_V: float = 0.0) -> dict[str, Any]:
     """The sensor, what may be pressed, the noise to begin with, and where the readings come from: "simulated",
     "learned", "recorded", "streamed" or "exported"."""
-    ring = model.ring
-    return {"source": source, "radius_mm": ring.radius_mm, "electrodes_rad": np.round(ring.angle_rad, 6).tolist(),
-            "readings": len(model.baseline_V), "limits": None if limits is None else asdict(limits),
+    skin = pictured(model)
+    return {"source": source, "centre_mm": np.round(skin.centre_mm, 6).tolist(), "radius_mm": skin.radius_mm,
+            "electrodes_rad": np.round(skin.electrodes_rad, 6).tolist(), "readings": skin.readings,
+            "values": list(skin.values), "limits": None if limits is None else asdict(limits),
             "noise_mV": round(noise_V * 1e3, 6)}
 
 

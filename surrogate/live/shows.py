@@ -9,15 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from eitsim.sensors.recording import read_recording
+from eitsim.sensors.formats.open_file import open_recording
 from surrogate.data.frame_rows import read_lines
 from surrogate.live.controls import Controls, Latest, Limits
 from surrogate.live.messages import hello
 from surrogate.live.moments import Moment, pressed_moments, recorded_moments, streamed_moments
+from surrogate.live.pictured import pictured
 from surrogate.live.reading import reader_of
 from surrogate.live.serve import Show
 from surrogate.live.skins import LearnedSkin, Skin, limits_of, usual_noise_V
 from surrogate.model.trained import TrainedModel
+from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -33,21 +35,22 @@ def pressed_show(model: TrainedModel, skin: Skin, noise_V: float | None = None) 
     return _show(model, skin.baseline_V, noise, pressed_moments(skin, latest), source, limits, latest)
 
 
-def recorded_show(model: TrainedModel, path: Path, untouched_V: Array | None = None,
+def recorded_show(model: TrainedModel | TrainedReader, path: Path, untouched_V: Array | None = None,
                   noise_V: float | None = None) -> Show:
     """A recording at its rate; its untouched frames are those given, else those that it names where it names touches,
     else its first ones. InputFileError where it cannot be read."""
-    recording = read_recording(path, readings=len(model.baseline_V))
+    kind = model.kind if isinstance(model, TrainedReader) else "voltage"
+    recording = open_recording(path, kind=kind, readings=pictured(model).readings)
     frames = np.asarray(recording.readings, np.float64)
     if untouched_V is None and (recording.touch != "").any() and recording.untouched.any():
         untouched_V = frames[recording.untouched]
     return _show(model, untouched_V, noise_V, recorded_moments(frames, recording.time_s), "recorded")
 
 
-def streamed_show(model: TrainedModel, source: BufferedIOBase, untouched_V: Array | None = None,
+def streamed_show(model: TrainedModel | TrainedReader, source: BufferedIOBase, untouched_V: Array | None = None,
                   noise_V: float | None = None) -> Show:
     """Lines of frames as they come, the first ones untouched where none are given."""
-    return _show(model, untouched_V, noise_V, streamed_moments(source, len(model.baseline_V)), "streamed")
+    return _show(model, untouched_V, noise_V, streamed_moments(source, pictured(model).readings), "streamed")
 
 
 def read_untouched(path: Path, readings: int) -> Array:
@@ -58,8 +61,8 @@ def read_untouched(path: Path, readings: int) -> Array:
     return read.volts
 
 
-def _show(model: TrainedModel, untouched_V: Array | None, noise_V: float | None, moments: Iterator[Moment], source: str,
-          limits: Limits | None = None, latest: Latest | None = None) -> Show:
+def _show(model: TrainedModel | TrainedReader, untouched_V: Array | None, noise_V: float | None,
+          moments: Iterator[Moment], source: str, limits: Limits | None = None, latest: Latest | None = None) -> Show:
     cautions: list[str] = []
     read = reader_of(model, untouched_V, noise_V, cautions)
     return Show(hello(model, limits, source, noise_V or 0.0), moments, read, cautions, limits, latest)

@@ -45,9 +45,10 @@ function shaded(c, field, x, y, reach, colour) {
 function drawSkin(canvas, hello, frame, cursor, field) {
   const colour = colours(), { context: c, width } = cleared(canvas);
   const scale = skinScale(width, hello.radius_mm), radius = hello.radius_mm * scale;
-  const X = x => width / 2 + x * scale, Y = y => width / 2 - y * scale;
+  const [middleX, middleY] = hello.centre_mm;
+  const X = x => width / 2 + (x - middleX) * scale, Y = y => width / 2 - (y - middleY) * scale;
   const circle = (x, y, r) => { c.beginPath(); c.arc(X(x), Y(y), Math.max(r * scale, 0), 0, 2 * Math.PI); };
-  circle(0, 0, hello.radius_mm);
+  circle(middleX, middleY, hello.radius_mm);
   c.fillStyle = colour.skin; c.fill();
   const fields = frame && frame.fields, truth = frame && frame.true;
   if (truth && fields && fields[field]) {
@@ -56,8 +57,8 @@ function drawSkin(canvas, hello, frame, cursor, field) {
     c.restore();
   }
   c.strokeStyle = colour.line; c.lineWidth = 1;
-  circle(0, 0, hello.radius_mm); c.stroke();
-  for (const r of [0.25, 0.5, 0.75]) { circle(0, 0, r * hello.radius_mm); c.globalAlpha = 0.5; c.stroke(); }
+  circle(middleX, middleY, hello.radius_mm); c.stroke();
+  for (const r of [0.25, 0.5, 0.75]) { circle(middleX, middleY, r * hello.radius_mm); c.globalAlpha = 0.5; c.stroke(); }
   c.globalAlpha = 1;
   if (hello.limits && hello.limits.reach_mm < hello.radius_mm - 1) {
     c.setLineDash([2, 5]); c.strokeStyle = colour.soft; circle(0, 0, hello.limits.reach_mm); c.stroke();

@@ -20,6 +20,9 @@
     hello = message;
     byId("source").textContent = SOURCES[hello.source];
     byId("counted").textContent = hello.readings + " of them";
+    for (const [row, [key]] of Object.entries(ROWS))
+      byId("read-" + row).closest("tr").hidden = !hello.values.includes(key);
+    byId("force-plot").closest("figure").hidden = !hello.values.includes("F_N");
     byId("shown-field").hidden = hello.source !== "simulated";
     byId("reach").hidden = !hello.limits || hello.limits.reach_mm > hello.radius_mm - 1;
     document.body.classList.toggle("shown-only", !hello.limits);

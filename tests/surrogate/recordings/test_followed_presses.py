@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import io
+import json
 
 import numpy as np
 import pytest
 
+from surrogate.live.messages import frame
+from surrogate.live.pictured import pictured
+from surrogate.live.shows import streamed_show
 from surrogate.model.tracking.followed_presses import begun, followed
 from surrogate.model.tracking.followed_reading import TOO_WEAK
 from surrogate.model.tracking.tracked import TOUCH, UNTOUCHED
@@ -52,6 +56,21 @@ def stream(place: Array, noise: float) -> Array:
     clean = np.concatenate([np.tile(rest, (REST, 1)), *(np.concatenate([np.tile(one, (20, 1)), np.tile(rest, (10, 1))])
                                                         for one in signal[:, None])])
     return 1.0 + clean + noise * np.abs(signal).mean() * rng.standard_normal(clean.shape)
+
+
+def test_the_page_shows_what_a_model_of_a_recording_reads(model: TrainedReader) -> None:
+    place = synthetic_places(np.random.default_rng(8), 3)
+    lines = "".join(",".join(map(repr, frame.tolist())) + "\n" for frame in stream(place, 0.1))
+    show = streamed_show(model, io.BufferedReader(io.BytesIO(lines.encode())))  # type: ignore[arg-type]
+    skin = pictured(model)
+    assert show.hello["values"] == ["x_mm", "y_mm"]
+    assert show.hello["electrodes_rad"] == []
+    assert np.linalg.norm(place - skin.centre_mm, axis=1).max() < skin.radius_mm
+    sent = [json.loads(frame(k, moment, show.read(moment), "", 0.0)) for k, moment in enumerate(show.moments)]
+    read = sent[REST + 15]["read"]
+    assert np.hypot(read["x_mm"] - place[0, 0], read["y_mm"] - place[0, 1]) < 0.1 * skin.radius_mm
+    assert sent[REST - 2]["read"] is None
+    assert sent[REST + 15]["ellipse"]["long_mm"] > 0
 
 
 def test_presses_are_found_and_read(model: TrainedReader) -> None:
