@@ -45,8 +45,8 @@ model = surrogate.train(data, method="forward", seed=1)
 # %%
 # A touch that moves
 # ------------------
-# The 12 mm punch comes down, goes along an arc at some 90 mm/s and is lifted: 50 frames a second, the simulator's own at each
-# place and force, none of which trained the model. Noise is 80 dB below the untouched readings.
+# The 12 mm punch comes down, goes along an arc at some 90 mm/s and is lifted: 50 frames a second, the simulator's own
+# at each place and force, none of which trained the model. Noise is 80 dB below the untouched readings.
 
 rate_Hz, moving = 50.0, 40
 angle = np.linspace(-0.6, 1.8, moving)
@@ -110,7 +110,7 @@ print(f"place off by {np.median(np.hypot(*off_mm.T)):.2f} mm in the median; "
 
 # %%
 # Frames of one press share their errors, so that this share is of few independent trials. Thirty presses are counted in
-# `Live <../../how-to/live.html>`_.
+# :doc:`/how-to/live`.
 
 # %%
 # In a browser
