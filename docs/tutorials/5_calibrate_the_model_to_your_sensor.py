@@ -1,4 +1,4 @@
-r"""
+"""
 Calibrate the model to your sensor
 ==================================
 
@@ -12,9 +12,9 @@ given its untouched frames alone.
 # %%
 # A sensor that is not ideal
 # --------------------------
-# With the sink of a pattern at ground, the body takes currents :math:`I` to the voltages :math:`G I` of its electrodes.
-# Leaks :math:`L` to ground and gains :math:`g` of the channels make of them :math:`g\,(1 + G L)^{-1} G I`. The
-# impedances :math:`G` of the body, untouched and touched, are simulated; the contacts are the skin's own.
+# With the sink of a pattern at ground, the body takes currents I to the voltages G I of its electrodes. Leaks L to
+# ground and gains g of the channels make of them ``g (1 + G L)^-1 G I``. The impedances G of the body, untouched and
+# touched, are simulated; the contacts are the skin's own.
 
 import json
 import subprocess
