@@ -22,6 +22,7 @@ ALL = (Output("x0", "x_mm", "mm"), Output("y0", "y_mm", "mm"), Output("d", "d_mm
        Output("sigma_max", "sigma_max_kPa", "kPa"), Output("sigma_ave", "sigma_ave_kPa", "kPa"),
        Output("A_c", "A_c_mm2", "mm2"), Output("delta_max", "delta_max_mm", "mm"))
 NAMES = tuple(output.name for output in ALL)
+ROUNDING = 1e-9  # part of a value by which rounding may move it past an end of a range
 TOUCH = 4  # the first four are the touch itself, the first two its place, the others its mechanical response
 # Unit of a column -> the SI unit, and how many of it one is.
 SI = {"mm": ("m", 1e-3), "N": ("N", 1.0), "kPa": ("Pa", 1e3), "mm2": ("m2", 1e-6)}

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from surrogate.data.outputs import ROUNDING
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import (
     electrode_correction,
@@ -23,7 +24,7 @@ from surrogate.forward_map.simulator_error import SimulatorError
 from surrogate.forward_map.strength_size import Size
 from surrogate.statistics import change_point, gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
-from touchcal.arrays import Array, Complex
+from touchcal.arrays import Array, Complex, Mask
 
 MIN_ROWS = 14  # fewest training rows that the map is learned from
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
@@ -175,6 +176,14 @@ def signal_size(forward: ForwardMap, unknown: Array) -> Array:
 def extent(touch: Array) -> Array:
     """(n, 3) radius, d and F of touches (n, 4)."""
     return np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
+
+
+def within_bounds(forward: ForwardMap, touch: Array) -> Mask:
+    """(n,) whether radius, d and F of touches (n, 4) lie within the bounds of the training touches, rounding aside: a
+    range may be one diameter."""
+    reached, (lowest, highest) = extent(touch), forward.bounds
+    slack = ROUNDING * highest
+    return np.all((reached >= np.r_[0.0, lowest[1:]] - slack) & (reached <= highest + slack), axis=1)
 
 
 def _bounds(touch: Array) -> Array:

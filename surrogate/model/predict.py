@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from surrogate.data import outputs
 from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
+from surrogate.data.outputs import ROUNDING
 from surrogate.learners.base import Estimate, Parts
 from surrogate.learners.novelty import (
     Novelty,
@@ -239,8 +240,8 @@ def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Ma
 
 
 def _outside(model: TrainedModel, found: Estimate) -> Mask:
-    """(n,) whether an estimate lies outside the training range, SLACK aside."""
-    slack = SLACK * (model.trained.highest - model.trained.lowest)
+    """(n,) whether an estimate lies outside the training range, SLACK and rounding aside."""
+    slack = SLACK * (model.trained.highest - model.trained.lowest) + ROUNDING * np.abs(model.trained.highest)
     off = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
     return off.any(axis=1) | ~found.inside
 

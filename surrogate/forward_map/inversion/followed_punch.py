@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from surrogate.forward_map.forward_map import ForwardMap, extent
+from surrogate.forward_map.forward_map import ForwardMap, within_bounds
 from surrogate.forward_map.inversion.invert import Inversion, Peak
 from surrogate.forward_map.inversion.touch_filter import Followed, best
 from surrogate.forward_map.load_coordinates import to_touch, touch_slope
@@ -30,7 +30,6 @@ def inversion(forward: ForwardMap, touch: Followed) -> Inversion:
     known = carried(touch.covariance - material @ material.transpose(0, 2, 1)) * widened + between
     # which of the filters is right is open by noise
     noise = carried(touch.covariance - touch.shared @ touch.shared.transpose(0, 2, 1)) + between
-    reached, sd = extent(mean[None]), np.sqrt(np.diag(joint)[None, :4])
-    inside = np.all((reached >= np.r_[0.0, forward.bounds[0, 1:]]) & (reached <= forward.bounds[1]), axis=1)
+    sd = np.sqrt(np.diag(joint)[None, :4])
     return Inversion(mean[None], joint[None, :4, :4], np.zeros((1, k)), Peak(joint[None], known[None], noise[None]),
-                     np.array([misfit]), inside, np.zeros(1, bool), None, sd, sd)
+                     np.array([misfit]), within_bounds(forward, mean[None]), np.zeros(1, bool), None, sd, sd)

@@ -14,12 +14,12 @@ from surrogate.forward_map import electrode_correction, rim_correction
 from surrogate.forward_map.forward_map import (
     INTERIOR,
     ForwardMap,
-    extent,
     linearise,
     noise_floor,
     place,
     signal_size,
     strength_discrepancy,
+    within_bounds,
 )
 from surrogate.forward_map.inversion import known_diameters, reading_covariance
 from surrogate.forward_map.inversion.diameter_force_posterior import (
@@ -185,12 +185,7 @@ def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
     mean = reading_covariance.truncated_normal_mean(both, found.peak.joint, FORCE, *forward.bounds[:, 2])
     unknown = on_range(forward, to_unknown(np.maximum(mean[:, :4], [-np.inf, -np.inf, TINY, TINY]), forward.p0))
     touch = to_touch(unknown, forward.p0)
-    return replace(found, touch=touch, material=mean[:, 4:], inside=_inside(forward, touch))
-
-
-def _inside(forward: ForwardMap, touch: Array) -> Mask:
-    reached = extent(touch)
-    return np.all((reached >= np.r_[0.0, forward.bounds[0, 1:]]) & (reached <= forward.bounds[1]), axis=1)
+    return replace(found, touch=touch, material=mean[:, 4:], inside=within_bounds(forward, touch))
 
 
 def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array,
@@ -224,7 +219,7 @@ def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
     sides = np.repeat(np.sqrt(np.einsum("npp->np", spread))[None], 2, axis=0)
     sides[:, k, 2:] = np.maximum(one_sided(found.punches, nodes, mean) * np.sqrt(widened), LEAST_SIDE * sides[..., 2:]
                                  )[:, k]
-    inside = _inside(forward, touch)
+    inside = within_bounds(forward, touch)
     return replace(found, touch=touch, covariance=spread, inside=inside, below=sides[0], above=sides[1])
 
 
@@ -237,7 +232,7 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noise_V: f
     slope = touch_slope(unknown, forward.p0) * forward.sd
     peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
     covariance = peak.joint[:, :4, :4]
-    return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, _inside(forward, touch),
+    return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, within_bounds(forward, touch),
                      np.ones(len(touch), bool), punches, np.zeros_like(touch), np.zeros_like(touch))
 
 
