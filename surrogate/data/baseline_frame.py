@@ -132,8 +132,8 @@ def _explanations(trained: Array, ring: Ring, given: Array, sd: Array) -> Iterat
     scale = factor(np.ones(len(trained), bool))
     words = f"all readings are {scale:.4g} times those: a gain, the current, or the sheet's conductance."
     if not 0.5 < scale < 2:
-        words = (f"its readings are {scale:.3g} times the training's. Are they in volts, and is the current that of the "
-                 "training?")
+        words = (f"its readings are {scale:.3g} times the training's. Are they in volts, and is the current that of "
+                 "the training?")
     if -2 < scale < -0.5:
         words = "it has the other sign. Are the leads of the current or of the voltmeter exchanged?"
     yield _Explanation(words, scale * trained, 1, scale > 0)
