@@ -145,8 +145,9 @@ def comments(kind: type) -> dict[str, str]:
     """Field, inherited ones too -> the comment that stands behind it, or above it and all that follow without their
     own."""
     found: dict[str, str] = {}
-    for one in filter(dataclasses.is_dataclass, reversed(kind.__mro__)):
-        found |= _own_comments(one)
+    for one in reversed(kind.__mro__):
+        if "__dataclass_fields__" in vars(one):
+            found |= _own_comments(one)
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping
@@ -167,6 +168,9 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
             table.add_row(name, " to ".join(dict.fromkeys(ends)), f"{max(one['sd'] for one in each):.2g}",
                           f"{max(one['prior_sd'] for one in each):.2g}")
         _console().print(table)
+    if document["absolute_model"] == "usable":
+        one = document["parameters"]["ln_conductance_S"]
+        print(f"sheet conductance: {1e3 * math.exp(one['value']):.4g} mS +- {_percent(one['sd'])}")
     for electrode, why in document["left_out"].items():
         print(f"electrode {electrode} is left out: {why}")
     if (presses := document["presses"]) is not None:

@@ -16,6 +16,7 @@ from touchcal.number_words import counted, percent
 
 _SAID = 0.02  # what should be the same and differs by more than this is said
 _DRIFT, _MOST_NAMED = 0.02, 4
+_ROWS = {"turn": "turn: where drives begin", "direction": "direction: way of the drives"}
 _SIGNS = {"positive": "plus less minus, for current from source to sink",
           "negative": "minus less plus, for current from source to sink: leads of the current or of the voltmeter are "
                       "exchanged",
@@ -51,7 +52,7 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
                         f"{counted(found.recording.readings.shape[1], 'reading')} each: {found.kind}")
     yield "electrodes", "not decided" if found.electrodes is None else str(found.electrodes)
     for name in ("pattern", "order", "turn", "direction"):
-        yield name, words[name] or "not decided"
+        yield _ROWS.get(name, name), words[name] or "not decided"
     yield "sign", _SIGNS.get(one.sign, "not decided")
     yield "decided by", {"disc": "a homogeneous disc", "touches": "touches: readings of one pair change together",
                          "nothing": "nothing"}[one.decided_by]

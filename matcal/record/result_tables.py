@@ -180,8 +180,11 @@ def stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Printed:
         lost = [", ".join(f"{lo:.3g} to {hi:.3g}" for lo, hi in modes[mode]["unstable_strain"]) or "nowhere"
                 for modes in found.values()]
         rows.append([mode, "{:.3g} to {:.3g}".format(*first["scanned"]), *lost])
+    notes = ["Strain is gamma in shear, J in volumetric."]
+    if len(found) > 1:
+        notes.append("Neither criterion implies the other.")
     return Printed("Stability of the law", ["mode", "scanned", *(f"{criterion} lost at" for criterion in found)], rows,
-                   "<<" + "w" * len(found), ("Strain is gamma in shear, J in volumetric.",))
+                   "<<" + "w" * len(found), tuple(notes))
 
 
 def orders(card: MaterialCard) -> Printed:

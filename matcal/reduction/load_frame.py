@@ -43,8 +43,8 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     except ValueError as error:
         raise InputFileError(
             recording.paths[0], f"{error}, so the contact cannot be found. Check {fix_of_sizes(kind)} and the unit of "
-            "the displacement; if they are right, give preload_N, above 0, and the height at that load, or a record "
-            f"with more samples. {FEW_ROWS}") from None
+            "the displacement; if they are right, give preload_N, above 0, and the height at that load, or a record of "
+            f"more samples. {FEW_ROWS}") from None
     if block.compliance_m_per_N:
         notes.append(f"Frame compliance {block.compliance_m_per_N * 1e3:g} mm/N taken off the travel.")
     first = int(np.argmax(moved >= contact.travel_m))

@@ -209,7 +209,7 @@ def test_a_reading_that_is_zero_by_symmetry_is_not_dead() -> None:
 def test_an_untouched_frame_of_elsewhere_is_cautioned_with_the_likely_cause(untouched_V: Array, ring: Ring) -> None:
     rng = np.random.default_rng(0)
     assert compared(untouched_V, ring, 1.0001 * untouched_V).words == ""
-    assert "differs by 1 times its size" in compared(untouched_V, ring, 2 * untouched_V).words
+    assert "differs by 100 % from that of the training" in compared(untouched_V, ring, 2 * untouched_V).words
     for other, cause in ((-untouched_V, "leads of the current or of the voltmeter"), (1e3 * untouched_V, "in volts"),
                          (rng.permutation(untouched_V), "another order"), (rng.normal(size=208), "is it untouched")):
         assert cause in compared(untouched_V, ring, other).words

@@ -12,6 +12,7 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 
+from eitsim.cli.display import show_calibration
 from eitsim.electrics.cem.boundary_integral import rim_admittance, solve_rim
 from eitsim.scene.drive import Drive, matrices, readings
 from eitsim.scene.electrodes import Electrodes
@@ -317,6 +318,12 @@ def test_one_function_reads_both_files_of_a_sensor_and_says_which(document: dict
 
 SENSOR = ('[electrodes]\ncount = 8\n[drive]\ncurrent_mA = 1\ncurrents = "currents.csv"\n'
           'measurements = "measurements.csv"\n')
+
+
+def test_the_conductance_is_shown_in_siemens(document: dict, capsys: pytest.CaptureFixture[str]) -> None:
+    show_calibration(document, Path("sensor.json"))
+    value_mS = 1e3 * np.exp(document["parameters"]["ln_conductance_S"]["value"])
+    assert f"sheet conductance: {value_mS:.4g} mS" in capsys.readouterr().out
 
 
 def test_the_commands_fit_and_predict(command: Callable[..., CompletedProcess[str]], tmp_path: Path) -> None:
