@@ -37,7 +37,9 @@ def presses_of(recording: Recording) -> Presses:
     untouched = recording.untouched
     touched = ~untouched if recording.kind == "difference" else recording.touch != ""
     if not touched.any():
-        raise InputFileError(recording.source, "no frame is touched: fill in the column touch.")
+        raise InputFileError(recording.source, "no frame is touched: fill in the column touch. To read frames of which "
+                                               "that is not known, give them as a stream: surrogate predict MODEL - "
+                                               "< FRAMES.csv")
     rest = np.asarray(frames[untouched], float)
     signal, age = np.asarray(frames[touched], float), np.zeros(int(touched.sum()))
     following = _following(np.asarray(frames, float), recording.index)[touched]

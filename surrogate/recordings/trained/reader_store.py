@@ -44,9 +44,13 @@ def is_reader(folder: Path) -> bool:
     return path.is_file() and read_json(path, "a model", _RETRAIN).get("method") == METHOD
 
 
-def load_reader(folder: Path) -> TrainedReader:
+def load_reader(folder: Path | str) -> TrainedReader:
     """Read a model; InputFileError where the folder is none, of another schema, damaged or changed."""
+    folder = Path(folder)
     text = read_json(folder / DESCRIPTION, "a model", _RETRAIN)
+    if text.get("method") != METHOD:
+        raise InputFileError(folder, "a model of a sweep: read it with `surrogate predict`, or in Python with "
+                                     "surrogate.load.")
     if text.get("schema") != SCHEMA:
         raise InputFileError(folder, f"a model of schema {text.get('schema')}, and this version reads schema {SCHEMA}. "
                                      "Train it again: `surrogate train RECORDING --labels touches.csv --out MODEL`.")

@@ -21,6 +21,7 @@ from surrogate.recordings.trained.reader_table import read_touches
 from surrogate.recordings.trained.train_reader import TrainedReader, choice, train_reader
 from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
+from touchcal.errors import InputFileError
 
 from .conftest import RING, labels_at, synthetic_places, synthetic_presses, synthetic_signal
 
@@ -125,6 +126,12 @@ def test_stored_readers_with_and_without_places_read_the_same(reader: PressReade
         np.testing.assert_array_equal(first.value, second.value)
         np.testing.assert_array_equal(first.half_width, second.half_width)
         assert (again.place is None) == (name == "depth")
+
+
+def test_a_model_of_a_sweep_is_no_reader_and_says_how_it_is_read(tmp_path: Path) -> None:
+    (tmp_path / "model.json").write_text('{"schema": 11, "method": "forward"}', encoding="utf-8")
+    with pytest.raises(InputFileError, match="a model of a sweep: read it with `surrogate predict`"):
+        reader_store.load_reader(str(tmp_path))
 
 
 def test_a_dead_channel_is_flagged_without_places_too() -> None:
