@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -186,7 +188,11 @@ def row_of(cells: Sequence[object]) -> list[str]:
     return [str(one).strip() for one in cells]
 
 
-def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
+def full(*_: object) -> None:
+    raise OSError(errno.ENOSPC, "no space left")
+
+
+def test_the_commands_train_and_predict(tmp_path: Path, quick: object, monkeypatch: pytest.MonkeyPatch) -> None:
     presses, place = synthetic_presses(9, 40)
     names = [f"v_{k:03d}" for k in range(presses.signal.shape[1])]
     frames = pd.DataFrame(presses.signal, columns=names)
@@ -219,6 +225,12 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object) -> None:
     again = surrogate.read_touches(surrogate.load_reader(tmp_path / "model"),
                                    eitsim.read_recording(tmp_path / "frames.csv", kind="difference"))
     np.testing.assert_allclose(again["x0_mm"], table["x0_mm"], rtol=1e-5)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        (tmp_path / "out.csv").write_text("earlier")
+        assert run.invoke(app, ["predict", f"{tmp_path}/model", f"{tmp_path}/frames.csv", "--out",
+                                f"{tmp_path}/out.csv"]).exit_code
+        assert (tmp_path / "out.csv").read_text() == "earlier"
     for option in (["--touches", "2"], ["--scale-baseline", "no"], ["--rate", "20"], ["--seed", "3"]):
         refused = run.invoke(app, ["predict", f"{tmp_path}/model", f"{tmp_path}/frames.csv", *option])
         assert f"Leave out {option[0]}." in str(refused.exception)
