@@ -34,12 +34,12 @@ from eitsim.scene.scene import STRAINS, Body, Electrodes, Punch
 from touchcal.errors import NotConverged
 
 CASES = quick(((0.014, 1.0), (0.010, 2.0), (0.018, 0.3)), ((0.014, 1.0),))
-GAPS_M = quick((0.0005, 0.002, 0.005, 0.01, 0.02), (0.005,))
+GAPS_M = quick((0.002, 0.005, 0.01, 0.02), (0.005,))
 HEIGHTS_M = quick((0.002, 0.005, 0.01), (0.01,))
 # Stiffness of the strip over the foam's, its depth outwards, thicknesses, and the mesh that resolves it.
-STIFF, DEEP = 20.0, 0.4
+STIFF, DEEP = 100.0, 0.4
 FINE = Resolution(5.0, 10, 20, widest=0.2)
-OTHER = {"stiffer": (100.0, FINE), "finer": (STIFF, Resolution(4.0, 14, 28, widest=0.15))}
+OTHER = {"softer": (20.0, FINE), "stiffer": (500.0, FINE), "finer": (STIFF, Resolution(4.0, 14, 28, widest=0.15))}
 
 
 def with_strip(disc: ClippedDisc, model: IndentationProblem, half: float, height: float, stiff: float) -> ClippedDisc:
