@@ -106,8 +106,8 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     skin with an outline: ten on a disc given as a polygon of 400 corners were at most 3.5e-4 off, estimated 2.4e-4 to
     5.6e-4, and twelve on an L and on a grid of electrodes 4.6e-4, estimated 2.0e-4 to 9.5e-4 (benchmarks/outlines.py).
 
-    ValueError for no touch, contacts that overlap or overhang, or reach patches, an unknown method, "multipole" for
-    patches or a touch near the rim, and where the conductivity is not positive.
+    ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
+    "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
     """
     start = cpu_s()
     if method not in METHODS:
