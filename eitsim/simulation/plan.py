@@ -312,7 +312,8 @@ def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
                        0.0)
     if scene.electrodes.kind != "line":
         yield Decision("patches conduct by their untouched area", "their contact impedance does not follow what a "
-                       "touch on or next to them stretches; the cost is unknown and not in the bound", 0.0, unbounded=True)
+                       "touch on or next to them stretches; the cost is unknown and not in the bound", 0.0,
+                       unbounded=True)
     elif not scene.body.has_outline:
         yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
                        "requested error, a mesh that follows the touch takes over; the estimate counts in the result's "
