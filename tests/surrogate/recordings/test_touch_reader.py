@@ -237,7 +237,7 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object, monkeypat
     for words in (["evaluate", f"{tmp_path}/model", f"{tmp_path}"],
                   ["export", f"{tmp_path}/model", "--out", f"{tmp_path}/network.pt"]):
         refused = run.invoke(app, words)
-        assert "a model of a recording, which `surrogate predict` and" in str(refused.exception)
+        assert "a model of a recording: read it with `surrogate predict`" in str(refused.exception)
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
     assert isinstance(refused.exception, ValueError)
     assert "needs its labels and its sensor" in str(refused.exception)
