@@ -48,6 +48,7 @@ class Electrodes:
     shape: str | tuple[str, ...] = "disc"  # of electrodes on the surface, one of SHAPES, or one an electrode
     turn_rad: PerElectrode = 0.0  # angle of an electrode on the surface from +x, rad
     opening_rad: float = math.pi / 2  # angle that a sector spans about its tip, rad
+    soft: bool = False  # whether they give way with the foam, as paint, foil and thin wires do
 
     def __post_init__(self) -> None:
         for name in ("width_m", "length_m", "angles_rad", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2",

@@ -157,7 +157,7 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
                    "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0),
                    "positions_mm": ("positions_m", 1e3), "shares": ("shares", None), "x_mm": ("x_m", 1e3),
                    "y_mm": ("y_m", 1e3), "shape": ("shape", None), "turn_deg": ("turn_rad", 180 / math.pi),
-                   "opening_deg": ("opening_rad", 180 / math.pi)},
+                   "opening_deg": ("opening_rad", 180 / math.pi), "soft": ("soft", None)},
     "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
               **{key: (key, None) for key in MATRICES}},
     "channels": {"gains": ("gains", 1.0), "current_factors": ("current_factors", 1.0), "leaks_uS": ("leaks_S", 1e6),

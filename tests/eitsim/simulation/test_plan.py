@@ -47,6 +47,17 @@ def test_a_conducting_punch_near_the_rim_costs_as_the_strain_in_use() -> None:
     assert cost["areal"] == pytest.approx(ratio * cost["normal"])
 
 
+def test_soft_electrodes_leave_the_rim_as_it_is() -> None:
+    punch = {"punch": {"x_mm": 88}}
+    soft = scene_from(punch | {"electrodes": {"soft": True}})
+    stiff, free = (make_plan(scene, CARD) for scene in (scene_from(punch), soft))
+    named = [next((d for d in found.decisions if d.decision == "electrodes do not stiffen the rim"), None)
+             for found in (stiff, free)]
+    assert named[0] is not None
+    assert named[1] is None
+    assert stiff.error_bound - free.error_bound == pytest.approx(named[0].error_bound)
+
+
 def test_the_rim_effect_bounds_every_measured_one() -> None:
     measured = pd.read_csv(Path(__file__).parents[3] / "benchmarks/results/rim.csv")
     measured = measured[measured["what"].isin(["effect", "hand-over"])]
