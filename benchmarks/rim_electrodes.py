@@ -109,7 +109,7 @@ def main() -> None:
     table = [row for (d, force), gap in itertools.product(CASES, GAPS_M)
              for row in rows(d, force, gap, "effect", HEIGHTS_M, STIFF, FINE)]
     table += [row for what, (stiff, fineness) in OTHER.items()
-              for row in rows(0.014, 1.0, 0.005, what, HEIGHTS_M[-1:], stiff, fineness)]
+              for row in rows(0.014, 1.0, 0.005, what, HEIGHTS_M, stiff, fineness)]
     shown(written(table, "rim_electrodes"))
 
 

@@ -254,10 +254,11 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
     yield Decision("rigid punch", f"steel is {STEEL_E_PA / law.E_0_Pa:.0e} times stiffer than the foam",
                    law.E_0_Pa / STEEL_E_PA)
     if not scene.electrodes.soft:
-        yield Decision("electrodes do not stiffen the rim", "rigid ones up to half as high as the foam change the "
-                       "signal by at most what the rim does, the bound; as high as the foam and fixed to the ground by "
-                       "up to 1.5 times as much (benchmarks/rim_electrodes.py); soft = true in [electrodes] says that "
-                       "they give way", max(_rim_effect(scene, punch) for punch in scene.punches))
+        yield Decision("electrodes do not stiffen the rim", "rigid ones up to half as high as the foam changed the "
+                       "signal by at most what the rim does, as high as the foam and fixed to the ground by up to 1.7 "
+                       "times as much (benchmarks/rim_electrodes.py). Where a touch's dipole nearly vanishes both are "
+                       "larger parts of its signal than the bound; soft = true in [electrodes] says that they give way",
+                       max(_rim_effect(scene, punch) for punch in scene.punches))
     yield Decision("the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is "
                    "unknown and not in the bound", 0.0, unbounded=True)
     sharpest = min(p.fillet_m for p in scene.punches)
