@@ -76,6 +76,7 @@ def test_one_touch_in_a_list_is_the_touch_itself():
     assert "interaction" not in as_json(listed, scene_from({"punch": [LEFT]}), CARD)
 
 
+@pytest.mark.slow
 def test_any_touch_that_bottoms_out_makes_the_outcome():
     deep = {"x_mm": 40, "diameter_mm": 10, "depth_mm": 9.6}
     result = simulate(scene_from({"punch": [LEFT, deep], "skin": {"strain": "normal"}}), CARD)

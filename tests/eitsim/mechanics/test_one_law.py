@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 ROOT = Path(__file__).parents[3]
 LAW = Path("matcal", "laws", "hyperfoam.py")
@@ -63,6 +64,7 @@ def solved(root: Path, factor: float) -> dict[str, np.ndarray]:
     return {name: np.array(value) for name, value in json.loads(done.stdout).items()}
 
 
+@pytest.mark.slow
 def test_a_law_of_twice_the_energy_is_felt_by_fit_axis_and_rim(tmp_path: Path) -> None:
     for package in ("touchcal", "matcal", "eitsim"):
         shutil.copytree(ROOT / package, tmp_path / package)  # with the loops that have been compiled

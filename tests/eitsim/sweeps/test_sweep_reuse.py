@@ -53,6 +53,7 @@ def test_another_skin_conductor_drive_or_electrodes_take_the_table_that_is_there
     assert cache.clear() == 1
 
 
+@pytest.mark.slow
 def test_rows_from_a_table_do_not_depend_on_workers_or_the_cache(card: Path, tmp_path: Path,
                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweeping, "ROWS_FROM_TABLE", 2)

@@ -66,6 +66,7 @@ def named(name: str) -> Bench:
     return next(bench for bench in BENCHES if bench.name == name)
 
 
+@pytest.mark.slow
 def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Reader) -> None:
     write_all(tmp_path)
     write(report, tmp_path, tmp_path / "p.pdf")

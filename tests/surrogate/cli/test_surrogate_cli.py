@@ -163,6 +163,7 @@ def test_other_methods_and_chosen_outputs(call: Call, sweep: Path, tmp_path: Pat
         assert 0 < net["gamma"] < 140
 
 
+@pytest.mark.slow
 def test_predict_reads_recorded_frames(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array,
                                        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path / "cache"))
@@ -292,6 +293,7 @@ def test_help_needs_no_torch() -> None:
     assert done.stdout.strip() == "False"
 
 
+@pytest.mark.slow
 def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Call, forward: Path, few: Path,
                                                                        tmp_path: Path) -> None:
     measure(few, tmp_path / "measured", Measurement(snr_db=70, relative_to="rms"))

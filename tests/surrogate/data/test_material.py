@@ -75,6 +75,7 @@ def test_one_card_has_no_states(samples: Samples) -> None:
     assert material_states.states(material_states.fit(samples.material), samples.material).shape == (200, 0)
 
 
+@pytest.mark.slow
 def test_the_map_knows_what_a_card_changes(ring: Ring, synthetic: Callable[..., tuple[Array, Array]]) -> None:
     state = np.random.default_rng(7).normal(size=(140, 1))
     learned = forward_map.fit(ring, *synthetic(140, 0, stiffness=np.exp(SPREAD * state[:, 0])), state)
@@ -90,6 +91,7 @@ def test_the_map_knows_what_a_card_changes(ring: Ring, synthetic: Callable[..., 
     assert np.all(np.diagonal(found.peak.noise, axis1=1, axis2=2) <= np.diagonal(found.peak.known, axis1=1, axis2=2))
 
 
+@pytest.mark.slow
 def test_ignoring_the_cards_breaks_coverage_and_carrying_them_restores_it(
         ring: Ring, synthetic: Callable[..., tuple[Array, Array]]) -> None:
     drawn, count = np.log(cards(40, 1)) / SPREAD, 80

@@ -112,6 +112,7 @@ def test_dark_mode_is_dark(page: Any, address: str) -> None:
     assert max(found["dark"]) < 60
 
 
+@pytest.mark.slow
 def test_a_connection_that_closes_is_opened_again(page: Any, start: Callable[..., Any], live_folder: Any) -> None:
     process, address = start(live_folder)
     page.open(address)

@@ -83,6 +83,7 @@ def test_more_places_than_are_compared_are_refused() -> None:
         next_presses(RADIUS, NONE, 100000)
 
 
+@pytest.mark.slow
 def test_suggested_presses_teach_more_than_random_ones() -> None:
     rng = np.random.default_rng(5)
     tested = synthetic_places(rng, 200)

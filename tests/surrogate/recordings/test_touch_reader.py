@@ -70,6 +70,7 @@ def test_the_choice_names_the_families_that_read(reader: PressReader) -> None:
         assert (f"{name} {weight:.2f}" in said) == (weight > 0)
 
 
+@pytest.mark.slow
 def test_labels_of_other_presses_are_refused(presses: Pressed, quick: object) -> None:
     refused = 0
     for seed in range(100, 106):
@@ -192,6 +193,7 @@ def full(*_: object) -> None:
     raise OSError(errno.ENOSPC, "no space left")
 
 
+@pytest.mark.slow
 def test_the_commands_train_and_predict(tmp_path: Path, quick: object, monkeypatch: pytest.MonkeyPatch) -> None:
     presses, place = synthetic_presses(9, 40)
     names = [f"v_{k:03d}" for k in range(presses.signal.shape[1])]

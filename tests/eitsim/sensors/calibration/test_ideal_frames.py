@@ -105,6 +105,7 @@ def test_noise_is_not_blown_up() -> None:
     assert np.linalg.norm(noise @ found.matrix.T) < 1.5 * np.linalg.norm(noise)
 
 
+@pytest.mark.slow
 def test_what_the_calibration_may_have_missed_is_in_the_error() -> None:
     """Sensors about the calibrated one add to what the map itself misses."""
     sensor = real("gains")

@@ -66,6 +66,7 @@ def test_a_small_touch_is_what_the_simulator_makes_of_a_light_one() -> None:
     assert likeness > 0.995
 
 
+@pytest.mark.slow
 def test_the_size_of_the_signal_is_recovered_within_its_interval() -> None:
     """A calibrated sensor with unequal gains and leaks, and presses whose sizes spread by a tenth."""
     rng = np.random.default_rng(1)
