@@ -1,4 +1,4 @@
-"""Formulas of pages and tutorials are ones that the renderer of the site knows; it leaves unknown commands as they are."""
+"""Formulas of pages and tutorials are known to the renderer of the site, which leaves unknown commands as they are."""
 
 from __future__ import annotations
 
