@@ -2,6 +2,7 @@
 that are run."""
 
 import logging
+import re
 import sys
 from pathlib import Path
 
@@ -13,13 +14,14 @@ from sphinx.highlighting import lexers
 project, author, version = "touchcal", "the authors of touchcal", "0.1.0"
 root_doc = "site"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "sphinx_gallery.gen_gallery",
-              "sphinx_copybutton"]
-exclude_patterns = ["index.md", "conf.py", "reference.py", "gallery/README*", "tutorials/README*"]
+              "sphinx_copybutton", "mathml"]
+exclude_patterns = ["index.md", "conf.py", "reference.py", "mathml.py", "gallery/README*", "tutorials/README*"]
 html_theme, html_title = "furo", "touchcal"
+html_math_renderer = "mathml"
 html_static_path: list[str] = []
 html_theme_options = {"navigation_with_keys": True}
 
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 4
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
@@ -53,3 +55,9 @@ def setup(app) -> None:
     for name in ("CONTRIBUTING.md", "CHANGELOG.md"):
         text = (_ROOT / name).read_text(encoding="utf-8")
         (made / name.lower()).write_text(text.replace("](docs/", "](../"), encoding="utf-8")
+    app.connect("source-read", _to_made_examples)
+
+
+def _to_made_examples(app, page: str, source: list[str]) -> None:
+    """Links to examples, in place, as links to the pages that are made of them."""
+    source[0] = re.sub(r"\]\(\.\./(tutorials|gallery)/(\w+)\.py\)", r"](../made/\1/\2.rst)", source[0])
