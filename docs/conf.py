@@ -37,6 +37,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "remove_config_comments": True,
     "show_memory": False,
+    "write_computation_times": False,  # their page would load scripts from elsewhere
     "capture_repr": (),
     "show_signature": False,
     "image_srcset": ["2x"],
