@@ -20,7 +20,7 @@ def _inline(page: HTML5Translator, node: nodes.math) -> None:
 
 
 def _block(page: HTML5Translator, node: nodes.math_block) -> None:
-    page.body.append(page.starttag(node, "div", CLASS="math", STYLE="overflow-x: auto"))
+    page.body.append(page.starttag(node, "div", CLASS="math", STYLE="overflow: auto hidden; padding: 0.3em 0"))
     page.body.append(_mathml(node.astext(), "block") + "</div>\n")
     raise nodes.SkipNode
 
