@@ -24,7 +24,7 @@ _FIX = "A calibrated sensor is the JSON that `eitsim sensor fit` writes."
 _LENGTHS = (Number(), [Number()])
 _SENSOR = Keys({"body": Keys({"radius_mm": Number(1e-3)}), "skin": dict, "drive": dict, "electrodes": Keys({
     "kind": str, "count": Number(4, 64, whole=True), "width_mm": _LENGTHS}, {
-    "first_angle_deg": Number(), "angles_deg": [Number()]})})
+    "first_angle_deg": Number(), "angles_deg": [Number()], "soft": bool})})
 _SHAPE = Keys({"schema": Number(1, whole=True), "sensor": _SENSOR, "absolute_model": str, "reason": str,
                "misfit": (Number(0), None),
                "parameters": {str: Keys({"value": Number(-1e6, 1e6), "sd": Number(0), "prior_sd": Number(0)})}})
@@ -87,7 +87,7 @@ def _electrodes(sensor: Mapping[str, Any], values: Mapping[str, float]) -> dict[
     width = np.broadcast_to(design["width_mm"], count) * np.exp(_one("width", values) + _each("widths", count, values))
     contact = np.exp(_each("contacts", count, values))
     return {"kind": design["kind"], "count": count, **place, "width_mm": width.tolist(),
-            "contact_impedance_Ohm_m": contact.tolist()}
+            "contact_impedance_Ohm_m": contact.tolist(), "soft": design.get("soft", False)}
 
 
 def _channels(count: int, values: Mapping[str, float]) -> dict[str, list[float]]:

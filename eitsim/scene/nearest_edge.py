@@ -102,6 +102,6 @@ def _centre(a: Array, b: Array, c: Array) -> Array | None:
     """Centre (2,) of the circle through three points; None where they lie on a line."""
     p, q = a - b, c - b
     twice = 2 * (p[0] * q[1] - p[1] * q[0])
-    if abs(twice) < 1e-9 * np.linalg.norm(p) * np.linalg.norm(q):
+    if abs(twice) <= 1e-9 * np.linalg.norm(p) * np.linalg.norm(q):
         return None
     return b + np.array([q[1] * (p @ p) - p[1] * (q @ q), p[0] * (q @ q) - q[0] * (p @ p)]) / twice

@@ -14,6 +14,7 @@ import numpy as np
 from eitsim.sensors.labels import PLACE
 from surrogate.data.dead_readings import too_many
 from surrogate.data.outputs import TOUCH as PARTS
+from surrogate.data.outputs import lowest
 from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import WALK
 from surrogate.model.missing_channels import named
@@ -23,7 +24,7 @@ from surrogate.model.tracking.tracked import TOUCH
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.signals import WEAK
 from surrogate.recordings.trained.press_reader import PressReader, ScalarReading, read
-from surrogate.recordings.trained.reader_table import OUTPUTS
+from surrogate.recordings.trained.reader_table import COORDINATES, OUTPUTS
 from surrogate.recordings.trained.train_reader import TrainedReader
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask
@@ -121,10 +122,12 @@ class FollowedPresses:
         dead = np.isnan(volts)
         flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[0])))
         return Read(TOUCH, value, covariance, half, half, flag,
-                    _row(self._place.mean, place.bounds.half_width[0], found.scalars))
+                    row_of(self._place.mean, place.bounds.half_width[0], found.scalars))
 
 
-def _row(place: Array, half_width: Array, scalars: tuple[ScalarReading, ...]) -> Array:
+def row_of(place: Array, half_width: Array, scalars: tuple[ScalarReading, ...]) -> Array:
+    """The values of a row, each with the ends of its interval, as `columns` names them."""
     value = np.array([*place, *(one.value[0] for one in scalars)])
     half = np.array([*half_width, *(one.half_width[0] for one in scalars)])
-    return np.stack([value, value - half, value + half], axis=1).ravel()
+    sized = [False, False, *(one.name not in COORDINATES for one in scalars)]
+    return np.stack([value, lowest(value, half, sized), value + half], axis=1).ravel()

@@ -119,6 +119,15 @@ def test_the_calibrated_body_stays_where_a_scene_names_a_part_of_it(tmp_path: Pa
     assert scene_of(tmp_path, TOUCH + f"[body]\nradius_mm = {radius}\n").body.thickness_m == pytest.approx(5e-3)
 
 
+def test_soft_electrodes_stay_soft_where_they_are_calibrated(tmp_path: Path) -> None:
+    path = written(state_of(), tmp_path / "sensor.json")
+    assert not scene_of(tmp_path).electrodes.soft
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["sensor"]["electrodes"]["soft"] = True
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert scene_of(tmp_path).electrodes.soft
+
+
 def test_an_ideal_sensor_changes_nothing(tmp_path: Path) -> None:
     written(state_of(), tmp_path / "sensor.json")
     calibrated = scene_of(tmp_path)

@@ -38,6 +38,13 @@ def test_a_corner_is_another_edge_however_near():
     assert edge.others_m.min() == pytest.approx(0.01, rel=0.01)
 
 
+@pytest.mark.parametrize("at", [(0.0, 0.04), (0.06, 0.04)])
+def test_on_the_edge_itself_the_distance_is_0(at: tuple[float, float]):
+    edge = nearest_edge(RECTANGLE, at)
+    assert edge.distance_m == pytest.approx(0.0, abs=1e-9)
+    assert np.isfinite(edge.towards).all()
+
+
 def test_at_a_corner_that_points_inwards_no_edge_is_alone():
     edge = nearest_edge(L, (0.03, 0.03))
     assert edge.distance_m == pytest.approx(0.01 * math.sqrt(2), rel=1e-6)

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
 from eitsim.sensors.labels import PLACE, Labels
 from surrogate.data.sensor_ring import ring_of_design
 from surrogate.forward_map.multipole_series import electrode_fields
+from surrogate.recordings import networks
 from surrogate.recordings.presses import Presses
 from touchcal.arrays import Array
 
 RING = ring_of_design({})
 RADIUS_MM = 100.0
+
+
+@contextmanager
+def short_networks() -> Iterator[None]:
+    """Few, short networks: for what does not depend on how well they learn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(networks, "MOST_STEPS", 40)
+        patch.setattr(networks, "HIDDEN", (32,))
+        yield
 
 
 def synthetic_signal(place_mm: Array, depth: Array) -> Array:

@@ -11,26 +11,24 @@ import pytest
 from surrogate.live.messages import frame
 from surrogate.live.pictured import pictured
 from surrogate.live.shows import streamed_show
-from surrogate.model.tracking.followed_presses import begun, followed
+from surrogate.model.tracking.followed_presses import begun, followed, row_of
 from surrogate.model.tracking.followed_reading import TOO_WEAK
 from surrogate.model.tracking.tracked import TOUCH, UNTOUCHED
 from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import Tracker
-from surrogate.recordings import networks
 from surrogate.recordings.trained import press_reader
+from surrogate.recordings.trained.press_reader import ScalarReading
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
-from .conftest import labels_at, synthetic_places, synthetic_presses, synthetic_signal
+from .conftest import labels_at, short_networks, synthetic_places, synthetic_presses, synthetic_signal
 
 REST = 30
 
 
 @pytest.fixture(scope="module")
 def model() -> TrainedReader:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(networks, "MOST_STEPS", 40)
-        patch.setattr(networks, "HIDDEN", (32,))
+    with short_networks():
         presses, place = synthetic_presses(1, 60, noise=0.05)
         reader = press_reader.fit(presses, labels_at(place))
     return TrainedReader(reader, "voltage", 60, 0, (), 0.0)
@@ -39,9 +37,7 @@ def model() -> TrainedReader:
 @pytest.fixture(scope="module")
 def with_forces() -> TrainedReader:
     """Presses labelled with their place and how strong they are."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(networks, "MOST_STEPS", 40)
-        patch.setattr(networks, "HIDDEN", (32,))
+    with short_networks():
         presses, place = synthetic_presses(1, 60, noise=0.05)
         size = np.linalg.norm(presses.signal, axis=1)
         force = size / np.linalg.norm(synthetic_signal(place, np.ones(len(place))), axis=1)
@@ -138,3 +134,9 @@ def test_the_scatter_of_readings_is_filtered_and_a_movement_is_followed() -> Non
     for k in range(1, 50):
         moving = followed(moving, np.full(2, 0.5 * k), 0.02)
     assert np.allclose(moving.mean, 24.5, atol=0.05)
+
+
+def test_lower_ends_of_sizes_and_forces_end_at_0_and_those_of_places_go_on() -> None:
+    force, height = (ScalarReading(name, np.array([0.1]), np.array([0.4])) for name in ("F_N", "z_mm"))
+    row = row_of(np.array([1.0, -2.0]), np.array([3.0, 3.0]), (force, height)).reshape(4, 3)
+    np.testing.assert_allclose(row, [[1, -2, 4], [-2, -5, 1], [0.1, 0, 0.5], [0.1, -0.3, 0.5]])

@@ -10,7 +10,7 @@ import pytest
 
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
-from surrogate.recordings import dead_channels, networks
+from surrogate.recordings import dead_channels
 from surrogate.recordings.dead_channels import filled, filled_without, learn_readings
 from surrogate.recordings.intervals import radius
 from surrogate.recordings.presses import Presses
@@ -23,15 +23,13 @@ from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-from .conftest import RING, labels_at, synthetic_places, synthetic_presses, synthetic_signal
+from .conftest import RING, labels_at, short_networks, synthetic_places, synthetic_presses, synthetic_signal
 
 
 @pytest.fixture(scope="module", autouse=True)
 def quick() -> object:
     """Few, short networks: what is tested here does not depend on how well they learn."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(networks, "MOST_STEPS", 40)
-        patch.setattr(networks, "HIDDEN", (32,))
+    with short_networks():
         yield
 
 

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 import eitsim
 import surrogate
 from surrogate.cli.main import app
-from surrogate.recordings import networks, touch_reader
+from surrogate.recordings import touch_reader
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.touch_reader import Reading
 from surrogate.recordings.trained import press_reader, reader_store
@@ -28,7 +28,7 @@ from surrogate.recordings.worth import NothingToRead
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-from .conftest import labels_at, synthetic_places, synthetic_presses, synthetic_signal
+from .conftest import labels_at, short_networks, synthetic_places, synthetic_presses, synthetic_signal
 
 Pressed = tuple[Presses, Array]
 
@@ -36,9 +36,7 @@ Pressed = tuple[Presses, Array]
 @pytest.fixture(scope="module")
 def quick() -> object:
     """Few, short networks: what is tested here does not depend on how well they learn."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(networks, "MOST_STEPS", 40)
-        patch.setattr(networks, "HIDDEN", (32,))
+    with short_networks():
         yield
 
 

@@ -11,7 +11,6 @@ import pytest
 from eitsim.sensors.recording import Recording
 from surrogate.data import untouched_stream
 from surrogate.model.tracking.followed_presses import FollowedPresses
-from surrogate.recordings import networks
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.presses import Presses, presses_of
 from surrogate.recordings.trained import press_reader
@@ -21,7 +20,7 @@ from surrogate.recordings.trained.reader_table import read_touches
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
-from .conftest import labels_at, synthetic_places, synthetic_signal
+from .conftest import labels_at, short_networks, synthetic_places, synthetic_signal
 
 COUNT, NO_LATE = 60, np.zeros(0, np.intp)
 
@@ -29,9 +28,7 @@ COUNT, NO_LATE = 60, np.zeros(0, np.intp)
 @pytest.fixture(scope="module", autouse=True)
 def quick() -> object:
     """Few, short networks: what is tested here does not depend on how well they learn."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(networks, "MOST_STEPS", 40)
-        patch.setattr(networks, "HIDDEN", (32,))
+    with short_networks():
         yield
 
 
