@@ -62,9 +62,9 @@ def read(model: Model, samples: Samples, noise_V: float) -> Estimate:
 
 def scored(name: str, case: str, level: float, samples: Samples, found: Estimate,
            scales: NDArray[np.float64]) -> Iterator[Row]:
-    """One row an output, with intervals of scales (coverages, outputs)."""
+    """One row an output, with intervals of scales (coverages, rows or 1, outputs)."""
     for k, output in enumerate(outputs.ALL):
-        s = score(samples.target[:, k], found.value[:, k], found.sd[:, k] * scales[:, k, None], output.unit)
+        s = score(samples.target[:, k], found.value[:, k], found.sd[:, k] * scales[..., k], output.unit)
         yield {"model": name, "set": case, "noise_dB": level, "output": output.name, "unit": s.unit, "rmse": s.rmse,
                "median_error": float(np.median(np.abs(found.value[:, k] - samples.target[:, k]))),
                "coverage_50": s.coverage_50, "coverage_90": s.coverage_90, "coverage_95": s.coverage_95,
@@ -85,7 +85,8 @@ def of(name: str, model: Model, sets: Mapping[str, Samples]) -> Iterator[Row]:
         noise_V = 0.0 if np.isinf(level) else below(level, volts)
         scales = interval_scales(model, noise_V, COVERAGES)
         for case, samples in sets.items():
-            yield from scored(name, case, level, samples, read(model, samples, noise_V), scales)
+            found = read(model, samples, noise_V)
+            yield from scored(name, case, level, samples, found, np.stack([one.of(found.sd) for one in scales]))
 
 
 def calibrated(model: Model, mesh: Samples) -> Iterator[Row]:
@@ -99,7 +100,7 @@ def calibrated(model: Model, mesh: Samples) -> Iterator[Row]:
         covered.append(np.mean(np.abs(error[apart]) <= found.sd[apart] * scales[:, None], axis=1))
     held = np.mean(covered, axis=0)
     for k, row in enumerate(scored("one card, calibrated", "mesh, other half", np.inf, mesh, found,
-                                   np.ones((len(COVERAGES), len(outputs.ALL))))):
+                                   np.ones((len(COVERAGES), 1, len(outputs.ALL))))):
         yield row | {f"coverage_{round(100 * c)}": held[i, k] for i, c in enumerate(COVERAGES)} | {
             "scored_rows": len(mesh) // 2}
 

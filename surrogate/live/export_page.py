@@ -65,7 +65,7 @@ def document(model: TrainedModel) -> dict[str, Any]:
     forward = forward_of(model)
     ring, places = forward.ring, spiral(forward, SAMPLED)
     unknown = np.column_stack([places, np.tile(forward.mean[2:], (SAMPLED, 1))])
-    k = [model.names.index(name) for name in ("x0", "y0", "d", "F")]
+    k, scale = [model.names.index(name) for name in ("x0", "y0", "d", "F")], interval_scale(model)
     return {
         "ring": {"radius_mm": ring.radius_mm, "angle_rad": _packed(ring.angle_rad), "copies": float(ring.copies)} | {
             name: getattr(ring, name).tolist() for name in ("source", "sink", "read", "ground")},
@@ -79,7 +79,8 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "most_radius": RIM, "candidates": _packed(spiral(forward, CANDIDATES)),
         "rim": _rim(forward) if electrode_correction.teaches(forward.beside.rim) else None,
         "weakest_V": WEAK * model.trained.weakest_V, "misfit": MISFIT_FACTOR * max(model.trained.misfit, 1.0),
-        "interval": np.maximum(interval_scale(model)[k], normal(COVERAGE)).tolist(),
+        "interval": np.maximum(scale.factor[:, k], normal(COVERAGE)).tolist(),
+        "unsure_from": np.minimum(scale.edge[k], np.finfo(float).max).tolist(),
         "normal": normal(COVERAGE), "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
 
 

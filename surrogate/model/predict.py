@@ -28,7 +28,7 @@ from surrogate.model.drift_choice import drift_groups
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.trained import TrainedModel, estimate, interval_scale
-from surrogate.statistics.conformal import COVERAGE, normal
+from surrogate.statistics.conformal import COVERAGE, IntervalScale, at_least, normal, one_factor
 from touchcal.arrays import Array, Index, Mask
 
 # An interval of F wider than this part of its training range says that d and F have several answers.
@@ -57,7 +57,7 @@ class Predictor:
     model: TrainedModel
     baseline_V: Array  # (readings,) the untouched frame, V
     noise_V: float  # standard deviation of the noise of a signal, V
-    scale: Array  # (outputs,) standard deviations that make a 90 % interval
+    scale: IntervalScale  # standard deviations that make a 90 % interval
     span: Novelty  # of the touches
     novelty: Novelty  # the same, with what drift may add
     dead: Mask  # (readings,) channels that are dead whatever a frame reads
@@ -100,7 +100,7 @@ def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: 
         raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
                          "--noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
-    scale = interval_scale(model, noise_V) if calibrate else np.ones(len(model.names))
+    scale = interval_scale(model, noise_V) if calibrate else one_factor(np.ones(len(model.names)))
     span, drift = fit_novelty(model.ring, model.calibration.signal_V), drift or no_drift(len(baseline_V))
     novelty, gains = span, drift.gain[:, :0]
     if drift.root.size:
@@ -174,7 +174,7 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
     if key not in predictor.reduced:
         fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V,
                         drift=predictor.drift.of(kept))
-        predictor.reduced[key] = replace(fewer, scale=np.maximum(fewer.scale, predictor.scale), left=predictor.left)
+        predictor.reduced[key] = replace(fewer, scale=at_least(fewer.scale, predictor.scale), left=predictor.left)
     part = _sound(predictor.reduced[key], volts[:, kept])
     return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
 
@@ -202,7 +202,8 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
         outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
         value[touched] = found.value
-        below[touched], above[touched] = (_widened(model, side * predictor.scale, strange, outside)
+        scale = predictor.scale.of(found.sd)
+        below[touched], above[touched] = (_widened(model, side * scale, strange, outside)
                                           for side in (found.below, found.above))
         flags[touched] = _flags(model, found, strange > 1, outside)
         _name_gain(predictor, signal, np.flatnonzero([MISFIT in flag for flag in flags]), flags)

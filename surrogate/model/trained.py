@@ -12,7 +12,7 @@ from surrogate.data import outputs
 from surrogate.data.sensor_ring import Ring
 from surrogate.learners.base import Estimate, Learner
 from surrogate.learners.registry import METHODS
-from surrogate.statistics.conformal import COVERAGE, conformal_scale
+from surrogate.statistics.conformal import COVERAGE, IntervalScale, conformal_scales
 from touchcal import cache
 from touchcal.array_store import fingerprint
 from touchcal.arrays import Array
@@ -76,21 +76,26 @@ def estimate(model: TrainedModel, signal_V: Array, noise_V: float = 0.0) -> Esti
     return model.learner.estimate(signal_V, noise_V)
 
 
-def interval_scale(model: TrainedModel, noise_V: float = 0.0) -> Array:
-    """(outputs,) standard deviations that make a 90 % interval at this noise, from the validation rows and draws of
-    the simulator's own error of their signals."""
+def interval_scale(model: TrainedModel, noise_V: float = 0.0) -> IntervalScale:
+    """How many standard deviations make a 90 % interval at this noise, from the validation rows and draws of the
+    simulator's own error of their signals."""
     return interval_scales(model, noise_V, (COVERAGE,))[0]
 
 
-def interval_scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> Array:
-    """(coverages, outputs) standard deviations that make intervals of these coverages, as interval_scale; kept between
-    runs where they take long (TOUCHCAL_CACHE)."""
+def interval_scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> list[IntervalScale]:
+    """Those of intervals of these coverages, as interval_scale; kept between runs where they take long
+    (TOUCHCAL_CACHE)."""
     if not METHODS[model.method].slow:
         return _scales(model, noise_V, coverages)
-    kept, note = cache.kept(_key(model, noise_V, coverages), lambda: {"scales": _scales(model, noise_V, coverages)})
+
+    def arrays() -> dict[str, Array]:
+        made = _scales(model, noise_V, coverages)
+        return {"edge": np.stack([one.edge for one in made]), "factor": np.stack([one.factor for one in made])}
+
+    kept, note = cache.kept(_key(model, noise_V, coverages), arrays)
     if note:
         warnings.warn(f"the calibration of intervals is {note}", stacklevel=2)
-    return kept["scales"]
+    return [IntervalScale(*one) for one in zip(kept["edge"], kept["factor"], strict=True)]
 
 
 def calibrated(model: TrainedModel, noise_V: float) -> bool:
@@ -103,7 +108,7 @@ def _key(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> str
                          "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages)}, _CODE)
 
 
-def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> Array:
+def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> list[IntervalScale]:
     rows, rng = model.calibration, np.random.default_rng(model.seed)
     drawn = noise_V > 0 or np.any(rows.signal_sd > 0)
     draws = min(NOISE_DRAWS, -(-NOISY_FRAMES // len(rows.target))) if drawn else 1
@@ -114,4 +119,4 @@ def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> 
     found = estimate(model, noisy, noise_V)
     error, branched = found.value - target, model.learner.branched(model.names)
     sd = np.where(error > 0, found.below, found.above)
-    return np.array([conformal_scale(error, sd, len(rows.target), c, branched) for c in coverages])
+    return conformal_scales(error, sd, found.sd, len(rows.target), coverages, branched)

@@ -1,6 +1,8 @@
 """Split-conformal intervals: how many standard deviations hold so many of the validation rows (Lei et al. 2018)."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -9,6 +11,8 @@ from scipy.special import betaincinv, ndtri
 from touchcal.arrays import Array, Mask
 
 COVERAGE = 0.90
+# Part of the calibrating rows, of the largest standard deviations, that has a factor of its own where it is enough rows.
+UNSURE = 1 / 3
 # Chance that the calibration rows drawn leave a lower coverage than is said, and the least that is not cautioned.
 UNLUCKY, LEAST = 0.05, 0.85
 
@@ -71,3 +75,43 @@ def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERA
     least = np.where(floored, normal(coverage), 0.0)
     place = -(-_order(rows, coverage) * len(ratio) // rows) - 1
     return np.maximum(np.partition(ratio, place, axis=0)[place], least)
+
+
+@dataclass(frozen=True, eq=False)
+class IntervalScale:
+    """How many standard deviations make an interval: one factor for rows sure of an output, one for the others."""
+
+    edge: Array  # (outputs,) standard deviation above which the second factor holds; infinite where there is one
+    factor: Array  # (2, outputs)
+
+    def of(self, sd: Array) -> Array:
+        """(n, outputs) factors of standard deviations (n, outputs)."""
+        return np.where(sd > self.edge, self.factor[1], self.factor[0])
+
+
+def one_factor(factor: Array) -> IntervalScale:
+    """The same factor (outputs,) whatever the standard deviation."""
+    return IntervalScale(np.full(len(factor), np.inf), np.stack([factor, factor]))
+
+
+def at_least(scale: IntervalScale, other: IntervalScale) -> IntervalScale:
+    """Factors no smaller than those of another."""
+    return IntervalScale(scale.edge, np.maximum(scale.factor, other.factor))
+
+
+def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages: Sequence[float] = (COVERAGE,),
+                     branched: Mask | None = None) -> list[IntervalScale]:
+    """Factors for each coverage, as `conformal_scale`, of standard deviations on the side of the errors (n, k). Frames
+    with the UNSURE largest sd (n, k) have their own where they are enough rows for LEAST (Mondrian conformal
+    prediction: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005, section 4.5)."""
+    edge = np.quantile(sd, 1 - UNSURE, axis=0)
+    unsure = sd > edge
+    edge[np.mean(unsure, axis=0) * rows < enough()] = np.inf
+
+    def factor(k: int, kept: Mask, coverage: float) -> float:
+        return float(conformal_scale(error[kept][:, [k]], sides[kept][:, [k]], max(round(rows * kept.mean()), 1),
+                                     coverage, None if branched is None else branched[[k]])[0])
+
+    groups = [[(unsure[:, k] == which) | np.isinf(edge[k]) for k in range(len(edge))] for which in (False, True)]
+    return [IntervalScale(edge, np.array([[factor(k, kept, c) for k, kept in enumerate(group)] for group in groups]))
+            for c in coverages]

@@ -342,10 +342,11 @@ function learnedMap(given) {
     const F = force(logD, g), by = 1 / Math.tanh(g);
     const sdF = F * Math.sqrt(4 * c(2, 2) + 4 * by * c(2, 3) + by * by * c(3, 3));
     const sds = [Math.sqrt(a), Math.sqrt(d), Math.exp(logD) * Math.sqrt(c(2, 2)), sdF];
-    const named = ["x_mm", "y_mm", "d_mm", "F_N"], wide = given.ellipse * given.interval[0] / given.normal;
+    const factor = sds.map((sd, i) => given.interval[sd > given.unsure_from[i] ? 1 : 0][i]);
+    const named = ["x_mm", "y_mm", "d_mm", "F_N"], wide = given.ellipse * factor[0] / given.normal;
     return {
       state: found.state, misfit: found.misfit, read: { x_mm: x, y_mm: y, d_mm: Math.exp(logD), F_N: F },
-      half_width: Object.fromEntries(named.map((name, i) => [name, given.interval[i] * sds[i]])),
+      half_width: Object.fromEntries(named.map((name, i) => [name, factor[i] * sds[i]])),
       ellipse: { long_mm: wide * Math.sqrt(middle + more), short_mm: wide * Math.sqrt(Math.max(middle - more, 0)),
                  angle_rad: Math.atan2(middle + more - a, b || 1e-30) },
       flag: found.misfit > given.misfit ? "unlike the trained touches" : "" };

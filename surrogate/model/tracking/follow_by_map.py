@@ -13,6 +13,7 @@ from surrogate.forward_map.inversion.pair_search import left_by_pair
 from surrogate.forward_map.inversion.touch_filter import Followed, Unsure, best
 from surrogate.learners.base import Estimate
 from surrogate.learners.forward import TouchInversion, answered
+from surrogate.statistics.conformal import IntervalScale
 from touchcal.arrays import Array
 
 # Misfit of a frame over what its noise lets be from which the touch is sought again, and of the new one over the old
@@ -72,11 +73,11 @@ def follow(learner: TouchInversion, sought_by: TouchInversion, before: Touch | N
     return replace(touch, wait=waited, waited=waited), followed_punch.inversion(forward, touch.filter)
 
 
-def estimate(learner: TouchInversion, found: Inversion, scale: Array, normal: float) -> Estimate:
+def estimate(learner: TouchInversion, found: Inversion, scale: IntervalScale, normal: float) -> Estimate:
     """Outputs of a touch, whose standard deviations are such that intervals of `scale` of them hold their part: noise
     is as normal as it is believed, the map's error is calibrated."""
     plain = answered(learner, found)
     assert plain.parts is not None
     share = (plain.parts.noise / np.maximum(plain.sd, np.finfo(float).tiny)) ** 2
-    factor = np.sqrt(1 + ((normal / np.maximum(scale, np.finfo(float).tiny)) ** 2 - 1) * share)
+    factor = np.sqrt(1 + ((normal / np.maximum(scale.of(plain.sd), np.finfo(float).tiny)) ** 2 - 1) * share)
     return replace(plain, below=plain.below * factor, above=plain.above * factor)

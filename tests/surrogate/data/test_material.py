@@ -136,7 +136,7 @@ def test_intervals_are_calibrated_on_another_set(drawn: Callable[..., Samples]) 
     other = replace(other, signal_V=1.01 * other.signal_V)
     used, apart = take(other, np.arange(40)), take(other, np.arange(40, 60))
     calibrated = train(own, "forward", TOUCH, calibrate=used)
-    assert interval_scale(calibrated)[3] > 2 * normal(0.9)
+    assert interval_scale(calibrated).factor[0, 3] > 2 * normal(0.9)
     assert evaluate(calibrated, apart).scores["outputs"]["F"]["all"]["coverage_90"] > 0.7
     assert set(parts_of(calibrated, used)) == {"val"}
     with pytest.raises(ValueError, match="100 of the calibrating rows are rows of the training set too"):

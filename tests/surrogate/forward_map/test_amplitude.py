@@ -45,7 +45,7 @@ def test_outputs_of_two_answers_have_intervals_no_narrower_than_their_likely_pun
         assert list(model.learner.branched(names)) == [False, False, twice, twice]
         sure = replace(model, calibration=replace(model.calibration, target=estimate(
             model, model.calibration.signal_V, 0.0).value))
-        factor = interval_scale(sure, 0.0)
+        factor = interval_scale(sure, 0.0).factor[0]
         assert np.all(factor[:2] < 0.01)
         assert np.all(factor[2:] >= normal(COVERAGE)) == twice
 

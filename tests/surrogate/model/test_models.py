@@ -20,6 +20,7 @@ from surrogate.model.evaluate import evaluate, parts_of
 from surrogate.model.model import Model
 from surrogate.model.train import train
 from surrogate.model.trained import calibrated, estimate, interval_scale
+from surrogate.statistics.conformal import one_factor
 from touchcal.errors import InputFileError
 
 NAMES = ("x0", "F", "delta_max")
@@ -40,7 +41,7 @@ def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Sam
         before, after = (estimate(m, samples.signal_V[:20], noise) for m in (models[method], again))
         assert np.array_equal(before.value, after.value)
         assert np.array_equal(before.sd, after.sd)
-        assert np.array_equal(interval_scale(models[method], noise), interval_scale(again, noise))
+        assert np.array_equal(interval_scale(models[method], noise).factor, interval_scale(again, noise).factor)
     assert (again.names, again.seed, again.method) == (NAMES, 1, method)
     assert again.record == json.loads(json.dumps(models[method].record))
 
@@ -51,8 +52,9 @@ def test_intervals_of_a_slow_method_are_calibrated_once(models: dict[str, Model]
     assert not calibrated(models["forward"], 0.0)
     first, worked_out = interval_scale(models["forward"]), []
     assert calibrated(models["forward"], 0.0)
-    monkeypatch.setattr("surrogate.model.trained._scales", lambda *_: worked_out.append(1) or np.ones((1, len(NAMES))))
-    assert np.array_equal(interval_scale(models["forward"]), first)
+    monkeypatch.setattr("surrogate.model.trained._scales",
+                        lambda *_: worked_out.append(1) or [one_factor(np.ones(len(NAMES)))])
+    assert np.array_equal(interval_scale(models["forward"]).factor, first.factor)
     assert not worked_out
     other = replace(models["forward"], calibration=replace(models["forward"].calibration,
                                                            target=models["forward"].calibration.target + 1))

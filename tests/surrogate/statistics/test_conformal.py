@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
-from surrogate.statistics.conformal import conformal_scale, describe_rows, enough, few, normal, sure_coverage
+from surrogate.statistics.conformal import (
+    conformal_scale,
+    conformal_scales,
+    describe_rows,
+    enough,
+    few,
+    normal,
+    sure_coverage,
+)
 from surrogate.statistics.metrics import COVERAGES, rms, score
 
 
@@ -65,3 +73,35 @@ def test_scores_by_hand() -> None:
     assert score(np.full(4, 7.0), value, half, half, "mm").r2 is None
     assert score(1e-3 * target, 1e-3 * value, half, half, "m").r2 == pytest.approx(1 - 3 / 5)
     assert rms(np.array([3.0, -4.0])) == pytest.approx(12.5**0.5)
+
+
+def test_rows_in_doubt_have_a_factor_of_their_own() -> None:
+    """Where standard deviations of unsure rows are three times too small, one factor holds 90 % of all rows and far
+    fewer of those; two factors hold 90 % of each."""
+    rng = np.random.default_rng(4)
+    rows = 4 * enough()
+    sd = rng.uniform(0.5, 1.0, (2 * rows, 1)) + np.arange(2 * rows)[:, None] // (2 * rows * 3 // 4)
+    error = rng.normal(size=sd.shape) * np.where(sd > 1.4, 3.0, 1.0) * sd
+    order = rng.permutation(2 * rows)
+    seen, unseen = order[:rows], order[rows:]
+    two, = conformal_scales(error[seen], sd[seen], sd[seen], rows)
+    one = conformal_scale(error[seen], sd[seen], rows)
+    held = np.abs(error[unseen]) <= two.of(sd[unseen]) * sd[unseen]
+    unsure = sd[unseen] > 1.4
+    assert np.mean((np.abs(error[unseen]) <= one * sd[unseen])[unsure]) < 0.75
+    assert np.mean(held[unsure]) > 0.82
+    assert np.mean(held) == pytest.approx(0.9, abs=0.06)
+
+
+def test_few_rows_have_one_factor() -> None:
+    rng = np.random.default_rng(5)
+    error, sd = rng.normal(size=(200, 2)), rng.uniform(0.5, 2.0, (200, 2))
+    found, = conformal_scales(error, sd, sd, 200)
+    assert np.isinf(found.edge).all()
+    assert np.array_equal(found.of(sd), np.tile(conformal_scale(error, sd, 200), (200, 1)))
+
+
+def test_equal_standard_deviations_have_one_factor() -> None:
+    error = np.random.default_rng(6).normal(size=(1000, 1))
+    found, = conformal_scales(error, np.ones_like(error), np.ones_like(error), 1000)
+    assert np.isinf(found.edge).all()
