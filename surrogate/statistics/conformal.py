@@ -11,7 +11,7 @@ from scipy.special import betaincinv, ndtri
 from touchcal.arrays import Array, Mask
 
 COVERAGE = 0.90
-# Part of the calibrating rows, of the largest standard deviations, that has a factor of its own where it is enough rows.
+# Part of the calibrating rows, those of largest standard deviations, that has a factor of its own where it is enough.
 UNSURE = 1 / 3
 # Chance that the calibration rows drawn leave a lower coverage than is said, and the least that is not cautioned.
 UNLUCKY, LEAST = 0.05, 0.85
