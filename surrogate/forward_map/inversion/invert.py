@@ -190,13 +190,15 @@ def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
 
 def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array,
                  drift: Drift) -> Inversion:
-    """With the posterior of punches of signals less what the rim adds to them at the peak, and where it may speak."""
+    """With the posterior of punches of signals less what the rim adds to them at the peak, and where it may speak: not
+    there where punches are known, since what the rim adds tells these from each other."""
     unknown, usable = to_unknown(found.touch, forward.p0), found.broad.copy()
     near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)))
     if len(near):
         series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
         added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V
         usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
+        usable[near] &= len(forward.known_mm) == 0
         again = locate(forward, signal[near] - added, sd[near], drift)
         located = Located(located.place_mm.copy(), located.strengths.copy(), located.precision.copy())
         located.place_mm[near], located.strengths[near], located.precision[near] = (

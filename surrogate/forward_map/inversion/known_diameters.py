@@ -60,14 +60,16 @@ def by_load(normal: Array, load: int) -> Array:
 
 def worth_trying(free: Minimum, ends: Minimum, log_d: Array) -> Mask:
     """(n branches, punches) which of `starts` the normal matrices do not rule out; of each frame's first branch always
-    the nearest."""
+    the nearest on either side, since a fit may end between two punches."""
     count = len(ends.cost) // len(free.cost)
     variance = inverse(ends.normal)[:, LOG_D, LOG_D]
     shift = log_d - ends.state[:, LOG_D, None]
     foreseen = ends.cost[:, None] + 0.5 * shift**2 / variance[:, None]
     worth = foreseen < np.repeat(free.cost, count)[:, None] + RULED_OUT
     first = np.arange(0, len(worth), count)
-    worth[first, np.abs(shift[first]).argmin(axis=1)] = True
+    for side in (shift[first], -shift[first]):
+        distance = np.where(side >= 0, side, np.inf)
+        worth[first] |= np.isfinite(distance) & (distance == distance.min(axis=1, keepdims=True))
     return worth
 
 

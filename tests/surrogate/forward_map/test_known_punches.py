@@ -55,3 +55,12 @@ def test_branches_of_one_punch_are_all_weighed_and_one_minimum_counts_once() -> 
     selected = known_diameters.select(free, branches, 1, 1e-3)
     print("probabilities:", selected.probability)
     assert selected.probability[0] == pytest.approx([0.0, 0.5, 0.0, 0.5, 0.0], abs=1e-12)
+
+
+def test_a_fit_that_ends_between_two_punches_has_both_tried() -> None:
+    """The normal matrix of a poor minimum is far too sure of its diameter."""
+    state = np.zeros((1, 5))
+    state[0, known_diameters.LOG_D] = 0.3
+    end = Minimum(state, np.zeros(1), np.eye(5)[None] * 1e8, np.zeros((1, 6)))
+    assert known_diameters.worth_trying(end, end, np.array([-1.0, 0.0, 1.0, 2.0])).tolist() == [[False, True, True, False]]
+    assert known_diameters.worth_trying(end, end, np.array([-1.0, 0.0])).tolist() == [[False, True]]
