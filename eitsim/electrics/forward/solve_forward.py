@@ -11,13 +11,15 @@ from eitsim.electrics.cem import ring_scattering as rings
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating
-from eitsim.electrics.cem.ring_scattering import Scatterer, position
+from eitsim.electrics.cem.ring_scattering import Coupling, position
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
+from eitsim.electrics.outline.edge_response import coupling as edge_coupling
+from eitsim.electrics.outline.edge_response import edge_responses
 from eitsim.electrics.outline.touch_mesh import touch_mesh
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.channels import Channels, channel_changes
@@ -127,14 +129,12 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> Iterator[_Change]:
     """Attempts in the order of their cost; the last one meets the requested error, or none does."""
     clipped = any(touch.rim is not None for _, touch in touches)
-    patches, outlined = sensor.electrodes.kind == "patch", sensor.body.has_outline
-    if method == "multipole" and outlined:
-        raise ValueError("method 'multipole' is built for discs; with an outline use 'mesh' or 'auto'.")
-    if method == "multipole" and patches:
-        raise ValueError("method 'multipole' is built for line electrodes; with patches use 'mesh' or 'auto'.")
+    lines = sensor.electrodes.kind == "line"
+    if method == "multipole" and not lines:
+        raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
     if method == "multipole" and clipped:
-        raise ValueError("method 'multipole' needs an axisymmetric touch; near the rim use 'mesh' or 'auto'.")
-    if method != "mesh" and not clipped and not patches and not outlined:
+        raise ValueError("method 'multipole' needs an axisymmetric touch; near an edge use 'mesh' or 'auto'.")
+    if method != "mesh" and not clipped and lines:
         change = _by_multipole(sensor, touches, signal)
         yield change
         if method == "multipole" or change.error <= signal:
@@ -142,47 +142,73 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
     yield _by_mesh(sensor, touches, signal)
 
 
+@dataclass(frozen=True, eq=False)
+class _Circles:
+    """Touches in circles about them, and what couples these."""
+
+    touches: Touches
+    reach_m: Sequence[float]
+    coupling: Coupling
+    sign: float  # 1 where their change counts, -1 where it is taken away
+
+
 def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
-    """Rings are cut until they no longer matter; then the harmonics are varied once."""
-    circles = rings.reaches(sensor.body, touches)
+    """Rings are cut until they no longer matter; then the harmonics, or the mesh of the edges, are varied once."""
     rooms = [rings.admissible_radius(sensor.body, punch) for punch, _ in touches]
-    coarse, fine = (_scattered(sensor, touches, circles, rooms, parts) for parts in PARTS[:2])
+    circles = _circles(sensor, touches, rooms)
+    coarse, fine = (_scattered(sensor, circles, parts) for parts in PARTS[:2])
     used = PARTS[1]
     for parts in PARTS[2:]:
         if _difference(sensor, fine, coarse) <= 3 * signal / 4:
             break
-        coarse, fine, used = fine, _scattered(sensor, touches, circles, rooms, parts), parts
+        coarse, fine, used = fine, _scattered(sensor, circles, parts), parts
     outside = sum(born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
                  sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
-    first = max(abs(s.scattered[0]) for s in _scatterers(sensor, touches, rooms, used, 1))
+    first = max(abs(own[0]) for own in _scatterings(sensor, touches, rooms, used, 1))
     error = MISSED + _difference(sensor, fine, coarse) / 3
-    error += _difference(sensor, fine, _scattered(sensor, touches, circles, rooms, used, 3 * ORDERS // 4,
-                                                  3 * HARMONICS // 4))
+    rougher = _circles(sensor, touches, rooms, rough=True)
+    error += _difference(sensor, fine, _scattered(sensor, rougher, used, 3 * ORDERS // 4))
     error += 4 * first * _difference(sensor, fine + outside, fine)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
     return _Change(fine + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
-def _scattered(sensor: _Sensor, touches: Touches, circles: Sequence[float], rooms: Sequence[float], parts: int,
-               orders: int = ORDERS, harmonics: int = HARMONICS) -> Array:
-    """Change by the touches within circles that do not overlap, together, and by what each of them alone does from its
-    circle to the largest that has room in the disc."""
+def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float], *, rough: bool = False) -> list[_Circles]:
+    """All touches in circles that do not overlap, and each alone in the largest circle that has room on the skin, less
+    it alone in its own."""
+    inner = rings.reaches(sensor.body, touches)
+    found = [(touches, inner, 1.0)]
+    for touch, own, room in zip(touches, inner, rooms, strict=True):
+        if room > own:
+            found += [((touch,), [room], 1.0), ((touch,), [own], -1.0)]
+    return [_Circles(some, reach, _coupling(sensor, some, reach, rough), sign) for some, reach, sign in found]
+
+
+def _coupling(sensor: _Sensor, touches: Touches, radii: Sequence[float], rough: bool) -> Coupling:
+    """What couples circles on the skin; rough: with fewer harmonics around the rim, or edges on a mesh half as fine."""
+    circles = [(position(punch), radius) for (punch, _), radius in zip(touches, radii, strict=True)]
+    if sensor.body.has_outline:
+        coarse, fine = edge_responses(sensor.body.shape, sensor.electrodes, sensor.conductance_S)
+        return edge_coupling(coarse if rough else fine, circles, ORDERS)
     rim = solve_rim(sensor.body, sensor.electrodes, sensor.conductance_S)
-
-    def change(scatterers: Sequence[Scatterer]) -> Array:
-        return rings.impedance_change(rim, sensor.body, sensor.electrodes, sensor.conductance_S, scatterers, harmonics)
-
-    inner = _scatterers(sensor, touches, circles, parts, orders)
-    whole = _scatterers(sensor, touches, rooms, parts, orders)
-    clipped = [(w, i) for w, i in zip(whole, inner, strict=True) if w.reach_m > i.reach_m]
-    return change(inner) + sum(change([w]) - change([i]) for w, i in clipped)
+    return rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, 3 * HARMONICS // 4 if rough else
+                         HARMONICS)
 
 
-def _scatterers(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int,
-                orders: int) -> list[Scatterer]:
-    return [Scatterer(position(punch), r, rings.scattering(punch, touch, sensor.skin, sensor.law, r, orders, parts))
+def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders: int = ORDERS) -> Array:
+    """Change by touches in circles, of so many harmonics."""
+    changes = []
+    for one in circles:
+        found = _scatterings(sensor, one.touches, one.reach_m, parts, orders)
+        tau = np.concatenate([np.pad(own, (0, ORDERS - orders)) for own in found])
+        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, tau))
+    return np.sum(changes, axis=0)
+
+
+def _scatterings(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int, orders: int) -> list[Array]:
+    return [rings.scattering(punch, touch, sensor.skin, sensor.law, r, orders, parts)
             for (punch, touch), r in zip(touches, radii, strict=True)]
 
 
