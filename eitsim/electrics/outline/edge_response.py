@@ -1,8 +1,9 @@
-"""What the edges of a uniform skin with line electrodes send back to circles on it that scatter.
+"""What electrodes and edges of a uniform skin with an outline send to circles on it that scatter.
 
 A potential that is harmonic up to the edges is a sum of harmonics about any place, whose amplitudes are integrals of
-its values and its inflow along the edges (Green's representation); those of what the edges make of a harmonic that
-goes out are had by solving for it on the mesh of the untouched skin, whose factor is kept.
+its values and its inflow along the edges (Green's representation). Those of the electrodes are had so from the mesh of
+the untouched skin; those of what the edges make of a harmonic that goes out from a response of its edges, once a
+sensor, on a coarser mesh: what comes back is a small part.
 """
 
 from collections.abc import Sequence
@@ -14,100 +15,142 @@ from scipy.sparse import csr_matrix
 from skfem import ElementLineP2
 from skfem.quadrature import get_quadrature
 
-from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, potentials
 from eitsim.electrics.cem.boundary_integral import Complex
 from eitsim.electrics.cem.ring_scattering import Circle, Coupling, between
-from eitsim.electrics.mesh.p2_triangles import EDGES, sides, uniform_refinement
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.electrics.outline.triangles import skin_mesh
-from eitsim.numerics.conductor_elimination import Elimination, solve
+from eitsim.numerics.conductor_elimination import solve
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.outline import Outline
 from eitsim.scene.scene import Electrodes
 
 _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
+# Error of the untouched readings from which a mesh is fine enough for what comes back from edges: on a rectangle of
+# 120 x 80 mm that part of dV was within 1e-3 on such a mesh, and 3e-4 on it halved, 15 mm from an edge.
+_RETURNED = 5e-3
+_SOLVED = 64  # Currents for which potentials are solved at once.
+# Nodes of a P2 triangle's sides, counter-clockwise: both ends, the middle.
+_SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """The edges of a P2 mesh at points of a quadrature; the skin has line electrodes."""
+
+    place_m: Complex  # (q,) points
+    outwards_m: Complex  # (q,) outward normal times the length that the point stands for
+    contact_S: Array  # (q,) that length over the contact impedance; 0 where no electrode lies
+    unknown: Indices  # (k,) nodes on edges, then electrodes, among the mesh's
+    value: csr_matrix  # (q, k) potential of the skin by that of these unknowns
+    over: csr_matrix  # (q, k) the same less that of the electrode there; of points without one, 0
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeResponse:
-    """A uniform skin with an outline, solved on one mesh, and its edges at points of a quadrature."""
+    """A uniform skin with an outline, on one mesh for what electrodes send and one for what edges send back."""
 
     conductance_S: float
-    place_m: Complex  # (q,) points along all edges
-    outwards_m: Complex  # (q,) outward normal times the length that the point stands for
-    contact_S: Array  # (q,) that length over the contact impedance; 0 where no electrode lies
-    value: csr_matrix  # (q, unknowns) potential of the skin, by the potentials of nodes and electrodes
-    against: csr_matrix  # (q, unknowns) the same less that of the electrode there; of points without one, 0
-    elimination: Elimination
-    potential_V: Array  # (unknowns, N) by 1 A into each electrode and 1/N A out of every one
+    arriving: Edges
+    # (q, N) on its edges, of 1 A into each electrode and 1/N A out of every one: potentials, V, and the potential
+    # differences, V, that drive inflow under electrodes
+    potential_V: Array
+    driving_V: Array
+    returning: Edges
+    response_Ohm: Array  # (k, k) potentials of its unknowns by currents into them that sum to zero, but for a constant
 
 
 @lru_cache(maxsize=8)
 def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, EdgeResponse]:
-    """On the mesh of the untouched skin (`solve_untouched`), and on it halved."""
-    mesh = skin_mesh(solve_untouched(outline, electrodes, conductance_S).triangles, electrodes)
-    z = contact_impedances(electrodes)
-    return response_on(mesh, conductance_S, z), response_on(uniform_refinement(mesh), conductance_S, z)
+    """On the mesh of the untouched skin (`solve_untouched`) and on a coarser one of its history, and on both halved."""
+    found, z = solve_untouched(outline, electrodes, conductance_S), contact_impedances(electrodes)
+    coarse = next(mesh for mesh, error in found.history if error <= _RETURNED)
+    arriving, returning = (skin_mesh(mesh, electrodes) for mesh in (found.triangles, coarse))
+    return (response_on(arriving, returning, conductance_S, z),
+            response_on(uniform_refinement(arriving), uniform_refinement(returning), conductance_S, z))
 
 
-def response_on(mesh: SkinMesh, conductance_S: float, contact_impedance: Array) -> EdgeResponse:
-    """The edges of a P2 mesh of a uniform skin of sheet conductance S, S, with line electrodes of contact impedances
-    (N,), Ohm m."""
-    edges = _edges(mesh)
-    size, count = len(mesh.nodes_m) + mesh.count, len(edges)
+def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float,
+                contact_impedance: Array) -> EdgeResponse:
+    """The response of a uniform skin of sheet conductance S, S, with line electrodes of contact impedances (N,), Ohm m,
+    on a P2 mesh for what arrives and one for what returns."""
+    edges, back = (edges_of(mesh, contact_impedance) for mesh in (arriving, returning))
+    sheet = np.full(len(arriving.cells), conductance_S)
+    potential = potentials(arriving, sheet, contact_impedance)[edges.unknown]
+    done = eliminated(returning, np.full(len(returning.cells), conductance_S), contact_impedance)
+    size, count = len(returning.nodes_m) + returning.count, len(back.unknown)
+    response = np.empty((count, count))
+    for first in range(0, count, _SOLVED):
+        own = np.arange(first, min(first + _SOLVED, count))
+        currents = np.zeros((size, len(own)))
+        currents[back.unknown[own], own - first] = 1.0
+        response[:, own] = solve(done, currents)[back.unknown]
+    return EdgeResponse(conductance_S, edges, edges.value @ potential, -(edges.over @ potential), back, response)
+
+
+def edges_of(mesh: SkinMesh, contact_impedance: Array) -> Edges:
+    """The edges of a P2 mesh whose line electrodes have contact impedances (N,), Ohm m."""
+    sides = _sides(mesh)
     points, weight = get_quadrature(ElementLineP2(), _DEGREE)
     basis = [ElementLineP2().lbasis(points, i)[0] for i in range(3)]
     shape = np.stack([np.broadcast_to(one, weight.shape) for one in basis], axis=1)
-    place, along = (shape @ ends[..., None] for ends in (
-        _complex(mesh.nodes_m[edges]), np.repeat(np.diff(_complex(mesh.nodes_m[edges[:, :2]])), 3, axis=1)))
+    corner: Complex = mesh.nodes_m[sides] @ np.array([1, 1j])
+    outwards: Complex = (-1j * (corner[:, 1] - corner[:, 0])[:, None] * weight).ravel()
+    nodes, column = np.unique(sides, return_inverse=True)
     electrode = np.full(len(mesh.nodes_m), -1)
     electrode[mesh.under[:, 2]] = mesh.electrode
-    owner = np.repeat(electrode[edges[:, 2]], len(weight))
-    at = np.arange(count * len(weight))
-    value = csr_matrix((np.tile(shape.ravel(), count), (np.repeat(at, 3), np.repeat(edges, len(weight), axis=0).ravel())),
-                       shape=(len(at), size))
-    held = owner >= 0
-    under = csr_matrix((held.astype(float), (at, at)), shape=(len(at), len(at)))
-    electrodes = csr_matrix((np.ones(held.sum()), (at[held], len(mesh.nodes_m) + owner[held])), shape=(len(at), size))
-    outwards = -1j * along[..., 0].ravel() * np.tile(weight, count)
+    owner = np.repeat(electrode[sides[:, 2]], len(weight))
+    at, held = np.arange(len(owner)), owner >= 0
+    size = (len(at), len(nodes) + mesh.count)
+    value = csr_matrix((np.tile(shape.ravel(), len(sides)),
+                        (np.repeat(at, 3), np.repeat(column.reshape(-1, 3), len(weight), axis=0).ravel())), shape=size)
+    held_by = csr_matrix((np.ones(held.sum()), (at[held], len(nodes) + owner[held])), shape=size)
     contact = np.where(held, np.abs(outwards) / contact_impedance[owner], 0.0)
-    done = eliminated(mesh, np.full(len(mesh.cells), conductance_S), contact_impedance)
-    currents = np.zeros((size, mesh.count))
-    currents[-mesh.count:] = np.eye(mesh.count) - 1 / mesh.count
-    return EdgeResponse(conductance_S, place[..., 0].ravel(), outwards, contact, value, under @ value - electrodes, done,
-                        solve(done, currents))
+    return Edges((corner @ shape.T).ravel(), outwards, contact,
+                 np.append(nodes, len(mesh.nodes_m) + np.arange(mesh.count)), value,
+                 value.multiply(held[:, None]).tocsr() - held_by)
 
 
-def _edges(mesh: SkinMesh) -> Indices:
-    """Nodes (n, 3) of the edges that one triangle has, both ends and the middle, the skin on their left."""
-    corner = np.concatenate([mesh.cells[:, [a, b, middle]] for a, b, middle in ((0, 1, 3), (1, 2, 4), (2, 0, 5))])
-    _, first, times = np.unique(corner[:, 2], return_index=True, return_counts=True)
-    return corner[first[times == 1]]
-
-
-def _complex(points: Array) -> Complex:
-    return points[..., 0] + 1j * points[..., 1]
+def _sides(mesh: SkinMesh) -> Indices:
+    """Nodes (n, 3) of the sides that one triangle has, both ends and the middle, the skin on their left."""
+    side = np.concatenate([mesh.cells[:, nodes] for nodes in _SIDES])
+    _, first, times = np.unique(side[:, 2], return_index=True, return_counts=True)
+    return side[first[times == 1]]
 
 
 def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> Coupling:
     """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`.
 
-    A harmonic (zeta/r)^-m that goes out of a circle loads nodes and electrodes by
-    f_m = -S int d_n(zeta/r)^-m v - int (zeta/r)^-m (v - V)/z along the edges; the amplitude of (zeta/r)^m in a
-    potential u of the untouched skin is f_m . u / (2 pi m S), and what the edges send back is of the same form.
+    With w_m = (zeta/r)^-m the amplitude of (zeta/r)^m in a potential u is int (w_m d_n u - u d_n w_m) / (2 pi m) along
+    the edges, where S d_n u = (U - u)/z. A harmonic w_m that goes out loads nodes and electrodes by
+    f_m = -S int d_n w_m v - int w_m (v - V)/z; what comes back is the amplitude of their potential, whose d_n holds
+    that of -w_m, too.
     """
-    m, sheet = np.arange(1, orders + 1), response.conductance_S
-    waves = [(reach / (response.place_m - centre))[:, None] ** m for centre, reach in circles]
-    slopes = [-(m / reach) * wave * (reach / (response.place_m - centre) * response.outwards_m)[:, None]
-              for wave, (centre, reach) in zip(waves, circles, strict=True)]
-    wave, slope = np.hstack(waves), np.hstack(slopes)
-    order = np.tile(m, len(circles))
-    loads = -(response.value.T @ (sheet * slope) + response.against.T @ (wave * response.contact_S[:, None]))
-    moved = solve(response.elimination, np.hstack([loads.real, loads.imag]))
+    sheet, order = response.conductance_S, np.tile(np.arange(1, orders + 1), len(circles))
+    wave, slope = _outgoing(response.arriving, circles, orders)
+    inflow = wave * (response.arriving.contact_S / sheet)[:, None]
+    incoming = (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
+    edges = response.returning
+    wave, slope = _outgoing(edges, circles, orders)
+    inflow = wave * (edges.contact_S / sheet)[:, None]
+    loads = -sheet * (edges.value.T @ slope + edges.over.T @ inflow)
+    moved = response.response_Ohm @ np.hstack([loads.real, loads.imag])
     moved = moved[:, :len(order)] + 1j * moved[:, len(order):]
-    inflow = slope + wave * (response.contact_S / sheet)[:, None]
     scale = 1 / (4 * np.pi * order[:, None])
-    same = scale * (loads.T @ moved.conj() / sheet - wave.T @ inflow.conj())
-    crossed = scale * (loads.T @ moved / sheet - wave.T @ inflow)
-    crossed += np.block([[between(one, other, m) for other in circles] for one in circles])
-    return Coupling(2 * scale * (loads.T @ response.potential_V) / sheet, same, crossed, order)
+    same = scale * (loads.T @ moved.conj() / sheet - wave.T @ (slope + inflow).conj())
+    crossed = scale * (loads.T @ moved / sheet - wave.T @ (slope + inflow))
+    crossed += np.block([[between(one, other, np.arange(1, orders + 1)) for other in circles] for one in circles])
+    return Coupling(incoming, same, crossed, order)
+
+
+def _outgoing(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
+    """(zeta/r)^-m about each circle at points of edges (q, circles orders), and its slope along the normals times the
+    lengths of the points."""
+    waves, slopes = [], []
+    for centre, reach in circles:
+        inverse = reach / (edges.place_m - centre)
+        wave = np.cumprod(np.broadcast_to(inverse[:, None], (len(inverse), orders)), axis=1)
+        waves.append(wave)
+        slopes.append(-np.arange(1, orders + 1) / reach * wave * (inverse * edges.outwards_m)[:, None])
+    return np.hstack(waves), np.hstack(slopes)
