@@ -164,10 +164,12 @@ def _punch_refusal(scene: Scene, punch: Punch) -> str:
     if punch.friction != "none" and scene.hold.time_s and not scene.hold.keeps_deformation:
         return (f"friction = \"{punch.friction}\" in [punch] is built for holds that keep the deformation only: "
                 "control = \"depth\" and loading_s = 0 in [hold]. Ask for such a hold, or for friction = \"none\".")
-    return _rim_refusal(scene, punch)
+    return rim_refusal(scene, punch)
 
 
-def _rim_refusal(scene: Scene, punch: Punch) -> str:
+def rim_refusal(scene: Scene, punch: Punch) -> str:
+    """Why a touch near the rim cannot be solved, with the nearest thing that can; empty where it can, or is not near.
+    """
     if not near_rim(scene, punch):
         return ""
     problem = rim_problem(scene.body, punch)

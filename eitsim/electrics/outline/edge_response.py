@@ -95,8 +95,8 @@ def edges_of(mesh: SkinMesh, contact_impedance: Array) -> Edges:
     points, weight = get_quadrature(ElementLineP2(), _DEGREE)
     basis = [ElementLineP2().lbasis(points, i)[0] for i in range(3)]
     shape = np.stack([np.broadcast_to(one, weight.shape) for one in basis], axis=1)
-    corner: Complex = mesh.nodes_m[sides] @ np.array([1, 1j])
-    outwards: Complex = (-1j * (corner[:, 1] - corner[:, 0])[:, None] * weight).ravel()
+    corner = mesh.nodes_m[sides][..., 0] + 1j * mesh.nodes_m[sides][..., 1]
+    outwards = (-1j * (corner[:, 1] - corner[:, 0])[:, None] * weight).ravel()
     nodes, column = np.unique(sides, return_inverse=True)
     electrode = np.full(len(mesh.nodes_m), -1)
     electrode[mesh.under[:, 2]] = mesh.electrode
