@@ -18,15 +18,16 @@ _EVEN = 0.433  # Area of an even triangle over the square of its sides.
 _STRETCHED = 3.0
 
 
-def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches: Touches) -> SkinMesh:
+def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches: Touches, *,
+               coarser: float = 1.0) -> SkinMesh:
     """P2 mesh with circles at the punches' edges, the starts of their fillets and the ends of contact.
 
     Outside the touches its triangles are as small as those on which the readings of the untouched skin are known to
-    FIELDS. ValueError where contacts reach an edge or each other.
+    FIELDS; all are `coarser` times as long. ValueError where contacts reach an edge or each other.
     """
     base = _base(body, electrodes, conductance_S)
-    known, area = KDTree(base.centres_m), base.area_m2
-    sizes = [_sizes(punch, touch, gap) for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
+    known, area = KDTree(base.centres_m), coarser**2 * base.area_m2
+    sizes = [_sizes(punch, touch, gap, coarser) for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
 
     def limit(mesh: Triangles) -> Array:
         places = mesh.centres_m
@@ -66,10 +67,10 @@ def _gaps(body: Body, touches: Touches) -> Array:
     return gaps
 
 
-def _sizes(punch: Punch, touch: Touch, gap: float) -> tuple[Array, Array]:
+def _sizes(punch: Punch, touch: Touch, gap: float, coarser: float) -> tuple[Array, Array]:
     """Radii about a punch, m, and the length of the triangles' sides there, m."""
     radii = centred_radii(punch, touch, gap, 1, 1, LEAN.steepest)
-    return (radii[1:] + radii[:-1]) / 2, _STRETCHED * np.diff(radii)
+    return (radii[1:] + radii[:-1]) / 2, coarser * _STRETCHED * np.diff(radii)
 
 
 def _chords(mark: float, radius: Array, size: Array) -> int:
