@@ -243,8 +243,8 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
 
 def _halved(sensor: _Sensor, touches: Touches, mesh: SkinMesh, signal: float, left: float,
             halvings: int = HALVINGS) -> _Change:
-    """The change on a mesh that is halved until MARGIN times the estimate meets the requested error, or no more; what is
-    left over the change by the last halving is given."""
+    """The change on a mesh that is halved until MARGIN times the estimate meets the requested error, or no more; left:
+    what is left, over the change by the last halving."""
     change, error = _on_mesh(sensor, touches, mesh), math.inf
     for _ in range(halvings):
         coarse, mesh = change, uniform_refinement(mesh)

@@ -27,7 +27,8 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
     """
     base = _base(body, electrodes, conductance_S)
     known, area = KDTree(base.centres_m), coarser**2 * base.area_m2
-    sizes = [_sizes(punch, touch, gap, coarser) for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
+    sizes = [_sizes(punch, touch, gap, coarser)
+             for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
 
     def limit(mesh: Triangles) -> Array:
         places = mesh.centres_m
