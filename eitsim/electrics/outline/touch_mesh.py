@@ -13,22 +13,20 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
 FIELDS = 1e-3  # Estimated error of the untouched readings from which the mesh is fine enough outside the touches.
-_EVEN = 0.433  # Area of an even triangle over the square of its sides.
+EVEN = 0.433  # Area of an even triangle over the square of its sides.
 # Length of the triangles' sides over the width of the rings that an axisymmetric mesh would have there.
 _STRETCHED = 3.0
 
 
-def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches: Touches, *,
-               coarser: float = 1.0) -> SkinMesh:
+def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches: Touches) -> SkinMesh:
     """P2 mesh with circles at the punches' edges, the starts of their fillets and the ends of contact.
 
     Outside the touches its triangles are as small as those on which the readings of the untouched skin are known to
-    FIELDS; all are `coarser` times as long. ValueError where contacts reach an edge or each other.
+    FIELDS. ValueError where contacts reach an edge or each other.
     """
-    base = _base(body, electrodes, conductance_S)
-    known, area = KDTree(base.centres_m), coarser**2 * base.area_m2
-    sizes = [_sizes(punch, touch, gap, coarser)
-             for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
+    base = base_triangles(body, electrodes, conductance_S)
+    known, area = KDTree(base.centres_m), base.area_m2
+    sizes = [_sizes(punch, touch, gap) for (punch, touch), gap in zip(touches, gaps_m(body, touches), strict=True)]
 
     def limit(mesh: Triangles) -> Array:
         places = mesh.centres_m
@@ -36,7 +34,7 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
         for (punch, _), (radius, size) in zip(touches, sizes, strict=True):
             away = np.hypot(places[:, 0] - punch.x_m, places[:, 1] - punch.y_m)
             here = np.interp(away, radius, size) + LEAN.growth * np.maximum(away - radius[-1], 0)
-            out = np.minimum(out, _EVEN * here**2)
+            out = np.minimum(out, EVEN * here**2)
         return out
 
     lines = [circle((punch.x_m, punch.y_m), mark, _chords(mark, *own))
@@ -47,16 +45,17 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
 def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m2: float) -> SkinMesh:
     """P2 mesh on which the readings of the untouched skin are known to FIELDS, its triangles of an area, m^2, at most.
     """
-    base = _base(body, electrodes, conductance_S)
+    base = base_triangles(body, electrodes, conductance_S)
     return skin_mesh(refined(base, lambda mesh: np.full(len(mesh.cells), area_m2)), electrodes)
 
 
-def _base(body: Body, electrodes: Electrodes, conductance_S: float) -> Triangles:
+def base_triangles(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS) -> Triangles:
+    """Triangles on which the readings of the untouched skin are known to such a relative error."""
     history = solve_untouched(body.shape, electrodes, conductance_S).history
-    return next(mesh for mesh, error in history if error <= FIELDS)
+    return next(mesh for mesh, error in history if error <= known_to)
 
 
-def _gaps(body: Body, touches: Touches) -> Array:
+def gaps_m(body: Body, touches: Touches) -> Array:
     """Distance of each contact to the nearest edge or to the middle of the way to another, m."""
     place = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     reach = np.array([max(punch.diameter_m / 2, touch.contact_radius_m) for punch, touch in touches])
@@ -68,10 +67,10 @@ def _gaps(body: Body, touches: Touches) -> Array:
     return gaps
 
 
-def _sizes(punch: Punch, touch: Touch, gap: float, coarser: float) -> tuple[Array, Array]:
+def _sizes(punch: Punch, touch: Touch, gap: float) -> tuple[Array, Array]:
     """Radii about a punch, m, and the length of the triangles' sides there, m."""
     radii = centred_radii(punch, touch, gap, 1, 1, LEAN.steepest)
-    return (radii[1:] + radii[:-1]) / 2, coarser * _STRETCHED * np.diff(radii)
+    return (radii[1:] + radii[:-1]) / 2, _STRETCHED * np.diff(radii)
 
 
 def _chords(mark: float, radius: Array, size: Array) -> int:
