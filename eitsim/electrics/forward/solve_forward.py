@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.outline.edge_response import coupling as edge_coupling
 from eitsim.electrics.outline.edge_response import edge_responses
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
+from eitsim.electrics.outline.touch_mesh import FIELDS
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.channels import Channels, channel_changes
 from eitsim.scene.drive import protocol, read_out
@@ -38,6 +40,8 @@ ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
 # over the change by the last halving, where the rim cuts the contact or the skin has an outline, and elsewhere.
 MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
+# Error of an outline's untouched readings on the mesh whose triangles are tried first outside touches.
+ROUGHLY = 5e-3
 MARGIN = 2  # How many times the estimate a mesh must stay below the requested error not to be halved again.
 
 
@@ -223,15 +227,26 @@ def _overlap(sensor: _Sensor, touches: Touches) -> float:
 
 
 def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
-    """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells."""
-    outlined = sensor.body.has_outline
-    mesh = outlined_mesh(sensor.body, sensor.electrodes, sensor.conductance_S, touches) if outlined else alike_mesh(
-        sensor.body, sensor.electrodes, touches)
+    """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells. With an outline, and
+    electrodes along it, a rougher mesh halved once comes first."""
+    if not sensor.body.has_outline:
+        cut = any(abs(position(punch)) + touch.contact_radius_m > sensor.body.radius_m for punch, touch in touches)
+        return _halved(sensor, touches, alike_mesh(sensor.body, sensor.electrodes, touches), signal,
+                       LEFT_CUT if cut else LEFT)
+    meshes = partial(outlined_mesh, sensor.body, sensor.electrodes, sensor.conductance_S, touches)
+    if sensor.electrodes.kind == "line":
+        rough = _halved(sensor, touches, meshes(ROUGHLY), signal, LEFT_CUT, halvings=1)
+        if MARGIN * rough.error <= signal:
+            return rough
+    return _halved(sensor, touches, meshes(FIELDS), signal, LEFT_CUT)
+
+
+def _halved(sensor: _Sensor, touches: Touches, mesh: SkinMesh, signal: float, left: float,
+            halvings: int = HALVINGS) -> _Change:
+    """The change on a mesh that is halved until MARGIN times the estimate meets the requested error, or no more; left:
+    what is left, over the change by the last halving."""
     change, error = _on_mesh(sensor, touches, mesh), math.inf
-    cut = outlined or any(abs(position(punch)) + touch.contact_radius_m > sensor.body.radius_m
-                          for punch, touch in touches)
-    left = LEFT_CUT if cut else LEFT
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         coarse, mesh = change, uniform_refinement(mesh)
         change = _on_mesh(sensor, touches, mesh)
         error = UNHALVED + left * _difference(sensor, change, coarse)

@@ -1,9 +1,9 @@
 """What electrodes and edges of a uniform skin with an outline send to circles on it that scatter.
 
 A potential that is harmonic up to the edges is a sum of harmonics about any place, whose amplitudes are integrals of
-its values and its inflow along the edges (Green's representation). Those of the electrodes are had so from the mesh of
-the untouched skin; those of what the edges make of a harmonic that goes out from a response of its edges, once a
-sensor, on a coarser mesh: what comes back is a small part.
+its values and its inflow along the edges (Green's representation). Those of the electrodes are had so from the
+potentials of the untouched skin; those of what the edges make of a harmonic that goes out from a response of the edges,
+once a sensor, on a coarser mesh: what comes back is a small part.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from skfem.quadrature import get_quadrature
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, potentials
 from eitsim.electrics.cem.boundary_integral import Complex
 from eitsim.electrics.cem.ring_scattering import Circle, Coupling, between
-from eitsim.electrics.mesh.p2_triangles import uniform_refinement
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement, with_quarter_points
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.electrics.outline.triangles import skin_mesh
 from eitsim.numerics.conductor_elimination import solve
@@ -27,9 +27,9 @@ from eitsim.scene.outline import Outline
 from eitsim.scene.scene import Electrodes
 
 _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
-# Error of the untouched readings from which a mesh is fine enough for what comes back from edges: on a rectangle of
-# 120 x 80 mm that part of dV was within 1e-3 on such a mesh, and 3e-4 on it halved, 15 mm from an edge.
-_RETURNED = 5e-3
+# Errors of the untouched readings from which a mesh is fine enough for what electrodes send and for what edges send
+# back, its middle nodes then moved to a quarter of the way from the ends of electrodes.
+_ARRIVED, _RETURNED = 1e-3, 5e-3
 _SOLVED = 64  # Currents for which potentials are solved at once.
 # Nodes of a P2 triangle's sides, counter-clockwise: both ends, the middle.
 _SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
@@ -63,10 +63,11 @@ class EdgeResponse:
 
 @lru_cache(maxsize=8)
 def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, EdgeResponse]:
-    """On the mesh of the untouched skin (`solve_untouched`) and on a coarser one of its history, and on both halved."""
-    found, z = solve_untouched(outline, electrodes, conductance_S), contact_impedances(electrodes)
-    coarse = next(mesh for mesh, error in found.history if error <= _RETURNED)
-    arriving, returning = (skin_mesh(mesh, electrodes) for mesh in (found.triangles, coarse))
+    """On two of the meshes by which the untouched skin was solved (`solve_untouched`), and on both halved."""
+    history, z = solve_untouched(outline, electrodes, conductance_S).history, contact_impedances(electrodes)
+    arriving, returning = (
+        with_quarter_points(skin_mesh(next(mesh for mesh, error in history if error <= enough), electrodes))
+        for enough in (_ARRIVED, _RETURNED))
     return (response_on(arriving, returning, conductance_S, z),
             response_on(uniform_refinement(arriving), uniform_refinement(returning), conductance_S, z))
 
@@ -93,10 +94,11 @@ def edges_of(mesh: SkinMesh, contact_impedance: Array) -> Edges:
     """The edges of a P2 mesh whose line electrodes have contact impedances (N,), Ohm m."""
     sides = _sides(mesh)
     points, weight = get_quadrature(ElementLineP2(), _DEGREE)
-    basis = [ElementLineP2().lbasis(points, i)[0] for i in range(3)]
-    shape = np.stack([np.broadcast_to(one, weight.shape) for one in basis], axis=1)
-    corner = mesh.nodes_m[sides][..., 0] + 1j * mesh.nodes_m[sides][..., 1]
-    outwards = (-1j * (corner[:, 1] - corner[:, 0])[:, None] * weight).ravel()
+    basis = [ElementLineP2().lbasis(points, i) for i in range(3)]
+    shape = np.stack([np.broadcast_to(one[0], weight.shape) for one in basis], axis=1)
+    slope = np.stack([np.broadcast_to(one[1][0], weight.shape) for one in basis], axis=1)
+    node = mesh.nodes_m[sides][..., 0] + 1j * mesh.nodes_m[sides][..., 1]
+    outwards = (-1j * (node @ slope.T) * weight).ravel()
     nodes, column = np.unique(sides, return_inverse=True)
     electrode = np.full(len(mesh.nodes_m), -1)
     electrode[mesh.under[:, 2]] = mesh.electrode
@@ -107,7 +109,7 @@ def edges_of(mesh: SkinMesh, contact_impedance: Array) -> Edges:
                         (np.repeat(at, 3), np.repeat(column.reshape(-1, 3), len(weight), axis=0).ravel())), shape=size)
     held_by = csr_matrix((np.ones(held.sum()), (at[held], len(nodes) + owner[held])), shape=size)
     contact = np.where(held, np.abs(outwards) / contact_impedance[owner], 0.0)
-    return Edges((corner @ shape.T).ravel(), outwards, contact,
+    return Edges((node @ shape.T).ravel(), outwards, contact,
                  np.append(nodes, len(mesh.nodes_m) + np.arange(mesh.count)), value,
                  value.multiply(held[:, None]).tocsr() - held_by)
 

@@ -16,10 +16,6 @@ from eitsim.scene.outline_electrodes import patch_loops
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
-# Error of the untouched readings from which a mesh is fine enough outside touches, with middle nodes at quarters: on a
-# rectangle dV was within 2e-3 on it, and 6e-4 on it halved.
-_ROUGHLY = 5e-3
-
 
 @dataclass(frozen=True, eq=False)
 class _Circle:
@@ -40,19 +36,20 @@ class _Circle:
         return 2 * np.pi * float(self.radii_m[-1]) / self.sectors
 
 
-def outlined_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches: Touches) -> SkinMesh:
+def outlined_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches: Touches,
+                  known_to: float = FIELDS) -> SkinMesh:
     """P2 mesh with circles at the punches' edges, the starts of their fillets and the ends of contact, in rings about
     each punch as far as half the way to the nearest edge; `touch_mesh` where an electrode on the surface lies there.
 
-    Outside, its triangles are as small as those on which the readings of the untouched skin are known to _ROUGHLY,
-    with middle nodes at a quarter of the way from the ends of line electrodes; with electrodes on the surface, to
-    FIELDS. ValueError where contacts reach an edge or each other.
+    Outside, its triangles are as small as those on which the readings of the untouched skin are known to such a
+    relative error; middle nodes lie at a quarter of the way from the ends of line electrodes. ValueError where contacts
+    reach an edge or each other.
     """
     circles = [_circle(*touch, gap) for touch, gap in zip(touches, gaps_m(body, touches).tolist(), strict=True)]
-    lines = electrodes.kind == "line"
-    if not lines and any(_meets(circle, loop) for circle in circles for loop in patch_loops(electrodes)):
+    if electrodes.kind == "surface" and any(_meets(circle, loop) for circle in circles
+                                            for loop in patch_loops(electrodes)):
         return touch_mesh(body, electrodes, conductance_S, touches)
-    base = base_triangles(body, electrodes, conductance_S, _ROUGHLY if lines else FIELDS)
+    base = base_triangles(body, electrodes, conductance_S, known_to)
     known, area = KDTree(base.centres_m), base.area_m2
 
     def limit(mesh: Triangles) -> Array:
