@@ -3,18 +3,21 @@
 "far": 4,000 touches that keep from all edges what the plan asks for. "near": touches that keep 1 mm, most of them near
 one straight edge, where a table serves what it changes; those in corners are refused. Rows "against" give how far some
 of the rows near an edge are off the same touches solved anew. A punch of 10 mm on 5 mm of table 1's foam, 0.02 to
-0.5 N, signal = 0.02; one process. Writes results/outline_sweep.csv.
+0.5 N, signal = 0.02; one process. Writes results/outline_sweep.csv; arguments name the cases to run, others stay as
+they are.
 """
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from conditions import quick, shown, written
+import pandas as pd
+from conditions import earlier, quick, shown, written
 
 import eitsim
 from eitsim.scene.drive import voltage_columns
@@ -65,7 +68,11 @@ def against_fresh(case: str, row: dict[str, Any], design: Design) -> dict[str, A
 
 
 def main() -> None:
-    shown(written([row for case in CASES for row in rows_of(case)], "outline_sweep", 3))
+    cases = sys.argv[1:] or list(CASES)
+    kept = earlier("outline_sweep")
+    kept = kept[~kept["case"].isin(cases)] if len(kept) else kept
+    found = pd.DataFrame([row for case in cases for row in rows_of(case)])
+    shown(written(pd.concat([kept, found], ignore_index=True), "outline_sweep", 3))
 
 
 if __name__ == "__main__":

@@ -108,8 +108,8 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     of which touch is off more: its rank correlation with the error is 0.28. LEFT_CUT is what two touches among them
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
-    A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do, and as any touch on a
-    skin with an outline: ten on a disc given as a polygon of 400 corners were at most 3.5e-4 off, estimated 2.4e-4 to
+    A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on the
+    surface of a skin with an outline. On a ten on a disc given as a polygon of 400 corners were at most 3.5e-4 off, estimated 2.4e-4 to
     5.6e-4, and twelve on an L and on a grid of electrodes 4.6e-4, estimated 2.0e-4 to 9.5e-4 (benchmarks/outlines.py).
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
