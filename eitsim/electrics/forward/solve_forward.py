@@ -109,8 +109,10 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
     A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on the
-    surface of a skin with an outline. On a ten on a disc given as a polygon of 400 corners were at most 3.5e-4 off, estimated 2.4e-4 to
-    5.6e-4, and twelve on an L and on a grid of electrodes 4.6e-4, estimated 2.0e-4 to 9.5e-4 (benchmarks/outlines.py).
+    surface of a skin with an outline. By rings, ten touches on a disc given as a polygon of 400 corners were at most
+    2.4e-4 off, estimated 1.4e-4 to 9.0e-4, and twelve on a rectangle and an L 3.9e-4, estimated 4.0e-4 to 1.9e-3; by
+    meshes, eight near an edge 4.9e-4, estimated 2.3e-4 to 7.9e-4, and six on a grid of electrodes 3.5e-4, estimated
+    2.0e-4 to 5.7e-4 (benchmarks/outlines.py).
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
