@@ -3,8 +3,9 @@
 Untouched readings (adjacent drive, 2-norm) are compared with an integral equation on the rim (a disc given as a polygon
 of 400 corners), with a cosine series (a rectangle of 120 x 80 mm with 32 electrodes, 928 readings), and with their own
 mesh of the least error asked for (an L with a hole; a grid of electrodes on the surface). dV of random touches is
-compared with that by rings on the disc, or on a mesh halved once more than it needs. Run by `make bench`; writes
-results/outlines.csv beside this file.
+compared with that by rings on the disc, or on a mesh of isotropic triangles halved twice; "near an edge" are touches
+0.5 to 15 mm from a straight edge of the rectangle, solved in three dimensions. Run by `make bench`; writes
+results/outlines.csv next to this file.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.electrics.outline.touch_mesh import touch_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.drive import as_tuples, read_out
 from eitsim.scene.electrodes import Electrodes, contact_impedances
 from eitsim.scene.outline import edge_distance_m
@@ -41,7 +43,7 @@ TURN = 2 * np.pi * np.arange(400) / 400
 BODIES = {
     "disc of 400 corners": Body(
         outline="polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(TURN), np.sin(TURN)]))),
-    "rectangle": Body(outline="rectangle", width_m=0.12, height_m=0.08),
+    "rectangle": Body(thickness_m=0.005, outline="rectangle", width_m=0.12, height_m=0.08),
     "L with a hole": Body(thickness_m=0.005, outline="polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
         (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2))),
     "grid on the surface": Body(outline="rectangle", width_m=0.2, height_m=0.14)}
@@ -171,7 +173,22 @@ def touched(name: str) -> Iterator[dict[str, object]]:
         else:
             known = finer(body, electrodes, punch, touch)
         yield {"case": name, "what": f"dV of {punch.diameter_m * 1e3:.1f} mm, {punch.force_N:.2f} N",
-               "reference": "disc" if name == "disc of 400 corners" else "halved twice",
+               "reference": "disc" if name == "disc of 400 corners" else "halved twice", "method": found.method,
+               "error": float(np.linalg.norm(found.signal_V - known) / np.linalg.norm(known)),
+               "estimate": found.signal_error, "cpu_s": found.cpu_s, "nodes": found.unknowns}
+
+
+def near_an_edge(count: int) -> Iterator[dict[str, object]]:
+    """dV of random touches near one of the longer sides of the rectangle."""
+    rng, (body, electrodes) = np.random.default_rng(8), sensor("rectangle")
+    for gap in rng.uniform(0.0005, 0.015, count).tolist():
+        diameter, force = rng.uniform(0.006, 0.012), rng.uniform(0.05, 0.4)
+        punch = Punch(float(rng.uniform(-0.02, 0.02)), 0.04 - gap - diameter / 2, diameter, force_N=force)
+        touch = solve_near_rim(FOAM, body, punch)
+        found = solve(body, Skin(), electrodes, Drive(), ((punch, touch),), LAW)
+        known = finer(body, electrodes, punch, touch)
+        yield {"case": "near an edge", "what": f"dV of {diameter * 1e3:.1f} mm, {force:.2f} N, {gap * 1e3:.1f} mm off",
+               "reference": "halved twice", "method": found.method,
                "error": float(np.linalg.norm(found.signal_V - known) / np.linalg.norm(known)),
                "estimate": found.signal_error, "cpu_s": found.cpu_s, "nodes": found.unknowns}
 
@@ -188,7 +205,8 @@ def finer(body: Body, electrodes: Electrodes, punch: Punch, touch: Touch) -> Arr
 def main() -> None:
     solve_untouched(*sensor("rectangle"), S, 1e-2)  # compiles
     rows = [row for name in BODIES for row in untouched(name)]
-    rows += [row for name in BODIES if name != "rectangle" for row in touched(name)]
+    rows += [row for name in BODIES for row in touched(name)]
+    rows += near_an_edge(quick(8, 1))
     shown(written(rows, "outlines", 3))
 
 

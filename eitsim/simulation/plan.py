@@ -50,6 +50,7 @@ _DRIVEN_BY = {"normal": "its strain through the thickness", "principal": "its la
 # Prescribed depth over the thickness up to which equilibria are found in seconds.
 _DEEPEST = 0.97
 _RINGS = "the untouched skin is solved on its rim, the touch by what its rings scatter"
+_EDGES = "the touch is solved by what its rings scatter, and the edges of the untouched skin send back"
 
 
 def rim_effect(gap_m: float, thickness_m: float, strain: str) -> float:
@@ -84,7 +85,7 @@ def _exactly(decisions: Iterable[Decision]) -> Iterator[Decision]:
     yield Decision("exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked for",
                    0.0)
     for made in decisions:
-        if made.decision == _RINGS:
+        if made.decision in (_RINGS, _EDGES):
             yield Decision("exact: the skin is solved on a mesh that follows the touch", "nothing is taken from rings; "
                            "the mesh's estimate counts in the result's own error", 0.0)
         elif made.error_bound > 0 or made.unbounded:
@@ -164,10 +165,12 @@ def _punch_refusal(scene: Scene, punch: Punch) -> str:
     if punch.friction != "none" and scene.hold.time_s and not scene.hold.keeps_deformation:
         return (f"friction = \"{punch.friction}\" in [punch] is built for holds that keep the deformation only: "
                 "control = \"depth\" and loading_s = 0 in [hold]. Ask for such a hold, or for friction = \"none\".")
-    return _rim_refusal(scene, punch)
+    return rim_refusal(scene, punch)
 
 
-def _rim_refusal(scene: Scene, punch: Punch) -> str:
+def rim_refusal(scene: Scene, punch: Punch) -> str:
+    """Why a touch near the rim cannot be solved, with the nearest thing that can; empty where it can, or is not near.
+    """
     if not near_rim(scene, punch):
         return ""
     problem = rim_problem(scene.body, punch)
@@ -304,8 +307,8 @@ def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[D
 
 
 def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
-    if scene.electrodes.kind != "line" or scene.body.has_outline:
-        why = "the skin has an outline" if scene.body.has_outline else "patch electrodes cover part of it"
+    if scene.electrodes.kind != "line":
+        why = "electrodes lie on it" if scene.body.has_outline else "patch electrodes cover part of it"
         yield Decision("the skin is solved on a mesh that follows the touch", f"{why}; the mesh's estimate counts in "
                        "the result's own error", 0.0)
     if scene.body.has_outline:
@@ -316,10 +319,10 @@ def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
         yield Decision("patches conduct by their untouched area", "their contact impedance does not follow what a "
                        "touch on or next to them stretches; the cost is unknown and not in the bound", 0.0,
                        unbounded=True)
-    elif not scene.body.has_outline:
-        yield Decision(_RINGS, "where the strain is not axisymmetric about the punch, or the estimate misses the "
-                       "requested error, a mesh that follows the touch takes over; the estimate counts in the result's "
-                       "own error", 0.0)
+    else:
+        yield Decision(_EDGES if scene.body.has_outline else _RINGS, "where the strain is not axisymmetric about the "
+                       "punch, or the estimate misses the requested error, a mesh that follows the touch takes over; "
+                       "the estimate counts in the result's own error", 0.0)
     yield from _channel_decisions(scene)
     if scene.electrodes.missing:
         yield Decision(f"without electrode{'s' if len(scene.electrodes.missing) > 1 else ''} "

@@ -14,11 +14,14 @@ from scipy.special import gammaln, xlogy
 from eitsim.electrics.cem.boundary_integral import Array, Complex, Rim
 from eitsim.electrics.cem.floating_electrodes import shunt, shunt_ends
 from eitsim.electrics.sheet import sheet_conductance as sheet
+from eitsim.scene.outline import edge_distance_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
 Indices = NDArray[np.integer]
+# centre as a complex number, and radius, m
+Circle = tuple[complex, float]
 
 FULL = 0.9  # Part of their reach over which the rings carry the whole change of conductance.
 
@@ -30,24 +33,27 @@ def ring_share(radius_m: Array, reach_m: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Scatterer:
-    """A touch as its circle sends back what comes in."""
+class Coupling:
+    """Fields about circles, circle by circle in harmonics Re a_m (zeta/reach)^m: what comes in."""
 
-    centre_m: complex  # place of its axis, m
-    reach_m: float  # radius of the circle, m
-    scattered: Array  # (orders,) tau_m: (rho/reach)^m comes in, tau_m (rho/reach)^-m goes out, m = 1, 2, ...
+    incoming: Complex  # (m, N) a_m, V, of 1 A into each electrode and 1/N A out of every one
+    # (m, m) twice: what goes out as Re conj(c_m) (zeta/reach)^-m comes back as same @ c + crossed @ conj(c)
+    same: Complex
+    crossed: Complex
+    order: Indices  # (m,) the harmonics m
 
 
 def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
-    """Radii, m, of circles about the punches that stay in the disc and part the gaps between contacts.
+    """Radii, m, of circles about the punches that stay on the skin and part the gaps between contacts.
 
-    ValueError where a contact reaches beyond the rim or into another.
+    ValueError where a contact reaches an edge or into another.
     """
     out = [admissible_radius(body, punch) for punch, _ in touches]
     for own, (_, touch) in zip(out, touches, strict=True):
         if own <= touch.contact_radius_m:
-            raise ValueError(f"the contact reaches {(touch.contact_radius_m - own) * 1e3:.1f} mm outside the rim of "
-                             "the disc; move the punch inwards.")
+            edge = "the nearest edge" if body.has_outline else "the rim of the disc"
+            raise ValueError(f"the contact reaches {(touch.contact_radius_m - own) * 1e3:.1f} mm outside {edge}; move "
+                             "the punch inwards.")
     for (i, (one, a)), (j, (other, b)) in itertools.combinations(enumerate(touches), 2):
         gap = abs(position(one) - position(other)) - a.contact_radius_m - b.contact_radius_m
         if gap <= 0:
@@ -63,7 +69,9 @@ def position(punch: Punch) -> complex:
 
 
 def admissible_radius(body: Body, punch: Punch) -> float:
-    """Radius, m, of the largest circle about a punch inside the disc."""
+    """Radius, m, of the largest circle about a punch that lies on the skin."""
+    if body.has_outline:
+        return float(edge_distance_m(body, (punch.x_m, punch.y_m)))
     return body.radius_m - abs(position(punch))
 
 
@@ -88,29 +96,30 @@ def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_
     return (free * m[:, 0] - y) / (free * m[:, 0] + y)
 
 
-def impedance_change(rim: Rim, body: Body, electrodes: Electrodes, conductance_S: float,
-                     scatterers: Sequence[Scatterer], harmonics: int) -> Array:
-    """Change (N, N) of the impedance matrix, Ohm: 2 pi S sum m Re(conj(a_m) tau_m b_m) over scatterers and harmonics,
-    a the undisturbed field about each and b = a + W tau b, W what rim, electrodes and the other scatterers send back.
-
-    Circles may touch but not overlap.
-    """
-    n = np.arange(1, harmonics + 1)
-    centres = [s.centre_m / body.radius_m * cmath.exp(-1j * electrodes.first_angle_rad) for s in scatterers]
-    radii = [s.reach_m / body.radius_m for s in scatterers]
-    orders = [np.arange(1, len(s.scattered) + 1) for s in scatterers]
-    turned = np.vstack([_translation(z, r, m, n) for z, r, m in zip(centres, radii, orders, strict=True)])
-    incoming = turned @ rim.driven[:harmonics]
-    m, scattered = np.concatenate(orders), np.concatenate([s.scattered for s in scatterers])
-    outgoing = (turned.conj() * m[:, None] / n).T
+def on_disc(rim: Rim, body: Body, electrodes: Electrodes, circles: Sequence[Circle], orders: int,
+            harmonics: int) -> Coupling:
+    """Fields about circles on a disc by its electrodes, the rim and each other, in harmonics 1 to `orders`; circles may
+    touch but not overlap."""
+    n, m = np.arange(1, harmonics + 1), np.arange(1, orders + 1)
+    placed = [(centre / body.radius_m * cmath.exp(-1j * electrodes.first_angle_rad), reach / body.radius_m)
+              for centre, reach in circles]
+    turned = np.vstack([_translation(*circle, m, n) for circle in placed])
+    order = np.tile(m, len(circles))
+    outgoing = (turned.conj() * order[:, None] / n).T
     same = turned @ outgoing + 2 * turned @ (rim.same[:harmonics, :harmonics] @ outgoing)
     crossed = 2 * turned @ (rim.crossed[:harmonics, :harmonics] @ outgoing.conj())
-    crossed += np.block([[_between(one, other) for other in zip(centres, radii, orders, strict=True)]
-                         for one in zip(centres, radii, orders, strict=True)])
+    crossed += np.block([[between(one, other, m) for other in placed] for one in placed])
+    return Coupling(turned @ rim.driven[:harmonics], same, crossed, order)
+
+
+def impedance_change(coupling: Coupling, conductance_S: float, scattered: Array) -> Array:
+    """Change (N, N) of the impedance matrix, Ohm: 2 pi S sum m Re(conj(a_m) tau_m b_m) over circles and harmonics, tau
+    what these scatter (circles orders,), a the undisturbed field about each and b = a + W tau b, W what comes back."""
+    same, crossed = coupling.same, coupling.crossed
     back = np.block([[(same + crossed).real, (crossed - same).imag], [(same + crossed).imag, (same - crossed).real]])
-    tau, weight = np.tile(scattered, 2), np.tile(m * scattered, 2)
-    source = np.vstack([incoming.real, incoming.imag])
-    field = np.linalg.solve(np.eye(2 * len(m)) - back * tau, source)
+    tau, weight = np.tile(scattered, 2), np.tile(coupling.order * scattered, 2)
+    source = np.vstack([coupling.incoming.real, coupling.incoming.imag])
+    field = np.linalg.solve(np.eye(len(tau)) - back * tau, source)
     return 2 * np.pi * conductance_S * source.T @ (weight[:, None] * field)
 
 
@@ -123,14 +132,14 @@ def _translation(centre: complex, reach: float, m: Indices, n: Indices) -> Compl
     return np.where(n >= m, np.exp(size + 1j * angle * short), 0.0)
 
 
-def _between(to: tuple[complex, float, Indices], source: tuple[complex, float, Indices]) -> Complex:
+def between(to: Circle, source: Circle, m: Indices) -> Complex:
     """(l, m): (zeta/r)^-m about one centre is sum_l (-1)^l (m+l-1 over l) r^m r'^l d^-(m+l) (zeta'/r')^l about another,
     which lies d from it; 0 for a centre to itself."""
-    (z, reach, order), (z_source, reach_source, m) = to, source
+    (z, reach), (z_source, reach_source) = to, source
     if z == z_source:
-        return np.zeros((len(order), len(m)), dtype=complex)
+        return np.zeros((len(m), len(m)), dtype=complex)
     step, angle = cmath.polar(z - z_source)
-    order = order[:, None]
+    order = m[:, None]
     size = gammaln(m + order) - gammaln(order + 1) - gammaln(m)
     size += m * math.log(reach_source / step) + order * math.log(reach / step)
     return np.exp(size + 1j * (np.pi * order - angle * (m + order)))

@@ -5,29 +5,39 @@ from functools import lru_cache
 
 import numpy as np
 
-from eitsim.electrics.cem.assembly import Array, gradients, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import ring_share
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
+from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
 from eitsim.scene.electrodes import contact_impedances
+from eitsim.scene.outline import area_m2
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
 # Level of the rim's angles, rings of the fixed mesh and the width of the outermost one over the radius.
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
+# Triangles of a skin with an outline, about.
+_TRIANGLES = 2000
 
 
 @lru_cache(maxsize=8)
 def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> tuple[Array, Array, Array]:
     """Quadrature points (n, 2), m, of a fixed mesh, their areas (n,), m^2, and gradients (n, 2, count), Ohm/m, of the
     untouched potential of 1 A into each electrode."""
-    angles, electrode = rim_angles(body, electrodes, _LEVEL)
-    radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
-    mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
+    mesh = _mesh(body, electrodes, conductance_S)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     gradient, area = gradients(mesh, potential[:len(mesh.nodes_m)])
     return quadrature_points(mesh).reshape(-1, 2), area.ravel(), gradient.reshape(-1, 2, electrodes.count)
+
+
+def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
+    if body.has_outline:
+        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES)
+    angles, electrode = rim_angles(body, electrodes, _LEVEL)
+    radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
+    return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
 
 
 def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,

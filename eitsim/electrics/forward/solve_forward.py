@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,14 +12,17 @@ from eitsim.electrics.cem import ring_scattering as rings
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating
-from eitsim.electrics.cem.ring_scattering import Scatterer, position
+from eitsim.electrics.cem.ring_scattering import Coupling, position
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.outline.touch_mesh import touch_mesh
+from eitsim.electrics.outline.edge_response import coupling as edge_coupling
+from eitsim.electrics.outline.edge_response import edge_responses
+from eitsim.electrics.outline.ringed_mesh import outlined_mesh
+from eitsim.electrics.outline.touch_mesh import FIELDS
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.channels import Channels, channel_changes
 from eitsim.scene.drive import protocol, read_out
@@ -36,6 +40,8 @@ ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
 # over the change by the last halving, where the rim cuts the contact or the skin has an outline, and elsewhere.
 MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
+# Error of an outline's untouched readings on the mesh whose triangles are tried first outside touches.
+ROUGHLY = 5e-3
 MARGIN = 2  # How many times the estimate a mesh must stay below the requested error not to be halved again.
 
 
@@ -102,9 +108,11 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     of which touch is off more: its rank correlation with the error is 0.28. LEFT_CUT is what two touches among them
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
-    A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do, and as any touch on a
-    skin with an outline: ten on a disc given as a polygon of 400 corners were at most 3.5e-4 off, estimated 2.4e-4 to
-    5.6e-4, and twelve on an L and on a grid of electrodes 4.6e-4, estimated 2.0e-4 to 9.5e-4 (benchmarks/outlines.py).
+    A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on the
+    surface of a skin with an outline. By rings, ten touches on a disc given as a polygon of 400 corners were at most
+    2.4e-4 off, estimated 1.4e-4 to 9.0e-4, and twelve on a rectangle and an L 3.9e-4, estimated 4.0e-4 to 1.9e-3; by
+    meshes, eight near an edge 4.9e-4, estimated 2.3e-4 to 7.9e-4, and six on a grid of electrodes 3.5e-4, estimated
+    2.0e-4 to 5.7e-4 (benchmarks/outlines.py).
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
@@ -127,14 +135,12 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> Iterator[_Change]:
     """Attempts in the order of their cost; the last one meets the requested error, or none does."""
     clipped = any(touch.rim is not None for _, touch in touches)
-    patches, outlined = sensor.electrodes.kind == "patch", sensor.body.has_outline
-    if method == "multipole" and outlined:
-        raise ValueError("method 'multipole' is built for discs; with an outline use 'mesh' or 'auto'.")
-    if method == "multipole" and patches:
-        raise ValueError("method 'multipole' is built for line electrodes; with patches use 'mesh' or 'auto'.")
+    lines = sensor.electrodes.kind == "line"
+    if method == "multipole" and not lines:
+        raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
     if method == "multipole" and clipped:
-        raise ValueError("method 'multipole' needs an axisymmetric touch; near the rim use 'mesh' or 'auto'.")
-    if method != "mesh" and not clipped and not patches and not outlined:
+        raise ValueError("method 'multipole' needs an axisymmetric touch; near an edge use 'mesh' or 'auto'.")
+    if method != "mesh" and not clipped and lines:
         change = _by_multipole(sensor, touches, signal)
         yield change
         if method == "multipole" or change.error <= signal:
@@ -142,47 +148,73 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
     yield _by_mesh(sensor, touches, signal)
 
 
+@dataclass(frozen=True, eq=False)
+class _Circles:
+    """Touches in circles about them, and what couples these."""
+
+    touches: Touches
+    reach_m: Sequence[float]
+    coupling: Coupling
+    sign: float  # 1 where their change counts, -1 where it is taken away
+
+
 def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
-    """Rings are cut until they no longer matter; then the harmonics are varied once."""
-    circles = rings.reaches(sensor.body, touches)
+    """Rings are cut until they no longer matter; then the harmonics, or the mesh of the edges, are varied once."""
     rooms = [rings.admissible_radius(sensor.body, punch) for punch, _ in touches]
-    coarse, fine = (_scattered(sensor, touches, circles, rooms, parts) for parts in PARTS[:2])
+    circles = _circles(sensor, touches, rooms)
+    coarse, fine = (_scattered(sensor, circles, parts) for parts in PARTS[:2])
     used = PARTS[1]
     for parts in PARTS[2:]:
         if _difference(sensor, fine, coarse) <= 3 * signal / 4:
             break
-        coarse, fine, used = fine, _scattered(sensor, touches, circles, rooms, parts), parts
+        coarse, fine, used = fine, _scattered(sensor, circles, parts), parts
     outside = sum(born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
                  sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
-    first = max(abs(s.scattered[0]) for s in _scatterers(sensor, touches, rooms, used, 1))
+    first = max(abs(own[0]) for own in _scatterings(sensor, touches, rooms, used, 1))
     error = MISSED + _difference(sensor, fine, coarse) / 3
-    error += _difference(sensor, fine, _scattered(sensor, touches, circles, rooms, used, 3 * ORDERS // 4,
-                                                  3 * HARMONICS // 4))
+    rougher = _circles(sensor, touches, rooms, rough=True)
+    error += _difference(sensor, fine, _scattered(sensor, rougher, used, 3 * ORDERS // 4))
     error += 4 * first * _difference(sensor, fine + outside, fine)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
     return _Change(fine + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
-def _scattered(sensor: _Sensor, touches: Touches, circles: Sequence[float], rooms: Sequence[float], parts: int,
-               orders: int = ORDERS, harmonics: int = HARMONICS) -> Array:
-    """Change by the touches within circles that do not overlap, together, and by what each of them alone does from its
-    circle to the largest that has room in the disc."""
+def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float], *, rough: bool = False) -> list[_Circles]:
+    """All touches in circles that do not overlap, and each alone in the largest circle that has room on the skin, less
+    it alone in its own."""
+    inner = rings.reaches(sensor.body, touches)
+    found = [(touches, inner, 1.0)]
+    for touch, own, room in zip(touches, inner, rooms, strict=True):
+        if room > own:
+            found += [((touch,), [room], 1.0), ((touch,), [own], -1.0)]
+    return [_Circles(some, reach, _coupling(sensor, some, reach, rough), sign) for some, reach, sign in found]
+
+
+def _coupling(sensor: _Sensor, touches: Touches, radii: Sequence[float], rough: bool) -> Coupling:
+    """What couples circles on the skin; rough: with fewer harmonics around the rim, or edges on a mesh half as fine."""
+    circles = [(position(punch), radius) for (punch, _), radius in zip(touches, radii, strict=True)]
+    if sensor.body.has_outline:
+        coarse, fine = edge_responses(sensor.body.shape, sensor.electrodes, sensor.conductance_S)
+        return edge_coupling(coarse if rough else fine, circles, ORDERS)
     rim = solve_rim(sensor.body, sensor.electrodes, sensor.conductance_S)
-
-    def change(scatterers: Sequence[Scatterer]) -> Array:
-        return rings.impedance_change(rim, sensor.body, sensor.electrodes, sensor.conductance_S, scatterers, harmonics)
-
-    inner = _scatterers(sensor, touches, circles, parts, orders)
-    whole = _scatterers(sensor, touches, rooms, parts, orders)
-    clipped = [(w, i) for w, i in zip(whole, inner, strict=True) if w.reach_m > i.reach_m]
-    return change(inner) + sum(change([w]) - change([i]) for w, i in clipped)
+    return rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, 3 * HARMONICS // 4 if rough else
+                         HARMONICS)
 
 
-def _scatterers(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int,
-                orders: int) -> list[Scatterer]:
-    return [Scatterer(position(punch), r, rings.scattering(punch, touch, sensor.skin, sensor.law, r, orders, parts))
+def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders: int = ORDERS) -> Array:
+    """Change by touches in circles, of so many harmonics."""
+    changes = []
+    for one in circles:
+        found = _scatterings(sensor, one.touches, one.reach_m, parts, orders)
+        tau = np.concatenate([np.pad(own, (0, ORDERS - orders)) for own in found])
+        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, tau))
+    return np.sum(changes, axis=0)
+
+
+def _scatterings(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int, orders: int) -> list[Array]:
+    return [rings.scattering(punch, touch, sensor.skin, sensor.law, r, orders, parts)
             for (punch, touch), r in zip(touches, radii, strict=True)]
 
 
@@ -197,15 +229,26 @@ def _overlap(sensor: _Sensor, touches: Touches) -> float:
 
 
 def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
-    """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells."""
-    outlined = sensor.body.has_outline
-    mesh = touch_mesh(sensor.body, sensor.electrodes, sensor.conductance_S, touches) if outlined else alike_mesh(
-        sensor.body, sensor.electrodes, touches)
+    """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells. With an outline, and
+    electrodes along it, a rougher mesh halved once comes first."""
+    if not sensor.body.has_outline:
+        cut = any(abs(position(punch)) + touch.contact_radius_m > sensor.body.radius_m for punch, touch in touches)
+        return _halved(sensor, touches, alike_mesh(sensor.body, sensor.electrodes, touches), signal,
+                       LEFT_CUT if cut else LEFT)
+    meshes = partial(outlined_mesh, sensor.body, sensor.electrodes, sensor.conductance_S, touches)
+    if sensor.electrodes.kind == "line":
+        rough = _halved(sensor, touches, meshes(ROUGHLY), signal, LEFT_CUT, halvings=1)
+        if MARGIN * rough.error <= signal:
+            return rough
+    return _halved(sensor, touches, meshes(FIELDS), signal, LEFT_CUT)
+
+
+def _halved(sensor: _Sensor, touches: Touches, mesh: SkinMesh, signal: float, left: float,
+            halvings: int = HALVINGS) -> _Change:
+    """The change on a mesh that is halved until MARGIN times the estimate meets the requested error, or no more; left:
+    what is left, over the change by the last halving."""
     change, error = _on_mesh(sensor, touches, mesh), math.inf
-    cut = outlined or any(abs(position(punch)) + touch.contact_radius_m > sensor.body.radius_m
-                          for punch, touch in touches)
-    left = LEFT_CUT if cut else LEFT
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         coarse, mesh = change, uniform_refinement(mesh)
         change = _on_mesh(sensor, touches, mesh)
         error = UNHALVED + left * _difference(sensor, change, coarse)

@@ -155,10 +155,10 @@ def _rings(circle: _Circle) -> tuple[Array, Indices]:
     corners = (circle.radii_m[1:, None, None] * spoke).reshape(-1, 2)
     number = 1 + np.arange(rings * count).reshape(rings, count)
     fan = np.column_stack([np.zeros(count, dtype=int), number[0], np.roll(number[0], -1)])
-    return circle.centre_m + np.vstack([np.zeros((1, 2)), corners]), np.vstack([fan, _ring_cells(number)])
+    return circle.centre_m + np.vstack([np.zeros((1, 2)), corners]), np.vstack([fan, ring_cells(number)])
 
 
-def _ring_cells(number: Indices) -> Indices:
+def ring_cells(number: Indices) -> Indices:
     """Triangles (2 (rings - 1) m, 3) between loops of corners (rings, m): one of every quadrilateral, then the other.
     """
     after = np.roll(number, -1, axis=1)
@@ -251,18 +251,18 @@ def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Ind
     """Middle nodes on every edge, in polar coordinates about its circle or, along the rim and in the rings between the
     loops (rings + 1, m), about the disc; halfway where a circle's edges bulge more than what lies next to them is wide.
     """
-    covered = _ring_cells(loops)
+    covered = ring_cells(loops)
     cells = np.vstack([cells, covered])
     keys, number = np.unique(_keys(sides(cells), len(corners)), return_inverse=True)
     edges = np.column_stack(np.divmod(keys, len(corners)))
     middle = corners[edges].mean(axis=1)
     for circle, start, end in zip(circles, ends, ends[1:], strict=False):
         inside = (edges[:, 0] > start) & (edges[:, 1] < end)
-        middle[inside] = _turned(corners[edges[inside]], circle.centre_m)
+        middle[inside] = turned(corners[edges[inside]], circle.centre_m)
     rim = loops[0]
     polar = np.vstack([np.sort(np.column_stack([rim, np.roll(rim, -1)]), axis=1), sides(covered)])
     along = np.searchsorted(keys, _keys(polar, len(corners)))
-    middle[along] = _turned(corners[polar], np.zeros(2))
+    middle[along] = turned(corners[polar], np.zeros(2))
     quadratic = np.column_stack([cells, len(corners) + number.reshape(3, -1).T])
     under = np.column_stack([rim, np.roll(rim, -1), len(corners) + along[:len(rim)]])
     if len(covered):
@@ -272,7 +272,7 @@ def _quadratic(circles: list[_Circle], ends: Indices, corners: Array, cells: Ind
     return untangled(mesh, straight(mesh))
 
 
-def _turned(ends: Array, centre: Array) -> Array:
+def turned(ends: Array, centre: Array) -> Array:
     """Points half-way in radius and angle about a centre, of edges (n, 2, 2)."""
     first, last = ((ends[:, i] - centre) @ np.array([1, 1j]) for i in (0, 1))
     middle = (np.abs(first) + np.abs(last)) / 2 * np.exp(1j * (np.angle(first) + np.angle(last / first) / 2))

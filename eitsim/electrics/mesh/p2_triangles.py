@@ -137,8 +137,8 @@ def uniform_refinement(mesh: SkinMesh) -> SkinMesh:
 
 
 def with_quarter_points(mesh: SkinMesh) -> SkinMesh:
-    """The P2 mesh of a disc with middle nodes moved to a quarter of the way from the ends of line electrodes, those two
-    that touch have in common too, but where a triangle would fold over.
+    """The P2 mesh of a disc, or of an outline with straight sides, with middle nodes moved to a quarter of the way from
+    the ends of line electrodes, those two that touch have in common too, but where a triangle would fold over.
 
     Polynomials of an element are then polynomials of the root of the distance from there, and when it is halved the
     parts are graded towards it. Potentials behave so further from the end than z S; nodes on the rim stay there, whose

@@ -13,7 +13,7 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
 FIELDS = 1e-3  # Estimated error of the untouched readings from which the mesh is fine enough outside the touches.
-_EVEN = 0.433  # Area of an even triangle over the square of its sides.
+EVEN = 0.433  # Area of an even triangle over the square of its sides.
 # Length of the triangles' sides over the width of the rings that an axisymmetric mesh would have there.
 _STRETCHED = 3.0
 
@@ -24,9 +24,9 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
     Outside the touches its triangles are as small as those on which the readings of the untouched skin are known to
     FIELDS. ValueError where contacts reach an edge or each other.
     """
-    base = _base(body, electrodes, conductance_S)
+    base = base_triangles(body, electrodes, conductance_S)
     known, area = KDTree(base.centres_m), base.area_m2
-    sizes = [_sizes(punch, touch, gap) for (punch, touch), gap in zip(touches, _gaps(body, touches), strict=True)]
+    sizes = [_sizes(punch, touch, gap) for (punch, touch), gap in zip(touches, gaps_m(body, touches), strict=True)]
 
     def limit(mesh: Triangles) -> Array:
         places = mesh.centres_m
@@ -34,7 +34,7 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
         for (punch, _), (radius, size) in zip(touches, sizes, strict=True):
             away = np.hypot(places[:, 0] - punch.x_m, places[:, 1] - punch.y_m)
             here = np.interp(away, radius, size) + LEAN.growth * np.maximum(away - radius[-1], 0)
-            out = np.minimum(out, _EVEN * here**2)
+            out = np.minimum(out, EVEN * here**2)
         return out
 
     lines = [circle((punch.x_m, punch.y_m), mark, _chords(mark, *own))
@@ -45,16 +45,17 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
 def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m2: float) -> SkinMesh:
     """P2 mesh on which the readings of the untouched skin are known to FIELDS, its triangles of an area, m^2, at most.
     """
-    base = _base(body, electrodes, conductance_S)
+    base = base_triangles(body, electrodes, conductance_S)
     return skin_mesh(refined(base, lambda mesh: np.full(len(mesh.cells), area_m2)), electrodes)
 
 
-def _base(body: Body, electrodes: Electrodes, conductance_S: float) -> Triangles:
+def base_triangles(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS) -> Triangles:
+    """Triangles on which the readings of the untouched skin are known to such a relative error."""
     history = solve_untouched(body.shape, electrodes, conductance_S).history
-    return next(mesh for mesh, error in history if error <= FIELDS)
+    return next(mesh for mesh, error in history if error <= known_to)
 
 
-def _gaps(body: Body, touches: Touches) -> Array:
+def gaps_m(body: Body, touches: Touches) -> Array:
     """Distance of each contact to the nearest edge or to the middle of the way to another, m."""
     place = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     reach = np.array([max(punch.diameter_m / 2, touch.contact_radius_m) for punch, touch in touches])

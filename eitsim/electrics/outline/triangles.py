@@ -34,7 +34,9 @@ class Triangles:
     corners_m: Array  # (n, 2) corners, m
     cells: Indices  # (t, 3) corners of each triangle, counter-clockwise
     segments: Indices  # (s, 2) corners of the edges that lie on given lines
-    marker: Indices  # (s,) 2 + k on a stretch of the outer edge under electrode k, 1 elsewhere
+    # (s,) 2 + k on a stretch of the outer edge under electrode k, -1 - k on the edge of the k-th loop that is left out,
+    # 1 elsewhere
+    marker: Indices
 
     @property
     def centres_m(self) -> Array:
@@ -48,23 +50,26 @@ class Triangles:
         return ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
 
 
-def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: Sequence[Array] = ()) -> Triangles:
+def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: Sequence[Array] = (),
+                 left_out: Sequence[Array] = ()) -> Triangles:
     """The skin in triangles, as large as its lines allow: its edges, cut where line electrodes end, the edges of
-    electrodes on the surface, and further closed lines (n, 2), m."""
+    electrodes on the surface, and further closed lines (n, 2), m; without what lies inside those left out."""
     outer, *holes = loops(outline)
     marker, patches = np.full(len(outer), _BARE), []
     if electrodes is not None and electrodes.kind == "line":
         outer, marker = _outer(outline, electrodes)
     elif electrodes is not None:
         patches = patch_loops(electrodes)
-    parts = [outer, *holes, *patches, *lines]
+    parts = [outer, *holes, *patches, *lines, *left_out]
     starts = np.cumsum([0, *map(len, parts)])
     numbers = [start + np.arange(len(part)) for start, part in zip(starts, parts, strict=False)]
     segments = np.vstack([np.column_stack([number, np.roll(number, -1)]) for number in numbers])
-    markers = np.concatenate([marker, np.full(len(segments) - len(marker), _BARE)])
+    further = len(segments) - len(marker) - sum(map(len, left_out))
+    markers = np.concatenate([marker, np.full(further, _BARE), *(np.full(len(loop), -1 - k)
+                                                                 for k, loop in enumerate(left_out))])
     graph: dict[str, Any] = {"vertices": np.vstack(parts), "segments": segments, "segment_markers": markers[:, None]}
-    if holes:
-        graph["holes"] = np.array([_inner_point(hole) for hole in holes])
+    if holes or left_out:
+        graph["holes"] = np.array([_inner_point(hole) for hole in [*holes, *(loop[::-1] for loop in left_out)]])
     return _made(graph, f"pq{_ANGLE}")
 
 

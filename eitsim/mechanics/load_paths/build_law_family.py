@@ -8,16 +8,14 @@ from functools import partial, reduce
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from eitsim.electrics.forward.nominal_sensor import signal_differences
-from eitsim.mechanics.load_paths.build_rim_table import Place, loaded, timed_change
+from eitsim.mechanics.load_paths.build_rim_table import Place, deviation_from, finely, timed_change
 from eitsim.mechanics.load_paths.build_table import Run, compared, course_at, tabulated, timed
 from eitsim.mechanics.load_paths.law_family import Family, places, table_of
 from eitsim.mechanics.load_paths.load_path import NUMBERS, Deviation, Node, alongside, course_of, first_node
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
-from eitsim.mechanics.load_paths.rim_table import cells_of, middles_of, near_rim_from, with_cell_errors
+from eitsim.mechanics.load_paths.rim_table import cells_of, middles_of, with_cell_errors
 from eitsim.mechanics.load_paths.table import as_deep_as, of_law, parts_of, state
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
-from eitsim.mechanics.rim.solve_near_rim import corrected
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
@@ -136,11 +134,5 @@ def with_rim(family: Family, table: Table, run: Run = map) -> Family:
 
 def _deviation(table: Table, place: Place) -> Deviation:
     """How far a table is from the rim's change of its touch solved anew."""
-    law, body, _ = parts_of(table.shape, place[0])
-    alone, punch = loaded(table, place)
-    stored = near_rim_from(table, alone, body, punch)
-    fresh = corrected(alone, law, body, punch)
-    if stored is None or stored.rim is None or fresh.rim is None:
-        raise NotConverged("the table does not reach this place.", estimate=table.depths)
-    signals = signal_differences(body, punch, alone, stored.rim, fresh.rim)
-    return Deviation(abs(stored.depth_m / fresh.depth_m - 1), signals, 0.0)
+    assert table.rim is not None
+    return deviation_from(table, table.rim, place, finely(table, place))

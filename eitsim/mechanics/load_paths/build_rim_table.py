@@ -19,7 +19,7 @@ from eitsim.mechanics.load_paths import rim_table
 from eitsim.mechanics.load_paths.build_table import Run, timed
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.rim_table import Solved, cells_of, change_from, changed_diameters, extended
-from eitsim.mechanics.load_paths.table import carried_over, parts_of, touch_from
+from eitsim.mechanics.load_paths.table import carried_over, edge_of, parts_of, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.mechanics.rim.correction import RimCorrection
 from eitsim.mechanics.rim.solve_near_rim import COARSE, LEAST_GAP, corrected, rim_change
@@ -76,7 +76,7 @@ def build_rim(table: Table, run: Run = map, grid: Grid = GRID) -> RimTable:
     NotConverged where too few changes are found, or too few of those that give the error."""
     diameters = changed_diameters(table.shape)
     rough = _nodes(table, run, _roughly, _ROUGH_TRIED, grid.gaps, grid.depths)
-    fine = _nodes(table, run, _finely, _FINE_TRIED, grid.fine_gaps, grid.fine_depths)
+    fine = _nodes(table, run, finely, _FINE_TRIED, grid.fine_gaps, grid.fine_depths)
     rough, fine = _as_deep(rough, fine)
     field = fine.solved[len(diameters) // 2, -1, 0].change.field
     (fields, numbers), finer = (_rows(table.shape, field.radius_m, nodes) for nodes in (rough, fine))
@@ -152,13 +152,15 @@ def loaded(table: Table, place: Place) -> tuple[Touch, Punch]:
 def _roughly(table: Table, place: Place) -> Solved:
     """The change on the coarse mesh alone, whose errors are not known."""
     law, body, _ = parts_of(table.shape, place[0])
-    return Solved(rim_change(law, body, loaded(table, place)[1], COARSE), 0.0, np.zeros(len(STRAINS)))
+    edge = edge_of(table.shape, *place[:2])
+    return Solved(rim_change(law, body, loaded(table, place)[1], COARSE, edge), 0.0, np.zeros(len(STRAINS)))
 
 
-def _finely(table: Table, place: Place) -> Solved:
+def finely(table: Table, place: Place) -> Solved:
+    """The change at a place, solved as without a table; NotConverged where it is not found."""
     law, body, _ = parts_of(table.shape, place[0])
     touch, punch = loaded(table, place)
-    done = corrected(touch, law, body, punch)
+    done = corrected(touch, law, body, punch, edge=edge_of(table.shape, *place[:2]))
     assert done.rim is not None
     wall = done.wall_contact_m2 / touch.wall_contact_m2 if touch.wall_contact_m2 > 0 else 1.0
     change = RimCorrection(done.rim, done.depth_m - touch.depth_m, done.sigma_max_Pa / touch.sigma_max_Pa,
@@ -216,16 +218,18 @@ def checked(table: Table, rim: RimTable, run: Run) -> RimTable:
     are not found, which leaves the error unknown."""
     cells = [(i, j) for i, j in cells_of(rim) if (i + j) % 2 == 0]
     places = rim_table.middles_of(rim, cells, rim_table.between(table.shape))
-    found = list(run(partial(timed_change, _finely, table), places))
-    off = {cell: None if fresh is None else _deviation(table, rim, place, fresh)
+    found = list(run(partial(timed_change, finely, table), places))
+    off = {cell: None if fresh is None else deviation_from(table, rim, place, fresh)
            for cell, place, (fresh, _) in zip(cells, places, found, strict=True)}
     return replace(rim_table.with_cell_errors(rim, off), cpu_s=rim.cpu_s + sum(cpu for _, cpu in found))
 
 
-def _deviation(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Deviation:
-    """How far the table is from a change solved anew at a place between its nodes."""
+def deviation_from(table: Table, rim: RimTable, place: Place, fresh: Solved) -> Deviation:
+    """How far the table is from a change solved anew at a place between its nodes; NotConverged where it does not reach
+    it."""
     stored, body = change_from(table.shape, rim, *place), parts_of(table.shape, place[0])[1]
-    assert stored is not None
+    if stored is None:
+        raise NotConverged("the table does not reach this place.", estimate=table.depths)
     touch, punch = loaded(table, place)
     signals = signal_differences(body, punch, touch, stored.change.field, fresh.change.field)
     off = abs(stored.change.depth_m - fresh.change.depth_m) / (place[2] + fresh.change.depth_m)

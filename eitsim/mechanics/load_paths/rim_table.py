@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.mechanics.load_paths.load_path import Deviation
-from eitsim.mechanics.load_paths.table import carried_over, lagrange_weights
+from eitsim.mechanics.load_paths.table import carried_over, edge_of, lagrange_weights
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.mechanics.rim.correction import RimCorrection, apply_correction, within_face
+from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, rim_gap_m
 from touchcal.arrays import Array
@@ -70,9 +71,9 @@ def change_from(shape: DimensionlessProblem, rim: RimTable, diameter: float, gap
     fields, numbers = (np.tensordot(weight, part[:, i, j], 3) for part in (rim.fields, rim.numbers))
     parts = fields.reshape(len(rim.radius), len(rim.share), _PARTS) * depth
     base = float(rim.diameters[len(rim.diameters) // 2])
+    edge = edge_of(shape, diameter, gap)
     field = RimField(carried_over(shape, rim.radius, base, diameter), rim.share, parts[..., :3],
-                     parts[..., 3:6] + [1, 0, 1], parts[..., 6] + 1, shape.disc, shape.disc - diameter / 2 - gap,
-                     error_estimate=off)
+                     parts[..., 3:6] + [1, 0, 1], parts[..., 6] + 1, edge.disc, edge.offset, error_estimate=off)
     added, pressure, area, wall, lost, depth_error, *signal_errors = numbers.tolist()
     return Solved(RimCorrection(field, added * depth, pressure, area, max(wall, 0.0), min(max(lost, 0.0), 1.0), ()),
                   max(depth_error, 0.0), np.maximum(signal_errors, 0.0))
@@ -145,9 +146,10 @@ def _local(nodes: Array, at: float) -> tuple[slice, Array]:
 
 
 def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch | None:
-    """An axisymmetric touch with the rim's change from a table; None where the table does not reach."""
+    """An axisymmetric touch with the rim's change from a table; None where the table does not reach, or is of straight
+    edges and the nearest one is not."""
     unit = body.thickness_m
-    if table.rim is None or punch.force_N is None:
+    if table.rim is None or punch.force_N is None or table.shape.straight != body.has_outline:
         return None
     gap = rim_gap_m(body, punch)
     found = change_from(table.shape, table.rim, punch.diameter_m / unit, gap / unit, touch.depth_m / unit)
@@ -156,6 +158,11 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
     field = found.change.field
     field = replace(field, radius_m=field.radius_m * unit, displacement_m=field.displacement_m * unit,
                     disc_m=body.radius_m, offset_m=float(np.hypot(punch.x_m, punch.y_m)))
+    if body.has_outline:
+        edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
+        if edge.disc_m != STRAIGHT_M:
+            return None
+        field = replace(field, disc_m=edge.disc_m, offset_m=edge.offset_m, towards=edge.towards)
     with_rim = apply_correction(touch, replace(found.change, field=field, depth_m=found.change.depth_m * unit))
     return replace(within_face(with_rim, punch), depth_error=touch.depth_error + found.depth_error,
                    signal_errors=touch.signal_errors + found.signal_errors)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
+from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.results import Touch
@@ -26,16 +27,20 @@ _INWARDS, _OUTWARDS = 0.06, 0.03
 # Digits to which moduli and lengths count, and what equal ones may differ by, relative: dividing moduli of so many
 # digits by their sum again changes the last one.
 _DIGITS, _EQUAL = 12, 1e-10
+# From the widest punch to the rim of the disc that serves skins with an outline, and the radius of the disc whose rim
+# stands for a straight edge, thicknesses.
+_FREE, _STRAIGHT = 10.0, 1e4
 
 
 def shape_of(law: Hyperfoam, body: Body, punch: Punch, diameters_m: Iterable[float] = (), *,
              spans: bool = False) -> DimensionlessProblem:
     """The shape of a flat punch's touch, for its own diameter or for others; all moduli times a factor have the same
-    shape."""
+    shape, and all outlines but the disc."""
     unit = body.thickness_m
-    disc, fillet = _rounded([body.radius_m / unit, punch.fillet_m / unit])
     diameters = _rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]])
-    return DimensionlessProblem(*_moduli(law), disc, fillet, diameters, spans)
+    wide = diameters[-1] / 2 + _FREE if body.has_outline else body.radius_m / unit
+    disc, fillet = _rounded([wide, punch.fillet_m / unit])
+    return DimensionlessProblem(*_moduli(law), disc, fillet, diameters, spans, body.has_outline)
 
 
 def of_law(shape: DimensionlessProblem, law: Hyperfoam) -> DimensionlessProblem:
@@ -62,6 +67,12 @@ def parts_of(shape: DimensionlessProblem, diameter: float) -> tuple[Hyperfoam, B
     """Law, body and punch of a shape, without units; the force is yet to be set."""
     law = Hyperfoam(np.array(shape.mu), np.array(shape.alpha), np.array(shape.nu))
     return law, Body(shape.disc, 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
+
+
+def edge_of(shape: DimensionlessProblem, diameter: float, gap: float) -> OffsetDisc:
+    """The edge at a gap from a punch of a shape, seen from the punch, over the thickness."""
+    radius = _STRAIGHT if shape.straight else shape.disc
+    return OffsetDisc(radius, radius - diameter / 2 - gap)
 
 
 def carried_over(shape: DimensionlessProblem, radius: Array, old: float, new: float) -> Array:
@@ -145,9 +156,10 @@ def _neighbours(shape: DimensionlessProblem, diameter: float) -> Array:
 
 
 def _same_but_diameters(own: DimensionlessProblem, shape: DimensionlessProblem) -> bool:
-    """Whether two shapes are one but for their diameters and rounding."""
-    numbers = [[*s.mu, *s.alpha, *s.nu, s.disc, s.fillet] for s in (own, shape)]
-    return len(own.mu) == len(shape.mu) and np.allclose(*numbers, rtol=_EQUAL, atol=_EQUAL)
+    """Whether two shapes are one but for their diameters, the disc that these give to outlines, and rounding."""
+    numbers = [[*s.mu, *s.alpha, *s.nu, 0.0 if own.straight else s.disc, s.fillet] for s in (own, shape)]
+    return (len(own.mu) == len(shape.mu) and own.straight <= shape.straight
+            and np.allclose(*numbers, rtol=_EQUAL, atol=_EQUAL))
 
 
 def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch) -> Touch | None:

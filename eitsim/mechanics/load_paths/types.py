@@ -16,11 +16,13 @@ class DimensionlessProblem:
     mu: tuple[float, ...]
     alpha: tuple[float, ...]
     nu: tuple[float, ...]
-    # radius of the disc
-    disc: float
+    disc: float  # radius of the disc
     fillet: float
     diameters: tuple[float, ...]  # increasing diameters: the ends of a range, or all there are
     spans: bool  # whether every diameter between the ends is served
+    # whether touches lie on skins with an outline and near a straight edge, if near any: they are those of a disc whose
+    # rim is far from all
+    straight: bool = False
 
     @property
     def solved(self) -> tuple[float, ...]:

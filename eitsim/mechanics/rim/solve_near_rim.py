@@ -139,11 +139,11 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = Fa
 
 
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
-              fine: Resolution = FINE) -> Touch:
+              fine: Resolution = FINE, edge: OffsetDisc | None = None) -> Touch:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference gives the error; NotConverged, with
-    the likely cause, where no equilibrium is found."""
+    the likely cause, where no equilibrium is found. edge: the rim of another disc, m, in place of the body's."""
     try:
-        return _corrected(touch, law, body, punch, coarse, fine)
+        return _corrected(touch, law, body, punch, coarse, fine, edge)
     except NotConverged as error:
         raise NotConverged(f"{error} {_likely_cause(touch, body, punch)}", estimate=error.estimate,
                            residuals=error.residuals, load_fraction=error.load_fraction) from None
@@ -157,8 +157,8 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
             "deep, and squeezes the foam's free side out; move it inwards or press less.")
 
 
-def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: Resolution,
-               fine: Resolution) -> Touch:
+def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: Resolution, fine: Resolution,
+               given: OffsetDisc | None) -> Touch:
     started = cpu_s()
     if body.has_outline:
         edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
@@ -168,7 +168,7 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: R
         assert found.rim is not None
         return replace(found, rim=replace(found.rim, towards=edge.towards), volume=None,
                        cpu_s=touch.cpu_s + cpu_s() - started)
-    outline = OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
+    outline = given or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
     return replace(_added(touch, law, body, punch, outline, coarse, fine), cpu_s=touch.cpu_s + cpu_s() - started)
 
 
@@ -187,11 +187,13 @@ def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: Offs
         body, punch, touch, no_correction(change.field), change.field)))
 
 
-def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE) -> RimCorrection:
-    """What the rim changes of the touch under the punch's force or at its depth. Radii and angles of the field depend
-    on the body, the punch's size and shape and the fineness alone, so that fields of several forces and places on the
-    disc interpolate point by point. NotConverged where no equilibrium is found."""
-    outline = OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
+def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE,
+               edge: OffsetDisc | None = None) -> RimCorrection:
+    """What the rim changes of the touch under the punch's force or at its depth; edge: the rim of another disc, m, in
+    place of the body's. Radii and angles of the field depend on the body, the punch's size and shape and the fineness
+    alone, so that fields of several forces and places on the disc interpolate point by point. NotConverged where no
+    equilibrium is found."""
+    outline = edge or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
     return change_of(_found(law, body, punch, outline, fineness), body)
 
 

@@ -15,11 +15,11 @@ from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis, reduced_basi
 from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
 from eitsim.mechanics.load_paths.table import as_deep_as, of_law
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
-from eitsim.mechanics.rim.solve_near_rim import rim_problem
-from eitsim.scene.scene import Punch
+from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
+from eitsim.scene.scene import Punch, Scene
 from eitsim.simulation import reuse
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import near_rim
+from eitsim.simulation.plan import near_rim, rim_refusal
 from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, deviation_of, numbers_of, shape_for, table_for
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
@@ -178,11 +178,18 @@ def repays(design: Design, shape: DimensionlessProblem) -> bool:
 
 
 def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
-    """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes, which
-    is built for discs."""
+    """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes; with an
+    outline, near straight edges."""
     rows = list(valid_scenes(design, _ROWS))
-    near = sum(not s.body.has_outline and not rim_problem(s.body, p) for s in rows for p in s.punches if near_rim(s, p))
+    near = sum(_tabled(s, p) for s in rows for p in s.punches if near_rim(s, p))
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
+
+
+def _tabled(scene: Scene, punch: Punch) -> bool:
+    """Whether a touch near the rim, or an edge, is one that a table of changes can serve."""
+    straight = not scene.body.has_outline or nearest_edge(
+        scene.body.shape, (punch.x_m, punch.y_m)).disc_m == STRAIGHT_M
+    return straight and not rim_refusal(scene, punch)
 
 
 def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:

@@ -161,5 +161,5 @@ def test_what_is_not_built_is_refused():
         readings(Punch(), touch, method="born")
     with pytest.raises(ValueError, match="outside the rim"):
         readings(Punch(0.095), touch)
-    with pytest.raises(ValueError, match="line electrodes; with patches"):
+    with pytest.raises(ValueError, match="line electrodes; with others"):
         solve(Body(), SKIN, Electrodes(kind="patch"), Drive(), ((Punch(), touch),), LAW, method="multipole")

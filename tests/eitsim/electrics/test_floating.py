@@ -11,7 +11,7 @@ from scipy.special import iv, ivp
 from eitsim.electrics.cem.assembly import dissection, impedance, potentials, quadrature_points
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating, shunt, shunt_ends, shunts
-from eitsim.electrics.cem.ring_scattering import Scatterer, impedance_change
+from eitsim.electrics.cem.ring_scattering import impedance_change, on_disc
 from eitsim.electrics.forward.sheet_fields import skin_fields
 from eitsim.electrics.forward.solve_forward import following_mesh, solve
 from eitsim.electrics.mesh.graded_mesh import triangulation
@@ -88,8 +88,8 @@ def test_the_mesh_converges_to_the_closed_form(z):
     rate = EDGE / np.sqrt(z * SHEET)
     y = rate * ivp(order, rate) / iv(order, rate)
     tau = (order - y) / (order + y) * (EDGE / reach) ** (2 * order)
-    scattered = Scatterer(complex(punch.x_m, punch.y_m), reach, tau)
-    exact = impedance_change(solve_rim(Body(), LINES, SHEET), Body(), LINES, SHEET, [scattered], 128)
+    circles = [(complex(punch.x_m, punch.y_m), reach)]
+    exact = impedance_change(on_disc(solve_rim(Body(), LINES, SHEET), Body(), LINES, circles, 12, 128), SHEET, tau)
     errors = [relative(change(alike_mesh(Body(), LINES, ((punch, touch),), level), ((punch, touch),)), exact)
               for level in (1, 2, 4)]
     print(errors)

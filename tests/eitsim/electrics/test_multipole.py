@@ -9,10 +9,10 @@ from scipy.special import iv, ivp
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.cem.ring_scattering import (
     FULL,
-    Scatterer,
-    _between,
     _translation,
+    between,
     impedance_change,
+    on_disc,
     reaches,
     ring_share,
     scattering,
@@ -61,7 +61,8 @@ def test_a_concentric_disc_changes_the_impedance_as_in_the_closed_form():
     tau = scattering(Punch(), rings(0.4), SKIN, LAW, REACH, 12, 1)
     electrodes = Electrodes(contact_impedance_Ohm_m=1e6, width_m=1e-3)
     rim = solve_rim(Body(), electrodes, SHEET)
-    change = impedance_change(rim, Body(), electrodes, SHEET, [Scatterer(0j, REACH, tau)], 160)
+    coupling = on_disc(rim, Body(), electrodes, [(0j, REACH)], len(tau), 160)
+    change = impedance_change(coupling, SHEET, tau)
     share = tau * (REACH / 0.1) ** (2 * ORDERS)
     half = 0.5e-3 / 0.1
     mode = 2 * share / (1 - share) * np.sinc(ORDERS * half / np.pi) ** 2 / (np.pi * SHEET * ORDERS)
@@ -78,28 +79,30 @@ def test_powers_about_another_centre_are_binomial_sums():
     inner = (around[:, None] / reach) ** m @ _translation(centre, reach, m, n)
     outer = (centre + around[:, None]) ** n
     np.testing.assert_allclose(np.diff(inner, axis=0), np.diff(outer, axis=0), atol=1e-12)
-    source, own = (-0.35 + 0.1j, 0.3, np.arange(1, 9)), (centre, reach, m)
-    inner = (around[:, None] / reach) ** m @ _between(own, source)
-    outer = ((centre + around[:, None] - source[0]) / source[1]) ** -source[2]
+    source, own = (-0.35 + 0.1j, 0.3), (centre, reach)
+    inner = (around[:, None] / reach) ** m @ between(own, source, m)[:, :8]
+    outer = ((centre + around[:, None] - source[0]) / source[1]) ** -n
     np.testing.assert_allclose(np.diff(inner, axis=0), np.diff(outer, axis=0), atol=1e-12)
-    assert not _between(own, own).any()
+    assert not between(own, own, m).any()
 
 
 def test_scatterers_do_not_know_their_order_and_turn_with_the_ring():
     electrodes, h = Electrodes(), 120
     rim, tau = solve_rim(Body(), electrodes, SHEET), -0.4 * 0.6 ** (2 * ORDERS)
-    pair = [Scatterer(0.03 + 0.01j, 0.03, tau), Scatterer(-0.05 - 0.02j, 0.025, 0.5 * tau)]
+    pair = [(0.03 + 0.01j, 0.03, tau), (-0.05 - 0.02j, 0.025, 0.5 * tau)]
 
-    def change(scatterers: list[Scatterer]) -> np.ndarray:
-        return impedance_change(rim, Body(), electrodes, SHEET, scatterers, h)
+    def change(scatterers: list[tuple[complex, float, np.ndarray]]) -> np.ndarray:
+        circles = [(centre, reach) for centre, reach, _ in scatterers]
+        coupling = on_disc(rim, Body(), electrodes, circles, len(tau), h)
+        return impedance_change(coupling, SHEET, np.concatenate([own for *_, own in scatterers]))
 
     both = change(pair)
     size = np.abs(both).max()
     np.testing.assert_allclose(change(pair[::-1]), both, atol=1e-12 * size)
     np.testing.assert_allclose(both, both.T, atol=1e-10 * size)
-    turned = [Scatterer(s.centre_m * np.exp(2j * np.pi / 16), s.reach_m, s.scattered) for s in pair]
+    turned = [(centre * np.exp(2j * np.pi / 16), reach, own) for centre, reach, own in pair]
     np.testing.assert_allclose(change(turned), np.roll(both, (1, 1), (0, 1)), atol=1e-10 * size)
-    silent = [pair[0], Scatterer(pair[1].centre_m, pair[1].reach_m, 0 * tau)]
+    silent = [pair[0], (*pair[1][:2], 0 * tau)]
     np.testing.assert_allclose(change(silent), change(pair[:1]), atol=1e-12 * size)
     assert np.abs(both - change(pair[:1]) - change(pair[1:])).max() > 1e-4 * size
 

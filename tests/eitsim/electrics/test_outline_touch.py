@@ -52,6 +52,20 @@ def test_two_touches_are_those_of_the_disc_together():
     assert np.linalg.norm(found - disc) < 1e-3 * np.linalg.norm(disc)
 
 
+@pytest.mark.parametrize(("x_m", "y_m", "conductor"), [(0.09, 0.045, False), (0.03, 0.02, True)])
+def test_rings_on_an_l_with_a_hole_and_a_mesh_agree_within_their_estimates(x_m, y_m, conductor):
+    """Far from all edges, and, conducting, two punches away from two of them."""
+    body = Body(outline="polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
+        (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2)))
+    touches, lines = ((Punch(x_m, y_m, conductor=conductor), pressed()),), Electrodes(count=24, width_m=0.008)
+    rings, mesh = (solve(body, SKIN, lines, Drive(), touches, LAW, method=method, signal=4e-4)
+                   for method in ("multipole", "mesh"))
+    off = np.linalg.norm(rings.signal_V - mesh.signal_V) / np.linalg.norm(mesh.signal_V)
+    assert rings.signal_error < 1e-3
+    assert off < rings.signal_error + mesh.signal_error
+    assert solve(body, SKIN, lines, Drive(), touches, LAW).method == "multipole"
+
+
 def test_a_touch_may_lie_across_an_electrode_whose_area_stays():
     punch = Punch(0.033, 0.018)
     mesh = touch_mesh(RECTANGLE, GRID, 6e-4, ((punch, pressed()),))
@@ -80,9 +94,11 @@ def test_a_turned_skin_has_the_same_signal():
     assert np.linalg.norm(signals[1] - signals[0]) < 1e-3 * np.linalg.norm(signals[0])
 
 
-def test_rings_and_contacts_that_reach_an_edge_are_refused():
-    with pytest.raises(ValueError, match="'multipole' is built for discs"):
-        solve(POLYGON, SKIN, EVEN, Drive(), ((Punch(), pressed()),), LAW, method="multipole")
+def test_rings_under_electrodes_on_the_surface_and_contacts_that_reach_an_edge_are_refused():
+    with pytest.raises(ValueError, match="'multipole' is built for line electrodes"):
+        solve(RECTANGLE, SKIN, GRID, Drive(), ((Punch(), pressed()),), LAW, method="multipole")
+    with pytest.raises(ValueError, match=r"reaches .* outside the nearest edge"):
+        solve(POLYGON, SKIN, EVEN, Drive(), ((Punch(0.095), pressed()),), LAW, method="multipole")
     with pytest.raises(ValueError, match="reaches an edge of the skin or another contact"):
         touch_mesh(POLYGON, EVEN, 6e-4, ((Punch(0.095), pressed()),))
 

@@ -28,6 +28,7 @@ from eitsim.mechanics.load_paths.rim_table import (
 from eitsim.mechanics.load_paths.table import shape_of, state, touch_from
 from eitsim.mechanics.load_paths.types import RimTable, Table
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.scene.drive import as_tuples
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.simulation.reuse import decision, scene_shape, served
@@ -92,6 +93,67 @@ def test_the_disc_may_be_turned(table) -> None:
     assert aslant.depth_m == pytest.approx(straight.depth_m, rel=1e-12)
 
 
+RECTANGLE = Body(outline="rectangle", width_m=0.2, height_m=0.15)
+
+
+@pytest.fixture(scope="module")
+def straight():
+    paths = build(shape_of(FOAM, RECTANGLE, Punch()), depths=(0.055, 0.075, 0.1, 0.13))
+    grid = Grid((0.5, 0.7, 1.0, 1.4), (0.06, 0.08, 0.1, 0.125), (0.5, 1.0, 1.4), (0.06, 0.1, 0.125))
+    return replace(paths, rim=build_rim(paths, grid=grid))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("body", [RECTANGLE, Body(outline="polygon", points_m=(
+    (0.1, 0.1), (-0.1, 0.15), (-0.1, -0.15), (0.1, -0.1)))])
+def test_one_table_serves_straight_edges_of_any_outline(straight, body: Body) -> None:
+    """It is made on a disc whose rim is far; touches solved anew on the outline are recovered."""
+    punch = pressed(straight, 8e-3, 0.09)
+    alone = touch_from(straight, FOAM, body, punch)
+    assert alone is not None
+    quick, fresh = near_rim_from(straight, alone, body, punch), solve_near_rim(FOAM, body, punch)
+    assert quick is not None
+    assert quick.rim is not None
+    assert fresh.rim is not None
+    assert quick.rim.error_estimate is not None
+    np.testing.assert_allclose(quick.rim.towards, [1.0, 0.0], atol=1e-12)
+    assert (quick.rim.disc_m, quick.rim.offset_m) == (fresh.rim.disc_m, pytest.approx(fresh.rim.offset_m, rel=1e-12))
+    added, missed = fresh.depth_m / alone.depth_m - 1, abs(quick.depth_m / fresh.depth_m - 1)
+    print("the edge adds", added, "missed", missed, quick.rim.error_estimate)
+    assert 0 < missed < min(added / 4, straight.error.depth + quick.rim.error_estimate[0])
+    disc, near = Body(), replace(punch, x_m=0.085)
+    found = signal_differences(disc, near, fresh, *(replace(one.rim, towards=None) for one in (quick, fresh)))
+    assert np.all(found < 2 * quick.rim.error_estimate[1:])
+
+
+@pytest.mark.slow
+def test_a_table_of_straight_edges_serves_no_round_one_and_no_disc(straight) -> None:
+    turn = 2 * np.pi * np.arange(200) / 200
+    polygon = Body(outline="polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(turn), np.sin(turn)])))
+    punch = pressed(straight, 8e-3, 0.09)
+    alone = touch_from(straight, FOAM, polygon, punch)
+    assert alone is not None
+    assert near_rim_from(straight, alone, polygon, punch) is None
+    assert touch_from(straight, FOAM, Body(), punch) is None
+    assert near_rim_from(straight, alone, Body(), punch) is None
+
+
+def test_all_outlines_have_one_shape_and_discs_their_own() -> None:
+    shapes = {shape_of(FOAM, body, Punch()) for body in (RECTANGLE, replace(RECTANGLE, width_m=0.3), Body())}
+    assert len(shapes) == 2
+    assert shape_of(FOAM, RECTANGLE, Punch()).disc == pytest.approx(10.7)
+
+
+def test_a_table_of_straight_edges_repays_where_touches_lie_near_one_alone() -> None:
+    """Those in corners are refused, and those near round edges are solved."""
+    skin, thin = {"outline": "rectangle", "width_mm": 200, "height_mm": 150}, {"signal": 0.05}
+    scene = scene_from({"body": skin, "accuracy": thin})
+    shape = scene_shape(scene, CARD)
+    for x_mm, y_mm, repaid in (([80, 90], [-20, 20], True), ([0, 10], [0, 5], False), ([85, 90], [60, 65], False)):
+        punch = {"x_mm": x_mm, "y_mm": y_mm, "force_N": [0.1, 2]}
+        assert rim_repays(design_from({"body": skin, "accuracy": thin, "punch": punch}, 300), shape) is repaid
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("gap_m", "depth"), [(4e-3, 0.09), (15e-3, 0.09), (8e-3, 0.1275)])
 def test_beyond_the_table_is_none(table, gap_m: float, depth: float) -> None:
@@ -109,7 +171,7 @@ def test_a_scene_near_the_rim_says_what_it_may_cost(table) -> None:
     result = solve_scene(scene, CARD, table=table)
     assert result.outcome == "ok"
     (said,) = [d for d in result.plan.decisions if d.decision == "load path reused"]
-    assert said.error_bound > max(table.error.depth, table.error.signal)
+    assert said.error_bound > max(table.error.depth, table.error.signal(scene.skin.strain))
 
 
 def test_a_table_of_changes_is_made_where_it_repays_its_cost() -> None:

@@ -1,0 +1,158 @@
+"""What electrodes and edges of a uniform skin with an outline send to circles on it that scatter.
+
+A potential that is harmonic up to the edges is a sum of harmonics about any place, whose amplitudes are integrals of
+its values and its inflow along the edges (Green's representation). Those of the electrodes are had so from the
+potentials of the untouched skin; those of what the edges make of a harmonic that goes out from a response of the edges,
+once a sensor, on a coarser mesh: what comes back is a small part.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from skfem import ElementLineP2
+from skfem.quadrature import get_quadrature
+
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, potentials
+from eitsim.electrics.cem.boundary_integral import Complex
+from eitsim.electrics.cem.ring_scattering import Circle, Coupling, between
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement, with_quarter_points
+from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.electrics.outline.triangles import skin_mesh
+from eitsim.numerics.conductor_elimination import solve
+from eitsim.scene.electrodes import contact_impedances
+from eitsim.scene.outline import Outline
+from eitsim.scene.scene import Electrodes
+
+_DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
+# Errors of the untouched readings from which a mesh is fine enough for what electrodes send and for what edges send
+# back, its middle nodes then moved to a quarter of the way from the ends of electrodes.
+_ARRIVED, _RETURNED = 1e-3, 5e-3
+_SOLVED = 64  # Currents for which potentials are solved at once.
+# Nodes of a P2 triangle's sides, counter-clockwise: both ends, the middle.
+_SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """The edges of a P2 mesh at points of a quadrature; the skin has line electrodes."""
+
+    place_m: Complex  # (q,) points
+    outwards_m: Complex  # (q,) outward normal times the length that the point stands for
+    contact_S: Array  # (q,) that length over the contact impedance; 0 where no electrode lies
+    unknown: Indices  # (k,) nodes on edges, then electrodes, among the mesh's
+    value: csr_matrix  # (q, k) potential of the skin by that of these unknowns
+    over: csr_matrix  # (q, k) the same less that of the electrode there; of points without one, 0
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeResponse:
+    """A uniform skin with an outline, on one mesh for what electrodes send and one for what edges send back."""
+
+    conductance_S: float
+    arriving: Edges
+    # (q, N) on its edges, of 1 A into each electrode and 1/N A out of every one: potentials, V, and the potential
+    # differences, V, that drive inflow under electrodes
+    potential_V: Array
+    driving_V: Array
+    returning: Edges
+    response_Ohm: Array  # (k, k) potentials of its unknowns by currents into them that sum to zero, but for a constant
+
+
+@lru_cache(maxsize=8)
+def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, EdgeResponse]:
+    """On two of the meshes by which the untouched skin was solved (`solve_untouched`), and on both halved."""
+    history, z = solve_untouched(outline, electrodes, conductance_S).history, contact_impedances(electrodes)
+    arriving, returning = (
+        with_quarter_points(skin_mesh(next(mesh for mesh, error in history if error <= enough), electrodes))
+        for enough in (_ARRIVED, _RETURNED))
+    return (response_on(arriving, returning, conductance_S, z),
+            response_on(uniform_refinement(arriving), uniform_refinement(returning), conductance_S, z))
+
+
+def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float,
+                contact_impedance: Array) -> EdgeResponse:
+    """The response of a uniform skin of sheet conductance S, S, with line electrodes of contact impedances (N,), Ohm m,
+    on a P2 mesh for what arrives and one for what returns."""
+    edges, back = (edges_of(mesh, contact_impedance) for mesh in (arriving, returning))
+    sheet = np.full(len(arriving.cells), conductance_S)
+    potential = potentials(arriving, sheet, contact_impedance)[edges.unknown]
+    done = eliminated(returning, np.full(len(returning.cells), conductance_S), contact_impedance)
+    size, count = len(returning.nodes_m) + returning.count, len(back.unknown)
+    response = np.empty((count, count))
+    for first in range(0, count, _SOLVED):
+        own = np.arange(first, min(first + _SOLVED, count))
+        currents = np.zeros((size, len(own)))
+        currents[back.unknown[own], own - first] = 1.0
+        response[:, own] = solve(done, currents)[back.unknown]
+    return EdgeResponse(conductance_S, edges, edges.value @ potential, -(edges.over @ potential), back, response)
+
+
+def edges_of(mesh: SkinMesh, contact_impedance: Array) -> Edges:
+    """The edges of a P2 mesh whose line electrodes have contact impedances (N,), Ohm m."""
+    sides = _sides(mesh)
+    points, weight = get_quadrature(ElementLineP2(), _DEGREE)
+    basis = [ElementLineP2().lbasis(points, i) for i in range(3)]
+    shape = np.stack([np.broadcast_to(one[0], weight.shape) for one in basis], axis=1)
+    slope = np.stack([np.broadcast_to(one[1][0], weight.shape) for one in basis], axis=1)
+    node = mesh.nodes_m[sides][..., 0] + 1j * mesh.nodes_m[sides][..., 1]
+    outwards = (-1j * (node @ slope.T) * weight).ravel()
+    nodes, column = np.unique(sides, return_inverse=True)
+    electrode = np.full(len(mesh.nodes_m), -1)
+    electrode[mesh.under[:, 2]] = mesh.electrode
+    owner = np.repeat(electrode[sides[:, 2]], len(weight))
+    at, held = np.arange(len(owner)), owner >= 0
+    size = (len(at), len(nodes) + mesh.count)
+    value = csr_matrix((np.tile(shape.ravel(), len(sides)),
+                        (np.repeat(at, 3), np.repeat(column.reshape(-1, 3), len(weight), axis=0).ravel())), shape=size)
+    held_by = csr_matrix((np.ones(held.sum()), (at[held], len(nodes) + owner[held])), shape=size)
+    contact = np.where(held, np.abs(outwards) / contact_impedance[owner], 0.0)
+    return Edges((node @ shape.T).ravel(), outwards, contact,
+                 np.append(nodes, len(mesh.nodes_m) + np.arange(mesh.count)), value,
+                 value.multiply(held[:, None]).tocsr() - held_by)
+
+
+def _sides(mesh: SkinMesh) -> Indices:
+    """Nodes (n, 3) of the sides that one triangle has, both ends and the middle, the skin on their left."""
+    side = np.concatenate([mesh.cells[:, nodes] for nodes in _SIDES])
+    _, first, times = np.unique(side[:, 2], return_index=True, return_counts=True)
+    return side[first[times == 1]]
+
+
+def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> Coupling:
+    """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`.
+
+    With w_m = (zeta/r)^-m the amplitude of (zeta/r)^m in a potential u is int (w_m d_n u - u d_n w_m) / (2 pi m) along
+    the edges, where S d_n u = (U - u)/z. A harmonic w_m that goes out loads nodes and electrodes by
+    f_m = -S int d_n w_m v - int w_m (v - V)/z; what comes back is the amplitude of their potential, whose d_n holds
+    that of -w_m, too.
+    """
+    sheet, order = response.conductance_S, np.tile(np.arange(1, orders + 1), len(circles))
+    wave, slope = _outgoing(response.arriving, circles, orders)
+    inflow = wave * (response.arriving.contact_S / sheet)[:, None]
+    incoming = (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
+    edges = response.returning
+    wave, slope = _outgoing(edges, circles, orders)
+    inflow = wave * (edges.contact_S / sheet)[:, None]
+    loads = -sheet * (edges.value.T @ slope + edges.over.T @ inflow)
+    moved = response.response_Ohm @ np.hstack([loads.real, loads.imag])
+    moved = moved[:, :len(order)] + 1j * moved[:, len(order):]
+    scale = 1 / (4 * np.pi * order[:, None])
+    same = scale * (loads.T @ moved.conj() / sheet - wave.T @ (slope + inflow).conj())
+    crossed = scale * (loads.T @ moved / sheet - wave.T @ (slope + inflow))
+    crossed += np.block([[between(one, other, np.arange(1, orders + 1)) for other in circles] for one in circles])
+    return Coupling(incoming, same, crossed, order)
+
+
+def _outgoing(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
+    """(zeta/r)^-m about each circle at points of edges (q, circles orders), and its slope along the normals times the
+    lengths of the points."""
+    waves, slopes = [], []
+    for centre, reach in circles:
+        inverse = reach / (edges.place_m - centre)
+        wave = np.cumprod(np.broadcast_to(inverse[:, None], (len(inverse), orders)), axis=1)
+        waves.append(wave)
+        slopes.append(-np.arange(1, orders + 1) / reach * wave * (inverse * edges.outwards_m)[:, None])
+    return np.hstack(waves), np.hstack(slopes)

@@ -1,0 +1,68 @@
+"""What the edges of an outline send back to circles: the disc's, converging, free of a choice of circle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
+from eitsim.electrics.cem.ring_scattering import Coupling, impedance_change, on_disc
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement
+from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.electrics.outline.edge_response import coupling, edge_responses, response_on
+from eitsim.electrics.outline.triangles import skin_mesh
+from eitsim.scene.drive import as_tuples
+from eitsim.scene.electrodes import contact_impedances
+from eitsim.scene.scene import Body, Electrodes, Scene
+
+S, ORDERS = 6e-4, 8
+TURN = 2 * np.pi * np.arange(1000) / 1000
+POLYGON = Body(outline="polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(TURN), np.sin(TURN)])))
+EVEN = Scene(POLYGON).electrodes
+PAIR = [(0.04 + 0.02j, 0.03), (-0.03 - 0.01j, 0.025)]
+
+
+def off(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+
+
+def parts(found: Coupling) -> tuple[np.ndarray, ...]:
+    return found.incoming, found.same, found.crossed
+
+
+def test_edges_of_a_polygon_couple_circles_as_the_rim_of_the_disc_does():
+    disc = on_disc(solve_rim(Body(), Electrodes(), S), Body(), Electrodes(), PAIR, ORDERS, HARMONICS)
+    coarse, fine = (coupling(one, PAIR, ORDERS) for one in edge_responses(POLYGON.shape, EVEN, S))
+    for rough, found, known in zip(parts(coarse), parts(fine), parts(disc), strict=True):
+        print(f"{off(rough, known):.1e} {off(found, known):.1e}")
+        assert off(found, known) < 1e-4
+    np.testing.assert_array_equal(fine.order, disc.order)
+
+
+def test_the_mesh_of_the_edges_converges_about_a_circle_that_touches_one():
+    """Halving leaves less than a third of the change of the impedance matrix."""
+    body = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.03, 0.0, 0.006),))
+    electrodes, circles = Electrodes(count=12, width_m=0.006), [(0.02 + 0.02j, 0.02)]
+    tau = np.array([-0.5 * 0.16**m for m in range(1, ORDERS + 1)])
+    first, second = (impedance_change(coupling(one, circles, ORDERS), S, tau)
+                     for one in edge_responses(body.shape, electrodes, S))
+    known = on_finer(body, electrodes, circles, tau)
+    print(f"{off(first, known):.1e} {off(second, known):.1e}")
+    assert off(second, known) < min(2e-4, off(first, known) / 3)
+    np.testing.assert_allclose(second, second.T, atol=1e-9 * np.abs(second).max())
+
+
+def on_finer(body: Body, electrodes: Electrodes, circles: list[tuple[complex, float]], tau: np.ndarray) -> np.ndarray:
+    mesh = skin_mesh(solve_untouched(body.shape, electrodes, S, 3e-6).triangles, electrodes)
+    response = response_on(uniform_refinement(mesh), mesh, S, contact_impedances(electrodes))
+    return impedance_change(coupling(response, circles, len(tau)), S, tau)
+
+
+@pytest.mark.parametrize("reach", [0.03, 0.02, 0.012])
+def test_a_circle_of_any_size_about_a_scatterer_has_its_change(reach):
+    """tau_m of a disc inside goes as reach^-2m."""
+    body, electrodes = Body(outline="rectangle", width_m=0.12, height_m=0.08), Electrodes(count=12, width_m=0.006)
+    response, m = edge_responses(body.shape, electrodes, S)[1], np.arange(1, ORDERS + 1)
+    one, other = (impedance_change(coupling(response, [(0.01 + 0.005j, r)], ORDERS), S,
+                                   np.array(-0.6 * (0.01 / r) ** (2 * m), float)) for r in (reach, 0.025))
+    np.testing.assert_allclose(one, other, atol=1e-10 * np.abs(other).max())

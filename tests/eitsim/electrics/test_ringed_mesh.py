@@ -1,0 +1,86 @@
+"""Rings about touches on skins with an outline: they fill their circles, follow the contact, and cost little."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eitsim.electrics.cem.assembly import dissection, gradients, impedance, quadrature_points
+from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.mesh.p2_triangles import EDGES, uniform_refinement
+from eitsim.electrics.outline.ringed_mesh import outlined_mesh
+from eitsim.electrics.outline.touch_mesh import touch_mesh
+from eitsim.electrics.sheet.sheet_conductance import touched_conductance
+from eitsim.scene.drive import read_out
+from eitsim.scene.electrodes import contact_impedances
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from matcal.laws.conductivity import Conductivity
+
+LAW, SKIN = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal")
+RECTANGLE = Body(outline="rectangle", width_m=0.2, height_m=0.14)
+GRID = Electrodes(kind="surface", count=6, x_m=(-0.04, 0, 0.04) * 2, y_m=(-0.02,) * 3 + (0.02,) * 3, width_m=0.01)
+L = Body(outline="polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
+    (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2)))
+LINES = Electrodes(count=24, width_m=0.008)
+
+
+
+def pressed(least: float = 0.7) -> Touch:
+    """A touch that squeezes the skin under a punch of 14 mm."""
+    radius = np.linspace(0, 0.03, 121)
+    normal, rest = 1 - (1 - least) / (1 + (radius / 0.007) ** 8), np.ones_like(radius)
+    return Touch(radius, 0 * rest, 0 * rest, rest, rest, normal, 1e4 * (radius < 0.007), 0.007, *[0.0] * 9, 0, (), 0.0)
+
+
+PAIR = ((Punch(0.05, 0.0078), pressed()), (Punch(0.035, 0.117), pressed(0.8)))
+
+
+def outer_sides(cells: np.ndarray) -> np.ndarray:
+    side = np.vstack([cells[:, list(nodes)] for nodes in EDGES])
+    _, first, times = np.unique(side[:, 2], return_index=True, return_counts=True)
+    assert times.max() == 2
+    return side[first[times == 1]]
+
+
+def test_rings_fill_their_circles_and_leave_no_gap() -> None:
+    """Next to an edge, and between a hole and nothing: the area is that of the skin, its edges are the only ones."""
+    mesh = outlined_mesh(L, LINES, 6e-4, PAIR)
+    hole = np.pi * 0.01**2
+    area = gradients(mesh, np.zeros((len(mesh.nodes_m), 1)))[1]
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(0.2 * 0.08 + 0.12 * 0.08 - hole, rel=1e-9)
+    ends = mesh.nodes_m[outer_sides(mesh.cells)[:, :2]]
+    around = 2 * 72 * 0.01 * np.sqrt(np.tan(np.pi / 72) * np.pi / 72)
+    assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum() == pytest.approx(0.8 + around, rel=1e-3)
+
+
+def test_rings_have_lines_at_the_edge_of_the_punch_and_the_start_of_its_fillet() -> None:
+    mesh = outlined_mesh(RECTANGLE, LINES, 6e-4, ((Punch(0.03, 0.02), pressed()),))
+    away = np.hypot(*(mesh.nodes_m - [0.03, 0.02]).T)
+    for line in (0.007, 0.0065):
+        assert np.sum(np.abs(away - line) < 1e-12) >= 24
+
+
+@pytest.mark.parametrize("touches", [PAIR[:1], PAIR], ids=["0.8 mm from an edge", "and next to a hole"])
+def test_less_than_half_the_nodes_give_the_signal_within_its_estimate(touches) -> None:
+    found = solve(L, SKIN, LINES, Drive(), touches, LAW, method="mesh", signal=4e-3)
+    plain = uniform_refinement(touch_mesh(L, LINES, 6e-4, touches))
+    z, order = contact_impedances(LINES), dissection(plain)
+    sheet = touched_conductance(quadrature_points(plain), touches, SKIN, LAW)
+    known = read_out(Drive(), impedance(plain, sheet, z, order=order)
+                     - impedance(plain, np.full(len(plain.cells), 6e-4), z, order=order))
+    off = np.linalg.norm(found.signal_V - known) / np.linalg.norm(known)
+    print(f"{off:.1e}, estimated {found.signal_error:.1e}, {found.unknowns} and {len(plain.nodes_m)} unknowns")
+    assert off < found.signal_error < 2e-3
+    assert 2 * found.unknowns < len(plain.nodes_m)
+
+
+def test_under_electrodes_on_the_surface_there_are_no_rings() -> None:
+    over, clear = (((Punch(x, 0.0), pressed()),) for x in (0.035, 0.075))
+    plain, ringed = (outlined_mesh(RECTANGLE, GRID, 6e-4, touches) for touches in (over, clear))
+    np.testing.assert_array_equal(plain.cells, touch_mesh(RECTANGLE, GRID, 6e-4, over).cells)
+    assert len(ringed.cells) < len(touch_mesh(RECTANGLE, GRID, 6e-4, clear).cells)
+    a, b, c = np.moveaxis(ringed.nodes_m[ringed.under[:, :3]], 1, 0)
+    area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
+    np.testing.assert_allclose([area[ringed.electrode == k].sum() for k in range(6)], np.pi * 0.005**2, rtol=1e-9)
