@@ -4,7 +4,7 @@ A file (TOML) has a form of its own, not that of a scene, since a curved body ha
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ class CurvedSkin:
     widths_m: float | tuple[float, ...] = 0.01  # diameters of the balls that cut them out, m
     groups: tuple[str | int, ...] = ()
     contact_impedance_Ohm_m2: float | tuple[float, ...] = 1e-2  # Ohm m^2
-    drive: Drive = Drive()
+    drive: Drive = field(default_factory=Drive)
     patches: tuple[ConductancePatch, ...] = ()
 
     def __post_init__(self) -> None:
@@ -77,7 +77,8 @@ def read_curved_skin(path: Path | str) -> CurvedSkin:
 def _skin(tables: Mapping[str, Any], folder: Path) -> CurvedSkin:
     for table in ("punch", "hold"):
         if table in tables:
-            raise ValueError(f"[{table}]: {NO_MECHANICS}; leave it out, and give a touch as a [[patch]] of conductance.")
+            raise ValueError(f"[{table}]: {NO_MECHANICS}; leave it out, and give a touch as a [[patch]] of "
+                             "conductance.")
     if unknown := [key for key in tables if key not in _KEYS]:
         raise ValueError(unknown_key(unknown[0], _KEYS))
     parts = {name: _table(name, tables.get(name, {})) for name in ("body", "skin", "electrodes", "drive")}

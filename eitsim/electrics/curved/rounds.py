@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from eitsim.electrics.cem.assembly import Array
+from eitsim.electrics.cem.assembly import Array, Indices
 from eitsim.electrics.curved.facets import Facets, halved, split
 
 _CHORDS = 24  # Chords about a round part, about, at least.
@@ -58,7 +58,7 @@ def _cut(facets: Facets, centre: Array, radius: float) -> tuple[Facets, NDArray[
     return out, _one_piece(out, inside, centre)
 
 
-def _shares(facets: Facets, ends: Array, own: Array, crossed: NDArray[np.bool_], centre: Array,
+def _shares(facets: Facets, ends: Indices, own: Indices, crossed: NDArray[np.bool_], centre: Array,
             radius: float) -> Array:
     """How far along from their lower ends (edges,) the crossed edges meet the ball; 1/2 on the others."""
     middle = np.empty(len(ends), dtype=np.int64)

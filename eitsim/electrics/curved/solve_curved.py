@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, potentials, weights
 from eitsim.electrics.curved.facets import Facets, halved
@@ -152,11 +153,11 @@ def prepared(skin: CurvedSkin) -> Facets:
     return facets
 
 
-def _under(facets: Facets, inside: Array, k: int) -> Facets:
+def _under(facets: Facets, inside: NDArray[np.bool_], k: int) -> Facets:
     taken = facets.electrode[inside]
     if np.any(taken >= 0):
-        raise ValueError(f"electrodes {taken.max()} and {k} (from 0) overlap; place them further from each other or make "
-                         "them smaller.")
+        raise ValueError(f"electrodes {taken.max()} and {k} (from 0) overlap; place them further from each other or "
+                         "make them smaller.")
     return replace(facets, electrode=np.where(inside, k, facets.electrode))
 
 
@@ -208,7 +209,7 @@ def prolonged(mesh: SkinMesh, potential: Array) -> Array:
     return uniform_refinement(replace(mesh, nodes_m=potential)).nodes_m
 
 
-def _most(indicator: Array) -> Array:
+def _most(indicator: Array) -> NDArray[np.bool_]:
     """Which of the triangles (t,) hold most of the error: the fewest that have _SHARE of it."""
     order = np.argsort(-indicator)
     total = np.cumsum(indicator[order])

@@ -1,102 +1,61 @@
-"""Sheets in space: isometries change nothing, round parts have their area, patches are what flat meshes make of them."""
+"""Sheets in space: isometries change nothing, round parts have their area, patches do what they do on flat meshes."""
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from subprocess import CompletedProcess
+from types import ModuleType
 
 import meshio
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import SkinMesh, impedance
+from eitsim.electrics.cem.assembly import impedance
 from eitsim.electrics.curved import solve_curved
 from eitsim.electrics.curved.facets import Facets, halved
 from eitsim.electrics.curved.rounds import cut_out, refined_at
 from eitsim.electrics.curved.solve_curved import facets_of, prepared, skin_mesh, solve_curved_skin
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_untouched
-from eitsim.electrics.outline.triangles import refined, triangulated
-from eitsim.electrics.outline.triangles import skin_mesh as flat_mesh
-from eitsim.scene.curved_skin import ConductancePatch, CurvedSkin, read_curved_skin
+from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline import circle
 from eitsim.scene.scene import Body, read_scene
 from eitsim.scene.triangle_files import TriangleMesh, read_triangles
 from touchcal.errors import InputFileError, NotConverged
 
 Array = NDArray[np.float64]
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 S = 6e-4  # S
-WIDTH, HEIGHT = 0.12, 0.08  # of the flat sheet, m
-PLACES = np.column_stack([np.tile(0.03 * np.arange(4) - 0.045, 2), np.repeat([-0.02, 0.02], 4)])  # of its electrodes
 
 
-def sheet(columns: Array, rows: Array, place: Callable[[Array, Array], Array], closed: bool = False,
-          quadratic: bool = False) -> tuple[Array, Array, Array]:
-    """Nodes (n, 3), triangles (t, 3 or 6) and their middles (t, 2) of a grid of quadrilaterals cut in two."""
-    a, b = (np.insert(lines[1:], np.arange(len(lines) - 1), (lines[1:] + lines[:-1]) / 2) for lines in (columns, rows))
-    s, z = np.meshgrid(np.append(columns[0], a), np.append(rows[0], b), indexing="ij")
-    number = np.arange(s.size).reshape(s.shape)
-    nodes = place(s.ravel(), z.ravel())
-    if closed:
-        number[-1] = number[0]
-    i, j = (g.ravel() for g in np.meshgrid(np.arange(0, s.shape[0] - 1, 2), np.arange(0, s.shape[1] - 1, 2),
-                                           indexing="ij"))
-    at = [[number[i + p, j + q] for q in range(3)] for p in range(3)]
-    lower = [at[0][0], at[2][0], at[2][2], at[1][0], at[2][1], at[1][1]]
-    upper = [at[0][0], at[2][2], at[0][2], at[1][1], at[1][2], at[0][1]]
-    cells = np.vstack([np.stack(corners, axis=-1) for corners in (lower, upper)])[:, :6 if quadratic else 3]
-    middle = np.tile(np.column_stack([s[i + 1, j + 1], z[i + 1, j + 1]]), (2, 1))
-    used, cells = np.unique(cells, return_inverse=True)
-    return nodes[used], cells.reshape(len(middle), -1), middle
+def _loaded() -> ModuleType:
+    """benchmarks/curved_skins.py, which makes the sheets."""
+    sys.path.insert(0, str(BENCHMARKS))
+    try:
+        spec = importlib.util.spec_from_file_location("curved_skins", BENCHMARKS / "curved_skins.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+    finally:
+        sys.path.remove(str(BENCHMARKS))
 
 
-def turned(points: Array) -> Array:
-    """Points (n, 2) of a plane in space, turned at random."""
-    q = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
-    return points @ q[:, :2].T
-
-
-def flat_skin(**more: object) -> CurvedSkin:
-    """A turned rectangle with eight round electrodes."""
-    nodes, cells, _ = sheet(np.linspace(-WIDTH / 2, WIDTH / 2, 13), np.linspace(-HEIGHT / 2, HEIGHT / 2, 9),
-                            lambda s, z: turned(np.column_stack([s, z])))
-    return CurvedSkin(TriangleMesh("flat", nodes, cells, {}), S, places_m=tuple(map(tuple, turned(PLACES))),
-                      widths_m=0.01, **more)  # type: ignore[arg-type]
-
-
-def cylinder(radius: float, height: float, electrodes: int, a_sector: int) -> CurvedSkin:
-    """A closed cylinder of curved triangles; electrodes are rectangles, half of each sector wide and 10 mm high."""
-    sector = 2 * np.pi / electrodes
-    half = np.linspace(0.005, height / 2, 2 * a_sector)
-    rows = np.concatenate([-half[::-1], np.linspace(-0.005, 0.005, a_sector // 2 + 1)[1:-1], half])
-    nodes, cells, middle = sheet(
-        np.linspace(0, 2 * np.pi, electrodes * a_sector + 1), rows,
-        lambda s, z: np.column_stack([radius * np.cos(s), radius * np.sin(s), z]), closed=True, quadratic=True)
-    off = np.abs(middle[:, 0] / sector % 1 - 0.5)
-    under = (off < 0.25) & (np.abs(middle[:, 1]) < 0.005)
-    groups: dict[str | int, Array] = {k: np.flatnonzero(under & (middle[:, 0] // sector == k))
-                                      for k in range(electrodes)}
-    return CurvedSkin(TriangleMesh("cylinder", nodes, cells, groups), S,  # type: ignore[arg-type]
-                      groups=tuple(range(electrodes)))
+skins = _loaded()
+sheet, turned, PLACES = skins.sheet, skins.turned, skins.PLACES
 
 
 def test_a_cylinder_with_16_electrodes_is_its_unrolled_rectangle_to_1e_6() -> None:
     """Currents that are even about two opposite lines see half of the cylinder: a rectangle with 8 electrodes."""
-    radius, height = 0.05, 0.08
-    found = solve_curved_skin(cylinder(radius, height, 16, 6), readings=1e-6)
-    even = found.impedance_Ohm[:8, :8] + found.impedance_Ohm[:8, 15:7:-1]
-    even = even - even.mean(axis=0)
-    sector = np.pi / 8 * radius
-    x = sector * (np.arange(8) - 3.5)
-    electrodes = Electrodes(kind="surface", count=8, shape="rectangle", width_m=sector / 2, length_m=0.01,
-                            x_m=tuple(x.tolist()), y_m=(0.0,) * 8)
-    flat = solve_untouched(Body(outline="rectangle", width_m=np.pi * radius, height_m=height).shape, electrodes, S, 1e-6)
-    assert readings_difference(even, flat.impedance_Ohm) < 1e-6
+    found = solve_curved_skin(skins.cylinder(16, 8), readings=1e-6)
+    assert readings_difference(skins.even_part(found.impedance_Ohm), skins.unrolled(16)) < 1e-6
     assert found.readings_error < 1e-6
 
 
@@ -124,12 +83,12 @@ def test_folding_a_sheet_along_lines_of_its_mesh_changes_nothing() -> None:
 def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated() -> None:
     nodes, cells, middle = sheet(np.linspace(-0.06, 0.06, 25), np.linspace(-0.04, 0.04, 17),
                                  lambda s, z: turned(np.column_stack([s, z])))
-    groups: dict[str | int, Array] = {k: np.flatnonzero(np.abs(middle - place).max(axis=1) < 0.005)
+    groups = {k: np.flatnonzero(np.abs(middle - place).max(axis=1) < 0.005)
                                       for k, place in enumerate(PLACES)}
     skin = CurvedSkin(TriangleMesh("flat", nodes, cells, groups), S, groups=tuple(range(8)))  # type: ignore[arg-type]
     electrodes = Electrodes(kind="surface", count=8, shape="rectangle", width_m=0.01, length_m=0.01,
                             x_m=tuple(PLACES[:, 0].tolist()), y_m=tuple(PLACES[:, 1].tolist()))
-    known = solve_untouched(Body(outline="rectangle", width_m=WIDTH, height_m=HEIGHT).shape, electrodes, S, 1e-6)
+    known = solve_untouched(Body(outline="rectangle", width_m=0.12, height_m=0.08).shape, electrodes, S, 1e-6)
     coarse, fine = (solve_curved_skin(skin, readings=asked) for asked in (1e-3, 2e-6))
     for found in (coarse, fine):
         assert readings_difference(found.impedance_Ohm, known.impedance_Ohm) < found.readings_error + known.error
@@ -137,20 +96,9 @@ def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated() ->
 
 
 def test_a_patch_changes_readings_as_on_a_flat_mesh_of_another_mesher() -> None:
-    factor, place, width = 0.3, np.array([0.012, -0.006]), 0.016
-    patch = ConductancePatch(tuple(turned(place[None])[0]), width, factor)
-    found = solve_curved_skin(flat_skin(patches=(patch,)))
-    electrodes = Electrodes(kind="surface", count=8, width_m=0.01, x_m=tuple(PLACES[:, 0].tolist()),
-                            y_m=tuple(PLACES[:, 1].tolist()))
-    outline = Body(outline="rectangle", width_m=WIDTH, height_m=HEIGHT).shape
-    triangles = refined(triangulated(outline, electrodes, [circle(place, width / 2, 96)]),
-                        lambda mesh: np.full(len(mesh.cells), 2e-6))
-    mesh: SkinMesh = flat_mesh(triangles, electrodes)
-    inside = np.linalg.norm(triangles.centres_m - place, axis=1) < width / 2
-    known = impedance(mesh, np.where(inside, factor * S, S), 1e-2) - impedance(mesh, np.full(len(inside), S), 1e-2)
-    change = found.touched_Ohm - found.impedance_Ohm
+    found = solve_curved_skin(skins.touched_sheet())
     assert found.signal_error is not None
-    assert readings_difference(change, known) < 2e-4
+    assert readings_difference(found.touched_Ohm - found.impedance_Ohm, skins.flat_change(2e-6)) < 2e-4
     assert found.signal_error < 2e-4
     assert np.linalg.norm(found.signal_V) > 1e-3 * np.linalg.norm(found.baseline_V)
 
@@ -164,7 +112,7 @@ def test_a_ball_cuts_the_area_of_a_cap_out_of_a_sphere_and_one_piece_alone() -> 
     cut, inside = cut_out(refined_at(facets, centre, 0.008), centre, 0.008)
     assert cut.area_m2[inside].sum() == pytest.approx(np.pi * 0.008**2, rel=2e-3)  # plane triangles in a curved cap
     conforming(cut)
-    two = np.vstack([nodes, nodes + [0, 0, 0.004]])
+    two = np.vstack([nodes, nodes + np.array([0, 0, 0.004])])
     sheets = facets_of(TriangleMesh("two", two, np.vstack([cells, cells + len(nodes)]), {}))  # type: ignore[arg-type]
     cut, inside = cut_out(refined_at(sheets, centre, 0.008), centre, 0.008)
     assert cut.parent[inside].max() < len(cells)
@@ -200,7 +148,7 @@ def test_halving_keeps_the_sheet_and_its_angles() -> None:
 
 
 def test_the_mesh_halved_in_space_keeps_its_curves() -> None:
-    mesh = skin_mesh(prepared(cylinder(0.05, 0.08, 4, 8)), 4)
+    mesh = skin_mesh(prepared(skins.cylinder(4, 8)), 4)
     finer = uniform_refinement(mesh)
     away = np.hypot(finer.nodes_m[:, 0], finer.nodes_m[:, 1]) / 0.05 - 1
     assert np.abs(away).max() < 1e-5  # chords would be 5e-3 off
@@ -209,7 +157,7 @@ def test_the_mesh_halved_in_space_keeps_its_curves() -> None:
 def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solve_curved, "_MOST", 1000)
     with pytest.raises(NotConverged, match="are known to"):
-        solve_curved_skin(flat_skin(), readings=1e-13)
+        solve_curved_skin(skins.touched_sheet(), readings=1e-13)
 
 
 SKIN = """[body]
