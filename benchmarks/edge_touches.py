@@ -6,9 +6,9 @@ meshes; it shares no code with eitsim. Columns are relative to the peer's finest
 
 depth_difference, and the 2-norm of differences of the surface's strains, within 30 mm of the punch's edge ("strain");
 "edge": that of what the edge changes of the strains, near it less far from all edges, each program by itself, where
-most of what a mesh misses under the punch cancels; both over the 2-norm of the whole strain. "peer": the peer's two finest
-meshes to each other, its own error and more. "as if no edge" leaves the edge out of eitsim's touch, which shows what it
-changes. The peer takes pypardiso where it is installed, or where the interpreter has it that PARDISO_PYTHON names, else
+most of what a mesh misses under the punch cancels; both over the 2-norm of the whole strain. "peer": the two finest
+meshes of the peer to each other, its own error and more. "as if no edge" leaves the edge out of eitsim's touch, which
+shows what it changes. The peer takes pypardiso where it or the interpreter that PARDISO_PYTHON names has it, else
 SuperLU, many times slower. Run by `make bench`, which pins threads; writes results/edge_touches.csv beside this file.
 """
 
