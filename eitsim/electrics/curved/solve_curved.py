@@ -102,15 +102,15 @@ def solve_curved_skin(skin: CurvedSkin | Path | str, *, readings: float = READIN
 
 def curved_document(path: Path, skin: CurvedSkin, solved: CurvedReadings) -> dict[str, Any]:
     """A solved curved skin as plain JSON values, units in the names of the keys; `readings_V` are touched where there
-    are patches, and the untouched ones and the signal follow then."""
-    factors = [patch.factor for patch in skin.patches]
+    are patches, and the untouched ones and the signal follow then; `conductance_S` is that without patches."""
     document: dict[str, Any] = {
         "schema": 1,
         "model": {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
                   "variable": skin.mesh.name, "electrodes": skin.count, "nodes": solved.nodes,
                   "triangles": solved.triangles, "element": "P2",
-                  "conductance_S": [skin.conductance_S * pick([1.0, *factors]) for pick in (min, max)],
-                  "contact_impedance_Ohm_m2": contact_impedances(skin).tolist(), "patches": len(factors)},
+                  "conductance_S": [skin.conductance_S] * 2,
+                  "contact_impedance_Ohm_m2": contact_impedances(skin).tolist(),
+                  "patch_factors": [patch.factor for patch in skin.patches]},
         "impedance_Ohm": solved.touched_Ohm.tolist(), "readings_V": solved.touched_V.tolist(),
         "error_estimate": {"readings": solved.readings_error},
         "cost": {"cpu_s": solved.cpu_s, "unknowns": solved.nodes + skin.count - 1}, "versions": versions()}
