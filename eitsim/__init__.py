@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 from touchcal.lazy import attach
 
 if TYPE_CHECKING:
+    from eitsim.electrics.curved.solve_curved import solve_curved_skin
     from eitsim.electrics.imaging.images import reconstruct
     from eitsim.electrics.interop.solve_file import solve_sheet_model
+    from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
     from eitsim.scene.drive import Drive
     from eitsim.scene.electrodes import Electrodes
     from eitsim.scene.results import Result
@@ -31,6 +33,7 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "Body": "eitsim.scene.scene",
     "CalibratedSensor": "eitsim.sensors.calibration.calibration_file",
     "Calibration": "eitsim.sensors.calibration.calibrate",
+    "CurvedSkin": "eitsim.scene.curved_skin",
     "Dataset": "eitsim.sweeps.dataset.parquet",
     "Design": "eitsim.sweeps.design.design",
     "Drive": "eitsim.scene.drive",
@@ -53,6 +56,7 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "open_recording": "eitsim.sensors.formats.open_file",
     "plan": "eitsim.simulation.simulate",
     "read_calibration": "eitsim.sensors.calibration.calibration_file",
+    "read_curved_skin": "eitsim.scene.curved_skin",
     "read_design": "eitsim.sweeps.design.design",
     "read_recording": "eitsim.sensors.recording",
     "read_scene": "eitsim.scene.scene",
@@ -60,6 +64,7 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "reconstruct": "eitsim.electrics.imaging.images",
     "result_document": "eitsim.simulation.result_json",
     "simulate": "eitsim.simulation.simulate",
+    "solve_curved_skin": "eitsim.electrics.curved.solve_curved",
     "solve_sheet_model": "eitsim.electrics.interop.solve_file",
     "sweep": "eitsim.sweeps.run.sweep",
 })

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -148,7 +149,8 @@ app.command()(indices)
 @app.command(name="solve-mesh")
 def solve_mesh(model: Annotated[Path, typer.Argument(
                    metavar="MODEL", help="EIDORS model (.mat, v5 to v7): a fwd_model, an image or an inv_model of a "
-                                         "sheet, triangles in the plane.")],
+                                         "sheet, triangles in the plane; or a curved skin (.toml), triangles in "
+                                         "space.")],
                variable: Annotated[str | None, typer.Option(help="Name of the model, where there are several.")] = None,
                conductance: Annotated[float | None, typer.Option(
                    "--conductance-S", help="One sheet conductance, S, in place of the image's elem_data.")] = None,
@@ -158,27 +160,46 @@ def solve_mesh(model: Annotated[Path, typer.Argument(
                                                          "the same triangles.")] = "P1",
                out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
                as_json: JsonOption = False) -> None:
-    """Solve your own EIDORS model: impedance matrix and readings, with what its triangles cost of them.
+    """Solve your own EIDORS model, or a curved skin: impedance matrix and readings, with what its triangles cost of
+    them.
 
     Example: eitsim solve-mesh model.mat --conductance-S 1e-3 --out solved.json
     """
-    from eitsim.cli.display import show_solved
     from eitsim.electrics.interop import solve_file
     from eitsim.electrics.interop.eidors import read_eidors
 
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [path for path in (model, scene) if path is not None])
-    solve_file.check_element(element)
     if conductance is not None:
         solve_file.check_conductance(conductance, "--conductance-S")
+    if model.suffix.lower() == ".toml":
+        if variable is not None or scene is not None or element != "P1":
+            raise ValueError(f"{model}: a curved skin takes no --variable, --scene and --element; leave them out.")
+        _shown_solved(_curved(model, conductance), out, as_json)
+        return
+    solve_file.check_element(element)
     if scene is not None and (unused := solve_file.unused_tables(scene)):
         print(f"{scene}: of this file only [drive] is used; {', '.join(unused)} left out, since the model has its own.",
               file=sys.stderr)
     held = read_eidors(model, variable)
     solved = solve_file.solve_sheet_model(held, conductance_S=conductance, element=element,
                                           drive=read_scene(scene).drive if scene is not None else None)
-    document = solve_file.solved_document(model, held, conductance, element, solved)
+    _shown_solved(solve_file.solved_document(model, held, conductance, element, solved), out, as_json)
+
+
+def _curved(path: Path, conductance_S: float | None) -> dict[str, Any]:
+    from eitsim.electrics.curved.solve_curved import curved_document, solve_curved_skin
+    from eitsim.scene.curved_skin import read_curved_skin
+
+    skin = read_curved_skin(path)
+    skin = skin if conductance_S is None else replace(skin, conductance_S=conductance_S)
+    return curved_document(path, skin, solve_curved_skin(skin))
+
+
+def _shown_solved(document: dict[str, Any], out: Path | None, as_json: bool) -> None:
+    from eitsim.cli.display import show_solved
+
     if out is not None:
         write_json(document, out)
     if as_json:

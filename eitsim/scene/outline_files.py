@@ -97,7 +97,8 @@ def _mesh(path: Path) -> list[Array]:
     if not cells:
         raise InputFileError(path, "the mesh has no triangles; save the skin's surface.")
     if mesh.points.shape[1] == 3 and np.ptp(mesh.points[:, 2]) > _SAME_MM:
-        raise InputFileError(path, "the mesh is not flat in z; curved skins are not solved.")
+        raise InputFileError(path, "the mesh is not flat in z. Touches of curved skins are not solved; "
+                                   "`eitsim solve-mesh` gives readings of a curved skin.")
     corners = np.vstack([block[:, :3] for block in cells])
     edges = np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
     _, index, times = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)

@@ -33,6 +33,9 @@ def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 def _with_outline(body: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The table [body], a file that outline or points_mm names replaced by the corners it holds, mm."""
+    if "mesh" in body:
+        raise ValueError("mesh in [body]: a scene is a flat skin under a punch; mechanics on curved bodies is left "
+                         "out. `eitsim solve-mesh` reads this table in the file of a curved skin.")
     name = body.get("outline")
     if isinstance(name, str) and name not in OUTLINES and "." in name:
         if "points_mm" in body:

@@ -31,7 +31,8 @@ class SkinMesh:
     """The skin's reference surface cut into elements, and what of it lies under electrodes: edges under lines, whole
     elements under patches."""
 
-    nodes_m: Array  # (n, 2) nodes, m; the elements are isoparametric, so middle nodes may lie on curves
+    # (n, 2) nodes, m, or (n, 3) of a sheet in space; the elements are isoparametric, so middle nodes may lie on curves
+    nodes_m: Array
     cells: Indices  # (cells, k) node numbers of each element, in scikit-fem's local order of degrees of freedom
     # (parts, m) node numbers of the edges under electrodes, m = 2 or 3: both ends, then the middle where the element
     # has one; or of the elements under electrodes, m = k, ordered as in `cells`
@@ -61,7 +62,7 @@ class Floating:
 
 
 def quadrature_points(mesh: SkinMesh) -> Array:
-    """Points (cells, q, 2), m, where the conductance is needed."""
+    """Points (cells, q, 2 or 3), m, where the conductance is needed."""
     return np.einsum("qk,ekx->eqx", _reference(mesh.element)[0], mesh.nodes_m[mesh.cells])
 
 
@@ -81,7 +82,10 @@ def joined_over_areas(mesh: SkinMesh, cell: Indices, conductance: Array) -> Arra
 def dissection(mesh: SkinMesh, floating: Floating | None = None) -> Dissection:
     """Order of elimination of nodes, then floating conductors, then electrodes; it fits every mesh with these cells,
     conductors and electrodes, wherever its nodes are. ValueError where a node belongs to no cell."""
-    return dissect(mesh.nodes_m[mesh.cells].mean(axis=1), _blocks(mesh, floating), _conductors(floating) + mesh.count)
+    place = mesh.nodes_m[mesh.cells].mean(axis=1)
+    if place.shape[1] == 3:  # seen along the direction in which a sheet in space extends least
+        place = place @ np.linalg.svd(place - place.mean(axis=0), full_matrices=False)[2][:2].T
+    return dissect(place, _blocks(mesh, floating), _conductors(floating) + mesh.count)
 
 
 def _blocks(mesh: SkinMesh, floating: Floating | None) -> list[Indices]:
@@ -164,8 +168,7 @@ def _named(mesh: SkinMesh, unknown: int, floating: Floating | None) -> str:
     if place >= 0:
         electrode = place - _conductors(floating)
         return f"floating conductor {place}" if electrode < 0 else f"electrode {electrode}"
-    x, y = mesh.nodes_m[unknown] * 1e3
-    return f"the node at ({x:.3g}, {y:.3g}) mm"
+    return f"the node at ({', '.join(f'{part:.3g}' for part in mesh.nodes_m[unknown] * 1e3)}) mm"
 
 
 def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
@@ -224,7 +227,8 @@ def _resolved(z: Array) -> Array:
 
 
 def gradients(mesh: SkinMesh, potential: Array) -> tuple[Array, Array]:
-    """Gradients (cells, q, 2, k) of nodal potentials (n, k) at the quadrature points, and their areas (cells, q)."""
+    """Gradients (cells, q, 2, k) of nodal potentials (n, k) at the quadrature points of a flat sheet, and their areas
+    (cells, q)."""
     _, gradient, weights, _ = _reference(mesh.element)
     jacobian = np.einsum("eka,qkb->eqab", mesh.nodes_m[mesh.cells], gradient)
     local = np.einsum("qkb,ekp->eqbp", gradient, potential[mesh.cells])
@@ -251,6 +255,8 @@ def _stiffness(mesh: SkinMesh, conductance: Array) -> Array:
     """Weights (cells, pairs) of int grad v . sigma grad u; the conductance is pulled back to the element."""
     _, gradient, weights, products = _reference(mesh.element)
     x = mesh.nodes_m[mesh.cells]
+    if x.shape[2] == 3:
+        return _in_space(x, conductance, gradient, weights) @ products
     xr, xs, yr, ys = (x[..., i] @ gradient[..., j].T for i in (0, 1) for j in (0, 1))
     det = xr * ys - xs * yr
     if not np.all(det * np.sign(det[:, :1]) > 0):
@@ -261,6 +267,19 @@ def _stiffness(mesh: SkinMesh, conductance: Array) -> Array:
                        w * (sxx * yr**2 - 2 * sxy * yr * xr + syy * xr**2),
                        w * (sxy * (ys * xr + xs * yr) - sxx * ys * yr - syy * xs * xr)], axis=-1)
     return pulled.reshape(len(x), -1) @ products
+
+
+def _in_space(x: Array, conductance: Array, gradient: Array, weights: Array) -> Array:
+    """Pulled back isotropic conductances (cells, 3 q) of a sheet in space, by the metric of its own tangent planes."""
+    if conductance.ndim == 4:
+        raise ValueError("a sheet in space is solved with isotropic conductances, got tensors.")
+    one, other = (np.einsum("ekx,qk->eqx", x, gradient[..., i]) for i in (0, 1))
+    normal = np.cross(one, other)
+    if not np.all(np.sum(normal * normal[:, :1], axis=-1) > 0):
+        raise ValueError("the mesh has an element that is flat or folded over; check the order of its nodes.")
+    sheet = _components(conductance, normal.shape[:2])[0] * weights / np.linalg.norm(normal, axis=-1)
+    parts = [np.sum(a * b, axis=-1) for a, b in ((other, other), (one, one), (one, -other))]
+    return np.stack([sheet * part for part in parts], axis=-1).reshape(len(x), -1)
 
 
 def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
@@ -302,4 +321,6 @@ def _on_cells(mesh: SkinMesh, cells: Indices) -> tuple[Array, Array]:
     """As `_on_edges`, of whole elements (parts, k): functions (q, k), areas (parts, q)."""
     value, gradient, weights, _ = _reference(mesh.element, _AREA_DEGREE)
     jacobian = np.einsum("eka,qkb->eqab", mesh.nodes_m[cells], gradient)
+    if jacobian.shape[2] == 3:
+        return value, weights * np.linalg.norm(np.cross(jacobian[..., 0], jacobian[..., 1]), axis=-1)
     return value, weights * np.abs(np.linalg.det(jacobian))

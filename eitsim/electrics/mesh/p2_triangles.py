@@ -132,7 +132,8 @@ def uniform_refinement(mesh: SkinMesh) -> SkinMesh:
         a, b, m = mesh.under.T
         under = np.stack([np.column_stack([a, m, half(a, m)]), np.column_stack([m, b, half(b, m)])], axis=1)
     electrode = np.repeat(mesh.electrode, under.shape[1])
-    return replace(mesh, nodes_m=np.vstack([nodes, np.stack(on_edges, axis=1).reshape(-1, 2), inside.reshape(-1, 2)]),
+    new = [part.reshape(-1, nodes.shape[1]) for part in (np.stack(on_edges, axis=1), inside)]
+    return replace(mesh, nodes_m=np.vstack([nodes, *new]),
                    cells=cells.reshape(-1, 6), under=under.reshape(-1, under.shape[2]), electrode=electrode)
 
 

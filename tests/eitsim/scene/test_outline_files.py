@@ -73,7 +73,7 @@ def test_the_edge_of_a_mesh_is_the_outline(tmp_path):
     assert area_m2(body) == pytest.approx((60 * 40 - 100) * 1e-6)
     points[3, 2] = 5
     meshio.Mesh(points, [("triangle", triangles)]).write(tmp_path / "skin.vtk")
-    with pytest.raises(InputFileError, match="curved skins are not solved"):
+    with pytest.raises(InputFileError, match="curved skins are not solved; `eitsim solve-mesh`"):
         scene_of(tmp_path, "skin.vtk")
 
 

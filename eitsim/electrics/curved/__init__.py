@@ -1,0 +1,1 @@
+"""The complete electrode model on sheets in space, given as triangles."""

@@ -1,0 +1,218 @@
+"""The complete electrode model on a sheet in space: untouched readings, and those with prescribed conductances."""
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, potentials, weights
+from eitsim.electrics.curved.facets import Facets, halved
+from eitsim.electrics.curved.rounds import cut_out, refined_at
+from eitsim.electrics.mesh.p2_triangles import EDGES, sides, uniform_refinement
+from eitsim.electrics.outline.adapted_mesh import readings_difference
+from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
+from eitsim.scene.drive import read_out
+from eitsim.scene.triangle_files import TriangleMesh
+from touchcal.errors import NotConverged
+from touchcal.jit import cpu_s
+from touchcal.provenance import versions
+
+READINGS, SIGNAL = 1e-4, 1e-3  # Relative errors of the untouched readings and of the signal, unless given.
+_LEFT = 0.5  # What halving once more leaves of the change by halving, at most.
+_STEPS = 40  # Refinements, at most.
+_MOST = 100_000  # Triangles, before they are halved, at most.
+_SHARE = 0.7  # Part of the energy's error in the triangles that are halved.
+
+
+@dataclass(frozen=True, eq=False)
+class CurvedReadings:
+    """A curved skin, solved."""
+
+    impedance_Ohm: Array  # (electrodes, electrodes) impedance, untouched, Ohm; rows and columns sum to zero
+    touched_Ohm: Array  # the same with the patches' conductances
+    baseline_V: Array  # (patterns, readings) untouched, V
+    signal_V: Array  # (patterns, readings) what the patches change, V
+    readings_error: float  # estimated relative error of untouched readings between neighbouring electrodes, 2-norm
+    signal_error: float | None  # the same of what the patches change; None without any
+    triangles: int  # of the mesh that was solved
+    nodes: int
+    cpu_s: float  # CPU time spent, s
+
+    @property
+    def touched_V(self) -> Array:
+        return self.baseline_V + self.signal_V
+
+
+def solve_curved_skin(skin: CurvedSkin | Path | str, *, readings: float = READINGS,
+                      signal: float = SIGNAL) -> CurvedReadings:
+    """Complete electrode model on a sheet in space, on P2 triangles that its own solution halves.
+
+    Parameters
+    ----------
+    skin
+        A `CurvedSkin`, or its file (TOML). Its triangles are the body: flat ones stay flat.
+    readings, signal
+        Relative errors asked of the readings between neighbouring electrodes, and of what patches change of them.
+
+    Returns
+    -------
+    CurvedReadings
+        Impedance matrices (Ohm), readings and signal (V), and their estimated errors: half of what halving all
+        triangles changes.
+
+    Raises
+    ------
+    ValueError, InputFileError
+        Where the sheet or an electrode cannot be as it is given.
+    NotConverged
+        Where the errors asked for need too many triangles.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> eitsim.solve_curved_skin("absent.toml")
+    Traceback (most recent call last):
+    touchcal.errors.InputFileError: absent.toml: no such file. Check the name and the folder.
+    """
+    begun = cpu_s()
+    skin = skin if isinstance(skin, CurvedSkin) else read_curved_skin(skin)
+    facets, z = prepared(skin), contact_impedances(skin)
+    for _ in range(_STEPS):
+        mesh = skin_mesh(facets, skin.count)
+        finer = uniform_refinement(mesh)
+        states = [facets.factor * 0 + 1, facets.factor] if skin.patches else [facets.factor]
+        pairs = [_solved(mesh, finer, skin.conductance_S * factor, z) for factor in states]
+        off = _LEFT * readings_difference(pairs[0].coarse_Ohm, pairs[0].fine_Ohm)
+        change_off = _LEFT * readings_difference(*(pairs[-1].minus(pairs[0]))) if skin.patches else None
+        if off <= readings and (change_off is None or change_off <= signal):
+            change = pairs[-1].fine_Ohm - pairs[0].fine_Ohm
+            return CurvedReadings(
+                pairs[0].fine_Ohm, pairs[-1].fine_Ohm, read_out(skin.drive, pairs[0].fine_Ohm),
+                read_out(skin.drive, change), off, change_off, len(finer.cells), len(finer.nodes_m),
+                cpu_s() - begun)
+        if len(facets.cells) > _MOST:
+            break
+        facets = halved(facets, _most(np.sum([pair.indicator for pair in pairs], axis=0)))
+    raise NotConverged(f"the readings of the curved skin are known to {off:.1e} only, {readings:g} was asked for; give "
+                       "wider electrodes or larger contact impedances.")
+
+
+def curved_document(path: Path, skin: CurvedSkin, solved: CurvedReadings) -> dict[str, Any]:
+    """A solved curved skin as plain JSON values, units in the names of the keys; `readings_V` are touched where there
+    are patches, and the untouched ones and the signal follow then; `conductance_S` is that without patches."""
+    document: dict[str, Any] = {
+        "schema": 1,
+        "model": {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+                  "variable": skin.mesh.name, "electrodes": skin.count, "nodes": solved.nodes,
+                  "triangles": solved.triangles, "element": "P2",
+                  "conductance_S": [skin.conductance_S] * 2,
+                  "contact_impedance_Ohm_m2": contact_impedances(skin).tolist(),
+                  "patch_factors": [patch.factor for patch in skin.patches]},
+        "impedance_Ohm": solved.touched_Ohm.tolist(), "readings_V": solved.touched_V.tolist(),
+        "error_estimate": {"readings": solved.readings_error},
+        "cost": {"cpu_s": solved.cpu_s, "unknowns": solved.nodes + skin.count - 1}, "versions": versions()}
+    if solved.signal_error is not None:
+        document |= {"baseline_V": solved.baseline_V.tolist(), "signal_V": solved.signal_V.tolist()}
+        document["error_estimate"]["signal"] = solved.signal_error
+    return document
+
+
+def contact_impedances(skin: CurvedSkin) -> Array:
+    """(electrodes,) contact impedances, Ohm m^2."""
+    return np.broadcast_to(np.asarray(skin.contact_impedance_Ohm_m2, dtype=float), skin.count)
+
+
+def prepared(skin: CurvedSkin) -> Facets:
+    """The sheet with electrodes and patches cut out of it. ValueError where an electrode or a patch is off the sheet,
+    or two electrodes overlap."""
+    facets = facets_of(skin.mesh)
+    widths = np.broadcast_to(np.asarray(skin.widths_m, dtype=float), skin.count)
+    rounds = [*zip(skin.places_m, widths, strict=False), *((p.centre_m, p.width_m) for p in skin.patches)]
+    for place, width in rounds:
+        facets = refined_at(facets, np.asarray(place), width / 2)
+    for k, group in enumerate(skin.groups):
+        if group not in skin.mesh.groups:
+            raise ValueError(f"groups in [electrodes]: {skin.mesh.name} has no group {group!r}; it has "
+                             f"{', '.join(map(str, skin.mesh.groups)) or 'none'}.")
+        facets = _under(facets, np.isin(facets.parent, skin.mesh.groups[group]), k)
+    for k, (place, width) in enumerate(rounds):
+        what = f"electrode {k}" if k < len(skin.places_m) else f"patch {k - len(skin.places_m)}"
+        facets, inside = cut_out(facets, np.asarray(place), width / 2)
+        if not inside.any():
+            away = 1e3 * np.linalg.norm(facets.nodes_m - place, axis=1).min()
+            raise ValueError(f"{what} (from 0) lies off the sheet, whose nearest point is {away:.3g} mm from it, more "
+                             "than half of its width_mm; move it or make it wider.")
+        if k < len(skin.places_m):
+            facets = _under(facets, inside, k)
+        else:
+            factor = skin.patches[k - len(skin.places_m)].factor
+            facets = replace(facets, factor=np.where(inside, facets.factor * factor, facets.factor))
+    return facets
+
+
+def _under(facets: Facets, inside: NDArray[np.bool_], k: int) -> Facets:
+    taken = facets.electrode[inside]
+    if np.any(taken >= 0):
+        raise ValueError(f"electrodes {taken.max()} and {k} (from 0) overlap; place them further from each other or "
+                         "make them smaller.")
+    return replace(facets, electrode=np.where(inside, k, facets.electrode))
+
+
+def facets_of(mesh: TriangleMesh) -> Facets:
+    """The triangles of a file as quadratic ones, flat ones with the middles of their edges halfway."""
+    nodes, cells = mesh.nodes_m, mesh.cells
+    if cells.shape[1] == 3:
+        edges, number = np.unique(sides(cells), axis=0, return_inverse=True)
+        cells = np.column_stack([cells, len(nodes) + number.reshape(len(EDGES), -1).T])
+        nodes = np.vstack([nodes, nodes[edges].mean(axis=1)])
+    count = len(cells)
+    return Facets(nodes, cells, np.full(count, -1), np.ones(count), np.arange(count))
+
+
+def skin_mesh(facets: Facets, count: int) -> SkinMesh:
+    """The sheet as a mesh with what of it lies under electrodes."""
+    covered = facets.electrode >= 0
+    return SkinMesh(facets.nodes_m, facets.cells, facets.cells[covered], facets.electrode[covered], count, "P2")
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """One state of the skin on a mesh and on the same one halved."""
+
+    coarse_Ohm: Array
+    fine_Ohm: Array
+    indicator: Array  # (t,) energy of the difference in each triangle of the mesh, over all electrodes
+
+    def minus(self, other: "_Pair") -> tuple[Array, Array]:
+        return self.coarse_Ohm - other.coarse_Ohm, self.fine_Ohm - other.fine_Ohm
+
+
+def _solved(mesh: SkinMesh, finer: SkinMesh, sheet: Array, z: Array) -> _Pair:
+    found = []
+    for one, conductance in ((mesh, sheet), (finer, np.repeat(sheet, 4))):
+        potential = potentials(one, conductance, z, order=dissection(one))
+        found.append(potential - potential[-mesh.count:].mean(axis=0))
+    coarse, fine = found
+    away = fine[:len(finer.nodes_m)] - prolonged(mesh, coarse[:len(mesh.nodes_m)])
+    of_pairs = weights(finer, np.repeat(sheet, 4), z)[:15 * len(finer.cells)].reshape(len(finer.cells), 15)
+    i, j = np.triu_indices(6, 1)
+    step = away[finer.cells[:, i]] - away[finer.cells[:, j]]
+    energy = np.einsum("tp,tpk->t", of_pairs, step**2)
+    return _Pair(coarse[-mesh.count:], fine[-mesh.count:], energy.reshape(-1, 4).sum(axis=1))
+
+
+def prolonged(mesh: SkinMesh, potential: Array) -> Array:
+    """Potentials (nodes, k) of a P2 mesh at the nodes of the same mesh halved: they go over as its nodes' places do."""
+    return uniform_refinement(replace(mesh, nodes_m=potential)).nodes_m
+
+
+def _most(indicator: Array) -> NDArray[np.bool_]:
+    """Which of the triangles (t,) hold most of the error: the fewest that have _SHARE of it."""
+    order = np.argsort(-indicator)
+    total = np.cumsum(indicator[order])
+    out = np.zeros(len(indicator), dtype=bool)
+    out[order[:int(np.searchsorted(total, _SHARE * total[-1])) + 1]] = True
+    return out

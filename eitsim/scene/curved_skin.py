@@ -1,0 +1,155 @@
+"""A skin that is a sheet in space: its triangles, electrodes, drive, and touches as prescribed changes of conductance.
+
+A file (TOML) has a form of its own, not that of a scene, since a curved body has no punch here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from eitsim.scene.drive import MATRICES, Drive, as_tuples, with_matrices
+from eitsim.scene.electrodes import FEWEST, MOST
+from eitsim.scene.scene import scene_from
+from eitsim.scene.triangle_files import TriangleMesh, read_triangles
+from touchcal.document import is_number
+from touchcal.errors import InputFileError, unknown_key
+from touchcal.toml_file import read_toml
+
+Point = tuple[float, ...]
+
+NO_MECHANICS = "mechanics on curved bodies is left out"
+_KEYS = {"body": ("mesh", "unit_mm"), "skin": ("conductance_S",),
+         "electrodes": ("x_mm", "y_mm", "z_mm", "width_mm", "groups", "contact_impedance_Ohm_m2"),
+         "drive": ("current_mA", "pattern", "reading", *MATRICES),
+         "patch": ("x_mm", "y_mm", "z_mm", "width_mm", "factor")}
+
+
+@dataclass(frozen=True)
+class ConductancePatch:
+    """A touch, prescribed: the part of the sheet within a ball, whose conductance is multiplied."""
+
+    centre_m: Point  # (3,) m
+    width_m: float  # diameter of the ball, m
+    factor: float  # of the sheet conductance
+
+
+@dataclass(frozen=True, eq=False)
+class CurvedSkin:
+    """A sheet in space with electrodes on its surface. ValueError where it cannot be."""
+
+    mesh: TriangleMesh
+    conductance_S: float  # sheet conductance of the untouched skin, S
+    # places (electrodes, 3) that round electrodes are cut out about, m; or the groups of triangles that are electrodes
+    places_m: tuple[Point, ...] = ()
+    widths_m: float | tuple[float, ...] = 0.01  # diameters of the balls that cut them out, m
+    groups: tuple[str | int, ...] = ()
+    contact_impedance_Ohm_m2: float | tuple[float, ...] = 1e-2  # Ohm m^2
+    drive: Drive = field(default_factory=Drive)
+    patches: tuple[ConductancePatch, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("places_m", "widths_m", "groups", "contact_impedance_Ohm_m2", "patches"):
+            object.__setattr__(self, name, as_tuples(getattr(self, name)))
+        _check(self)
+
+    @property
+    def count(self) -> int:
+        """How many electrodes."""
+        return len(self.places_m) or len(self.groups)
+
+
+def read_curved_skin(path: Path | str) -> CurvedSkin:
+    """Read the file (TOML) of a curved skin; InputFileError names the file and the key.
+
+    Lengths in mm: those of the mesh times `unit_mm`.
+    """
+    path = Path(path)
+    tables = with_matrices(read_toml(path), path.parent)
+    try:
+        return _skin(tables, path.parent)
+    except InputFileError:
+        raise
+    except ValueError as error:
+        raise InputFileError(path, str(error)) from None
+
+
+def _skin(tables: Mapping[str, Any], folder: Path) -> CurvedSkin:
+    for table in ("punch", "hold"):
+        if table in tables:
+            raise ValueError(f"[{table}]: {NO_MECHANICS}; leave it out, and give a touch as a [[patch]] of "
+                             "conductance.")
+    if unknown := [key for key in tables if key not in _KEYS]:
+        raise ValueError(unknown_key(unknown[0], _KEYS))
+    parts = {name: _table(name, tables.get(name, {})) for name in ("body", "skin", "electrodes", "drive")}
+    body, electrodes = parts["body"], parts["electrodes"]
+    if not isinstance(body.get("mesh"), str):
+        raise ValueError("mesh in [body] must name a file of triangles (.stl, .obj, .msh, .vtu ...).")
+    unit = _positive("unit_mm in [body]", body.get("unit_mm", 1.0)) / 1e3
+    given: dict[str, Any] = {}
+    if "groups" in electrodes:
+        if other := [key for key in ("x_mm", "y_mm", "z_mm", "width_mm") if key in electrodes]:
+            raise ValueError(f"{other[0]} in [electrodes] has no effect with groups; leave it out.")
+        given["groups"] = tuple(_list("groups in [electrodes]", electrodes["groups"]))
+    else:
+        columns = [_numbers(f"{key} in [electrodes]", electrodes.get(key)) for key in ("x_mm", "y_mm", "z_mm")]
+        if len({len(column) for column in columns}) > 1:
+            raise ValueError("x_mm, y_mm and z_mm in [electrodes] must hold one number an electrode each, got "
+                             f"{', '.join(str(len(column)) for column in columns)}.")
+        given["places_m"] = tuple(tuple(part / 1e3 for part in place) for place in zip(*columns, strict=True))
+        given["widths_m"] = _each("width_mm in [electrodes]", electrodes.get("width_mm", 10.0), 1e-3)
+    if "contact_impedance_Ohm_m2" in electrodes:
+        given["contact_impedance_Ohm_m2"] = _each("contact_impedance_Ohm_m2 in [electrodes]",
+                                                  electrodes["contact_impedance_Ohm_m2"], 1.0)
+    patches = tuple(_patch(one) for one in _list("[[patch]]", tables.get("patch", [])))
+    sheet = _positive("conductance_S in [skin]", parts["skin"].get("conductance_S"))
+    drive = scene_from({"drive": parts["drive"]}).drive
+    return CurvedSkin(read_triangles(folder / body["mesh"], unit), sheet, drive=drive, patches=patches, **given)
+
+
+def _table(name: str, raw: Any) -> Mapping[str, Any]:
+    if not isinstance(raw, Mapping):
+        raise ValueError(f"[{name}] must be a table of keys, got {raw!r:.80}.")
+    if unknown := [key for key in raw if key not in _KEYS[name]]:
+        raise ValueError(unknown_key(unknown[0], _KEYS[name], name))
+    return raw
+
+
+def _patch(raw: Any) -> ConductancePatch:
+    table = _table("patch", raw)
+    place = [_numbers(f"{key} in [[patch]]", [table.get(key)])[0] / 1e3 for key in ("x_mm", "y_mm", "z_mm")]
+    return ConductancePatch(tuple(place), _positive("width_mm in [[patch]]", table.get("width_mm")) / 1e3,
+                            _positive("factor in [[patch]]", table.get("factor")))
+
+
+def _list(where: str, value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise ValueError(f"{where} must be a list, got {value!r:.80}.")
+    return value
+
+
+def _numbers(where: str, value: Any) -> list[float]:
+    if not isinstance(value, list) or not value or not all(is_number(one) for one in value):
+        raise ValueError(f"{where} must hold finite numbers, got {value!r:.80}.")
+    return [float(one) for one in value]
+
+
+def _positive(where: str, value: Any) -> float:
+    if not is_number(value) or not value > 0:
+        raise ValueError(f"{where} must be a positive number, got {value!r:.80}.")
+    return float(value)
+
+
+def _each(where: str, value: Any, unit: float) -> float | tuple[float, ...]:
+    if isinstance(value, list):
+        return tuple(_positive(where, one) * unit for one in value)
+    return _positive(where, value) * unit
+
+
+def _check(skin: CurvedSkin) -> None:
+    if not FEWEST <= skin.count <= MOST:
+        raise ValueError(f"[electrodes] must give {FEWEST} to {MOST} electrodes by x_mm, y_mm and z_mm or by groups, "
+                         f"got {skin.count}.")
+    for key, value in (("width_mm", skin.widths_m), ("contact_impedance_Ohm_m2", skin.contact_impedance_Ohm_m2)):
+        if isinstance(value, tuple) and len(value) != skin.count:
+            raise ValueError(f"{key} in [electrodes] must hold one number or {skin.count}, got {len(value)}.")

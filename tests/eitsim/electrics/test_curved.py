@@ -1,0 +1,254 @@
+"""Sheets in space: isometries change nothing, round parts have their area, patches do what they do on flat meshes."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from subprocess import CompletedProcess
+from types import ModuleType
+
+import meshio
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eitsim.electrics.cem.assembly import impedance
+from eitsim.electrics.curved import solve_curved
+from eitsim.electrics.curved.facets import Facets, halved
+from eitsim.electrics.curved.rounds import cut_out, refined_at
+from eitsim.electrics.curved.solve_curved import facets_of, prepared, skin_mesh, solve_curved_skin
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement
+from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_untouched
+from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
+from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.scene import Body, read_scene
+from eitsim.scene.triangle_files import TriangleMesh, read_triangles
+from touchcal.errors import InputFileError, NotConverged
+
+Array = NDArray[np.float64]
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
+S = 6e-4  # S
+
+
+def _loaded() -> ModuleType:
+    """benchmarks/curved_skins.py, which makes the sheets."""
+    sys.path.insert(0, str(BENCHMARKS))
+    try:
+        spec = importlib.util.spec_from_file_location("curved_skins", BENCHMARKS / "curved_skins.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+    finally:
+        sys.path.remove(str(BENCHMARKS))
+
+
+skins = _loaded()
+sheet, turned, PLACES = skins.sheet, skins.turned, skins.PLACES
+
+
+def test_a_cylinder_with_16_electrodes_is_its_unrolled_rectangle_to_1e_6() -> None:
+    """Currents that are even about two opposite lines see half of the cylinder: a rectangle with 8 electrodes."""
+    found = solve_curved_skin(skins.cylinder(16, 8), readings=1e-6)
+    assert readings_difference(skins.even_part(found.impedance_Ohm), skins.unrolled(16)) < 1e-6
+    assert found.readings_error < 1e-6
+
+
+def test_folding_a_sheet_along_lines_of_its_mesh_changes_nothing() -> None:
+    columns, rows = np.linspace(0, 0.1, 11), np.linspace(0, 0.06, 7)
+    turn = np.cumsum(np.random.default_rng(1).uniform(-1, 1, 10))
+    steps = np.diff(columns)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    bend = np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+
+    def folded(s: Array, z: Array) -> Array:
+        return np.column_stack([np.interp(s, columns, bend[:, 0]), np.interp(s, columns, bend[:, 1]), z])
+
+    nodes, cells, middle = sheet(columns, rows, folded)
+    plane, same, _ = sheet(columns, rows, lambda s, z: np.column_stack([s, z]))
+    assert np.array_equal(cells, same)
+    corner = (np.abs(middle[:, 0] - 0.05) > 0.03) & (np.abs(middle[:, 1] - 0.03) > 0.01)
+    electrode = np.where(corner, 2 * (middle[:, 0] > 0.05) + (middle[:, 1] > 0.03), -1)
+    found = []
+    for points in (nodes, plane):
+        facets = replace(facets_of(TriangleMesh("", points, cells, {})), electrode=electrode)  # type: ignore[arg-type]
+        found.append(impedance(skin_mesh(facets, 4), np.full(len(cells), S), 1e-2))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-10)
+
+
+def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated() -> None:
+    nodes, cells, middle = sheet(np.linspace(-0.06, 0.06, 25), np.linspace(-0.04, 0.04, 17),
+                                 lambda s, z: turned(np.column_stack([s, z])))
+    groups = {k: np.flatnonzero(np.abs(middle - place).max(axis=1) < 0.005)
+                                      for k, place in enumerate(PLACES)}
+    skin = CurvedSkin(TriangleMesh("flat", nodes, cells, groups), S, groups=tuple(range(8)))  # type: ignore[arg-type]
+    electrodes = Electrodes(kind="surface", count=8, shape="rectangle", width_m=0.01, length_m=0.01,
+                            x_m=tuple(PLACES[:, 0].tolist()), y_m=tuple(PLACES[:, 1].tolist()))
+    known = solve_untouched(Body(outline="rectangle", width_m=0.12, height_m=0.08).shape, electrodes, S, 1e-6)
+    coarse, fine = (solve_curved_skin(skin, readings=asked) for asked in (1e-3, 2e-6))
+    for found in (coarse, fine):
+        assert readings_difference(found.impedance_Ohm, known.impedance_Ohm) < found.readings_error + known.error
+    assert fine.readings_error < 2e-6 < coarse.readings_error
+
+
+def test_a_patch_changes_readings_as_on_a_flat_mesh_of_another_mesher() -> None:
+    found = solve_curved_skin(skins.touched_sheet())
+    assert found.signal_error is not None
+    assert readings_difference(found.touched_Ohm - found.impedance_Ohm, skins.flat_change(2e-6)) < 2e-4
+    assert found.signal_error < 2e-4
+    assert np.linalg.norm(found.signal_V) > 1e-3 * np.linalg.norm(found.baseline_V)
+
+
+def test_a_ball_cuts_the_area_of_a_cap_out_of_a_sphere_and_one_piece_alone() -> None:
+    """The cap within a chord r of a point of a sphere has the area pi r^2, whatever the sphere's radius."""
+    nodes, cells, _ = sheet(np.linspace(-1.2, 1.2, 25), np.linspace(-1.2, 1.2, 25), lambda s, z: 0.05 * np.column_stack(
+        [np.sin(s), np.cos(s) * np.sin(z), np.cos(s) * np.cos(z)]), quadratic=True)
+    facets = facets_of(TriangleMesh("cap", nodes, cells, {}))  # type: ignore[arg-type]
+    centre = 0.05 * np.array([np.sin(0.31), np.cos(0.31) * np.sin(-0.2), np.cos(0.31) * np.cos(-0.2)])
+    cut, inside = cut_out(refined_at(facets, centre, 0.008), centre, 0.008)
+    assert cut.area_m2[inside].sum() == pytest.approx(np.pi * 0.008**2, rel=2e-3)  # plane triangles in a curved cap
+    conforming(cut)
+    two = np.vstack([nodes, nodes + np.array([0, 0, 0.004])])
+    sheets = facets_of(TriangleMesh("two", two, np.vstack([cells, cells + len(nodes)]), {}))  # type: ignore[arg-type]
+    cut, inside = cut_out(refined_at(sheets, centre, 0.008), centre, 0.008)
+    assert cut.parent[inside].max() < len(cells)
+
+
+def conforming(facets: Facets) -> None:
+    """Neighbours share whole edges, and the middles of these."""
+    edges, own = facets.edges
+    middles = facets.cells[:, 3:]
+    for k in range(3):
+        assert len(np.unique(np.column_stack([own[:, k], middles[:, k]]), axis=0)) == len(np.unique(own[:, k]))
+    times = np.bincount(own.ravel())
+    assert times.max() == 2
+    assert len(edges) == len(np.unique(middles))
+
+
+def test_halving_keeps_the_sheet_and_its_angles() -> None:
+    nodes, cells, _ = sheet(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5), lambda s, z: 0.05 * np.column_stack(
+        [s, z, s * z]), quadratic=True)
+    facets = facets_of(TriangleMesh("saddle", nodes, cells, {}))  # type: ignore[arg-type]
+    for _ in range(12):
+        away = np.linalg.norm(facets.corners_m.mean(axis=1) - [0.01, 0.02, 0.004], axis=1)
+        facets = halved(facets, away < np.quantile(away, 0.1))
+    conforming(facets)
+    x, y, z = facets.nodes_m.T / 0.05
+    np.testing.assert_allclose(z, x * y, atol=1e-12)
+    corners = facets.corners_m
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    assert (facets.area_m2 / sides.max(axis=1) ** 2).min() > 0.1
+    boundary = np.bincount(facets.edges[1].ravel()) == 1
+    on = facets.nodes_m[facets.edges[0][boundary]] / 0.05
+    assert np.all(np.abs(np.abs(on[..., :2]).max(axis=2) - 1) < 1e-12)
+
+
+def test_the_mesh_halved_in_space_keeps_its_curves() -> None:
+    mesh = skin_mesh(prepared(skins.cylinder(4, 8)), 4)
+    finer = uniform_refinement(mesh)
+    away = np.hypot(finer.nodes_m[:, 0], finer.nodes_m[:, 1]) / 0.05 - 1
+    assert np.abs(away).max() < 1e-5  # chords would be 5e-3 off
+
+
+def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solve_curved, "_MOST", 1000)
+    with pytest.raises(NotConverged, match="are known to"):
+        solve_curved_skin(skins.touched_sheet(), readings=1e-13)
+
+
+SKIN = """[body]
+mesh = "sheet.stl"
+[skin]
+conductance_S = 6e-4
+[electrodes]
+x_mm = [-45, -15, 15, 45]
+y_mm = [0, 0, 0, 0]
+z_mm = [0, 0, 0, 0]
+width_mm = 10
+"""
+PATCH = "[[patch]]\nx_mm = 5\ny_mm = 20\nz_mm = 0\nwidth_mm = 16\nfactor = 0.5\n"
+
+
+@pytest.fixture
+def skin_file(tmp_path: Path) -> Path:
+    nodes, cells, _ = sheet(np.linspace(-0.06, 0.06, 13), np.linspace(-0.04, 0.04, 9),
+                            lambda s, z: np.column_stack([s, z, 0 * s]))
+    meshio.write(tmp_path / "sheet.stl", meshio.Mesh(nodes * 1e3, [("triangle", cells)]))
+    (tmp_path / "skin.toml").write_text(SKIN + PATCH, encoding="utf-8")
+    return tmp_path / "skin.toml"
+
+
+def test_the_command_gives_readings_without_and_with_the_patch(command: Callable[..., CompletedProcess[str]],
+                                                               skin_file: Path) -> None:
+    done = command("eitsim", "solve-mesh", str(skin_file), "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    found = solve_curved_skin(skin_file)
+    np.testing.assert_allclose(document["readings_V"], found.touched_V)
+    np.testing.assert_allclose(np.array(document["baseline_V"]) + document["signal_V"], document["readings_V"])
+    assert document["error_estimate"]["signal"] == pytest.approx(found.signal_error)
+    refused = command("eitsim", "solve-mesh", str(skin_file), "--element", "P2")
+    assert refused.returncode == 2
+    assert "takes no --variable, --scene and --element" in refused.stderr
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    (PATCH, "[punch]\nforce_N = 1\n", r"\[punch\]: mechanics on curved bodies is left out"),
+    (PATCH, "[hold]\ntime_s = [1]\n", r"\[hold\]: mechanics on curved bodies is left out"),
+    ("z_mm = 0\nwidth_mm = 16", "z_mm = 9\nwidth_mm = 16", r"patch 0 \(from 0\) lies off the sheet, whose nearest"),
+    ("45]", "19]", r"electrodes 2 and 3 \(from 0\) overlap"),
+    ("z_mm = [0, 0, 0, 0]", "z_mm = [0, 0, 0]", "one number an electrode each, got 4, 4, 3"),
+    ("width_mm = 10", "width_mm = [10, 10]", r"width_mm in \[electrodes\] must hold one number or 4, got 2"),
+    ("factor = 0.5", "factor = 0", r"factor in \[\[patch\]\] must be a positive number"),
+    ("sheet.stl", "none.stl", "no such file, which mesh in"),
+    ("width_mm = 10", "widht_mm = 10", "Did you mean 'width_mm'"),
+])
+def test_what_cannot_be_is_refused(skin_file: Path, old: str, new: str, message: str) -> None:
+    text = skin_file.read_text(encoding="utf-8")
+    assert old in text
+    skin_file.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(ValueError, match=message):
+        solve_curved_skin(skin_file)
+
+
+def test_a_scene_with_a_curved_mesh_is_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text('[body]\nmesh = "hand.stl"\n[punch]\nforce_N = 1\n', encoding="utf-8")
+    with pytest.raises(InputFileError, match="mechanics on curved bodies is left out"):
+        read_scene(tmp_path / "scene.toml")
+
+
+def test_groups_are_read_by_number_and_name_and_a_missing_one_is_named(tmp_path: Path) -> None:
+    nodes, cells, middle = sheet(np.linspace(0, 0.1, 11), np.linspace(0, 0.06, 7),
+                                 lambda s, z: np.column_stack([s, z, 0.2 * s**2]))
+    corner = (np.abs(middle[:, 0] - 0.05) > 0.03) & (np.abs(middle[:, 1] - 0.03) > 0.01)
+    tag = np.where(corner, 1 + 2 * (middle[:, 0] > 0.05) + (middle[:, 1] > 0.03), 0)
+    for suffix, units in ((".vtu", "group"), (".msh", "gmsh:physical")):
+        data = {units: [tag]} | ({"gmsh:geometrical": [tag]} if suffix == ".msh" else {})
+        meshio.write(tmp_path / f"sheet{suffix}", meshio.Mesh(nodes, [("triangle", cells)], cell_data=data),
+                     **({"file_format": "gmsh22"} if suffix == ".msh" else {}))
+        found = read_triangles(tmp_path / f"sheet{suffix}", 1.0)
+        assert sorted(found.groups) == [0, 1, 2, 3, 4]
+        assert found.nodes_m.shape == (77, 3)
+    skin = CurvedSkin(found, S, groups=(1, 2, 3, 4))
+    assert prepared(skin).electrode.max() == 3
+    with pytest.raises(ValueError, match="has no group 7; it has 0, 1, 2, 3, 4"):
+        prepared(replace(skin, groups=(1, 2, 3, 7)))
+
+
+def test_what_is_no_sheet_is_refused(tmp_path: Path) -> None:
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0]])
+    for cells, kind, message in (([[0, 1, 2], [0, 1, 3], [0, 1, 4]], "triangle", "shared by three triangles"),
+                                 ([[0, 1, 1]], "triangle", "have no area"), ([[0, 1, 4, 2]], "quad", "got quad")):
+        meshio.write(tmp_path / "sheet.vtu", meshio.Mesh(points, [(kind, np.array(cells))]))
+        with pytest.raises(InputFileError, match=message):
+            read_triangles(tmp_path / "sheet.vtu")
+
+
+def test_a_file_is_read_in_its_unit(skin_file: Path) -> None:
+    text = skin_file.read_text(encoding="utf-8").replace('"sheet.stl"', '"sheet.stl"\nunit_mm = 10')
+    skin_file.write_text(text, encoding="utf-8")
+    assert np.ptp(read_curved_skin(skin_file).mesh.nodes_m[:, 0]) == pytest.approx(1.2)
