@@ -34,14 +34,14 @@ def write_skin_card(skin: Skin, sensor: Path, seed: int = 0) -> Path:
 
 def skin_card(skin: Skin) -> MaterialCard:
     """The card with the fitted laws; what its own tests gave, and draws of that, stay with the card of the fit."""
-    fit, told = skin.fit, skin.card.provenance
+    fit, known = skin.fit, skin.card.provenance
     spread = zip(fit.names, fit.value, np.sqrt(np.diag(fit.covariance)), fit.prior_sd, strict=True)
     words = [f"{name} {_SIGNIFICANT.format(*numbers)}" for name, *numbers in spread]
     decision = (f"conductivity and moduli of card '{skin.card.name}' fitted to {skin.presses} labelled presses of one "
                 f"sensor: {', '.join(words)}; kept: {', '.join(fit.kept) or 'none'}")
-    found = {key: value for key, value in told.items() if key != "decisions_of"}
+    found = {key: value for key, value in known.items() if key != "decisions_of"}
     return replace(changed(skin.card, fit.values), fit={}, posterior={}, data=None, file=None,
-                   provenance=found | {"decisions": [*told.get("decisions", ()), decision]})
+                   provenance=found | {"decisions": [*known.get("decisions", ()), decision]})
 
 
 def skin_draws(skin: Skin, seed: int = 0) -> Draws:
