@@ -74,6 +74,8 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
         print_json({key: value for key, value in document.items() if key != "sensor"})
     else:
         show_calibration(document, out)
+        if card is not None and found.skin is None:
+            print("the skin is not fitted, since that needs a usable absolute model")
         if report is not None:
             print(f"report: {report}")
 

@@ -118,8 +118,8 @@ def _findings(document: Mapping[str, Any]) -> list[str]:
     if (skin := document.get("skin")) is not None:
         left = skin["unexplained"]
         found.append(f"Skin, of {counted(skin['count'], 'press', 'presses')}: the card as it is leaves "
-                     f"{percent(left['card'])} of their signals, the fitted one {percent(left['kept'])} of presses left "
-                     f"out; kept are {', '.join(skin['kept']) or 'none'}. Sizes are off by "
+                     f"{percent(left['card'])} of their signals, the fitted one {percent(left['kept'])} of presses "
+                     f"left out; kept are {', '.join(skin['kept']) or 'none'}. Sizes are off by "
                      f"{percent(skin['size_error'])}, r.m.s.")
     return found
 

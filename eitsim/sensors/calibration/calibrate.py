@@ -37,7 +37,7 @@ _WORDS = {"repeats": "readings of the same drive differ",
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class FittedSkin:
     """The skin of labelled presses."""
 
     card: MaterialCard  # that the fit began with
@@ -63,7 +63,7 @@ class Calibration:
     left_out: Mapping[int, str] = field(default_factory=dict)  # electrode -> why its readings and drives are left out
     by_electrode: tuple[float, ...] = ()  # (N,) part of the readings that use one, off driven ones, not explained
     size: SignalSize | None = None  # of labelled presses
-    skin: Skin | None = None  # what they say of a card, where one is given and the absolute model is usable
+    skin: FittedSkin | None = None  # what they say of a card, where one is given and the absolute model is usable
 
 
 def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None, card: MaterialCard | None = None, *,
@@ -162,7 +162,8 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
     return min((sized(sign) for sign in signs), key=lambda each: each.held_out)
 
 
-def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCard, rest: Array, seed: int) -> Skin:
+def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCard, rest: Array,
+          seed: int) -> FittedSkin:
     """What the presses say of a card's skin and foam, on the calibrated sensor; rest: (frames, m) untouched."""
     assert found.instrument is not None
     assert found.fit is not None
@@ -198,7 +199,7 @@ def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCa
     scatter = np.sqrt(2) * (noise(rest) or 0.0) * float(np.sqrt(np.nanmean(rest**2)))
     fit = fit_skin(signals, presses.signal[held.rows][:, there], held.groups, common=sign * common[..., there],
                    noise_V=scatter, seed=seed)
-    return Skin(card, len(held.rows), (*np.delete(own.touch, held.rows).tolist(),), lies, fit)
+    return FittedSkin(card, len(held.rows), (*np.delete(own.touch, held.rows).tolist(),), lies, fit)
 
 
 def untouched(sensor: Sensor, recording: Recording) -> Untouched:

@@ -10,7 +10,7 @@ import numpy as np
 from eitsim.scene.calibrated_electrodes import SCHEMA, read_fitted
 from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
 from eitsim.scene.scene import scene_tables
-from eitsim.sensors.calibration.calibrate import Calibration, Skin, check_electrodes, untouched_readings
+from eitsim.sensors.calibration.calibrate import Calibration, FittedSkin, check_electrodes, untouched_readings
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
 from eitsim.sensors.calibration.labelled_presses import GAIN_SD, MOMENT_SD
 from eitsim.sensors.calibration.placement import Placement
@@ -77,7 +77,7 @@ def _placed(lies: Placement) -> dict[str, Any]:
             "mirrored": lies.mirrored}
 
 
-def _skin_block(skin: Skin, card: str | None) -> dict[str, Any]:
+def _skin_block(skin: FittedSkin, card: str | None) -> dict[str, Any]:
     fit = skin.fit
     return {"card": card, "of_card": card_identity(skin.card), "count": skin.presses, "left_out": list(skin.left_out),
             **_placed(skin.lies),

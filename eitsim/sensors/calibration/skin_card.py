@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eitsim.sensors.calibration.calibrate import Skin
+from eitsim.sensors.calibration.calibrate import FittedSkin
 from eitsim.sensors.calibration.skin_law import changed
 from matcal.card import MaterialCard, with_moduli, write_card
 from matcal.posterior.draws import FILE, Draws, write_draws
@@ -22,7 +22,7 @@ def card_path(sensor: Path) -> Path:
     return sensor.with_suffix(".card.json")
 
 
-def write_skin_card(skin: Skin, sensor: Path, seed: int = 0) -> Path:
+def write_skin_card(skin: FittedSkin, sensor: Path, seed: int = 0) -> Path:
     """Write the card of a skin and its draws next to the calibrated sensor's file; the card's path."""
     path = card_path(sensor)
     folder = path.with_suffix(".d")
@@ -32,7 +32,7 @@ def write_skin_card(skin: Skin, sensor: Path, seed: int = 0) -> Path:
     return path
 
 
-def skin_card(skin: Skin) -> MaterialCard:
+def skin_card(skin: FittedSkin) -> MaterialCard:
     """The card with the fitted laws; what its own tests gave, and draws of that, stay with the card of the fit."""
     fit, known = skin.fit, skin.card.provenance
     spread = zip(fit.names, fit.value, np.sqrt(np.diag(fit.covariance)), fit.prior_sd, strict=True)
@@ -44,7 +44,7 @@ def skin_card(skin: Skin) -> MaterialCard:
                    provenance=found | {"decisions": [*known.get("decisions", ()), decision]})
 
 
-def skin_draws(skin: Skin, seed: int = 0) -> Draws:
+def skin_draws(skin: FittedSkin, seed: int = 0) -> Draws:
     """Draws of conductivity and long-term moduli by the presses; exponents, ratios, Prony series and c0 as the card has
     them, and moduli too where it cannot say what is left of instantaneous ones."""
     fit, card = skin.fit, skin.card

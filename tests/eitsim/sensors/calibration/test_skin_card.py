@@ -16,8 +16,7 @@ from eitsim.scene.channels import Channels
 from eitsim.scene.drive import Drive
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Scene, Skin, read_scene
-from eitsim.sensors.calibration.calibrate import Calibration
-from eitsim.sensors.calibration.calibrate import Skin as FittedSkin
+from eitsim.sensors.calibration.calibrate import Calibration, FittedSkin
 from eitsim.sensors.calibration.calibration_file import calibration_document, read_calibration
 from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
 from eitsim.sensors.calibration.placement import Placement
