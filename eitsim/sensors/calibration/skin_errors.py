@@ -32,7 +32,7 @@ def errors_of_instrument(instrument: Instrument, fit: Fit, scene: Scene, signal:
     def small(state: Array, *, even: bool) -> Array:
         channels = instrument.channels(state)
         channels = replace(channels, sheet_modes=()) if even else channels
-        return weight @ pixel_signals(scene.body, instrument.built(state), scene.drive, channels, mosaic).T
+        return pixel_signals(scene.body, instrument.built(state), scene.drive, channels, mosaic, weight).T
 
     chance = np.random.default_rng(seed)
     states = chance.multivariate_normal(fit.state, fit.covariance, _DRAWS, method="svd")
