@@ -32,6 +32,7 @@ from eitsim.electrics.imaging.gauss_newton import pixel_signals, pixels
 from eitsim.scene.scene import Punch
 from eitsim.sensors.calibration.calibrate import calibrate
 from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
+from eitsim.sensors.calibration.placement import Placement
 from eitsim.sensors.calibration.skin_fit import SkinFit
 from eitsim.sensors.calibration.skin_law import AMPLITUDE, MODULUS, OFFSETS, SHAPES, SkinPresses, changed, skin_presses
 from eitsim.sensors.labels import Labels
@@ -169,14 +170,18 @@ def row_of(seed: int, *, even: bool) -> dict[str, Any]:
     rest = one.recording.readings[0]
     noise = np.sqrt(2 * np.mean(rest**2)) * 10 ** (-NOISE_DB / 20)
     zero = dict.fromkeys(fit.names, 0.0)
-    return row | reads(one, Reader(held, zero), "card", noise) | reads(one, Reader(held, fit.values), "fitted", noise,
-                                                                        fit)
+    return (row | reads(one, Reader(held, zero), "card", noise, Placement())
+            | reads(one, Reader(held, fit.values), "fitted", noise, skin.lies, fit))
 
 
-def reads(one: Bench, by: Reader, way: str, noise: float, fit: SkinFit | None = None) -> dict[str, float]:
-    """Errors of place and force of the presses that were not labelled, and the part inside 90 % intervals of force."""
+def reads(one: Bench, by: Reader, way: str, noise: float, lies: Placement,
+          fit: SkinFit | None = None) -> dict[str, float]:
+    """Errors of place and force of the presses that were not labelled, which lie on the sensor as labels do, and the
+    part inside 90 % intervals of force."""
     off, inside = [], []
-    for truth, signal in zip(one.labels.values[LABELLED:], one.signal[LABELLED:], strict=True):
+    labels = one.labels.values[LABELLED:].copy()
+    labels[:, :2] = 1e3 * lies.placed(1e-3 * labels[:, :2])
+    for truth, signal in zip(labels, one.signal[LABELLED:], strict=True):
         start = np.array([truth[0] + 3.0, truth[1], np.log(1.2 * truth[3])])
         at, slope = by.read(signal, start)
         gain = np.linalg.pinv(slope)[2]

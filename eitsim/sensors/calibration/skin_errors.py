@@ -5,6 +5,7 @@ small touch of the same size there. Above all the untouched frame hardly sees el
 conformal map of the disc onto itself has it, and presses then seem to lie elsewhere.
 """
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -38,4 +39,8 @@ def errors_of_instrument(instrument: Instrument, fit: Fit, scene: Scene, signal:
     states = chance.multivariate_normal(fit.state, fit.covariance, _DRAWS, method="svd")
     here = small(fit.state, even=True)
     size = np.sum(signal * here, axis=1) / np.sum(here**2, axis=1)
-    return np.array([size[:, None] * (small(state, even=False) - here) for state in states])
+    out = []
+    for state in states:
+        with suppress(ValueError):  # electrodes that overlap are no sensor's
+            out.append(size[:, None] * (small(state, even=False) - here))
+    return np.reshape(out, (-1, *signal.shape))

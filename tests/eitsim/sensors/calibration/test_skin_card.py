@@ -11,6 +11,7 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 
+import eitsim
 import matcal
 from eitsim.scene.channels import Channels
 from eitsim.scene.drive import Drive
@@ -34,6 +35,7 @@ from touchcal.json_file import write_json
 FOAM = matcal.Hyperfoam(np.array([9530.0]), np.array([8.0]), np.array([0.0]), "longterm")
 CARD = matcal.MaterialCard("foam", FOAM, conductivity=matcal.Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0, 0.4)))
 SENSOR = Sensor(Body(), Skin(), Electrodes(count=8), Drive(1e-3, "skip-1", "differential"))
+HELD = Instrument(SENSOR.body, SENSOR.electrodes, sources(SENSOR.protocol), 6e-4)
 NAMES = tuple(name for sds in PRIORS.values() for name in sds)
 
 
@@ -42,6 +44,17 @@ def fitted(values: dict[str, float], size_error: float = 0.02) -> FittedSkin:
     fit = SkinFit(NAMES, np.array([values.get(name, 0.0) for name in NAMES]), np.diag((0.1 * prior) ** 2), prior,
                   ("amplitude", "modulus"), {"amplitude": 0.05}, 0.3, 0.05, size_error, 0.03, 1e-5)
     return FittedSkin(CARD, 20, ("p3",), Placement(), fit)
+
+
+def written(folder: Path) -> Path:
+    """A calibrated sensor with a skin and its card in a folder; the sensor's file."""
+    folder.mkdir(exist_ok=True)
+    skin = fitted({AMPLITUDE: 0.1})
+    fit = Fit(HELD.prior_mean, 1e-6, 0.0, np.diag(1e-4 * HELD.prior_sd**2))
+    found = Calibration(SENSOR, 1, None, instrument=HELD, fit=fit, skin=skin)
+    card = write_skin_card(skin, folder / "sensor.json")
+    write_json(calibration_document(found, card.name), folder / "sensor.json")
+    return folder / "sensor.json"
 
 
 def laws(card: matcal.MaterialCard) -> tuple[matcal.Hyperfoam, matcal.Conductivity]:
@@ -108,17 +121,12 @@ def test_draws_of_a_card_that_cannot_say_its_long_term_moduli_hold_the_conductiv
 
 def test_scenes_of_a_sensor_take_the_skin_s_card_and_count_what_presses_scattered(tmp_path: Path) -> None:
     """Three standard deviations are in the plan's bound, which models of a sweep take back."""
-    (tmp_path / "skins").mkdir()
-    held = Instrument(SENSOR.body, SENSOR.electrodes, sources(SENSOR.protocol), 6e-4)
-    fit = Fit(held.prior_mean, 1e-6, 0.0, np.diag(1e-4 * held.prior_sd**2))
-    found = Calibration(SENSOR, 1, None, instrument=held, fit=fit, skin=fitted({AMPLITUDE: 0.1}))
-    file = tmp_path / "skins" / "sensor.json"
-    write_json(calibration_document(found, write_skin_card(fitted({AMPLITUDE: 0.1}), file).name), file)
+    file = written(tmp_path / "skins")
     (tmp_path / "scene.toml").write_text('[electrodes]\ncalibrated = "skins/sensor.json"\n', encoding="utf-8")
     scene = read_scene(tmp_path / "scene.toml")
     assert scene.card == "skins/sensor.card.json"
     assert scene.channels.size_error == (0.02,)
-    assert read_calibration(file).state == pytest.approx(held.prior_mean)
+    assert read_calibration(file).state == pytest.approx(HELD.prior_mean)
     stated = [one.error_bound for one in plan(scene, CARD).decisions if "scatter about its model" in one.decision]
     assert stated == [pytest.approx(0.06)]
     without = replace(scene, channels=replace(scene.channels, size_error=()))
@@ -126,6 +134,18 @@ def test_scenes_of_a_sensor_take_the_skin_s_card_and_count_what_presses_scattere
     (tmp_path / "scene.toml").write_text('card = "other.json"\n[electrodes]\ncalibrated = "skins/sensor.json"\n',
                                          encoding="utf-8")
     assert read_scene(tmp_path / "scene.toml").card == "other.json"
+
+
+@pytest.mark.slow
+def test_sweeps_draw_skins_and_state_what_presses_scattered(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    (tmp_path / "design.toml").write_text(
+        'scenes = 3\n[electrodes]\ncalibrated = "sensor.json"\n[punch]\nx_mm = [-20, 20]\ny_mm = 0\n'
+        'force_N = [0.3, 1]\n[accuracy]\nsignal = 0.05\n[material]\ndraws = 3\n', encoding="utf-8")
+    rows = eitsim.sweep(tmp_path / "design.toml", card_path(file), tmp_path / "sweep").ok
+    assert len(rows) == 3
+    assert rows["signal_error"].between(0.06, 0.1).all()
+    assert rows["a_1"].nunique() == rows["mu_1_Pa"].nunique() == 3
 
 
 def test_a_card_without_labels_is_refused(command: Callable[..., CompletedProcess[str]], tmp_path: Path) -> None:

@@ -57,3 +57,11 @@ def test_a_conductance_in_doubt_scales_all_presses_in_the_same_way() -> None:
     scale = np.sum(found * pressed(), axis=2) / np.sum(pressed() ** 2, axis=1)
     np.testing.assert_allclose(scale[:, 0], scale[:, 1], atol=2e-3)
     assert 0.01 < np.std(scale) < 0.04
+
+
+def test_draws_whose_electrodes_overlap_are_left_out() -> None:
+    wide = np.zeros((HELD.size, HELD.size))
+    wide[HELD.places["width"], HELD.places["width"]] = 3.0**2
+    found = errors(wide)
+    assert found.shape[1:] == pressed().shape
+    assert 0 < len(found) < 16
