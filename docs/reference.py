@@ -18,6 +18,8 @@ from touchcal.json_schema import schema
 COMMANDS = ("matcal", "eitsim", "surrogate")
 # name of a schema -> what it describes, and the module whose _SHAPE it is
 SCHEMAS = {"material-card": ("a material card, as `matcal fit` writes it", "matcal.card"),
+           "calibrated-sensor": ("`sensor.json`, as `eitsim sensor fit` writes it",
+                                 "eitsim.scene.calibrated_electrodes"),
            "data-set": ("`design.json` of a data set, as `eitsim sweep` writes it", "eitsim.sweeps.dataset.parquet"),
            "model": ("`model.json` of a model of a data set, as `surrogate train` writes it", "surrogate.model.store"),
            "recording-model": ("`model.json` of a model of a recording, as `surrogate train` writes it",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from eitsim.scene.scene import Accuracy, Body, Hold, Punch, Scene, Skin, read_scene
     from eitsim.sensors.calibration.calibrate import Calibration, calibrate
     from eitsim.sensors.calibration.calibration_file import CalibratedSensor, calibration_document, read_calibration
+    from eitsim.sensors.calibration.skin_card import write_skin_card
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.inspection import Inspection, inspect
     from eitsim.sensors.layout.sensor_design import SensorDesign, design_sensor
@@ -67,4 +68,5 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "solve_curved_skin": "eitsim.electrics.curved.solve_curved",
     "solve_sheet_model": "eitsim.electrics.interop.solve_file",
     "sweep": "eitsim.sweeps.run.sweep",
+    "write_skin_card": "eitsim.sensors.calibration.skin_card",
 })

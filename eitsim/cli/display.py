@@ -182,6 +182,15 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
               f"{_percent(left['size']['held_out'])} of presses that were not fitted stay unexplained"
               + (f", with a gain for each reading {_percent(left['gains']['held_out'])}"
                  if document["kind"] == "changes only" else ""))
+    if (skin := document["skin"]) is not None:
+        left = skin["unexplained"]
+        print(f"skin of {skin['count']} presses: {', '.join(skin['kept']) or 'nothing'} kept; {_percent(left['card'])} "
+              f"of the signals stay unexplained by the card as it is, {_percent(left['kept'])} of presses left out")
+        print(f"touched signals: size off by {_percent(skin['size_error'])}, r.m.s., counted in sweeps; noise of a "
+              f"reading with what the model misses {skin['pattern_V']:.3g} V (--noise-V of `surrogate predict`)")
+        if skin["left_out"]:
+            print(f"presses left out, near the rim or too deep: {', '.join(skin['left_out'])}")
+        print(f"card of this skin: {out.parent / skin['card']}")
     if document["not_determined"]:
         print(f"not determined by the data: {', '.join(document['not_determined'])}")
     print(f"absolute model: {document['absolute_model']}" + (f": {document['reason']}" if document["reason"] else ""))

@@ -20,7 +20,10 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
         out: Annotated[Path, typer.Option(help="Write the calibrated sensor (JSON) here.")],
         labels: Annotated[Path | None, typer.Option(
             help="CSV of labelled presses (touch, x_mm, y_mm): the size of the signal, and a gain for each reading "
-                 "where the absolute model is refused.")] = None,
+                 "where the absolute model is refused; with d_mm and F_N or depth_mm, the skin of --card.")] = None,
+        card: Annotated[Path | None, typer.Option(
+            help="Material card of the skin, with --labels: its conductivity and moduli are fitted to the presses, and "
+                 "the card of this skin is written next to --out.")] = None,
         report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
         as_json: JsonOption = False) -> None:
     """Calibrate the model of an untouched sensor: conductance and how it varies, contact impedances, widths and places
@@ -30,24 +33,38 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     Every parameter comes with its standard deviation after and before. A refused model ends with status 0: the readings
     can be used for changes alone, and the file, of the kind "changes only", says why; `surrogate train` takes it.
 
+    With --labels and --card, presses of known punch and force fit the amplitude and shape of the conductivity's law, a
+    factor of the foam's moduli and an offset of the places, each kept where presses left out are better read by it. The
+    card of this skin, sensor.card.json, then serves scenes and sweeps with calibrated = "sensor.json".
+
     Example: eitsim sensor fit frames.csv --sensor sensor.toml --out sensor.json
+
+    Example: eitsim sensor fit frames.csv --labels touches.csv --card card.json --sensor sensor.toml --out sensor.json
     """
     from eitsim.cli.display import show_calibration
     from eitsim.sensors.calibration.calibrate import calibrate
     from eitsim.sensors.calibration.calibration_file import calibration_document
+    from eitsim.sensors.calibration.skin_card import card_path, write_skin_card
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.labels import read_labels
     from eitsim.sensors.sensor_file import read_sensor
+    from matcal.card import read_card
 
-    outs = {"--out": out} | ({"--report": report} if report is not None else {})
+    if card is not None and labels is None:
+        raise ValueError("--card is fitted to labelled presses; give --labels too, or leave it out.")
+    outs = {"--out": out} | ({"--report": report} if report is not None else {}) | (
+        {"the skin's card": card_path(out)} if card is not None else {})
     for flag, place in outs.items():
         check_out(place, flag)
-    check_apart(outs, [path for path in (recording, sensor, labels) if path is not None])
+    check_apart(outs, [path for path in (recording, sensor, labels, card) if path is not None])
     check_pdf(report, "--report")
     known = read_sensor(sensor)
     patterns, each = known.protocol.shape
     frames = open_recording(recording, kind=known.kind, readings=patterns * each)
-    document = calibration_document(calibrate(known, frames, read_labels(labels) if labels is not None else None))
+    found = calibrate(known, frames, read_labels(labels) if labels is not None else None,
+                      read_card(card) if card is not None else None)
+    skin_card = write_skin_card(found.skin, out).name if found.skin is not None else None
+    document = calibration_document(found, skin_card)
     write_json(document, out)
     if report is not None:
         from reports.sensor import sensor_report
@@ -57,6 +74,8 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
         print_json({key: value for key, value in document.items() if key != "sensor"})
     else:
         show_calibration(document, out)
+        if card is not None and found.skin is None:
+            print("the skin is not fitted, since that needs a usable absolute model")
         if report is not None:
             print(f"report: {report}")
 

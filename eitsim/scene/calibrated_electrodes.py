@@ -2,6 +2,9 @@
 
     [electrodes]
     calibrated = "sensor.json"
+
+Where labelled presses fitted a skin, its card serves a file that names none, and how far signals of presses that were
+left out scatter in size counts as an error of all signals.
 """
 
 from collections.abc import Mapping
@@ -25,9 +28,14 @@ _LENGTHS = (Number(), [Number()])
 _SENSOR = Keys({"body": Keys({"radius_mm": Number(1e-3)}), "skin": dict, "drive": dict, "electrodes": Keys({
     "kind": str, "count": Number(4, 64, whole=True), "width_mm": _LENGTHS}, {
     "first_angle_deg": Number(), "angles_deg": [Number()], "soft": bool})})
+_SKIN = Keys({"card": (str, None), "size_error": Number(0, 10)}, {
+    "of_card": dict, "count": Number(1, whole=True), "left_out": [str], "kept": [str], "centre_mm": [Number()],
+    "turn_deg": Number(), "mirrored": bool, "unexplained": {str: Number(0)}, "pattern_error": Number(0),
+    "pattern_V": Number(0), "covariance": [[Number()]]})
 _SHAPE = Keys({"schema": Number(1, whole=True), "sensor": _SENSOR, "absolute_model": str, "reason": str,
                "misfit": (Number(0), None),
-               "parameters": {str: Keys({"value": Number(-1e6, 1e6), "sd": Number(0), "prior_sd": Number(0)})}})
+               "parameters": {str: Keys({"value": Number(-1e6, 1e6), "sd": Number(0), "prior_sd": Number(0)})}}, {
+    "skin": (_SKIN, None)})
 
 
 def with_calibrated(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -47,6 +55,8 @@ def with_calibrated(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if isinstance(body, Mapping) and body.get("radius_mm", radius) != radius:
         raise ValueError(f"radius_mm in [body] must be that of the calibrated sensor, {radius:g}, got "
                          f"{body['radius_mm']!r:.80}; leave it out.")
+    if (card := own.pop("card", None)) is not None:
+        own["card"] = (Path(name).parent / card).as_posix()
     return {**own, **tables, **{key: own[key] for key in ("electrodes", "channels")},
             **({"body": {**own["body"], **body}} if isinstance(body, Mapping) else {})}
 
@@ -60,8 +70,9 @@ def read_fitted(path: Path) -> dict[str, Any]:
 
 
 def calibrated_tables(path: Path) -> dict[str, Any]:
-    """[body], [skin], [electrodes], [drive] and [channels] of a calibrated sensor's file; InputFileError where its
-    absolute model was refused, or a parameter is missing."""
+    """[body], [skin], [electrodes], [drive] and [channels] of a calibrated sensor's file, and the name of its skin's
+    card, relative to it, where there is one; InputFileError where its absolute model was refused, or a parameter is
+    missing."""
     raw = read_fitted(path)
     if raw["absolute_model"] != "usable":
         raise InputFileError(path, f"its absolute model was refused: {raw['reason']} Give a scene the [electrodes] of "
@@ -71,7 +82,11 @@ def calibrated_tables(path: Path) -> dict[str, Any]:
         electrodes, channels = _electrodes(sensor, values), _channels(sensor["electrodes"]["count"], values)
     except ValueError as error:
         raise InputFileError(path, str(error)) from None
-    return {**{key: sensor[key] for key in ("body", "skin", "drive")}, "electrodes": electrodes, "channels": channels}
+    skin = raw.get("skin") or {}
+    if skin:
+        channels["size_error"] = [skin["size_error"]]
+    return {**{key: sensor[key] for key in ("body", "skin", "drive")}, "electrodes": electrodes, "channels": channels,
+            **({"card": skin["card"]} if skin.get("card") else {})}
 
 
 def _electrodes(sensor: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:

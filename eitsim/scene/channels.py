@@ -22,9 +22,10 @@ class Channels:
     leaks_S: tuple[float, ...] = ()  # (N,) conductance from each electrode to ground, S
     conductance_S: tuple[float, ...] = ()  # (1,) sheet conductance of the untouched skin, S; empty: the card's
     sheet_modes: tuple[float, ...] = ()  # how its logarithm varies (`uneven_sheet`), which scenes do not solve
+    size_error: tuple[float, ...] = ()  # (1,) relative standard deviation of touched signals' size about the model's
 
     def __post_init__(self) -> None:
-        for name in ("gains", "current_factors", "leaks_S", "conductance_S", "sheet_modes"):
+        for name in ("gains", "current_factors", "leaks_S", "conductance_S", "sheet_modes", "size_error"):
             object.__setattr__(self, name, as_tuples(getattr(self, name)))
 
     @property

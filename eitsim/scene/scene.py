@@ -29,7 +29,8 @@ _OF_UNITS = {"mm": (1e-3, 1e4), "um": (1e-3, 1e4), "N": (0.0, 1e9), "mA": (1e-9,
 _OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "half_angle_deg": (1.0, 89.0),
             "friction_coefficient": (0.0, 100.0), "signal": (1e-9, 10.0), "positions_mm": (-1e5, 1e5),
             "points_mm": (-1e4, 1e4), "holes_mm": (-1e4, 1e4), "corner_radius_mm": (0.0, 1e4),
-            "gains": (-100.0, 100.0), "current_factors": (0.0, 100.0), "sheet_modes": (-10.0, 10.0)}
+            "gains": (-100.0, 100.0), "current_factors": (0.0, 100.0), "sheet_modes": (-10.0, 10.0),
+            "size_error": (0.0, 10.0)}
 MOST_TOUCHES = 100
 
 
@@ -161,7 +162,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
     "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
               **{key: (key, None) for key in MATRICES}},
     "channels": {"gains": ("gains", 1.0), "current_factors": ("current_factors", 1.0), "leaks_uS": ("leaks_S", 1e6),
-                 "conductance_S": ("conductance_S", 1.0), "sheet_modes": ("sheet_modes", 1.0)},
+                 "conductance_S": ("conductance_S", 1.0), "sheet_modes": ("sheet_modes", 1.0),
+                 "size_error": ("size_error", 1.0)},
     "hold": {"time_s": ("time_s", None), "control": ("control", None), "loading_s": ("loading_s", 1.0),
              "moduli": ("moduli", None)},
     "accuracy": {"signal": ("signal", 1.0)},
@@ -393,7 +395,7 @@ def _check(scene: Scene) -> None:
 def _check_channels(scene: Scene) -> None:
     channels, count = scene.channels, scene.electrodes.count
     for key, (name, _) in _KEYS["channels"].items():
-        number = {"conductance_S": 1, "sheet_modes": len(channels.sheet_modes)}.get(name, count)
+        number = {"conductance_S": 1, "size_error": 1, "sheet_modes": len(channels.sheet_modes)}.get(name, count)
         _require(len(getattr(channels, name)) in (0, number), f"{key} in [channels]",
                  f"must hold {number} number{'s, one an electrode' if number > 1 else ''}",
                  len(getattr(channels, name)))

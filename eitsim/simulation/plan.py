@@ -35,6 +35,7 @@ _RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.029, 0.008]),
 # Parts of the requested signal error that neglecting the rim and solving touches separately may use up.
 _RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
 STEEL_E_PA = 210e9
+_SDS = 3.0  # standard deviations that a bound states; surrogates take it back
 # Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
 # above all that were measured, 14 mm under 0.1 and 1 N.
 _CONTACT_SHARE = 0.6
@@ -341,6 +342,11 @@ def _channel_decisions(scene: Scene) -> Iterator[Decision]:
         yield Decision(f"the untouched skin has the calibrated sheet conductance of {channels.conductance_S[0]:.4g} S",
                        "conductance_S in [channels]; thickness in [skin] and c0 of the card have no effect, the card "
                        "says how strain changes it", 0.0)
+    if channels.size_error:
+        yield Decision("touches of this sensor scatter about its model", "labelled presses that a fit left out were "
+                       f"off by {channels.size_error[0]:.2g} of the signal's size, r.m.s. (size_error in [channels]); "
+                       f"the bound is {_SDS:g} times that, and models of a sweep count it in their intervals",
+                       _SDS * channels.size_error[0])
     if channels.there:
         yield Decision("readings through the channels of a calibrated sensor", "gains against ground, source currents "
                        "and leaks act outside the body, so that its impedance matrix holds all they need; exact for "

@@ -24,7 +24,10 @@ _GROUPS = {"conductance": "ln of sheet conductance (S)", "contacts": "ln of cont
            "width": "ln of width over design (–)", "positions": "place along the rim (mm)", "gains": "gain (–)",
            "currents": "current over nominal (–)", "leaks": "leak to ground (uS)",
            "sheet": "mode of ln of sheet conductance (–)", "widths": "ln of one width over the others (–)"}
-_OF_PRESSES = {"ln_moment_mm2": "ln of a press's moment (mm²)", "reading_gain": "gain of a reading (–)"}
+_OF_PRESSES = {"ln_moment_mm2": "ln of a press's moment (mm²)", "reading_gain": "gain of a reading (–)",
+               "press_offset": "offset of the presses (mm)", "ln_law_amplitude": "ln of the law's amplitude (–)",
+               "ln_modulus_factor": "ln of the foam's moduli over the card's (–)",
+               "law_shape": "square and cube in the law, over its size (–)"}
 _LEFT_OUT = ("Errors of readings are taken as independent, which errors of the model are not. A parameter whose "
              "standard deviation is not smaller than before the fit is not determined by the data.")
 
@@ -112,6 +115,12 @@ def _findings(document: Mapping[str, Any]) -> list[str]:
                 "area")
         found.append(f"{counted(presses['count'], 'labelled press', 'labelled presses')}: moments are {size}, their "
                      f"mean within a factor of {number(float(np.exp(1.96 * one['sd'])), 3)} at 95 %.")
+    if (skin := document.get("skin")) is not None:
+        left = skin["unexplained"]
+        found.append(f"Skin, of {counted(skin['count'], 'press', 'presses')}: the card as it is leaves "
+                     f"{percent(left['card'])} of their signals, the fitted one {percent(left['kept'])} of presses "
+                     f"left out; kept are {', '.join(skin['kept']) or 'none'}. Sizes are off by "
+                     f"{percent(skin['size_error'])}, r.m.s.")
     return found
 
 

@@ -129,10 +129,10 @@ def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array,
                      "check [electrodes], [drive] and the contact impedance.")
 
 
-def pixel_signals(body: Body, electrodes: Electrodes, drive: Drive, channels: Channels,
-                  mosaic: Pixels) -> Array:
+def pixel_signals(body: Body, electrodes: Electrodes, drive: Drive, channels: Channels, mosaic: Pixels,
+                  weight: Array | None = None) -> Array:
     """dV (readings, t), V, by a relative change of conductance on each pixel of a sheet that may vary smoothly, as
-    channels say, with which its readings are taken."""
+    channels say, with which its readings are taken; (readings, k) of sums of pixels by weights (k, t)."""
     mesh = _fine(body, present(electrodes))
     points = quadrature_points(mesh)
     modes = np.array(channels.sheet_modes or (0.0,) * len(MODES))
@@ -140,7 +140,9 @@ def pixel_signals(body: Body, electrodes: Electrodes, drive: Drive, channels: Ch
     potential = potentials(mesh, sheet[..., None, None] * np.eye(2), contact_impedances(present(electrodes)))
     by_pixel = impedance_by_conductance(mesh, potential, _places(points, mosaic))
     here = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(mosaic.centre_m / body.radius_m), 1))
-    return _by(drive, electrodes, channels, _ends(mesh, potential), by_pixel) * here
+    by_pixel = here[:, None, None] * by_pixel
+    summed = by_pixel if weight is None else np.tensordot(weight, by_pixel, 1)
+    return _by(drive, electrodes, channels, _ends(mesh, potential), summed)
 
 
 def check_prior(prior: str, noise_figure: float) -> None:

@@ -13,12 +13,16 @@ from eitsim.sensors.calibration.faults import dead_electrodes, left_by_electrode
 from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
 from eitsim.sensors.calibration.labelled_presses import Presses, SignalSize, labelled_presses, signal_size
 from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
-from eitsim.sensors.calibration.placement import placement
+from eitsim.sensors.calibration.placement import Placement, placement
+from eitsim.sensors.calibration.skin_errors import errors_of_instrument
+from eitsim.sensors.calibration.skin_fit import FEWEST, SkinFit, fit_skin
+from eitsim.sensors.calibration.skin_law import SkinPresses, skin_presses
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit_best, random_starts, staged
-from eitsim.sensors.labels import Labels
-from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame
+from eitsim.sensors.labels import Labels, labels_of
+from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame, noise
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
+from matcal.card import MaterialCard
 from touchcal.arrays import Array
 
 # Part of the readings off the driven electrodes, unexplained on drives not fitted, from which the model is of no use
@@ -30,6 +34,17 @@ _WORDS = {"repeats": "readings of the same drive differ",
           "source_against_sink": "readings with source and sink exchanged differ",
           "reciprocity": "readings with drive and measurement exchanged differ",
           "superposition": "readings differ from what is linear in the currents"}
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSkin:
+    """The skin of labelled presses."""
+
+    card: MaterialCard  # that the fit began with
+    presses: int  # that load paths serve
+    left_out: tuple[str, ...]  # touches near the rim, or deeper than load paths are stored
+    lies: Placement  # where the sensor lies in the coordinates of the labels, before the offset that is fitted
+    fit: SkinFit
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +63,11 @@ class Calibration:
     left_out: Mapping[int, str] = field(default_factory=dict)  # electrode -> why its readings and drives are left out
     by_electrode: tuple[float, ...] = ()  # (N,) part of the readings that use one, off driven ones, not explained
     size: SignalSize | None = None  # of labelled presses
+    skin: FittedSkin | None = None  # what they say of a card, where one is given and the absolute model is usable
 
 
-def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None, *, seed: int = 0) -> Calibration:
+def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None, card: MaterialCard | None = None, *,
+              seed: int = 0) -> Calibration:
     """Fit conductance and how it varies, contacts, widths, places, gains, currents and leaks of a sensor to the mean of
     its untouched frames, stage by stage, the most probable state under Gaussian priors.
 
@@ -60,7 +77,8 @@ def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None
     state explains (`faults`), are left out and named. Refused, with the reason and no state: differences, which have no
     untouched frame, and readings that are no ohmmeter's (`ohm_tests`). Refused with its state: a model that leaves more
     than MOST_UNEXPLAINED. Labelled presses give the size of the signal, and where the absolute model is refused a gain
-    for each reading (`labelled_presses`).
+    for each reading (`labelled_presses`). With a card, labels of places, punches and forces or depths fit its laws on a
+    usable model (`skin_law`, `skin_fit`).
 
     ValueError where the sensor has electrodes that are no lines or have no contact, several sinks at once, fewer than
     two drives, no reading off the driven electrodes, or the recording no untouched frame; for labels as
@@ -76,7 +94,12 @@ def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None
     if labels is None:
         return found
     check_electrodes(sensor)
-    return replace(found, size=_size(found, labelled_presses(recording, labels), seed))
+    presses = labelled_presses(recording, labels)
+    found = replace(found, size=_size(found, presses, seed))
+    if card is None or found.reason:
+        return found
+    rest = np.real(recording.readings[recording.untouched])
+    return replace(found, skin=_skin(found, presses, labels, card, rest, seed))
 
 
 def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
@@ -125,18 +148,58 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
     sheet = channels.conductance_S[0]
     rest = channel_readings(asked, channels, untouched_impedance(sensor.body, electrodes, sheet)).ravel()
     there = np.asarray(np.isfinite(presses.signal).all(axis=0))
-    seen = Presses(presses.place_m, presses.signal[:, there])
 
     def sized(sign: Array) -> SignalSize:
         def shape_of(places_m: Array) -> Array:
             return 1e-6 * (sign * signal_by_touch(sensor.body, electrodes, sheet, channels, asked, places_m))[:, there]
 
-        lies = placement(seen.place_m, seen.signal, shape_of, sensor.body.radius_m)
-        return signal_size(presses, there, shape_of(lies.placed(seen.place_m)), lies, seed, gains=bool(found.reason))
+        lies = placement(presses.place_m, presses.signal[:, there], shape_of, sensor.body.radius_m)
+        return signal_size(presses, there, shape_of(lies.placed(presses.place_m)), lies, seed,
+                           gains=bool(found.reason))
 
     one, magnitudes = np.ones(rest.size), np.sign(rest)
     signs = {"voltage": [one], "magnitude": [magnitudes], "difference": [one, magnitudes]}[sensor.kind]
     return min((sized(sign) for sign in signs), key=lambda each: each.held_out)
+
+
+def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCard, rest: Array,
+          seed: int) -> FittedSkin:
+    """What the presses say of a card's skin and foam, on the calibrated sensor; rest: (frames, m) untouched."""
+    assert found.instrument is not None
+    assert found.fit is not None
+    assert found.size is not None
+    sensor, state = found.sensor, found.fit.state
+    scene = replace(sensor.scene, electrodes=found.instrument.built(state), channels=found.instrument.channels(state))
+    own, there = labels_of(labels, presses.rows), np.asarray(np.isfinite(presses.signal).all(axis=0))
+    sign = np.ones(there.sum())
+    if sensor.kind == "magnitude":
+        sign = np.sign(untouched_readings(found.instrument, state, sensor.protocol, "voltage").ravel())[there]
+
+    def pressed(lies: Placement) -> tuple[float, SkinPresses, Placement]:
+        """What the card as it is leaves of the presses there, m. s. of one, and the presses."""
+        held = skin_presses(scene, card, own, lies.placed(presses.place_m))
+        if len(held.rows) < FEWEST:
+            return np.inf, held, lies
+        left = sign * held.signals({})[:, there] - presses.signal[held.rows][:, there]
+        return float(np.mean(left**2)), held, lies
+
+    ways = [found.size.lies]
+    if ways[0] != Placement() and np.hypot(*presses.place_m.T).max() < sensor.body.radius_m:
+        ways.append(Placement())  # small touches, by which the labels were placed, are less than the whole model
+    _, held, lies = min(map(pressed, ways), key=lambda one: one[0])
+    if len(held.rows) < FEWEST:
+        raise ValueError(f"{len(held.rows)} labelled presses lie away from the rim and no deeper than load paths are "
+                         f"stored, and a skin's law needs {FEWEST}. Label more, or leave out --card.")
+
+    def signals(values: Mapping[str, float]) -> Array:
+        return sign * held.signals(values)[:, there]
+
+    common = errors_of_instrument(found.instrument, found.fit, replace(scene, punches=held.punches), held.signals({}),
+                                  seed)
+    scatter = np.sqrt(2) * (noise(rest) or 0.0) * float(np.sqrt(np.nanmean(rest**2)))
+    fit = fit_skin(signals, presses.signal[held.rows][:, there], held.groups, common=sign * common[..., there],
+                   noise_V=scatter, seed=seed)
+    return FittedSkin(card, len(held.rows), (*np.delete(own.touch, held.rows).tolist(),), lies, fit)
 
 
 def untouched(sensor: Sensor, recording: Recording) -> Untouched:

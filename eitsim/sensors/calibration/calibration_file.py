@@ -10,17 +10,21 @@ import numpy as np
 from eitsim.scene.calibrated_electrodes import SCHEMA, read_fitted
 from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
 from eitsim.scene.scene import scene_tables
-from eitsim.sensors.calibration.calibrate import Calibration, check_electrodes, untouched_readings
+from eitsim.sensors.calibration.calibrate import Calibration, FittedSkin, check_electrodes, untouched_readings
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
 from eitsim.sensors.calibration.labelled_presses import GAIN_SD, MOMENT_SD
+from eitsim.sensors.calibration.placement import Placement
+from eitsim.sensors.calibration.skin_law import PRIORS
 from eitsim.sensors.sensor_file import TABLES, Sensor, read_sensor, sensor_from
+from matcal.card import card_identity
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 
 NOT_DETERMINED = 0.9  # posterior over prior standard deviation from which the data say nothing of a parameter
 _MOMENT = "ln_moment_mm2"
-_OF_PRESSES = (_MOMENT, "reading_gain")  # what names of parameters that presses gave begin with
+# What names of parameters that presses gave begin with
+_OF_PRESSES = (_MOMENT, "reading_gain", *(name for sds in PRIORS.values() for name in sds))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +47,9 @@ class CalibratedSensor:
         return untouched_readings(self.instrument, self.state, self.sensor.protocol, "voltage")
 
 
-def calibration_document(found: Calibration) -> dict[str, Any]:
-    """What `eitsim sensor fit` writes: values with their standard deviations before and after, by name."""
+def calibration_document(found: Calibration, skin_card: str | None = None) -> dict[str, Any]:
+    """What `eitsim sensor fit` writes: values with their standard deviations before and after, by name; skin_card: name
+    of the file, next to this one, that holds the card of the skin."""
     parameters = parameters_of(found)
     size = found.size
     return {"schema": SCHEMA, "kind": "changes only" if found.reason else "absolute",
@@ -60,11 +65,25 @@ def calibration_document(found: Calibration) -> dict[str, Any]:
             "unexplained_by_electrode": list(found.by_electrode), "dead_readings": list(found.dead),
             "left_out": {str(electrode): why for electrode, why in found.left_out.items()},
             "presses": None if size is None else {
-                "count": size.presses, "sign": size.sign, "centre_mm": [1e3 * one for one in size.lies.centre_m],
-                "turn_deg": float(np.degrees(size.lies.turn_rad)), "mirrored": size.lies.mirrored,
+                "count": size.presses, "sign": size.sign, **_placed(size.lies),
                 "gains_kept": size.gains_kept,
                 "unexplained": {"size": {"fitted": size.fitted, "held_out": size.held_out},
-                                "gains": {"fitted": size.fitted_gains, "held_out": size.held_out_gains}}}}
+                                "gains": {"fitted": size.fitted_gains, "held_out": size.held_out_gains}}},
+            "skin": None if found.skin is None else _skin_block(found.skin, skin_card)}
+
+
+def _placed(lies: Placement) -> dict[str, Any]:
+    return {"centre_mm": [1e3 * one for one in lies.centre_m], "turn_deg": float(np.degrees(lies.turn_rad)),
+            "mirrored": lies.mirrored}
+
+
+def _skin_block(skin: FittedSkin, card: str | None) -> dict[str, Any]:
+    fit = skin.fit
+    return {"card": card, "of_card": card_identity(skin.card), "count": skin.presses, "left_out": list(skin.left_out),
+            **_placed(skin.lies),
+            "kept": list(fit.kept), "unexplained": {"card": fit.before, **fit.left, "kept": fit.after},
+            "size_error": fit.size_error, "pattern_error": fit.pattern_error, "pattern_V": fit.pattern_V,
+            "covariance": fit.covariance.tolist()}
 
 
 def parameters_of(found: Calibration) -> dict[str, dict[str, float]]:
@@ -84,6 +103,10 @@ def parameters_of(found: Calibration) -> dict[str, dict[str, float]]:
         if found.reason:
             out |= {f"reading_gain_{k:03d}": {"value": float(gain), "sd": float(sd), "prior_sd": GAIN_SD}
                     for k, (gain, sd) in enumerate(zip(size.gain, size.gain_sd, strict=True))}
+    if found.skin is not None:
+        fit = found.skin.fit
+        out |= {name: {"value": float(value), "sd": float(sd), "prior_sd": float(prior)} for name, value, sd, prior in
+                zip(fit.names, fit.value, np.sqrt(np.diag(fit.covariance)), fit.prior_sd, strict=True)}
     return out
 
 

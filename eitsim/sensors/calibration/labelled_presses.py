@@ -13,7 +13,7 @@ from eitsim.sensors.calibration.placement import Placement
 from eitsim.sensors.labels import Labels, places_of
 from eitsim.sensors.reading_checks import dead_readings, mean_frame
 from eitsim.sensors.recording import Recording
-from touchcal.arrays import Array, Mask
+from touchcal.arrays import Array, Index, Mask
 from touchcal.errors import InputFileError
 
 GAIN_SD = 0.3  # prior of a reading's gain about 1
@@ -29,6 +29,7 @@ class Presses:
 
     place_m: Array  # (k, 2)
     signal: Array  # (k, m) touched less untouched readings, NaN where dead
+    rows: Index  # (k,) which of the labels they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +67,8 @@ def labelled_presses(recording: Recording, labels: Labels) -> Presses:
     rest = np.flatnonzero(recording.untouched)
     if recording.kind != "difference" and not len(rest):
         raise InputFileError(recording.source, "no frame is untouched; leave `touch` empty in rows without a touch.")
-    place = dict(zip(labels.touch.tolist(), places_of(labels), strict=True))
-    names = [name for name in dict.fromkeys(recording.touch.tolist()) if name in place]
+    place, row = places_of(labels), {name: k for k, name in enumerate(labels.touch.tolist())}
+    names = [name for name in dict.fromkeys(recording.touch.tolist()) if name in row]
     if len(names) < FEWEST:
         raise ValueError(f"{len(names)} touches of the recording have a label, and {FEWEST} are the fewest. Name "
                          "touches as the recording does.")
@@ -79,7 +80,8 @@ def labelled_presses(recording: Recording, labels: Labels) -> Presses:
         signals.append(mean_frame(frames[rows] - base))
     signal = np.array(signals)
     signal[:, dead_readings(recording)] = np.nan
-    return Presses(1e-3 * np.array([place[name] for name in names]), signal)
+    held = np.array([row[name] for name in names])
+    return Presses(1e-3 * place[held], signal, held)
 
 
 def signal_size(presses: Presses, there: Mask, shape: Array, lies: Placement, seed: int, *,

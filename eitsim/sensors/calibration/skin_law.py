@@ -1,0 +1,125 @@
+"""What labelled presses may change of a material card for one skin, and what presses then change of its readings.
+
+The law c = c_0 (1 + a_1 e + a_2 e^2 + a_3 e^3) becomes that of exp(s) (a_1, a_2 + b_2 f / e_r^2, a_3 + b_3 f / e_r^3),
+with f the r.m.s. of c / c_0 - 1 over the strains of the card's fit, of which e_r is the largest; the foam's moduli are
+times exp(m), and all presses lie further along x and y.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eitsim.mechanics.load_paths.types import Table
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Accuracy, Punch, Scene
+from eitsim.sensors.labels import PLACE, Labels
+from eitsim.simulation.material import material_of
+from eitsim.simulation.reuse import served, shape_for, table_for
+from eitsim.simulation.simulate import readings_of
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
+from touchcal.arrays import Array, Index
+
+AMPLITUDE, MODULUS, SHAPES = "ln_law_amplitude", "ln_modulus_factor", ("law_shape_2", "law_shape_3")
+OFFSETS = ("press_offset_x_mm", "press_offset_y_mm")
+# Group of parameters -> prior standard deviation of each about 0, in the order in which a fit tries to free them
+PRIORS = {"place": dict.fromkeys(OFFSETS, 1.0), "amplitude": {AMPLITUDE: 0.3}, "modulus": {MODULUS: 0.2},
+          "shape": dict.fromkeys(SHAPES, 0.2)}
+_MOST_DIAMETERS = 3  # punches whose load paths are solved one by one; more are served as a range
+# Accuracy of the presses' scenes, at which all are solved in one way, so that differences by parameters are smooth; and
+# the one by which presses near the rim are left out: half of it is what the rim may change of a signal, which load
+# paths leave out.
+_SIGNAL, _NEAR_RIM = 0.05, 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class SkinPresses:
+    """Labelled presses that stored load paths serve, on the calibrated sensor."""
+
+    scene: Scene  # the calibrated sensor's
+    punches: tuple[Punch, ...]  # (k,)
+    rows: Index  # (k,) which of the labels they are
+    card: MaterialCard
+    table: Table
+
+    @property
+    def groups(self) -> dict[str, dict[str, float]]:
+        """PRIORS of what these presses depend on: the foam's moduli have no part in presses to a depth, and a law
+        without a range of strains keeps its shape."""
+        idle = {"modulus": any(punch.force_N is None for punch in self.punches),
+                "shape": not any(_skin_of(self.card).strain_range)}
+        return {group: sds for group, sds in PRIORS.items() if not idle.get(group, False)}
+
+    def signals(self, values: Mapping[str, float]) -> Array:
+        """(k, m) V what the presses change of the readings; ValueError where load paths do not reach one of them, or
+        the conductivity is not positive."""
+        card = changed(self.card, values)
+        skin = material_of(self.scene, card).skin
+        return np.array([readings_of(scene, (touch,), skin, exact=False).signal_V.ravel()
+                         for scene, touch in self.touches(values)])
+
+    def touches(self, values: Mapping[str, float]) -> Iterator[tuple[Scene, Touch]]:
+        """Each press's scene and touch; ValueError as `signals`."""
+        card = changed(self.card, values)
+        x, y = (1e-3 * values.get(name, 0.0) for name in OFFSETS)
+        for punch in self.punches:
+            moved = replace(punch, x_m=punch.x_m + x, y_m=punch.y_m + y)
+            scene = replace(self.scene, punches=(moved,))
+            if (touch := _touch(self.table, scene, card)) is None:
+                raise ValueError(f"the press at {1e3 * moved.x_m:.4g}, {1e3 * moved.y_m:.4g} mm is deeper than load "
+                                 "paths reach, or too near the rim, for the skin that the others suggest.")
+            yield scene, touch
+
+
+def skin_presses(scene: Scene, card: MaterialCard, labels: Labels, places_m: Array) -> SkinPresses:
+    """The presses of labels with d_mm and F_N or depth_mm at places (n, 2) in the sensor's coordinates, those of flat
+    punches as a scene's by default; ValueError naming a label or a part of the card that is missing.
+
+    Presses near the rim, or deeper than load paths are stored, are left out.
+    """
+    scene = replace(scene, accuracy=Accuracy(_SIGNAL))
+    held = next((name for name in ("F_N", "depth_mm") if name in labels.names), None)
+    if "d_mm" not in labels.names or held is None:
+        raise ValueError(f"the labels are {', '.join(labels.names)}; the skin's law needs {' and '.join(PLACE)}, d_mm "
+                         "of the punch, and F_N or depth_mm. Add them, or leave out --card: the size of the signal "
+                         "needs places alone.")
+    _skin_of(card)
+    diameter, size = (labels.values[:, labels.names.index(name)] for name in ("d_mm", held))
+    if odd := [name for name, values in (("d_mm", diameter), (held, size)) if np.any(values <= 0)]:
+        raise ValueError(f"{odd[0]} of a label is not positive; correct it, or leave the row out.")
+    made = [Punch(x, y, 1e-3 * d, force_N=value) if held == "F_N" else Punch(x, y, 1e-3 * d, depth_m=1e-3 * value)
+            for (x, y), d, value in zip(places_m.tolist(), diameter.tolist(), size.tolist(), strict=True)]
+    law, sizes = material_of(scene, card).law, sorted({punch.diameter_m for punch in made})
+    spans = len(sizes) > _MOST_DIAMETERS
+    table, _ = table_for(shape_for(replace(scene, punches=tuple(made)), law, [sizes[0], sizes[-1]] if spans else sizes,
+                                   spans))
+    rows = [k for k, punch in enumerate(made) if _touch(table, replace(scene, punches=(punch,)), card) is not None]
+    return SkinPresses(scene, tuple(made[k] for k in rows), np.array(rows, dtype=np.intp), card, table)
+
+
+def changed(card: MaterialCard, values: Mapping[str, float]) -> MaterialCard:
+    """The card with a skin's law and moduli, c0 as it is; values that are not there are 0."""
+    law = _skin_of(card)
+    low, high = law.strain_range
+    strain, largest = np.linspace(low, high, 101), max(abs(low), abs(high))
+    size = float(np.sqrt(np.mean((strain * (law.a[0] + strain * (law.a[1] + strain * law.a[2]))) ** 2)))
+    shift = [0.0, *(values.get(name, 0.0) * size / largest**order if largest else 0.0
+                    for order, name in enumerate(SHAPES, start=2))]
+    a = math.exp(values.get(AMPLITUDE, 0.0)) * (law.a + shift)
+    foam = card.hyperfoam
+    stiffer = foam and replace(foam, mu_Pa=foam.mu_Pa * math.exp(values.get(MODULUS, 0.0)))
+    return replace(card, hyperfoam=stiffer, conductivity=Conductivity(law.c0_S_per_m, a, law.strain_range))
+
+
+def _touch(table: Table, scene: Scene, card: MaterialCard) -> Touch | None:
+    """The touch of a scene by stored load paths; None where they do not reach it, or the rim matters."""
+    return served(table, material_of(scene, card).law, replace(scene, accuracy=Accuracy(_NEAR_RIM)))[0]
+
+
+def _skin_of(card: MaterialCard) -> Conductivity:
+    if card.conductivity is None:
+        raise ValueError(f"card '{card.name}' has no conductivity, whose change with strain labelled presses scale. "
+                         "Fit the card again with a conductivity test.")
+    return card.conductivity
