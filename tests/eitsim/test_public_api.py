@@ -33,8 +33,8 @@ def test_the_exports_are_these() -> None:
         "Accuracy", "Body", "CalibratedSensor", "Calibration", "Dataset", "Design", "Drive", "Electrodes", "Hold",
         "Inspection", "Punch", "Recording", "Result", "Scene", "Sensor", "SensorDesign", "Skin", "calibrate",
         "calibration_document", "design_sensor", "inspect", "measure", "open_dataset", "open_recording", "plan",
-        "read_calibration", "read_design", "read_recording", "read_scene", "read_sensor", "reconstruct",
-        "result_document", "simulate", "solve_sheet_model", "sweep"]
+        "press_of", "read_calibration", "read_design", "read_recording", "read_scene", "read_sensor", "reconstruct",
+        "result_document", "simulate", "solve_sheet_model", "sweep", "write_press"]
     assert all(getattr(eitsim, name).__name__ == name for name in eitsim.__all__)
 
 
@@ -48,9 +48,9 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize("module", [
-    "eitsim.simulation.simulate", "eitsim.sweeps.run.sweep", "eitsim.sweeps.run.measure",
-    "eitsim.sweeps.dataset.parquet", "eitsim.electrics.imaging.images", "eitsim.electrics.interop.solve_file",
-    "eitsim.sensors.inspection", "eitsim.sensors.calibration.calibrate"])
+    "eitsim.simulation.simulate", "eitsim.simulation.press_series", "eitsim.sweeps.run.sweep",
+    "eitsim.sweeps.run.measure", "eitsim.sweeps.dataset.parquet", "eitsim.electrics.imaging.images",
+    "eitsim.electrics.interop.solve_file", "eitsim.sensors.inspection", "eitsim.sensors.calibration.calibrate"])
 def test_the_examples_run(module: str) -> None:
     found = doctest.testmod(importlib.import_module(module), optionflags=doctest.ELLIPSIS)
     assert found.failed == 0
