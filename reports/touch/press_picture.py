@@ -106,7 +106,9 @@ def draw_press(series: Path | str, out: Path | str) -> Path:
     if out.suffix == ".png":
         _picture(steps[-1], limits, _PRINT_DPI).save(out, dpi=(_PRINT_DPI, _PRINT_DPI))
         return out
-    first, *others = [_picture(step, limits, _SCREEN_DPI).quantize(128) for step in steps]
+    pictures = [_picture(step, limits, _SCREEN_DPI) for step in steps]
+    palette = pictures[-1].quantize(256)
+    first, *others = (picture.quantize(palette=palette) for picture in pictures)
     first.save(out, save_all=True, append_images=others, duration=[_EACH_MS] * len(others) + [_LAST_MS], loop=0)
     return out
 
