@@ -5,8 +5,9 @@ simulated touches into SWEEP_DIR, where a later run finds them. Presses are thos
 of the trained diameters within 25 mm, whose force grows from 0.02 N to 0.4 to 1.8 N in 4 to 14 frames at 50 a second.
 Every frame is the simulator's own, a sweep of a table of scenes; noise is white and drift as in `tracker.py`.
 
-found_2: part of the presses that are found within two frames from the first of 0.1 N; found_2_least: what that part is
-at least, at 95 % confidence (Clopper and Pearson, one-sided); false: contacts in other untouched frames, a thousand.
+found_2: part of the presses before which no contact is said and that are found within two frames from the first of
+0.1 N; found_2_least: what that part is at least, at 95 % confidence (Clopper and Pearson, one-sided); false: contacts in
+other untouched frames, a thousand.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from scipy.stats import beta
 import surrogate
 from surrogate.model.tracking.tracked import SEVERAL_TOUCHES, TOUCH
 
-PRESSES, REST, HELD = quick(400, 12), 15, 5
+PRESSES, REST, HELD = quick(300, 12), 15, 5
 CONFIDENCE = 0.95
 
 
@@ -46,7 +47,9 @@ def scored(name: str, model: surrogate.Model, stream: tracker.Stream, volts: NDA
     said, spent = tracker.followed(model, stream, volts)
     touches = np.array([one.state in (TOUCH, SEVERAL_TOUCHES) for one in said])
     strong = stream.touch[:, 3] >= tracker.FOUND_N
-    each = [touches[np.flatnonzero((stream.press == p) & strong)[:2]].any() for p in range(int(stream.press.max()) + 1)]
+    first = [int(np.argmax(stream.press == p)) for p in range(int(stream.press.max()) + 1)]
+    each = [not touches[begun - 1] and touches[np.flatnonzero((stream.press == p) & strong)[:2]].any()
+            for p, begun in enumerate(first)]
     found, rest = int(np.sum(each)), stream.press < 0
     lifted = np.flatnonzero(rest[1:] & ~rest[:-1]) + 1
     rest[np.concatenate([lifted, lifted + 1])] = False
