@@ -6,8 +6,8 @@ of the trained diameters within 25 mm, whose force grows from 0.02 N to 0.4 to 1
 Every frame is the simulator's own, a sweep of a table of scenes; noise is white and drift as in `tracker.py`.
 
 found_2: part of the presses before which no contact is said and that are found within two frames from the first of
-0.1 N; found_2_least: what that part is at least, at 95 % confidence (Clopper and Pearson, one-sided); false: contacts in
-other untouched frames, a thousand.
+0.1 N; found_2_least: what that part is at least, at 95 % confidence (Clopper and Pearson, one-sided); false: contacts
+in other untouched frames, a thousand.
 """
 
 from __future__ import annotations
