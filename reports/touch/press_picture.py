@@ -182,7 +182,7 @@ def view(step: Step, limits: tuple[float, float], size: tuple[int, int], *, near
     from vtkmodules.vtkCommonCore import vtkLogger
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # no warning that there is no display
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+    plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(size))
     plotter.set_background("white")
     plotter.enable_anti_aliasing("ssaa")
     foam, punch, electrodes = (part.warp_by_vector("displacement_m").extract_surface(algorithm="dataset_surface")
