@@ -83,17 +83,23 @@ def paths(seed: int) -> tuple[list[str], Array, Array]:
 
 
 def simulated(card: str, folder: Path, seed: int) -> Stream:
-    """The stream with the simulator's signals; rows that the folder has already are not solved again."""
-    kind, press, touch = paths(seed)
+    """The stream with the simulator's signals."""
+    return solved(*paths(seed), card, folder)
+
+
+def solved(kind: list[str], press: Array, touch: Array, card: str, folder: Path) -> Stream:
+    """A stream with the simulator's signals; touches that the folder has already are not solved again, and equal ones
+    are solved once."""
     touched = press >= 0
+    different, which = np.unique(touch[touched], axis=0, return_inverse=True)
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "scenes.csv", "w", newline="") as file:
-        csv.writer(file).writerows([("x_mm", "y_mm", "d_mm", "F_N"), *touch[touched].tolist()])
+        csv.writer(file).writerows([("x_mm", "y_mm", "d_mm", "F_N"), *different.tolist()])
     table = eitsim.sweep(folder / "scenes.csv", card, folder / "sweep", reuse=True).table
     if set(table["outcome"]) != {"ok"}:
         raise SystemExit(f"tracker.py: a scene was not solved: {table['outcome'].value_counts().to_dict()}")
     signal = np.zeros((len(touch), sum(name.startswith("dv_") for name in table)))
-    signal[touched] = table.sort_values("scene").filter(regex=r"^dv_\d+$").to_numpy()
+    signal[touched] = table.sort_values("scene").filter(regex=r"^dv_\d+$").to_numpy()[which]
     return Stream(kind, press, touch, signal)
 
 

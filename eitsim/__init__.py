@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from eitsim.sensors.layout.sensor_design import SensorDesign, design_sensor
     from eitsim.sensors.recording import Recording, read_recording
     from eitsim.sensors.sensor_file import Sensor, read_sensor
+    from eitsim.simulation.press_series import press_of, write_press
     from eitsim.simulation.result_json import result_document
     from eitsim.simulation.simulate import plan, simulate
     from eitsim.sweeps.dataset.parquet import Dataset, open_dataset
@@ -56,6 +57,7 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "open_dataset": "eitsim.sweeps.dataset.parquet",
     "open_recording": "eitsim.sensors.formats.open_file",
     "plan": "eitsim.simulation.simulate",
+    "press_of": "eitsim.simulation.press_series",
     "read_calibration": "eitsim.sensors.calibration.calibration_file",
     "read_curved_skin": "eitsim.scene.curved_skin",
     "read_design": "eitsim.sweeps.design.design",
@@ -68,5 +70,6 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "solve_curved_skin": "eitsim.electrics.curved.solve_curved",
     "solve_sheet_model": "eitsim.electrics.interop.solve_file",
     "sweep": "eitsim.sweeps.run.sweep",
+    "write_press": "eitsim.simulation.press_series",
     "write_skin_card": "eitsim.sensors.calibration.skin_card",
 })

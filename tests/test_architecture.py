@@ -23,7 +23,7 @@ HOUSE = {
     "reports": ("document", "calibration", "touch", "sensor", "sweep", "surrogate", "benchmarks", "paper", ""),
 }
 MOST_ROOMS, MOST_FLOORS, MOST_FILES = 10, 6, 20
-DRAWING = {"matplotlib", "typst", "corner"}
+DRAWING = {"matplotlib", "typst", "corner", "pyvista"}
 
 
 def modules() -> list[Path]:

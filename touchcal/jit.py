@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 Result = TypeVar("Result")
 
 _WITH_LOOPS: set[str] = set()  # Modules with functions that are compiled.
-COMPILING = "compiling, once after an installation or a change of the code: some 20 CPU seconds"
+COMPILING = "compiling, once after an installation or a change of the code: some 10 CPU seconds"
 
 
 def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.float64]:

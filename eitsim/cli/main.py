@@ -62,7 +62,10 @@ def run_scene(scene: SceneFile, card: CardOption = None,
                                                   "punch; the first one solves and keeps it.")] = False,
               out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,
               fields: Annotated[Path | None, typer.Option(
-                  help="Write stress and strain inside the foam (VTU, for ParaView) here.")] = None,
+                  help="Write stress and strain inside the foam (.vtu, for ParaView) here; or (.pvd) the press as a "
+                       "series of its half-cut foam, punch and electrodes, for `eitsim draw` too.")] = None,
+              fields_steps: Annotated[int | None, typer.Option(
+                  help="Equal steps of the force, or depth, of a .pvd of --fields; 20 unless given.")] = None,
               frames: Annotated[Path | None, typer.Option(
                   help="Write the untouched and the touched voltages (CSV, a row each) here.")] = None,
               skin: Annotated[Path | None, typer.Option(
@@ -87,7 +90,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
     parsed = read_scene(scene)
-    files = OutputFiles(fields, frames, skin, _whole(skin_patterns, "--skin-patterns"), sensitivity)
+    files = OutputFiles(fields, frames, skin, _whole(skin_patterns, "--skin-patterns"), sensitivity, fields_steps)
     outs = {"--out": out, "--report": report, **files.places}
     for flag, place in outs.items():
         if place is not None:
@@ -109,7 +112,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         print_json(document)
     else:
         show_result(result, document, scene)
-    for line in _write_files(parsed, result, document, material, files, out, report):
+    for line in _write_files(parsed, result, document, material, files, out, report, exact):
         if not as_json:
             print(line)
     if result.outcome != "ok":
@@ -117,13 +120,13 @@ def run_scene(scene: SceneFile, card: CardOption = None,
 
 
 def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: MaterialCard,
-                 files: OutputFiles, out: Path | None, report: Path | None) -> Iterator[str]:
+                 files: OutputFiles, out: Path | None, report: Path | None, exact: bool) -> Iterator[str]:
     """Write what is requested next to a stored result, whose hash comes after the skin's file is named in it."""
     from eitsim.cli.output_files import write_output_files
     from touchcal.provenance import file_identity
 
     if result.readings is not None:
-        yield from (f"{name}: {place}" for name, place in write_output_files(scene, result, card, files))
+        yield from (f"{name}: {place}" for name, place in write_output_files(scene, result, card, files, exact=exact))
     if out is None:
         return
     if result.readings is not None and files.skin is not None:
@@ -131,6 +134,23 @@ def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: M
     yield f"result: {out} (sha256 {file_identity(out, out.parent)['sha256'][:12]})"
     if report is not None:
         yield report_written(out, report)
+
+
+@app.command()
+def draw(series: Annotated[Path, typer.Argument(metavar="SERIES", help="Series of a press (.pvd), from "
+                                                                       "`eitsim run --fields press.pvd`.")],
+         out: Annotated[Path, typer.Option(help="Write the picture of the last step (.png), or an animation of all "
+                                                "(.gif), here.")]) -> None:
+    """Draw a press in three dimensions: the half-cut foam as it is deformed, coloured by the strain that drives the
+    skin, with punch and electrodes. Needs the extra `draw`: pip install 'touchcal[draw]'.
+
+    Example: eitsim draw press.pvd --out press.png
+    """
+    from reports.touch.press_picture import draw_press
+
+    check_out(out)
+    check_apart({"--out": out}, (series,))
+    print(f"picture: {draw_press(series, out)}")
 
 
 def _whole(text: str, flag: str) -> list[int] | None:

@@ -8,17 +8,19 @@ from eitsim.scene.results import Result
 from eitsim.scene.scene import Scene
 from eitsim.simulation.plan import near_rim
 from matcal.card import MaterialCard
+from touchcal.terminal import counter
 
 
 @dataclass(frozen=True)
 class OutputFiles:
     """Where each file goes; None: it is not written."""
 
-    fields: Path | None = None  # stress and strain inside the foam, VTU
+    fields: Path | None = None  # stress and strain inside the foam, VTU; or a series of the press, PVD
     frames: Path | None = None  # voltages, CSV
     skin: Path | None = None  # fields on the skin, VTU
     patterns: Sequence[int] | None = None  # drive patterns of the skin's fields, from 0; None: all
     sensitivity: Path | None = None  # derivatives of the readings, CSV
+    steps: int | None = None  # of a series; None: as many as it has by default
 
     @property
     def places(self) -> dict[str, Path | None]:
@@ -29,10 +31,17 @@ class OutputFiles:
 
 def check_output_files(scene: Scene, files: OutputFiles) -> None:
     """ValueError, before anything is solved, where the scene has no such file."""
-    for flag in ("--fields", "--skin"):
-        place = files.places[flag]
-        if place is not None and place.suffix != ".vtu":
-            raise ValueError(f"{flag} {place}: the file is a VTU file; give a name that ends in .vtu.")
+    if files.skin is not None and files.skin.suffix != ".vtu":
+        raise ValueError(f"--skin {files.skin}: the file is a VTU file; give a name that ends in .vtu.")
+    if files.fields is not None and files.fields.suffix not in (".vtu", ".pvd"):
+        raise ValueError(f"--fields {files.fields}: the file is a VTU file; give a name that ends in .vtu, or in .pvd "
+                         "for a series of the press.")
+    if files.fields is not None and files.fields.suffix == ".pvd":
+        from eitsim.simulation.press_series import check_press
+
+        check_press(scene, 1 if files.steps is None else files.steps)
+    elif files.steps is not None:
+        raise ValueError("--fields-steps has no effect without a series; add --fields press.pvd.")
     if files.fields is not None and scene.hold.time_s:
         raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
     if files.fields is not None and len(scene.punches) > 1:
@@ -54,9 +63,17 @@ def check_output_files(scene: Scene, files: OutputFiles) -> None:
 
 
 def write_output_files(scene: Scene, result: Result, card: MaterialCard,
-                       files: OutputFiles) -> Iterator[tuple[str, Path]]:
-    """Write the files that are asked for of a solved result; what each is, and where."""
-    if files.fields is not None:
+                       files: OutputFiles, *, exact: bool = False) -> Iterator[tuple[str, Path]]:
+    """Write the files that are asked for of a result, solved exactly or not; what each is, and where."""
+    if files.fields is not None and files.fields.suffix == ".pvd":
+        from eitsim.simulation.press_series import STEPS, press_of, write_press
+
+        (touch,), steps = result.touches, files.steps or STEPS
+        with counter(steps, "steps of the press") as advance:
+            touches = press_of(scene, card, touch, steps=steps, exact=exact, progress=advance)
+        write_press(scene, touches, files.fields)
+        yield "fields", files.fields
+    elif files.fields is not None:
         from eitsim.simulation.foam_fields import write_vtu
 
         (touch,) = result.touches

@@ -130,7 +130,8 @@ def _eliminate(height, first, begin, into, source, target, leaf_start, row_start
         stopped = _factorise(front, pivots, inverse[first[t]:first[t + 1]])
         if stopped >= 0:
             return first[t] + stopped
-        rows[row_start[t]:row_start[t] + pivots * size] = work[:pivots * size]
+        for k in range(pivots * size):
+            rows[row_start[t] + k] = work[k]
         e = passed_start[t]
         for i in range(pivots, size):
             for j in range(i + 1, size):
@@ -199,14 +200,16 @@ def _substitute(height, first, begin, member, row_start, all_rows, inverse, loca
         rows = all_rows[row_start[t]:row_start[t + 1]].reshape(pivots, size)
         _pass_on(rows, inverse[first[t]:first[t + 1]], x[first[t]:first[t + 1]], local[:pivots], sums[:size])
         for i in range(pivots, size):
-            x[member[begin[t] + i]] += sums[i]
+            for v in range(x.shape[1]):
+                x[member[begin[t] + i], v] += sums[i, v]
     x[-1] = 0.0
     for t in range(len(height) - 1, -1, -1):
         size, pivots = begin[t + 1] - begin[t], first[t + 1] - first[t]
         rows = all_rows[row_start[t]:row_start[t + 1]].reshape(pivots, size)
         local[:pivots] = 0.0
         for i in range(pivots, size):
-            local[i] = x[member[begin[t] + i]]
+            for v in range(x.shape[1]):
+                local[i, v] = x[member[begin[t] + i], v]
         _take_up(rows, inverse[first[t]:first[t + 1]], local[:size], sums[:pivots], x[first[t]:first[t + 1]])
 
 

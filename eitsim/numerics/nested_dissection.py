@@ -136,8 +136,10 @@ def _halve(points, cells, directions, depth, order, mark):
                             shared += 1
                 if fewest < 0 or shared < fewest:
                     fewest = shared
-                    best[start:stop] = trial[start:stop]
-            order[start:stop] = best[start:stop]
+                    for c in range(start, stop):
+                        best[c] = trial[c]
+            for c in range(start, stop):
+                order[c] = best[c]
 
 
 @compiled
@@ -166,6 +168,17 @@ def _split(key, order, start, stop, middle):
 
 
 @compiled
+def _sort(numbers, start, stop):
+    """Sort a short range by insertion."""
+    for i in range(start + 1, stop):
+        number, j = numbers[i], i
+        while j > start and numbers[j - 1] > number:
+            numbers[j] = numbers[j - 1]
+            j -= 1
+        numbers[j] = number
+
+
+@compiled
 def _collect(height, first, starts, element, offset, unknown, mark, member, into, begin):
     """Members of all fronts: those of a leaf's elements, or what both children pass on, merged."""
     leaf = used = 0
@@ -178,7 +191,7 @@ def _collect(height, first, starts, element, offset, unknown, mark, member, into
                         mark[u] = t
                         member[used] = u
                         used += 1
-            member[start:used].sort()
+            _sort(member, start, used)
             leaf += 1
         else:
             left, right = t - (1 << height[t]), t - 1

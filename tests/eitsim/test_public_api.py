@@ -31,10 +31,11 @@ DESIGN = "scenes = 3\nseed = 2\n[punch]\nforce_N = [0.2, 0.4]\n[accuracy]\nsigna
 def test_the_exports_are_these() -> None:
     assert eitsim.__all__ == dir(eitsim) == [
         "Accuracy", "Body", "CalibratedSensor", "Calibration", "CurvedSkin", "Dataset", "Design", "Drive",
-        "Electrodes", "Hold", "Inspection", "Punch", "Recording", "Result", "Scene", "Sensor", "SensorDesign", "Skin",
-        "calibrate", "calibration_document", "design_sensor", "inspect", "measure", "open_dataset", "open_recording",
-        "plan", "read_calibration", "read_curved_skin", "read_design", "read_recording", "read_scene", "read_sensor",
-        "reconstruct", "result_document", "simulate", "solve_curved_skin", "solve_sheet_model", "sweep"]
+        "Electrodes", "Hold", "Inspection", "Punch", "Recording", "Result", "Scene", "Sensor", "SensorDesign",
+        "Skin", "calibrate", "calibration_document", "design_sensor", "inspect", "measure", "open_dataset",
+        "open_recording", "plan", "press_of", "read_calibration", "read_curved_skin", "read_design",
+        "read_recording", "read_scene", "read_sensor", "reconstruct", "result_document", "simulate",
+        "solve_curved_skin", "solve_sheet_model", "sweep", "write_press", "write_skin_card"]
     assert all(getattr(eitsim, name).__name__ == name for name in eitsim.__all__)
 
 
@@ -50,8 +51,8 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
 @pytest.mark.parametrize("module", [
     "eitsim.simulation.simulate", "eitsim.sweeps.run.sweep", "eitsim.sweeps.run.measure",
     "eitsim.sweeps.dataset.parquet", "eitsim.electrics.imaging.images", "eitsim.electrics.interop.solve_file",
-    "eitsim.electrics.curved.solve_curved",
-    "eitsim.sensors.inspection", "eitsim.sensors.calibration.calibrate"])
+    "eitsim.electrics.curved.solve_curved", "eitsim.sensors.inspection", "eitsim.sensors.calibration.calibrate",
+    "eitsim.simulation.press_series"])
 def test_the_examples_run(module: str) -> None:
     found = doctest.testmod(importlib.import_module(module), optionflags=doctest.ELLIPSIS)
     assert found.failed == 0

@@ -200,7 +200,8 @@ def _interpolate(local, disc, offset, by_neighbour, radii, shares, cubics, uncha
         radius, angle = math.hypot(local[p, 0], local[p, 1]), math.atan2(abs(local[p, 1]), local[p, 0])
         start = _start(disc, offset, radius)
         if radius > radii[-1] or (by_neighbour and angle < start - _ON_PLANE):
-            out[p] = unchanged
+            for part in range(out.shape[1]):
+                out[p, part] = unchanged[part]
             continue
         share = min(max(angle - start, 0.0) / max(np.pi - start, _TINY), 1.0)
         radius = max(radius, radii[0])

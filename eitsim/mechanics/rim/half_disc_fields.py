@@ -22,7 +22,7 @@ _EACH, _OUTSIDE, _ANGLES = 2, 30, 36
 _WIDENING = 0.1
 # Part of the way to its cell's middle by which a corner is moved to find the element that it belongs to: cells end on
 # the elements' ends, or anywhere.
-_INWARDS = 1e-6
+INWARDS = 1e-6
 # Corners of a cell, steps in radius, angle and height, as in VTK: hexahedra, and wedges on the axis.
 _CORNERS = {"wedge": np.array([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 0, 1), (1, 1, 1), (1, 0, 1)]),
             "hexahedron": np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0),
@@ -52,7 +52,7 @@ def volume_fields(touch: Touch) -> tuple[Array, list[tuple[str, Indices]], dict[
         raise ValueError("this touch keeps no fields with the rim's effect: it comes from a table, or lies near the "
                          "edge of an outline, where they are not built. Solve it with "
                          "eitsim.mechanics.rim.solve_near_rim on a disc.")
-    lattice = _lattice_of(volume)
+    lattice = lattice_of(volume, _EACH)
     parts, cells, count = [], [], 0
     for name, corner in _CORNERS.items():
         at, central = _places(lattice, corner, name == "wedge")
@@ -64,20 +64,21 @@ def volume_fields(touch: Touch) -> tuple[Array, list[tuple[str, Indices]], dict[
     return np.concatenate(points), cells, {key: np.concatenate([f[key] for f in fields]) for key in fields[0]}
 
 
-def _lattice_of(volume: Volume) -> Lattice:
+def lattice_of(volume: Volume, each: int) -> Lattice:
+    """Corners of the cells of the half disc, `each` of them an element under the punch and through the thickness."""
     order, edge, offset = volume.order, volume.punch_m, volume.offset_m
     angle = np.linspace(0, np.pi, _ANGLES + 1)
-    under = _divided(volume.radius_m[::order][volume.radius_m[::order] <= edge * (1 + 1e-9)])
+    under = _divided(volume.radius_m[::order][volume.radius_m[::order] <= edge * (1 + 1e-9)], each)
     rim = np.sqrt(volume.disc_m**2 - (offset * np.sin(angle)) ** 2) - offset * np.cos(angle)
     start, length = under[-1], _WIDENING * -volume.height_m[0]
     share = np.linspace(0, 1, _OUTSIDE + 1)[1:, None]
     outside = start + length * np.expm1(share * np.log1p((rim - start) / length))
     radius = np.concatenate([np.repeat(under[:, None], len(angle), axis=1), outside])
-    return Lattice(radius, angle, _divided(volume.height_m[::order]))
+    return Lattice(radius, angle, _divided(volume.height_m[::order], each))
 
 
-def _divided(ends: Array) -> Array:
-    return np.interp(np.arange(_EACH * (len(ends) - 1) + 1) / _EACH, np.arange(len(ends)), ends)
+def _divided(ends: Array, each: int) -> Array:
+    return np.interp(np.arange(each * (len(ends) - 1) + 1) / each, np.arange(len(ends)), ends)
 
 
 def _places(lattice: Lattice, corner: Indices, axis: bool) -> tuple[Places, Places]:
@@ -91,19 +92,19 @@ def _places(lattice: Lattice, corner: Indices, axis: bool) -> tuple[Places, Plac
     central = Places(middle[:, 0], middle[:, 1], j, between, middle)
     i, j, k = ((cell[:, None] + step).ravel() for cell, step in zip((i, j, k), corner.T, strict=True))
     corners = np.column_stack([lattice.radius_m[i, j], lattice.height_m[k]])
-    within = corners + _INWARDS * (np.repeat(middle, len(corner), axis=0) - corners)
+    within = corners + INWARDS * (np.repeat(middle, len(corner), axis=0) - corners)
     return Places(corners[:, 0], corners[:, 1], j, lattice.angle_rad, within), central
 
 
 def _fields(volume: Volume, at: Places, central: Places) -> tuple[Array, dict[str, Array]]:
     """Points and fields at corners of cells; a corner that is turned inside out takes its cell's middle."""
-    turn, deformation = _turn(volume, at), gradient(volume, at)
+    axes, deformation = turn(volume, at), gradient(volume, at)
     local = np.column_stack([at.radius_m, np.zeros_like(at.radius_m), at.height_m])
-    place = (turn @ local[..., None])[..., 0]
+    place = (axes @ local[..., None])[..., 0]
     place[:, :2] += volume.offset_m * np.array([np.cos(volume.bearing_rad), np.sin(volume.bearing_rad)])
     fine = np.linalg.det(deformation) > 0
-    deformation = turn @ deformation @ np.swapaxes(turn, 1, 2)
-    instead = _turn(volume, central) @ gradient(volume, central) @ np.swapaxes(_turn(volume, central), 1, 2)
+    deformation = axes @ deformation @ np.swapaxes(axes, 1, 2)
+    instead = turn(volume, central) @ gradient(volume, central) @ np.swapaxes(turn(volume, central), 1, 2)
     instead = np.repeat(instead, len(fine) // len(instead), axis=0)
     deformation = np.where(fine[:, None, None], deformation, instead)
     if not np.all(np.linalg.det(deformation) > 0):
@@ -111,12 +112,12 @@ def _fields(volume: Volume, at: Places, central: Places) -> tuple[Array, dict[st
                          "the fields of a smaller force or depth, or of a larger gap to the rim.")
     top = at.height_m == volume.height_m[-1]
     pressure = contact_pressure(volume, at.radius_m, at.angle_rad[at.plane])
-    return place, {"displacement_m": (turn @ displacement(volume, at)[..., None])[..., 0],
+    return place, {"displacement_m": (axes @ displacement(volume, at)[..., None])[..., 0],
                    **tensors(volume.law, deformation), "contact_pressure_Pa": np.where(top, pressure, 0.0),
                    "taken_from_centre": (~fine).astype(float)}
 
 
-def _turn(volume: Volume, at: Places) -> Array:
+def turn(volume: Volume, at: Places) -> Array:
     """Directions r, theta, z (n, 3, 3) in the columns, in the disc's axes."""
     angle = volume.bearing_rad + at.angle_rad
     cosine, sine, none = np.cos(angle), np.sin(angle), np.zeros_like(angle)

@@ -57,10 +57,10 @@ def _first_piola_and_tangent(grad_u, mu, alpha, beta, scale, stress, tangent):
         differentiate(x, mean, half, mu, alpha, beta, scale, force, block, rest, work)
         cd, sd = ((2 + rr + zz) / turned, (zr - rz) / turned) if turned > 0 else (1.0, 0.0)
         cs, ss = ((rr - zz) / stretched, (rz + zr) / stretched) if stretched > 0 else (1.0, 0.0)
-        modes[0] = ((cd + cs) / 2, (ss - sd) / 2, (ss + sd) / 2, (cd - cs) / 2)
-        modes[1] = ((cd - cs) / 2, (-ss - sd) / 2, (sd - ss) / 2, (cd + cs) / 2)
-        modes[2] = (-ss * root, cs * root, cs * root, ss * root)
-        modes[3] = (sd * root, cd * root, -cd * root, sd * root)
+        modes[0, 0], modes[0, 1], modes[0, 2], modes[0, 3] = (cd + cs) / 2, (ss - sd) / 2, (ss + sd) / 2, (cd - cs) / 2
+        modes[1, 0], modes[1, 1], modes[1, 2], modes[1, 3] = (cd - cs) / 2, (-ss - sd) / 2, (sd - ss) / 2, (cd + cs) / 2
+        modes[2, 0], modes[2, 1], modes[2, 2], modes[2, 3] = -ss * root, cs * root, cs * root, ss * root
+        modes[3, 0], modes[3, 1], modes[3, 2], modes[3, 3] = sd * root, cd * root, -cd * root, sd * root
         for i in range(4):
             stress[p, i] = force[0] * modes[0, i] + force[1] * modes[1, i]
             across = block[2, 0] * modes[0, i] + block[2, 1] * modes[1, i]

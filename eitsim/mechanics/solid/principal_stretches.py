@@ -71,7 +71,9 @@ def differentiate(x, mean, half, mu, alpha, beta, scale, force, block, rest, wor
 @compiled
 def scale_negative_eigenvalues(block, scale, turned, vector):
     """Scale the negative part of a symmetric matrix (3, 3) in place; turned, vector (3, 3) are room to work."""
-    turned[:] = block
+    for i in range(3):
+        for j in range(3):
+            turned[i, j] = block[i, j]
     diagonalise(turned, vector)
     for m in range(3):
         value = turned[m, m]
