@@ -62,5 +62,5 @@ def test_a_fit_that_ends_between_two_punches_has_both_tried() -> None:
     state = np.zeros((1, 5))
     state[0, known_diameters.LOG_D] = 0.3
     end = Minimum(state, np.zeros(1), np.eye(5)[None] * 1e8, np.zeros((1, 6)))
-    assert known_diameters.worth_trying(end, end, np.array([-1.0, 0.0, 1.0, 2.0])).tolist() == [[False, True, True, False]]
-    assert known_diameters.worth_trying(end, end, np.array([-1.0, 0.0])).tolist() == [[False, True]]
+    for log_d, tried in (([-1.0, 0.0, 1.0, 2.0], [False, True, True, False]), ([-1.0, 0.0], [False, True])):
+        assert known_diameters.worth_trying(end, end, np.array(log_d)).tolist() == [tried]
