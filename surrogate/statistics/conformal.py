@@ -95,8 +95,9 @@ def one_factor(factor: Array) -> IntervalScale:
 
 
 def at_least(scale: IntervalScale, other: IntervalScale) -> IntervalScale:
-    """Factors no smaller than those of another."""
-    return IntervalScale(scale.edge, np.maximum(scale.factor, other.factor))
+    """Factors no smaller than those of another, whichever side of its edge a row is on where the edges differ."""
+    return IntervalScale(scale.edge, np.maximum(scale.factor, np.where(
+        scale.edge == other.edge, other.factor, other.factor.max(axis=0))))
 
 
 def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages: Sequence[float] = (COVERAGE,),

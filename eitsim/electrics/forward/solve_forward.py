@@ -40,8 +40,9 @@ ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
 # over the change by the last halving, where the rim cuts the contact or the skin has an outline, and elsewhere.
 MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
-# Error of an outline's untouched readings on the mesh whose triangles are tried first outside touches.
-ROUGHLY = 5e-3
+# Error of an outline's untouched readings on the mesh whose triangles are tried first outside touches, and what is left
+# over the change by its halving: 0.7 to 1.34 of it at five hard touches, by conductors and unequal contacts among them.
+ROUGHLY, LEFT_ROUGH = 5e-3, 1.4
 MARGIN = 2  # How many times the estimate a mesh must stay below the requested error not to be halved again.
 
 
@@ -237,8 +238,8 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
                        LEFT_CUT if cut else LEFT)
     meshes = partial(outlined_mesh, sensor.body, sensor.electrodes, sensor.conductance_S, touches)
     if sensor.electrodes.kind == "line":
-        rough = _halved(sensor, touches, meshes(ROUGHLY), signal, LEFT_CUT, halvings=1)
-        if MARGIN * rough.error <= signal:
+        rough = _halved(sensor, touches, meshes(ROUGHLY), signal, LEFT_ROUGH, halvings=1)
+        if rough.error <= signal:
             return rough
     return _halved(sensor, touches, meshes(FIELDS), signal, LEFT_CUT)
 

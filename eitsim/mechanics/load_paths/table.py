@@ -38,9 +38,15 @@ def shape_of(law: Hyperfoam, body: Body, punch: Punch, diameters_m: Iterable[flo
     shape, and all outlines but the disc."""
     unit = body.thickness_m
     diameters = _rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]])
-    wide = diameters[-1] / 2 + _FREE if body.has_outline else body.radius_m / unit
-    disc, fillet = _rounded([wide, punch.fillet_m / unit])
-    return DimensionlessProblem(*_moduli(law), disc, fillet, diameters, spans, body.has_outline)
+    disc, fillet = _rounded([body.radius_m / unit, punch.fillet_m / unit])
+    shape = DimensionlessProblem(*_moduli(law), disc, fillet, diameters, spans, body.has_outline)
+    return with_diameters(shape, diameters, spans=spans)
+
+
+def with_diameters(shape: DimensionlessProblem, diameters: tuple[float, ...], *, spans: bool) -> DimensionlessProblem:
+    """A shape with other diameters, over the thickness; the disc of one with straight edges is as wide as they need."""
+    disc = _rounded([diameters[-1] / 2 + _FREE])[0] if shape.straight else shape.disc
+    return replace(shape, disc=disc, diameters=diameters, spans=spans)
 
 
 def of_law(shape: DimensionlessProblem, law: Hyperfoam) -> DimensionlessProblem:

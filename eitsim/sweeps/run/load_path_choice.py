@@ -13,7 +13,7 @@ from eitsim.mechanics.load_paths.build_table import Run
 from eitsim.mechanics.load_paths.law_family import Family, central_of, places_among
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis, reduced_basis
 from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
-from eitsim.mechanics.load_paths.table import as_deep_as, of_law
+from eitsim.mechanics.load_paths.table import as_deep_as, of_law, with_diameters
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
 from eitsim.scene.scene import Punch, Scene
@@ -83,9 +83,9 @@ def table_of(design: Design, cards: Cards, pool: WorkerPool,
     kept = method.get("shape")
     if foam_varies(cards):
         shape, span = span_for(design, cards)
-        make = partial(family_for, with_diameters(shape, kept), span)
+        make = partial(family_for, as_kept(shape, kept), span)
     else:
-        make = partial(table_for, with_diameters(design_shape(design, cards.card), kept))
+        make = partial(table_for, as_kept(design_shape(design, cards.card), kept))
     checkpointed = CheckpointedMap(pool)
     found, note = _made(make, checkpointed, before["rim"])
     checkpointed.forget()
@@ -151,10 +151,10 @@ def diameters_of(shape: DimensionlessProblem) -> dict[str, Any]:
     return {"diameters": list(shape.diameters), "spans": shape.spans}
 
 
-def with_diameters(shape: DimensionlessProblem, kept: Mapping[str, Any] | None) -> DimensionlessProblem:
+def as_kept(shape: DimensionlessProblem, kept: Mapping[str, Any] | None) -> DimensionlessProblem:
     """A shape with the diameters of `diameters_of`, so that rows that a sweep has grown by change no table; touches
     beyond them are solved directly. None: the shape itself."""
-    return shape if kept is None else replace(shape, diameters=tuple(kept["diameters"]), spans=kept["spans"])
+    return shape if kept is None else with_diameters(shape, tuple(kept["diameters"]), spans=kept["spans"])
 
 
 def _diameters(punch: Mapping[str, Any]) -> tuple[list[float], bool]:

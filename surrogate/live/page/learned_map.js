@@ -343,7 +343,7 @@ function learnedMap(given) {
     const sdF = F * Math.sqrt(4 * c(2, 2) + 4 * by * c(2, 3) + by * by * c(3, 3));
     const sds = [Math.sqrt(a), Math.sqrt(d), Math.exp(logD) * Math.sqrt(c(2, 2)), sdF];
     const factor = sds.map((sd, i) => given.interval[sd > given.unsure_from[i] ? 1 : 0][i]);
-    const named = ["x_mm", "y_mm", "d_mm", "F_N"], wide = given.ellipse * factor[0] / given.normal;
+    const named = ["x_mm", "y_mm", "d_mm", "F_N"], wide = given.ellipse * Math.max(factor[0], factor[1]) / given.normal;
     return {
       state: found.state, misfit: found.misfit, read: { x_mm: x, y_mm: y, d_mm: Math.exp(logD), F_N: F },
       half_width: Object.fromEntries(named.map((name, i) => [name, factor[i] * sds[i]])),

@@ -25,7 +25,7 @@ from eitsim.mechanics.load_paths.rim_table import (
     with_cell_errors,
     within,
 )
-from eitsim.mechanics.load_paths.table import shape_of, state, touch_from
+from eitsim.mechanics.load_paths.table import shape_of, state, touch_from, with_diameters
 from eitsim.mechanics.load_paths.types import RimTable, Table
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.drive import as_tuples
@@ -127,6 +127,13 @@ def test_one_table_serves_straight_edges_of_any_outline(straight, body: Body) ->
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("body", [Body(), RECTANGLE])
+def test_a_shape_with_fewer_diameters_is_that_of_these(body: Body) -> None:
+    """So that a sweep that a wider punch has grown keeps its table."""
+    few, more = (shape_of(FOAM, body, Punch(), diameters) for diameters in ((8e-3, 10e-3), (8e-3, 10e-3, 14e-3)))
+    assert with_diameters(more, few.diameters, spans=False) == few
+
+
 def test_a_table_of_straight_edges_serves_no_round_one_and_no_disc(straight) -> None:
     turn = 2 * np.pi * np.arange(200) / 200
     polygon = Body(outline="polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(turn), np.sin(turn)])))

@@ -7,6 +7,8 @@ import pytest
 from scipy.stats import binom, norm
 
 from surrogate.statistics.conformal import (
+    IntervalScale,
+    at_least,
     conformal_scale,
     conformal_scales,
     describe_rows,
@@ -105,3 +107,10 @@ def test_equal_standard_deviations_have_one_factor() -> None:
     error = np.random.default_rng(6).normal(size=(1000, 1))
     found, = conformal_scales(error, np.ones_like(error), np.ones_like(error), 1000)
     assert np.isinf(found.edge).all()
+
+
+def test_factors_are_at_least_those_of_another_scale_whatever_its_edge() -> None:
+    one, two = (IntervalScale(np.array([edge]), np.array([[1.0], [high]]))
+                for edge, high in ((np.inf, 1.0), (0.5, 3.0)))
+    assert at_least(one, two).of(np.array([[0.1], [2.0]])).tolist() == [[3.0], [3.0]]
+    assert at_least(two, one).of(np.array([[0.1], [2.0]])).tolist() == [[1.0], [3.0]]
