@@ -72,7 +72,7 @@ def test_less_than_half_the_nodes_give_the_signal_within_its_estimate(touches) -
                      - impedance(plain, np.full(len(plain.cells), 6e-4), z, order=order))
     off = np.linalg.norm(found.signal_V - known) / np.linalg.norm(known)
     print(f"{off:.1e}, estimated {found.signal_error:.1e}, {found.unknowns} and {len(plain.nodes_m)} unknowns")
-    assert off < found.signal_error < 2e-3
+    assert off < found.signal_error < 4e-3
     assert 2 * found.unknowns < len(plain.nodes_m)
 
 
