@@ -100,7 +100,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     check_pdf(report, "--report")
     if reuse and (exact or fields is not None):
         raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
-    check_output_files(parsed, files)
+    check_output_files(parsed, files, outs)
     material = read_card(path)
     result = simulate(parsed, material, exact=exact, reuse=reuse)
     document = result_document(result, parsed, material)

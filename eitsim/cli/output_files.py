@@ -1,6 +1,6 @@
 """The files that a run may write next to its result: fields in the foam and on the skin, frames, derivatives."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,8 +29,9 @@ class OutputFiles:
                 "--sensitivity": self.sensitivity}
 
 
-def check_output_files(scene: Scene, files: OutputFiles) -> None:
-    """ValueError, before anything is solved, where the scene has no such file."""
+def check_output_files(scene: Scene, files: OutputFiles, outs: Mapping[str, Path | None] | None = None) -> None:
+    """ValueError, before anything is solved, where the scene has no such file, or the folder of a series is in the way
+    of another one to be written (option -> place)."""
     if files.skin is not None and files.skin.suffix != ".vtu":
         raise ValueError(f"--skin {files.skin}: the file is a VTU file; give a name that ends in .vtu.")
     if files.fields is not None and files.fields.suffix not in (".vtu", ".pvd"):
@@ -40,6 +41,7 @@ def check_output_files(scene: Scene, files: OutputFiles) -> None:
         from eitsim.simulation.press_series import check_press
 
         check_press(scene, 1 if files.steps is None else files.steps)
+        _check_series(files.fields, outs or {})
     elif files.steps is not None:
         raise ValueError("--fields-steps has no effect without a series; add --fields press.pvd.")
     if files.fields is not None and scene.hold.time_s:
@@ -60,6 +62,19 @@ def check_output_files(scene: Scene, files: OutputFiles) -> None:
         from eitsim.simulation.derivatives.readings import check_differentiable
 
         check_differentiable(scene)
+
+
+def _check_series(series: Path, outs: Mapping[str, Path | None]) -> None:
+    from eitsim.simulation.press_series import check_folder
+
+    try:
+        folder = check_folder(series).resolve()
+    except ValueError as error:
+        raise ValueError(f"--fields {error}") from None
+    for flag, place in outs.items():
+        if place is not None and folder in (place.resolve(), *place.resolve().parents):
+            raise ValueError(f"--fields {series}: the VTU files go to the folder {series.with_suffix('')}, where "
+                             f"{flag} {place} is written. Choose another name.")
 
 
 def write_output_files(scene: Scene, result: Result, card: MaterialCard,

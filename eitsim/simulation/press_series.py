@@ -1,6 +1,8 @@
 """A press as a series of VTU files, for ParaView and for pictures: the half-cut foam, the punch and the electrodes."""
 
 import math
+import re
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,10 +22,13 @@ from eitsim.scene.scene import Body, Punch, Scene, as_scene, profile_of
 from eitsim.simulation.material import material_of
 from eitsim.simulation.touches import solved_touches
 from matcal.card import MaterialCard, as_card
+from touchcal.whole_file import written
 
 # Name of the point field that drives the skin, before the name of the strain as in [skin].
 DRIVING = "driving_strain_"
 STEPS = 20
+# Names of a series' VTU files.
+_NAMES = r"(foam|punch|electrodes)_\d{3,}\.vtu"
 # Points of the punch's outline from its axis, and around it; height of the punch that is drawn, thicknesses.
 _OUTLINE, _AROUND, _HEIGHT = 40, 72, 1.5
 # Points along an electrode, and halvings that find the punch's face.
@@ -47,6 +52,19 @@ def check_press(scene: Scene, steps: int = STEPS) -> None:
                          "[punch], and leave out time_s in [hold] and the outline in [body].")
     if steps < 1:
         raise ValueError(f"--fields-steps must be 1 or more, got {steps}.")
+
+
+def check_folder(path: Path) -> Path:
+    """The folder of a series' VTU files; ValueError where it would replace anything that no earlier series wrote."""
+    folder = path.with_suffix("")
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise ValueError(f"{path}: the VTU files go to the folder {folder}, and a file or a link has that name. Choose "
+                         "another name.")
+    if folder.is_dir() and (strange := sorted(place.name for place in folder.iterdir()
+                                              if not re.fullmatch(_NAMES, place.name))):
+        raise ValueError(f"{path}: the VTU files would replace the folder {folder}, which holds {strange[0]}, no part "
+                         "of a series. Choose another name.")
+    return folder
 
 
 def press_of(scene: Scene | Path | str, card: MaterialCard | Path | str, last: Touch | None = None, *,
@@ -110,7 +128,8 @@ def loaded(punch: Punch, share: float) -> Punch:
 
 
 def write_press(scene: Scene, touches: Sequence[Touch], path: Path | str) -> None:
-    """Write touches at equal steps of a load, after the untouched foam, as VTU files and the .pvd that lists them.
+    """Write touches at equal steps of a load, after the untouched foam, as VTU files and the .pvd that lists them; an
+    earlier series of the name stays whole until this one is ready.
 
     Parameters
     ----------
@@ -128,7 +147,7 @@ def write_press(scene: Scene, touches: Sequence[Touch], path: Path | str) -> Non
     Raises
     ------
     ValueError
-        Where a touch keeps no displacements inside the foam.
+        Where a touch keeps no displacements inside the foam, or the folder is a file or holds other files.
 
     Examples
     --------
@@ -144,22 +163,29 @@ def write_press(scene: Scene, touches: Sequence[Touch], path: Path | str) -> Non
     """
     path, (punch,) = Path(path), scene.punches
     volumes = [volume_of(scene.body, punch, touch) for touch in touches]
-    folder = path.with_suffix("")
-    folder.mkdir(exist_ok=True)
+    folder = check_folder(path)
     listed = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(listed, "Collection")
-    for k in range(len(touches) + 1):
-        share = k / len(touches)
-        step = loaded(punch, share)
-        time = 1e3 * step.depth_m if step.depth_m is not None else step.force_N
-        touch, volume = touches[max(k - 1, 0)], volumes[max(k - 1, 0)]
-        for part, block in enumerate(_blocks(scene, punch, touch, volume, pressed=k > 0)):
-            name = folder / f"{block.name}_{k:03d}.vtu"
-            meshio.Mesh(block.points_m, block.cells, point_data=dict(block.fields)).write(name, file_format="vtu")
-            ElementTree.SubElement(collection, "DataSet", timestep=f"{time:.9g}", group="", part=str(part),
-                                   name=block.name, file=name.relative_to(path.parent).as_posix())
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{folder.name}.", suffix=".part") as place:
+        fresh = Path(place) / folder.name
+        fresh.mkdir()
+        for k in range(len(touches) + 1):
+            step = loaded(punch, k / len(touches))
+            time = 1e3 * step.depth_m if step.depth_m is not None else step.force_N
+            touch, volume = touches[max(k - 1, 0)], volumes[max(k - 1, 0)]
+            for part, block in enumerate(_blocks(scene, punch, touch, volume, pressed=k > 0)):
+                name = f"{block.name}_{k:03d}.vtu"
+                mesh = meshio.Mesh(block.points_m, block.cells, point_data=dict(block.fields))
+                mesh.write(fresh / name, file_format="vtu")
+                ElementTree.SubElement(collection, "DataSet", timestep=f"{time:.9g}", group="", part=str(part),
+                                       name=block.name, file=f"{folder.name}/{name}")
+        path.unlink(missing_ok=True)
+        if folder.exists():
+            folder.rename(Path(place) / "earlier")
+        fresh.rename(folder)
     ElementTree.indent(listed)
-    ElementTree.ElementTree(listed).write(path, encoding="utf-8", xml_declaration=True)
+    with written(path) as file:
+        ElementTree.ElementTree(listed).write(file, encoding="utf-8", xml_declaration=True)
 
 
 def volume_of(body: Body, punch: Punch, touch: Touch) -> Volume:

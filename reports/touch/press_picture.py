@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 INSTALL = "python -m pip install 'touchcal[draw]'"
 SUFFIXES = (".png", ".gif")
-PARTS = ["foam", "punch", "electrodes"]
+# Parts of a step, and what each needs among its point fields, next to a driving strain of the foam.
+FIELDS = {"foam": ["displacement_m"], "punch": ["displacement_m", "force_N"], "electrodes": ["displacement_m"]}
+PARTS = list(FIELDS)
 # Words of a driving strain, by the name of its field in a series.
 TITLES = {"driving_strain_principal": "largest strain in plane, %", "driving_strain_areal": "areal strain, %",
           "driving_strain_normal": "strain through the thickness, %"}
@@ -60,7 +62,6 @@ class Step:
     def driving(self) -> str:
         """Name of the field of the strain that drives the skin."""
         return next(name for name in self.foam.point_data if name in TITLES)
-
 
     @property
     def axis_m(self) -> NDArray[np.float64]:
@@ -125,9 +126,7 @@ def check_picture(out: Path) -> None:
 
 
 def read_steps(series: Path) -> list[Step]:
-    """The steps of a series, in order; ValueError where the file is none."""
-    import pyvista
-
+    """The steps of a series, in order; ValueError where the file is none, or one of its VTU files is damaged."""
     refusal = f"{series}: no series of a press; give the .pvd that eitsim run --fields press.pvd writes."
     try:
         listed = list(ElementTree.parse(series).iter("DataSet"))
@@ -139,10 +138,34 @@ def read_steps(series: Path) -> list[Step]:
         files = [series.parent / part.get("file", "") for part in parts]
         if [part.get("name") for part in parts] != PARTS or not all(file.is_file() for file in files):
             raise ValueError(f"{refusal} Its folder must lie next to it.")
-        steps.append(Step(*map(pyvista.read, files)))
+        steps.append(Step(*map(_part, PARTS, files)))
     if not steps:
         raise ValueError(refusal)
     return steps
+
+
+def _part(name: str, file: Path) -> Any:
+    """The mesh of one part of a step; ValueError where its file is damaged or lacks a field."""
+    import pyvista
+    from vtkmodules.vtkCommonCore import vtkLogger
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # the error below is all that is said
+    again = "Write the series again: eitsim run --fields press.pvd."
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(file))
+    try:
+        with pyvista.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
+            reader.Update()
+    except RuntimeError:
+        raise ValueError(f"{file}: the VTU file is damaged. {again}") from None
+    mesh: Any = pyvista.wrap(reader.GetOutput())
+    missing = [field for field in FIELDS[name] if field not in mesh.point_data]
+    if name == "foam" and not any(field in TITLES for field in mesh.point_data):
+        missing.append(f"a driving strain ({', '.join(TITLES)})")
+    if missing:
+        raise ValueError(f"{file}: the point field {missing[0]} is missing. {again}")
+    return mesh
 
 
 def strain_limits(steps: list[Step]) -> tuple[float, float]:

@@ -41,6 +41,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "scene.toml").write_text('card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n')
     (tmp_path / "bare.toml").write_text("[punch]\nforce_N = 0.5\n")
     (tmp_path / "wrong.toml").write_text("[punch]\nradius = 3\n")
+    (tmp_path / "taken").write_text("a file")
     (tmp_path / "rim.toml").write_text("[punch]\nx_mm = 98\n")
     (tmp_path / "stick.toml").write_text('[punch]\nfriction = "stick"\n')
     (tmp_path / "hopeless.toml").write_text("[punch]\nforce_N = 2000\n")
@@ -66,6 +67,8 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "scene.toml", "--fields", "f.txt"], "f.txt: the file is a VTU file; give a name that ends in .vtu"),
     (["run", "scene.toml", "--fields", "f.vtu", "--fields-steps", "3"], "--fields-steps has no effect without a"),
     (["run", "scene.toml", "--fields", "f.pvd", "--fields-steps", "0"], "--fields-steps must be 1 or more, got 0"),
+    (["run", "scene.toml", "--fields", "taken.pvd"], "--fields taken.pvd: the VTU files go to the folder taken, and a"),
+    (["run", "scene.toml", "--fields", "r.pvd", "--out", "r"], "folder r, where --out r is written. Choose another"),
     (["draw", "press.pvd", "--out", "press.jpg"], "--out press.jpg: a picture is a .png, an animation a .gif"),
     (["run", "scene.toml", "--skin", "s.vtk"], "--skin s.vtk: the file is a VTU file"),
     (["run", "scene.toml", "--skin", "s.vtu", "--skin-patterns", "3,16"], "pattern 16 is none of 0 to 15"),

@@ -153,3 +153,39 @@ def test_a_touch_without_displacements_inside_has_no_series(touches, tmp_path):
     with pytest.raises(ValueError, match="keeps no displacements inside the foam"):
         eitsim.write_press(SCENE, [replace(touches[0], section=None)], tmp_path / "press.pvd")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_shorter_series_leaves_nothing_of_a_longer_one(touches, tmp_path):
+    for count in (2, 1):
+        eitsim.write_press(SCENE, touches[-count:], tmp_path / "press.pvd")
+    listed = {one.get("file") for one in ElementTree.parse(tmp_path / "press.pvd").iter("DataSet")}
+    assert {f"press/{place.name}" for place in (tmp_path / "press").iterdir()} == listed
+    assert sorted(place.name for place in tmp_path.iterdir()) == ["press", "press.pvd"]
+
+
+@pytest.mark.parametrize("last", ["punch_001.vtu", "press.pvd"])
+def test_an_interrupted_series_leaves_the_earlier_one_or_no_list(touches, tmp_path, monkeypatch, last):
+    eitsim.write_press(SCENE, touches, tmp_path / "press.pvd")
+    before = {place: place.read_bytes() for place in tmp_path.rglob("*.*")}
+
+    def interrupted(whole):
+        def write(mesh, place, **options):
+            if Path(getattr(place, "name", place)).name.lstrip(".").startswith(last):
+                raise KeyboardInterrupt
+            whole(mesh, place, **options)
+        return write
+
+    for kind in (meshio.Mesh, ElementTree.ElementTree):
+        monkeypatch.setattr(kind, "write", interrupted(kind.write))
+    with pytest.raises(KeyboardInterrupt):
+        eitsim.write_press(SCENE, touches[-1:], tmp_path / "press.pvd")
+    assert sorted(place.name for place in tmp_path.iterdir()) == ["press"] + ["press.pvd"] * (last != "press.pvd")
+    assert last == "press.pvd" or before == {place: place.read_bytes() for place in tmp_path.rglob("*.*")}
+
+
+def test_a_folder_with_other_files_is_not_replaced(touches, tmp_path):
+    (tmp_path / "press").mkdir()
+    (tmp_path / "press" / "notes.txt").write_text("mine")
+    with pytest.raises(ValueError, match=r"press.pvd: .* holds notes.txt, no part of a series. Choose another name"):
+        eitsim.write_press(SCENE, touches[-1:], tmp_path / "press.pvd")
+    assert [place.name for place in (tmp_path / "press").iterdir()] == ["notes.txt"]

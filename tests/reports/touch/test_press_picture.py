@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -82,6 +83,19 @@ def test_what_is_no_series_is_named(tmp_path, content):
         place.write_text(content)
     with pytest.raises(ValueError, match="no series of a press"):
         draw_press(place, tmp_path / "press.png")
+
+
+@pytest.mark.parametrize(("old", "new", "named"), [
+    (b"</VTKFile>", b"", "the VTU file is damaged"),
+    (b"displacement_m", b"displaced_m", "the point field displacement_m is missing"),
+    (b"driving_strain_", b"strain_", r"the point field a driving strain \(driving_strain_principal, .* is missing")])
+def test_a_damaged_file_and_a_missing_field_are_named(series, tmp_path, capfd, caplog, old, new, named):
+    shutil.copytree(series.parent, tmp_path, dirs_exist_ok=True)
+    foam = tmp_path / "press" / "foam_001.vtu"
+    foam.write_bytes(foam.read_bytes().replace(old, new))
+    with pytest.raises(ValueError, match=rf"press/foam_001.vtu: {named}.* Write the series again: eitsim run"):
+        draw_press(tmp_path / "press.pvd", tmp_path / "press.png")
+    assert not capfd.readouterr().err + caplog.text
 
 
 def test_a_missing_library_names_the_line_that_installs_it(monkeypatch):
