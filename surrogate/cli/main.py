@@ -42,6 +42,8 @@ OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigm
 STEPS = ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values() if one.epochs)
 WORKERS_HELP = "Processes that share the networks; where left out, one a core from 1,000 rows on."
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
+EXACT_HELP = ("Take signals for exact: the error that the simulator states of them does not count. For comparing methods "
+              "on simulated touches, not for a real sensor.")
 LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below the RMS of the baseline voltages."
 
 
@@ -56,6 +58,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
           epochs: Annotated[int | None, typer.Option(help=f"Most steps; where left out {STEPS}.")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
+          exact_signals: Annotated[bool, typer.Option("--exact-signals", help=EXACT_HELP)] = False,
           noise_db: Annotated[str, typer.Option(help=LEVELS_HELP)] = "100,80,60", as_json: JsonOption = False) -> None:
     """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or on a recording: its
     labels are learnt from all labelled presses, and scores are those of readers of four fifths of them.
@@ -71,9 +74,9 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     check_out(out, folder=True)
     store.check_own(out, (SUGGESTED,))
     if folder.is_file() or any(one is not None for one in (labels, sensor, simulated, suggest)):
-        if (method, outputs, epochs, calibrate) != ("forward", "all", None, None):
-            raise ValueError("--method, --outputs, --epochs and --calibrate are for sweeps; a recording is learnt by "
-                             "all families of readers, for all of its labels. Leave them out.")
+        if (method, outputs, epochs, calibrate, exact_signals) != ("forward", "all", None, None, False):
+            raise ValueError("--method, --outputs, --epochs, --calibrate and --exact-signals are for sweeps; a recording "
+                             "is learnt by all families of readers, for all of its labels. Leave them out.")
         train_recording(folder, labels, sensor, simulated, suggest, out, seed, workers or _cores(), as_json)
         if is_reader(out):
             store.forget_scores(out)
@@ -83,7 +86,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     samples = _samples(folder)
     workers = workers or (_cores() if len(samples) >= 1000 else 1)
     model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=counted("networks"),
-                            calibrate=calibrate)
+                            calibrate=calibrate, exact_signals=exact_signals)
     model.save(out)
     result = surrogate.evaluate(model, samples, levels, most_trained=METHODS[model.method].most_scored)
     store.save_evaluation(out, result.scores, result.predictions)

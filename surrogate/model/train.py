@@ -25,7 +25,7 @@ MIN_CALIBRATING = 19
 
 def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs: str | Sequence[str] = "all",
           seed: int = 0, *, epochs: int | None = None, workers: int = 1, each: Progress = iter,
-          calibrate: Samples | Dataset | Path | str | None = None) -> Model:
+          calibrate: Samples | Dataset | Path | str | None = None, exact_signals: bool = False) -> Model:
     """Train a surrogate on a data set: of the touches 70 % train, 15 % calibrate the intervals, 15 % test, by the seed.
 
     Parameters
@@ -47,6 +47,9 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
     calibrate : Dataset, path or Samples, optional
         Rows, as of another mesh, that take the place of those 15 % when intervals are calibrated, so that these hold
         what that set shows of the model's error.
+    exact_signals : bool
+        Take signals for exact: what the simulator states of their error does not count. For comparing methods on
+        simulated touches, not for a real sensor.
 
     Returns
     -------
@@ -68,12 +71,12 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
         raise ValueError(f"epochs are steps of {listed(lambda one: one.epochs)}; {method} has none. Leave them out.")
     if epochs is not None and epochs < 1:
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
-    samples, names = read_samples(data), chosen_outputs(outputs)
+    samples, names = _read(data, exact_signals), chosen_outputs(outputs)
     part = split(samples.touch, seed)
     training, validation, other = take(samples, part == "train"), take(samples, part == "val"), None
     _check_signals(training)
     if calibrate is not None:
-        validation = other = read_samples(calibrate)
+        validation = other = _read(calibrate, exact_signals)
         _check_calibrating(samples, other)
     begun = _cpu_s()
     asked = Training(names, seed, epochs or chosen.epochs, workers, each)
@@ -87,6 +90,11 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
                   {**_provenance(samples, part, validation), "training": learner.record(asked)})
     worst = float(estimate(model, validation.signal_V).misfit.max())
     return replace(model, trained=replace(span, misfit=worst))
+
+
+def _read(data: Samples | Dataset | Path | str, exact_signals: bool) -> Samples:
+    samples = read_samples(data)
+    return replace(samples, signal_sd=np.zeros(len(samples))) if exact_signals else samples
 
 
 def _cpu_s() -> float:
