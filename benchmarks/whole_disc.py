@@ -7,8 +7,8 @@ in its `[electrodes]`. 70 % of the touches train, 15 % calibrate the intervals, 
 noise, as `surrogate train --seed` splits them; the unseen rows of SPLITS seeds are scored as one set. share: the zone's
 part of the sum of squares over all scored rows. simulator_error: "stated" counts the error that the simulator states of
 its signals, near the rim most of it a bound of what rigid electrodes would change; "stated, soft electrodes" is that of
-SOFT; "none" takes signals for exact, as those scored are (`surrogate train --exact-signals`). Times are CPU s of one process, of the first split. Writes
-results/whole_disc.csv.
+SOFT; "none" takes signals for exact, as those scored are (`surrogate train --exact-signals`). Times are CPU s of one
+process, of the first split. Writes results/whole_disc.csv.
 """
 
 from __future__ import annotations

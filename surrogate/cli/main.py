@@ -42,8 +42,8 @@ OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigm
 STEPS = ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values() if one.epochs)
 WORKERS_HELP = "Processes that share the networks; where left out, one a core from 1,000 rows on."
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
-EXACT_HELP = ("Take signals for exact: the error that the simulator states of them does not count. For comparing methods "
-              "on simulated touches, not for a real sensor.")
+EXACT_HELP = ("Take signals for exact: the error that the simulator states of them does not count. For comparing "
+              "methods on simulated touches, not for a real sensor.")
 LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below the RMS of the baseline voltages."
 
 
@@ -75,8 +75,8 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     store.check_own(out, (SUGGESTED,))
     if folder.is_file() or any(one is not None for one in (labels, sensor, simulated, suggest)):
         if (method, outputs, epochs, calibrate, exact_signals) != ("forward", "all", None, None, False):
-            raise ValueError("--method, --outputs, --epochs, --calibrate and --exact-signals are for sweeps; a recording "
-                             "is learnt by all families of readers, for all of its labels. Leave them out.")
+            raise ValueError("--method, --outputs, --epochs, --calibrate and --exact-signals are for sweeps; a "
+                             "recording is learnt by all families of readers, for all of its labels. Leave them out.")
         train_recording(folder, labels, sensor, simulated, suggest, out, seed, workers or _cores(), as_json)
         if is_reader(out):
             store.forget_scores(out)
