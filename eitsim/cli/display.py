@@ -188,8 +188,11 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
               f"of the signals stay unexplained by the card as it is, {_percent(left['kept'])} of presses left out")
         print(f"touched signals: size off by {_percent(skin['size_error'])}, r.m.s., counted in sweeps; noise of a "
               f"reading with what the model misses {skin['pattern_V']:.3g} V (--noise-V of `surrogate predict`)")
-        if skin["left_out"]:
-            print(f"presses left out, near the rim or too deep: {', '.join(skin['left_out'])}")
+        deep = skin["too_deep"]
+        for why, names in (("near the rim", [one for one in skin["left_out"] if one not in deep]),
+                           ("deeper than load paths are stored", deep)):
+            if names:
+                print(f"presses left out, {why}: {', '.join(names)}")
         print(f"card of this skin: {out.parent / skin['card']}")
     if document["not_determined"]:
         print(f"not determined by the data: {', '.join(document['not_determined'])}")
