@@ -136,6 +136,24 @@ def test_scenes_of_a_sensor_take_the_skin_s_card_and_count_what_presses_scattere
     (tmp_path / "scene.toml").write_text('card = "other.json"\n[electrodes]\ncalibrated = "skins/sensor.json"\n',
                                          encoding="utf-8")
     assert read_scene(tmp_path / "scene.toml").card == "other.json"
+    assert read_scene(tmp_path / "scene.toml").channels.size_error == (0.3,)  # what the card before the fit left
+    (tmp_path / "other.json").write_bytes(card_path(file).read_bytes())
+    assert read_scene(tmp_path / "scene.toml").channels.size_error == (0.02,)
+
+
+def test_a_card_given_in_the_place_of_the_skin_s_is_warned_of(command: Callable[..., CompletedProcess[str]],
+                                                              tmp_path: Path) -> None:
+    file = written(tmp_path)
+    (tmp_path / "scene.toml").write_text('[electrodes]\ncalibrated = "sensor.json"\n', encoding="utf-8")
+    matcal.write_card(CARD, tmp_path / "card.json")
+    (tmp_path / "copy.json").write_bytes(card_path(file).read_bytes())
+    warned = command("eitsim", "plan", "scene.toml", "--card", "card.json", cwd=tmp_path).stderr
+    assert "--card card.json is not sensor.card.json" in " ".join(warned.split())
+    assert command("eitsim", "plan", "scene.toml", "--card", "copy.json", cwd=tmp_path).stderr == ""
+    card_path(file).unlink()
+    lost = command("eitsim", "plan", "scene.toml", cwd=tmp_path)
+    assert lost.returncode == 2
+    assert "sensor.card.json: no such file, which the calibrated sensor" in " ".join(lost.stderr.split())
 
 
 @pytest.mark.slow
