@@ -30,7 +30,7 @@ _SENSOR = Keys({"body": Keys({"radius_mm": Number(1e-3)}), "skin": dict, "drive"
     "kind": str, "count": Number(4, 64, whole=True), "width_mm": _LENGTHS}, {
     "first_angle_deg": Number(), "angles_deg": [Number()], "soft": bool})})
 _SKIN = Keys({"card": (str, None), "size_error": Number(0, 10)}, {
-    "of_card": dict, "count": Number(1, whole=True), "left_out": [str], "too_deep": [str], "kept": [str],
+    "of_card": dict, "count": Number(1, whole=True), "left_out": [str], "too_deep": [str], "odd": [str], "kept": [str],
     "centre_mm": [Number()], "turn_deg": Number(), "mirrored": bool, "unexplained": {str: Number(0)},
     "pattern_error": Number(0), "pattern_V": Number(0), "covariance": [[Number()]]})
 _SHAPE = Keys({"schema": Number(1, whole=True), "sensor": _SENSOR, "absolute_model": str, "reason": str,

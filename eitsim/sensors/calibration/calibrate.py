@@ -44,6 +44,7 @@ class FittedSkin:
     presses: int  # that load paths serve
     left_out: tuple[str, ...]  # touches near the rim, or deeper than load paths are stored
     too_deep: tuple[str, ...]  # of them, the deeper ones
+    odd: tuple[str, ...]  # touches that are missed by far more than the others
     lies: Placement  # where the sensor lies in the coordinates of the labels, before the offset that is fitted
     fit: SkinFit
 
@@ -206,7 +207,7 @@ def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCa
     fit = fit_skin(signals, presses.signal[held.rows][:, there], held.groups, common=sign * common[..., there],
                    noise_V=scatter, seed=seed)
     return FittedSkin(card, len(held.rows), (*np.delete(own.touch, held.rows).tolist(),),
-                      (*own.touch[held.too_deep].tolist(),), lies, fit)
+                      (*own.touch[held.too_deep].tolist(),), (*own.touch[held.rows][fit.odd].tolist(),), lies, fit)
 
 
 def untouched(sensor: Sensor, recording: Recording) -> Untouched:
