@@ -184,12 +184,22 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
                  if document["kind"] == "changes only" else ""))
     if (skin := document["skin"]) is not None:
         left = skin["unexplained"]
-        print(f"skin of {skin['count']} presses: {', '.join(skin['kept']) or 'nothing'} kept; {_percent(left['card'])} "
-              f"of the signals stay unexplained by the card as it is, {_percent(left['kept'])} of presses left out")
+        print(f"skin of {skin['count']} presses: {', '.join(skin['kept']) or 'no group'} kept; "
+              f"{_percent(left['card'])} of the signals stay unexplained by the card as it is, "
+              f"{_percent(left['kept'])} of presses left out")
         print(f"touched signals: size off by {_percent(skin['size_error'])}, r.m.s., counted in sweeps; noise of a "
               f"reading with what the model misses {skin['pattern_V']:.3g} V (--noise-V of `surrogate predict`)")
-        if skin["left_out"]:
-            print(f"presses left out, near the rim or too deep: {', '.join(skin['left_out'])}")
+        if not skin["kept"]:
+            print("no group of parameters reads presses left out better, so that the card written has the laws of the "
+                  "card as it is, with draws by the prior")
+        if skin["odd"]:
+            print(f"presses missed by far more than the others: {', '.join(skin['odd'])}; check their labels, since a "
+                  "wrong one spoils the fit, and fit again")
+        deep = skin["too_deep"]
+        for why, names in (("near the rim", [one for one in skin["left_out"] if one not in deep]),
+                           ("deeper than load paths are stored", deep)):
+            if names:
+                print(f"presses left out, {why}: {', '.join(names)}")
         print(f"card of this skin: {out.parent / skin['card']}")
     if document["not_determined"]:
         print(f"not determined by the data: {', '.join(document['not_determined'])}")

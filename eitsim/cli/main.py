@@ -13,9 +13,10 @@ import typer
 
 from eitsim.cli import sensor_commands
 from eitsim.cli.sweep_commands import check_pdf, indices, measure, report, report_written, sweep
+from eitsim.scene.calibrated_electrodes import same_card
 from eitsim.scene.scene import Scene, read_scene
 from matcal.card import MaterialCard, read_card
-from touchcal.errors import NotConverged
+from touchcal.errors import InputFileError, NotConverged
 from touchcal.json_file import write_json
 from touchcal.terminal import JsonOption, application, check_apart, check_out, numbers, print_json, run
 
@@ -291,11 +292,20 @@ app.add_typer(sensor_commands.app, name="sensor")
 
 
 def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
+    own = scene_path.parent / scene.card if scene.card is not None else None
     if card is not None:
+        if own is not None and scene.channels.size_error and not same_card(card, own):
+            print(f"eitsim: --card {card} is not {own}, the card of this scene's calibrated sensor: the size error of "
+                  f"{scene.channels.size_error[0]:.2g} in the plan is not of the card given, and may be far too small.",
+                  file=sys.stderr)
         return card
-    if scene.card is None:
+    if own is None:
         raise ValueError(f"{scene_path}: no card. Give --card card.json, or card = \"card.json\" at its top.")
-    return scene_path.parent / scene.card
+    if scene.channels.size_error and not own.exists():
+        raise InputFileError(own, f"no such file, which the calibrated sensor in [electrodes] of {scene_path} names as "
+                                  "the card of its skin, or `card` at its top. Put it there, fit the sensor again, or "
+                                  "give --card.")
+    return own
 
 
 def main() -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from eitsim.cli.sweep_commands import check_pdf
+from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
 from touchcal.terminal import JsonOption, check_apart, check_out, print_json
 
@@ -44,7 +46,8 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     from eitsim.cli.display import show_calibration
     from eitsim.sensors.calibration.calibrate import calibrate
     from eitsim.sensors.calibration.calibration_file import calibration_document
-    from eitsim.sensors.calibration.skin_card import card_path, write_skin_card
+    from eitsim.sensors.calibration.skin_card import card_path, remove_skin_card, write_skin_card
+    from eitsim.sensors.calibration.skin_law import check_skin, held_label
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.labels import read_labels
     from eitsim.sensors.sensor_file import read_sensor
@@ -61,9 +64,13 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     known = read_sensor(sensor)
     patterns, each = known.protocol.shape
     frames = open_recording(recording, kind=known.kind, readings=patterns * each)
-    found = calibrate(known, frames, read_labels(labels) if labels is not None else None,
-                      read_card(card) if card is not None else None)
+    pressed, material = read_labels(labels) if labels else None, read_card(card) if card else None
+    if labels and pressed and card and material:
+        _named(labels, lambda: held_label(pressed))
+        _named(card, lambda: check_skin(material))
+    found = calibrate(known, frames, pressed, material)
     skin_card = write_skin_card(found.skin, out).name if found.skin is not None else None
+    removed = found.skin is None and remove_skin_card(out)
     document = calibration_document(found, skin_card)
     write_json(document, out)
     if report is not None:
@@ -76,8 +83,18 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
         show_calibration(document, out)
         if card is not None and found.skin is None:
             print("the skin is not fitted, since that needs a usable absolute model")
+        if removed:
+            print(f"removed: {card_path(out)}, the skin's card of an earlier fit")
         if report is not None:
             print(f"report: {report}")
+
+
+def _named(path: Path, check: Callable[[], object]) -> None:
+    """InputFileError, which names the file, where a check of what it holds fails."""
+    try:
+        check()
+    except ValueError as error:
+        raise InputFileError(path, str(error)) from None
 
 
 def predict(sensor: Annotated[Path, typer.Argument(metavar="SENSOR", help="Calibrated sensor (JSON), as `eitsim sensor "

@@ -4,7 +4,8 @@
     calibrated = "sensor.json"
 
 Where labelled presses fitted a skin, its card serves a file that names none, and how far signals of presses that were
-left out scatter in size counts as an error of all signals.
+left out scatter in size counts as an error of all signals. A file that names another card counts what the presses were
+missed by before the fit, since the smaller error is that of the fitted card.
 """
 
 from collections.abc import Mapping
@@ -29,9 +30,9 @@ _SENSOR = Keys({"body": Keys({"radius_mm": Number(1e-3)}), "skin": dict, "drive"
     "kind": str, "count": Number(4, 64, whole=True), "width_mm": _LENGTHS}, {
     "first_angle_deg": Number(), "angles_deg": [Number()], "soft": bool})})
 _SKIN = Keys({"card": (str, None), "size_error": Number(0, 10)}, {
-    "of_card": dict, "count": Number(1, whole=True), "left_out": [str], "kept": [str], "centre_mm": [Number()],
-    "turn_deg": Number(), "mirrored": bool, "unexplained": {str: Number(0)}, "pattern_error": Number(0),
-    "pattern_V": Number(0), "covariance": [[Number()]]})
+    "of_card": dict, "count": Number(1, whole=True), "left_out": [str], "too_deep": [str], "odd": [str], "kept": [str],
+    "centre_mm": [Number()], "turn_deg": Number(), "mirrored": bool, "unexplained": {str: Number(0)},
+    "pattern_error": Number(0), "pattern_V": Number(0), "covariance": [[Number()]]})
 _SHAPE = Keys({"schema": Number(1, whole=True), "sensor": _SENSOR, "absolute_model": str, "reason": str,
                "misfit": (Number(0), None),
                "parameters": {str: Keys({"value": Number(-1e6, 1e6), "sd": Number(0), "prior_sd": Number(0)})}}, {
@@ -50,7 +51,8 @@ def with_calibrated(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     name = electrodes["calibrated"]
     if not isinstance(name, str):
         raise ValueError(f"calibrated in [electrodes] must be the name of a file, got {name!r:.80}.")
-    own = calibrated_tables(folder / name)
+    other = tables.get("card")
+    own = calibrated_tables(folder / name, folder / other if isinstance(other, str) else None)
     body, radius = tables.get("body"), own["body"]["radius_mm"]
     if isinstance(body, Mapping) and body.get("radius_mm", radius) != radius:
         raise ValueError(f"radius_mm in [body] must be that of the calibrated sensor, {radius:g}, got "
@@ -69,10 +71,16 @@ def read_fitted(path: Path) -> dict[str, Any]:
     return raw
 
 
-def calibrated_tables(path: Path) -> dict[str, Any]:
+def same_card(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one card, or to copies of it."""
+    return one.resolve() == other.resolve() or (
+        one.is_file() and other.is_file() and one.read_bytes() == other.read_bytes())
+
+
+def calibrated_tables(path: Path, card: Path | None = None) -> dict[str, Any]:
     """[body], [skin], [electrodes], [drive] and [channels] of a calibrated sensor's file, and the name of its skin's
     card, relative to it, where there is one; InputFileError where its absolute model was refused, or a parameter is
-    missing."""
+    missing. card: another one that serves in its place."""
     raw = read_fitted(path)
     if raw["absolute_model"] != "usable":
         raise InputFileError(path, f"its absolute model was refused: {raw['reason']} Give a scene the [electrodes] of "
@@ -84,7 +92,9 @@ def calibrated_tables(path: Path) -> dict[str, Any]:
         raise InputFileError(path, str(error)) from None
     skin = raw.get("skin") or {}
     if skin:
-        channels["size_error"] = [skin["size_error"]]
+        fitted = card is None or same_card(card, path.parent / (skin["card"] or ""))
+        channels["size_error"] = [skin["size_error"] if fitted else
+                                  max(skin["size_error"], skin.get("unexplained", {}).get("card", 0.0))]
     return {**{key: sensor[key] for key in ("body", "skin", "drive")}, "electrodes": electrodes, "channels": channels,
             **({"card": skin["card"]} if skin.get("card") else {})}
 

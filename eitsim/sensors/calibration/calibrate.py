@@ -16,7 +16,7 @@ from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
 from eitsim.sensors.calibration.placement import Placement, placement
 from eitsim.sensors.calibration.skin_errors import errors_of_instrument
 from eitsim.sensors.calibration.skin_fit import FEWEST, SkinFit, fit_skin
-from eitsim.sensors.calibration.skin_law import SkinPresses, skin_presses
+from eitsim.sensors.calibration.skin_law import SkinPresses, check_skin, held_label, skin_presses
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit_best, random_starts, staged
 from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame, noise
@@ -43,6 +43,8 @@ class FittedSkin:
     card: MaterialCard  # that the fit began with
     presses: int  # that load paths serve
     left_out: tuple[str, ...]  # touches near the rim, or deeper than load paths are stored
+    too_deep: tuple[str, ...]  # of them, the deeper ones
+    odd: tuple[str, ...]  # touches that are missed by far more than the others
     lies: Placement  # where the sensor lies in the coordinates of the labels, before the offset that is fitted
     fit: SkinFit
 
@@ -90,6 +92,9 @@ def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None
     >>> eitsim.calibrate(sensor, touched).reason
     'the readings are differences to an untouched frame that is not here; ...'
     """
+    if labels is not None and card is not None:
+        held_label(labels)
+        check_skin(card)
     found = _absolute(sensor, recording, seed)
     if labels is None:
         return found
@@ -188,8 +193,10 @@ def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCa
         ways.append(Placement())  # small touches, by which the labels were placed, are less than the whole model
     _, held, lies = min(map(pressed, ways), key=lambda one: one[0])
     if len(held.rows) < FEWEST:
-        raise ValueError(f"{len(held.rows)} labelled presses lie away from the rim and no deeper than load paths are "
-                         f"stored, and a skin's law needs {FEWEST}. Label more, or leave out --card.")
+        deep = len(held.too_deep)
+        raise ValueError(f"{len(held.rows)} labelled presses serve, of {len(own.touch)}; {deep} are deeper than load "
+                         f"paths are stored and {len(own.touch) - len(held.rows) - deep} lie near the rim. A skin's "
+                         f"law needs {FEWEST}. Label more, or leave out --card.")
 
     def signals(values: Mapping[str, float]) -> Array:
         return sign * held.signals(values)[:, there]
@@ -199,7 +206,8 @@ def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCa
     scatter = np.sqrt(2) * (noise(rest) or 0.0) * float(np.sqrt(np.nanmean(rest**2)))
     fit = fit_skin(signals, presses.signal[held.rows][:, there], held.groups, common=sign * common[..., there],
                    noise_V=scatter, seed=seed)
-    return FittedSkin(card, len(held.rows), (*np.delete(own.touch, held.rows).tolist(),), lies, fit)
+    return FittedSkin(card, len(held.rows), (*np.delete(own.touch, held.rows).tolist(),),
+                      (*own.touch[held.too_deep].tolist(),), (*own.touch[held.rows][fit.odd].tolist(),), lies, fit)
 
 
 def untouched(sensor: Sensor, recording: Recording) -> Untouched:

@@ -80,7 +80,7 @@ def _placed(lies: Placement) -> dict[str, Any]:
 def _skin_block(skin: FittedSkin, card: str | None) -> dict[str, Any]:
     fit = skin.fit
     return {"card": card, "of_card": card_identity(skin.card), "count": skin.presses, "left_out": list(skin.left_out),
-            **_placed(skin.lies),
+            "too_deep": list(skin.too_deep), "odd": list(skin.odd), **_placed(skin.lies),
             "kept": list(fit.kept), "unexplained": {"card": fit.before, **fit.left, "kept": fit.after},
             "size_error": fit.size_error, "pattern_error": fit.pattern_error, "pattern_V": fit.pattern_V,
             "covariance": fit.covariance.tolist()}

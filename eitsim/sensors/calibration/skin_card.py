@@ -32,6 +32,18 @@ def write_skin_card(skin: FittedSkin, sensor: Path, seed: int = 0) -> Path:
     return path
 
 
+def remove_skin_card(sensor: Path) -> bool:
+    """Remove the card and draws that an earlier fit wrote next to a sensor's file; whether there was one."""
+    path = card_path(sensor)
+    folder = path.with_suffix(".d")
+    there = path.exists()
+    path.unlink(missing_ok=True)
+    (folder / FILE).unlink(missing_ok=True)
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+    return there
+
+
 def skin_card(skin: FittedSkin) -> MaterialCard:
     """The card with the fitted laws; what its own tests gave, and draws of that, stay with the card of the fit."""
     fit, known = skin.fit, skin.card.provenance

@@ -21,6 +21,7 @@ _CLEARLY = 2.0  # standard errors by which presses left out must be better expla
 _STEPS, _SETTLED = 6, 0.02  # most linearisations, and the change in prior standard deviations that ends them
 _DIFFERENCE = 0.15  # of parameters, in prior standard deviations
 _ROUNDS = 10  # of the variance
+_ROBUST, _ODD = 1.4826, 5.0  # normal standard deviation over the median deviation, and how many make a press odd
 _SHORTER = (1.0, 0.5, 0.25, 0.125)  # parts of a step that are tried
 
 
@@ -39,6 +40,7 @@ class SkinFit:
     size_error: float  # of presses left out: r.m.s. of the relative error of the signal's size
     pattern_error: float  # r.m.s. of what else is left, over the signal, 2-norm, without the readings' noise
     pattern_V: float  # r.m.s. of that, a reading, with the noise
+    odd: Index  # presses that are missed by far more than the others
 
     @property
     def values(self) -> dict[str, float]:
@@ -80,10 +82,12 @@ def fit_skin(signals: Callable[[Mapping[str, float]], Array], seen: Array, group
     explained = seen / size[:, None] - out
     along = np.sum(out * explained, axis=1) / np.sum(explained**2, axis=1)
     pattern = out - along[:, None] * explained
-    noise = seen.shape[1] * noise_V**2 * np.mean(size**-2)
+    noises = seen.shape[1] * noise_V**2 * size**-2
+    noise = np.mean(noises)
     return SkinFit(names, sd * found, sd[:, None] * near.covariance(free) * sd, sd, kept, left, before, _share(out),
                    float(np.sqrt(np.mean(along**2))), float(np.sqrt(max(_share(pattern) ** 2 - noise, 0.0))),
-                   float(np.sqrt(np.mean((pattern * size[:, None]) ** 2))))
+                   float(np.sqrt(np.mean((pattern * size[:, None]) ** 2))),
+                   _odd(np.linalg.norm(out, axis=1), np.sqrt(noises)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +182,12 @@ def _staged(near: _Linear, masks: Mapping[str, Mask], fold: Index) -> tuple[tupl
 
 def _of(masks: Mapping[str, Mask], groups: Sequence[str], count: int) -> Mask:
     return np.any([np.zeros(count, dtype=bool), *(masks[group] for group in groups)], axis=0)
+
+
+def _odd(left: Array, noise: Array) -> Index:
+    """Presses of which more is left (k,) than _ODD robust standard deviations above the median, and noise (k,)."""
+    middle = np.median(left)
+    return np.flatnonzero(left - noise > middle + _ODD * _ROBUST * np.median(np.abs(left - middle)))
 
 
 def _share(left: Array) -> float:

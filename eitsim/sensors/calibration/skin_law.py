@@ -14,7 +14,7 @@ import numpy as np
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Punch, Scene
-from eitsim.sensors.labels import PLACE, Labels
+from eitsim.sensors.labels import PLACE, Labels, unit_of
 from eitsim.simulation.material import material_of
 from eitsim.simulation.reuse import served, shape_for, table_for
 from eitsim.simulation.simulate import readings_of
@@ -27,6 +27,9 @@ OFFSETS = ("press_offset_x_mm", "press_offset_y_mm")
 # Group of parameters -> prior standard deviation of each about 0, in the order in which a fit tries to free them
 PRIORS = {"place": dict.fromkeys(OFFSETS, 1.0), "amplitude": {AMPLITUDE: 0.3}, "modulus": {MODULUS: 0.2},
           "shape": dict.fromkeys(SHAPES, 0.2)}
+# Label -> least and most that a press has, and what the label is
+_EXPECTED = {"d_mm": (0.5, 100.0, "the punch's diameter"), "F_N": (1e-3, 1e3, "the force"),
+             "depth_mm": (0.02, 100.0, "the depth")}
 _MOST_DIAMETERS = 3  # punches whose load paths are solved one by one; more are served as a range
 # Accuracy of the presses' scenes, at which all are solved in one way, so that differences by parameters are smooth; and
 # the one by which presses near the rim are left out: half of it is what the rim may change of a signal, which load
@@ -41,6 +44,7 @@ class SkinPresses:
     scene: Scene  # the calibrated sensor's
     punches: tuple[Punch, ...]  # (k,)
     rows: Index  # (k,) which of the labels they are
+    too_deep: Index  # of the others, those deeper than load paths are stored; the rest lie near the rim
     card: MaterialCard
     table: Table
 
@@ -80,23 +84,49 @@ def skin_presses(scene: Scene, card: MaterialCard, labels: Labels, places_m: Arr
     Presses near the rim, or deeper than load paths are stored, are left out.
     """
     scene = replace(scene, accuracy=Accuracy(_SIGNAL))
-    held = next((name for name in ("F_N", "depth_mm") if name in labels.names), None)
-    if "d_mm" not in labels.names or held is None:
-        raise ValueError(f"the labels are {', '.join(labels.names)}; the skin's law needs {' and '.join(PLACE)}, d_mm "
-                         "of the punch, and F_N or depth_mm. Add them, or leave out --card: the size of the signal "
-                         "needs places alone.")
-    _skin_of(card)
+    held = held_label(labels)
+    check_skin(card)
     diameter, size = (labels.values[:, labels.names.index(name)] for name in ("d_mm", held))
-    if odd := [name for name, values in (("d_mm", diameter), (held, size)) if np.any(values <= 0)]:
-        raise ValueError(f"{odd[0]} of a label is not positive; correct it, or leave the row out.")
     made = [Punch(x, y, 1e-3 * d, force_N=value) if held == "F_N" else Punch(x, y, 1e-3 * d, depth_m=1e-3 * value)
             for (x, y), d, value in zip(places_m.tolist(), diameter.tolist(), size.tolist(), strict=True)]
     law, sizes = material_of(scene, card).law, sorted({punch.diameter_m for punch in made})
     spans = len(sizes) > _MOST_DIAMETERS
     table, _ = table_for(shape_for(replace(scene, punches=tuple(made)), law, [sizes[0], sizes[-1]] if spans else sizes,
                                    spans))
-    rows = [k for k, punch in enumerate(made) if _touch(table, replace(scene, punches=(punch,)), card) is not None]
-    return SkinPresses(scene, tuple(made[k] for k in rows), np.array(rows, dtype=np.intp), card, table)
+
+    def reached(punch: Punch) -> bool:
+        return _touch(table, replace(scene, punches=(punch,)), card) is not None
+
+    rows = [k for k, punch in enumerate(made) if reached(punch)]
+    deep = [k for k, punch in enumerate(made) if k not in rows and not reached(replace(punch, x_m=0.0, y_m=0.0))]
+    return SkinPresses(scene, tuple(made[k] for k in rows), np.array(rows, dtype=np.intp),
+                       np.array(deep, dtype=np.intp), card, table)
+
+
+def held_label(labels: Labels) -> str:
+    """F_N or depth_mm, which of them the presses are held at; ValueError, naming the touch where it is one's, for
+    labels that say not enough, both, or what no press has."""
+    held = [name for name in ("F_N", "depth_mm") if name in labels.names]
+    if any(name not in labels.names for name in (*PLACE, "d_mm")) or not held:
+        raise ValueError(f"the labels are {', '.join(labels.names)}; the skin's law needs {' and '.join(PLACE)}, d_mm "
+                         "of the punch, and F_N or depth_mm. Add them, or leave out --card: the size of the signal "
+                         "needs places alone.")
+    if len(held) > 1:
+        raise ValueError("the labels hold both F_N and depth_mm, and a press is modelled by one of them. Leave out the "
+                         "column that was measured worse; without F_N the foam's moduli are not fitted.")
+    for name in ("d_mm", *held):
+        low, high, what = _EXPECTED[name]
+        values = labels.values[:, labels.names.index(name)]
+        for touch, value in zip(labels.touch.tolist(), values.tolist(), strict=True):
+            if not low <= value <= high:
+                raise ValueError(f"touch '{touch}': {name} is {value:g}, expected {what} from {low:g} to {high:g} "
+                                 f"{unit_of(name)}. Correct it or its unit, or leave the row out.")
+    return held[0]
+
+
+def check_skin(card: MaterialCard) -> None:
+    """ValueError where a card has no conductivity."""
+    _skin_of(card)
 
 
 def changed(card: MaterialCard, values: Mapping[str, float]) -> MaterialCard:

@@ -13,6 +13,7 @@ import pytest
 
 import eitsim
 import matcal
+from eitsim.cli.display import show_calibration
 from eitsim.scene.channels import Channels
 from eitsim.scene.drive import Drive
 from eitsim.scene.electrodes import Electrodes
@@ -42,8 +43,9 @@ NAMES = tuple(name for sds in PRIORS.values() for name in sds)
 def fitted(values: dict[str, float], size_error: float = 0.02) -> FittedSkin:
     prior = np.array([sd for sds in PRIORS.values() for sd in sds.values()])
     fit = SkinFit(NAMES, np.array([values.get(name, 0.0) for name in NAMES]), np.diag((0.1 * prior) ** 2), prior,
-                  ("amplitude", "modulus"), {"amplitude": 0.05}, 0.3, 0.05, size_error, 0.03, 1e-5)
-    return FittedSkin(CARD, 20, ("p3",), Placement(), fit)
+                  ("amplitude", "modulus"), {"amplitude": 0.05}, 0.3, 0.05, size_error, 0.03, 1e-5,
+                  np.array([], dtype=np.intp))
+    return FittedSkin(CARD, 20, ("p3",), (), (), Placement(), fit)
 
 
 def written(folder: Path) -> Path:
@@ -84,8 +86,10 @@ def test_a_shape_changes_the_law_at_the_largest_strain_by_its_part_of_the_law_s_
 @pytest.mark.parametrize(("names", "values", "words"), [
     (("x_mm", "y_mm", "F_N"), [0, 0, 1], "needs x_mm and y_mm, d_mm of the punch, and F_N or depth_mm"),
     (("x_mm", "y_mm", "d_mm"), [0, 0, 14], "d_mm of the punch, and F_N or depth_mm"),
-    (("x_mm", "y_mm", "d_mm", "F_N"), [0, 0, 14, 0], "F_N of a label is not positive"),
-    (("x_mm", "y_mm", "d_mm", "depth_mm"), [0, 0, -14, 1], "d_mm of a label is not positive")])
+    (("x_mm", "y_mm", "d_mm", "F_N"), [0, 0, 14, 0], "touch 'p0': F_N is 0, expected the force from 0.001"),
+    (("x_mm", "y_mm", "d_mm", "F_N"), [0, 0, 0.014, 1], r"d_mm is 0\.014, .* from 0\.5 to 100 mm"),
+    (("x_mm", "y_mm", "d_mm", "F_N", "depth_mm"), [0, 0, 14, 1, 2], "hold both F_N and depth_mm"),
+    (("x_mm", "y_mm", "d_mm", "depth_mm"), [0, 0, -14, 1], "d_mm is -14, expected the punch's diameter")])
 def test_labels_that_fit_no_skin_are_refused_by_name(names: tuple[str, ...], values: list[float], words: str) -> None:
     labels = Labels(np.array(["p0"]), names, np.array([values], dtype=float))
     with pytest.raises(ValueError, match=words):
@@ -134,6 +138,38 @@ def test_scenes_of_a_sensor_take_the_skin_s_card_and_count_what_presses_scattere
     (tmp_path / "scene.toml").write_text('card = "other.json"\n[electrodes]\ncalibrated = "skins/sensor.json"\n',
                                          encoding="utf-8")
     assert read_scene(tmp_path / "scene.toml").card == "other.json"
+    assert read_scene(tmp_path / "scene.toml").channels.size_error == (0.3,)  # what the card before the fit left
+    (tmp_path / "other.json").write_bytes(card_path(file).read_bytes())
+    assert read_scene(tmp_path / "scene.toml").channels.size_error == (0.02,)
+
+
+def test_presses_that_stand_out_and_a_card_left_as_it_is_are_said(capsys: pytest.CaptureFixture[str],
+                                                                  tmp_path: Path) -> None:
+    skin = fitted({})
+    fit = Fit(HELD.prior_mean, 1e-6, 0.0, np.diag(1e-4 * HELD.prior_sd**2))
+    found = Calibration(SENSOR, 1, None, instrument=HELD, fit=fit,
+                        skin=replace(skin, odd=("p7",), too_deep=("p3",), fit=replace(skin.fit, kept=())))
+    show_calibration(calibration_document(found, "sensor.card.json"), tmp_path / "sensor.json")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "has the laws of the card as it is" in said
+    assert "missed by far more than the others: p7;" in said
+    assert "left out, deeper than load paths are stored: p3" in said
+    assert "near the rim" not in said
+
+
+def test_a_card_given_in_the_place_of_the_skin_s_is_warned_of(command: Callable[..., CompletedProcess[str]],
+                                                              tmp_path: Path) -> None:
+    file = written(tmp_path)
+    (tmp_path / "scene.toml").write_text('[electrodes]\ncalibrated = "sensor.json"\n', encoding="utf-8")
+    matcal.write_card(CARD, tmp_path / "card.json")
+    (tmp_path / "copy.json").write_bytes(card_path(file).read_bytes())
+    warned = command("eitsim", "plan", "scene.toml", "--card", "card.json", cwd=tmp_path).stderr
+    assert "--card card.json is not sensor.card.json" in " ".join(warned.split())
+    assert command("eitsim", "plan", "scene.toml", "--card", "copy.json", cwd=tmp_path).stderr == ""
+    card_path(file).unlink()
+    lost = command("eitsim", "plan", "scene.toml", cwd=tmp_path)
+    assert lost.returncode == 2
+    assert "sensor.card.json: no such file, which the calibrated sensor" in " ".join(lost.stderr.split())
 
 
 @pytest.mark.slow
@@ -146,6 +182,42 @@ def test_sweeps_draw_skins_and_state_what_presses_scattered(tmp_path: Path) -> N
     assert len(rows) == 3
     assert all(0.06 < one < 0.1 for one in rows["signal_error"].tolist())
     assert [len(set(rows[name].tolist())) for name in ("a_1", "mu_1_Pa")] == [3, 3]
+
+
+def fit_in(folder: Path, command: Callable[..., CompletedProcess[str]], *more: str) -> CompletedProcess[str]:
+    """A fit of differences, whose absolute model is refused."""
+    (folder / "sensor.toml").write_text('[electrodes]\ncount = 8\n[drive]\npattern = "skip-1"\n'
+                                        'reading = "differential"\n[readings]\nkind = "difference"\n',
+                                        encoding="utf-8")
+    count = SENSOR.protocol.weights.reshape(-1, 8).shape[0]
+    (folder / "frames.csv").write_text("\n".join([
+        ",".join(["touch", *(f"v_{k:03d}" for k in range(count))]), "p0," + ",".join(["0.1"] * count)]) + "\n",
+        encoding="utf-8")
+    return command("eitsim", "sensor", "fit", "frames.csv", "--sensor", "sensor.toml", "--out", "sensor.json", *more,
+                   cwd=folder)
+
+
+def test_a_fit_without_a_skin_removes_the_card_of_an_earlier_one(command: Callable[..., CompletedProcess[str]],
+                                                                 tmp_path: Path) -> None:
+    written(tmp_path)
+    done = fit_in(tmp_path, command)
+    assert done.returncode == 0, done.stderr
+    assert "removed: sensor.card.json" in done.stdout
+    assert not card_path(tmp_path / "sensor.json").exists()
+    assert not (tmp_path / "sensor.card.d").exists()
+
+
+def test_labels_and_cards_that_fit_no_skin_are_refused_before_the_fit_by_file(
+        command: Callable[..., CompletedProcess[str]], tmp_path: Path) -> None:
+    (tmp_path / "touches.csv").write_text("touch,x_mm,y_mm,d_mm,F_N\np0,0,0,0.014,1\n", encoding="utf-8")
+    matcal.write_card(CARD, tmp_path / "card.json")
+    done = fit_in(tmp_path, command, "--labels", "touches.csv", "--card", "card.json")
+    assert done.returncode == 2
+    assert "touches.csv: touch 'p0': d_mm is 0.014" in " ".join(done.stderr.split())
+    (tmp_path / "touches.csv").write_text("touch,x_mm,y_mm,d_mm,F_N\np0,0,0,14,1\n", encoding="utf-8")
+    matcal.write_card(replace(CARD, conductivity=None), tmp_path / "card.json")
+    done = fit_in(tmp_path, command, "--labels", "touches.csv", "--card", "card.json")
+    assert "card.json: card 'foam' has no conductivity" in " ".join(done.stderr.split())
 
 
 def test_a_card_without_labels_is_refused(command: Callable[..., CompletedProcess[str]], tmp_path: Path) -> None:
@@ -171,6 +243,9 @@ def test_a_skin_is_fitted_from_files_and_serves_a_scene(command: Callable[..., C
     scene = replace(SENSOR.scene, drive=drive, channels=Channels((), (), (), (6e-4,)))
     presses = skin_presses(scene, CARD, labels, 1e-3 * touches[:, :2])
     assert presses.rows.tolist() == list(range(12))
+    assert presses.too_deep.tolist() == []
+    hard = replace(labels, values=np.where(touches == force[:1, None], 900.0, touches))
+    assert skin_presses(scene, CARD, hard, 1e-3 * touches[:, :2]).too_deep.tolist() == [0]
     rest = voltages(held, replace(SENSOR, drive=drive).protocol, held.prior_mean).ravel()
     signal = presses.signals({AMPLITUDE: np.log(1.15), MODULUS: np.log(0.9), OFFSETS[0]: 0.3})
     frames = [rest, rest, rest, *(rest + np.vstack([signal, signal[:1]]))]

@@ -40,6 +40,20 @@ def test_parameters_are_recovered_and_what_stays_is_the_noise() -> None:
     assert found.pattern_error < 0.3 * NOISE
 
 
+def test_a_press_with_the_signal_of_another_is_named_and_few_others_are() -> None:
+    """One label exchanged for another's in each of 30 problems."""
+    named, others = 0, 0
+    for seed in range(30):
+        base, slope, common, seen = problem(seed, {"a": 0.2, "b": -0.1, "c": 0.15})
+        others += len(fitted(base, slope, common, seen).odd)
+        seen[4] = seen[11]
+        found = fitted(base, slope, common, seen)
+        named += found.odd.tolist() == [4]
+    print(f"named in {named} of 30; of sound presses {others} of {30 * PRESSES}")
+    assert named == 30
+    assert others <= 6
+
+
 @pytest.mark.parametrize("shared", [0.0, 0.3])
 def test_intervals_hold_the_truth(shared: float) -> None:
     """Of 60 problems, with an error that all presses share and without one."""
