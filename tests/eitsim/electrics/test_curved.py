@@ -248,6 +248,37 @@ def test_what_is_no_sheet_is_refused(tmp_path: Path) -> None:
             read_triangles(tmp_path / "sheet.vtu")
 
 
+def test_open_edges_that_nearly_touch_are_refused_and_seams_within_rounding_are_closed(tmp_path: Path) -> None:
+    nodes, cells, _ = sheet(np.linspace(0, 2 * np.pi, 33), np.linspace(0, 0.08, 9), lambda s, z: np.column_stack(
+        [0.05 * np.cos(s), 0.05 * np.sin(s), z]))
+
+    def read(nodes: Array, cells: Array) -> TriangleMesh:
+        meshio.write(tmp_path / "tube.obj", meshio.Mesh(1e3 * nodes, [("triangle", cells)]))
+        return read_triangles(tmp_path / "tube.obj")
+
+    seam = np.zeros(nodes.shape)
+    seam[-9:, 0] = 1.0  # nodes of the last column, which lie on those of the first
+    assert len(read(nodes + 5e-8 * seam, cells).nodes_m) == 32 * 9  # 0.05 um, 5e-7 of the size
+    with pytest.raises(InputFileError, match=r"18 nodes .* \(50.*\) and \(50.*\) mm, 0.001 mm from it.*Weld"):
+        read(nodes + 1e-6 * seam, cells)
+    assert len(read(nodes + 1e-4 * seam, cells).nodes_m) == 33 * 9  # a slit of 0.1 mm, edges of 10 mm
+    plane = [sheet(np.linspace(0, side, 3), np.linspace(0, 0.08, rows), lambda s, z: np.column_stack([s, z, 0 * s]))
+             for side, rows in ((0.02, 9), (-0.02, 17))]
+    with pytest.raises(InputFileError, match=r"8 nodes on open edges"):  # in the middles of 8 edges
+        read(np.vstack([plane[0][0], plane[1][0]]), np.vstack([plane[0][1], plane[1][1] + len(plane[0][0])]))
+
+
+def test_short_edges_at_long_ones_and_narrow_strips_are_no_slits(tmp_path: Path) -> None:
+    turn = np.linspace(0, np.pi, 40)
+    rim = np.column_stack([0.0002 * np.sin(turn), -0.0002 * np.cos(turn), 0 * turn])
+    strip = np.vstack([[[-0.1, 0, 0]], rim])  # a wedge with a round end whose facets are 1e-4 of its sides
+    wedge = np.column_stack([np.zeros(39, int), np.arange(1, 40), np.arange(2, 41)])
+    narrow, cells, _ = sheet(np.linspace(0, 0.1, 5), np.linspace(0, 1e-4, 2), lambda s, z: np.column_stack([s, z, z]))
+    for points, triangles in ((strip, wedge), (narrow, cells)):
+        meshio.write(tmp_path / "strip.obj", meshio.Mesh(1e3 * points, [("triangle", triangles)]))
+        assert len(read_triangles(tmp_path / "strip.obj").nodes_m) == len(points)
+
+
 def test_a_file_is_read_in_its_unit(skin_file: Path) -> None:
     text = skin_file.read_text(encoding="utf-8").replace('"sheet.stl"', '"sheet.stl"\nunit_mm = 10')
     skin_file.write_text(text, encoding="utf-8")
