@@ -118,8 +118,10 @@ def _table(name: str, raw: Any) -> Mapping[str, Any]:
 def _patch(raw: Any) -> ConductancePatch:
     table = _table("patch", raw)
     place = [_numbers(f"{key} in [[patch]]", [table.get(key)])[0] / 1e3 for key in ("x_mm", "y_mm", "z_mm")]
-    return ConductancePatch(tuple(place), _positive("width_mm in [[patch]]", table.get("width_mm")) / 1e3,
-                            _positive("factor in [[patch]]", table.get("factor")))
+    factor = _positive("factor in [[patch]]", table.get("factor"))
+    if factor == 1:
+        raise ValueError("factor in [[patch]] is 1, which changes nothing; give another one or leave the patch out.")
+    return ConductancePatch(tuple(place), _positive("width_mm in [[patch]]", table.get("width_mm")) / 1e3, factor)
 
 
 def _list(where: str, value: Any) -> list[Any]:

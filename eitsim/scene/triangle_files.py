@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
@@ -62,7 +62,7 @@ def _merged(points: Array, cells: Indices) -> tuple[Array, Indices]:
     """Nodes that the cells have, those at one place as one."""
     used, cells_of_used = np.unique(cells, return_inverse=True)
     place, number = np.unique(points[used], axis=0, return_inverse=True)
-    pairs = cKDTree(place).query_pairs(_SAME * float(np.ptp(place, axis=0).max()), output_type="ndarray")
+    pairs = KDTree(place).query_pairs(_SAME * float(np.ptp(place, axis=0).max()), output_type="ndarray")
     near = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(place), len(place)))
     _, one = connected_components(near, directed=False)
     _, first = np.unique(one, return_index=True)
@@ -102,7 +102,7 @@ def _gaps(nodes: Array, edges: Indices, is_open: NDArray[np.bool_], opposite: In
     shortest = np.full(len(nodes), np.inf)
     np.minimum.at(shortest, np.concatenate([a, b]), np.tile(length, 2))
     on = np.unique([a, b])
-    around = cKDTree(nodes[on]).query_ball_point((nodes[a] + nodes[b]) / 2, (0.5 + _NEAR) * length)
+    around = KDTree(nodes[on]).query_ball_point((nodes[a] + nodes[b]) / 2, (0.5 + _NEAR) * length)
     e = np.repeat(np.arange(len(a)), [len(one) for one in around])
     n = on[np.concatenate(around).astype(np.int64)]
     side, off = nodes[b[e]] - nodes[a[e]], nodes[n] - nodes[a[e]]

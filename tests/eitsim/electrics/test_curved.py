@@ -158,6 +158,18 @@ def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pyte
     monkeypatch.setattr(solve_curved, "_MOST", 1000)
     with pytest.raises(NotConverged, match="are known to"):
         solve_curved_skin(skins.touched_sheet(), readings=1e-13)
+    with pytest.raises(NotConverged, match=r"^the signal of the curved skin is known to \d.* 1e-13 was asked for; give"):
+        solve_curved_skin(skins.touched_sheet(), readings=1.0, signal=1e-13)
+
+
+def test_a_change_of_rounding_alone_is_exact(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solve_curved, "_MOST", 10_000)
+    skin = skins.touched_sheet()
+    for factor in (1.0, 1 + 1e-15):
+        patch = replace(skin.patches[0], factor=factor)
+        assert solve_curved_skin(replace(skin, patches=(patch,)), readings=1e-2).signal_error == 0
+    weak = replace(skin.patches[0], factor=1 + 1e-9)
+    assert solve_curved_skin(replace(skin, patches=(weak,)), readings=1e-2).signal_error != 0
 
 
 SKIN = """[body]
@@ -204,6 +216,7 @@ def test_the_command_gives_readings_without_and_with_the_patch(command: Callable
     ("z_mm = [0, 0, 0, 0]", "z_mm = [0, 0, 0]", "one number an electrode each, got 4, 4, 3"),
     ("width_mm = 10", "width_mm = [10, 10]", r"width_mm in \[electrodes\] must hold one number or 4, got 2"),
     ("factor = 0.5", "factor = 0", r"factor in \[\[patch\]\] must be a positive number"),
+    ("factor = 0.5", "factor = 1", r"factor in \[\[patch\]\] is 1, which changes nothing"),
     ("sheet.stl", "none.stl", "no such file, which mesh in"),
     ("width_mm = 10", "widht_mm = 10", "Did you mean 'width_mm'"),
 ])
