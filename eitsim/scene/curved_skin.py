@@ -5,6 +5,7 @@ A file (TOML) has a form of its own, not that of a scene, since a curved body ha
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -155,3 +156,6 @@ def _check(skin: CurvedSkin) -> None:
     for key, value in (("width_mm", skin.widths_m), ("contact_impedance_Ohm_m2", skin.contact_impedance_Ohm_m2)):
         if isinstance(value, tuple) and len(value) != skin.count:
             raise ValueError(f"{key} in [electrodes] must hold one number or {skin.count}, got {len(value)}.")
+    for group in skin.groups:
+        if isinstance(group, bool) or not isinstance(group, (str, Integral)):
+            raise ValueError(f"groups in [electrodes] must hold whole numbers or names, got {group!r:.80}.")

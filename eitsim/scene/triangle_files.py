@@ -1,7 +1,9 @@
 """Triangles in space from files that meshio reads, checked to be a sheet."""
 
 from collections.abc import Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +42,13 @@ def read_triangles(path: Path, unit_m: float = 1e-3) -> TriangleMesh:
                                    "file of the skin.")
     import meshio
 
-    try:
-        with np.errstate(over="ignore"):  # meshio takes the first bytes of a text for a number of triangles
+    said = StringIO()
+    try:  # meshio takes the first bytes of a text for a number of triangles, and says on the terminal what it exits for
+        with np.errstate(over="ignore"), redirect_stdout(said), redirect_stderr(said):
             mesh = meshio.read(path)
-    except (meshio.ReadError, ValueError, KeyError, OSError, SystemExit) as error:
-        raise InputFileError(path, f"no mesh that meshio reads ({error}).") from None
+    except (Exception, SystemExit) as error:  # its readers let any error through
+        reason = said.getvalue() if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
+        raise InputFileError(path, f"no mesh that meshio reads ({' '.join(reason.split())}).") from None
     kinds = {block.type for block in mesh.cells if block.dim == 2}
     if not kinds or not kinds <= {"triangle", "triangle6"} or len(kinds) > 1:
         raise InputFileError(path, "a sheet of triangles is solved, linear or quadratic ones, not both; got "
@@ -53,9 +57,15 @@ def read_triangles(path: Path, unit_m: float = 1e-3) -> TriangleMesh:
     cells = np.vstack([mesh.cells[k].data for k in kept]).astype(np.int64)
     points = np.zeros((len(mesh.points), 3))
     points[:, :mesh.points.shape[1]] = mesh.points
+    missing = cells[(cells < 0) | (cells >= len(points))]
+    if missing.size:
+        raise InputFileError(path, f"a triangle has node {missing[0]} (from 0), which it does not have.")
+    bad = np.intersect1d(cells, np.flatnonzero(~np.isfinite(points).all(axis=1)))
+    if bad.size:
+        raise InputFileError(path, f"node {bad[0]} (from 0) is not finite: {points[bad[0]].tolist()}; clean the mesh.")
     nodes, cells = _merged(points * unit_m, cells)
     _check(path, nodes, cells)
-    return TriangleMesh(path.name, nodes, cells, _groups(mesh, kept))
+    return TriangleMesh(path.name, nodes, cells, _groups(path, mesh, kept))
 
 
 def _merged(points: Array, cells: Indices) -> tuple[Array, Indices]:
@@ -117,12 +127,15 @@ def _gaps(nodes: Array, edges: Indices, is_open: NDArray[np.bool_], opposite: In
     return at, gap[near][which]
 
 
-def _groups(mesh: Any, kept: list[int]) -> dict[str | int, Indices]:
+def _groups(path: Path, mesh: Any, kept: list[int]) -> dict[str | int, Indices]:
     """Triangles by the number of their group, and by its name where the file has one."""
     out: dict[str | int, Indices] = {}
     label = next((name for name in _LABELS if name in mesh.cell_data), None)
     if label is not None:
-        number = np.concatenate([np.ravel(mesh.cell_data[label][k]) for k in kept]).astype(np.int64)
+        data = np.concatenate([np.asarray(mesh.cell_data[label][k]) for k in kept])
+        if data.size != len(data) or not np.array_equal(data, np.round(data)):
+            raise InputFileError(path, f"{label!r} must hold one whole number a triangle, that of its group.")
+        number = data.ravel().astype(np.int64)
         out |= {int(one): np.flatnonzero(number == one) for one in np.unique(number)}
         out |= {name: out[int(tag)] for name, (tag, dim) in mesh.field_data.items() if dim == 2 and int(tag) in out}
     start = np.cumsum([0, *(len(mesh.cells[k].data) for k in kept)])

@@ -158,7 +158,7 @@ def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pyte
     monkeypatch.setattr(solve_curved, "_MOST", 1000)
     with pytest.raises(NotConverged, match="are known to"):
         solve_curved_skin(skins.touched_sheet(), readings=1e-13)
-    with pytest.raises(NotConverged, match=r"^the signal of the curved skin is known to \d.* 1e-13 was asked for; give"):
+    with pytest.raises(NotConverged, match=r"^the signal of the curved skin is known to .* 1e-13 was asked"):
         solve_curved_skin(skins.touched_sheet(), readings=1.0, signal=1e-13)
 
 
@@ -217,6 +217,8 @@ def test_the_command_gives_readings_without_and_with_the_patch(command: Callable
     ("width_mm = 10", "width_mm = [10, 10]", r"width_mm in \[electrodes\] must hold one number or 4, got 2"),
     ("factor = 0.5", "factor = 0", r"factor in \[\[patch\]\] must be a positive number"),
     ("factor = 0.5", "factor = 1", r"factor in \[\[patch\]\] is 1, which changes nothing"),
+    ("x_mm = [-45, -15, 15, 45]\ny_mm = [0, 0, 0, 0]\nz_mm = [0, 0, 0, 0]\nwidth_mm = 10", "groups = [true, 2, 3, 4]",
+     r"groups in \[electrodes\] must hold whole numbers or names, got True"),
     ("sheet.stl", "none.stl", "no such file, which mesh in"),
     ("width_mm = 10", "widht_mm = 10", "Did you mean 'width_mm'"),
 ])
@@ -250,6 +252,10 @@ def test_groups_are_read_by_number_and_name_and_a_missing_one_is_named(tmp_path:
     assert prepared(skin).electrode.max() == 3
     with pytest.raises(ValueError, match="has no group 7; it has 0, 1, 2, 3, 4"):
         prepared(replace(skin, groups=(1, 2, 3, 7)))
+    for wrong in (np.where(tag == 4, 4.7, tag), np.where(tag == 4, np.nan, tag), np.column_stack([tag, tag])):
+        meshio.write(tmp_path / "wrong.vtu", meshio.Mesh(nodes, [("triangle", cells)], cell_data={"group": [wrong]}))
+        with pytest.raises(InputFileError, match="'group' must hold one whole number a triangle"):
+            read_triangles(tmp_path / "wrong.vtu")
 
 
 def test_what_is_no_sheet_is_refused(tmp_path: Path) -> None:
@@ -259,6 +265,23 @@ def test_what_is_no_sheet_is_refused(tmp_path: Path) -> None:
         meshio.write(tmp_path / "sheet.vtu", meshio.Mesh(points, [(kind, np.array(cells))]))
         with pytest.raises(InputFileError, match=message):
             read_triangles(tmp_path / "sheet.vtu")
+    points[1, 2] = np.nan
+    meshio.write(tmp_path / "sheet.vtu", meshio.Mesh(points, [("triangle", np.array([[0, 1, 2]]))]))
+    with pytest.raises(InputFileError, match=r"node 1 \(from 0\) is not finite"):
+        read_triangles(tmp_path / "sheet.vtu")
+
+
+@pytest.mark.parametrize(("name", "text", "reason"), [
+    ("sheet.vtu", "no mesh", "as vtu"), ("sheet.msh", "no mesh", "as either of ansys, gmsh"),
+    ("sheet.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", r"node 8 \(from 0\), which it does not have"),
+    ("sheet.off", "", "as off"), ("sheet.doc", "", "file format")])
+def test_a_mesh_that_cannot_be_read_is_named_with_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str],
+                                                             name: str, text: str, reason: str) -> None:
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(InputFileError, match=reason) as raised:
+        read_triangles(tmp_path / name)
+    assert raised.value.path == tmp_path / name
+    assert capsys.readouterr() == ("", "")
 
 
 def test_open_edges_that_nearly_touch_are_refused_and_seams_within_rounding_are_closed(tmp_path: Path) -> None:
