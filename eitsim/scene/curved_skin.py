@@ -5,6 +5,7 @@ A file (TOML) has a form of its own, not that of a scene, since a curved body ha
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -118,8 +119,10 @@ def _table(name: str, raw: Any) -> Mapping[str, Any]:
 def _patch(raw: Any) -> ConductancePatch:
     table = _table("patch", raw)
     place = [_numbers(f"{key} in [[patch]]", [table.get(key)])[0] / 1e3 for key in ("x_mm", "y_mm", "z_mm")]
-    return ConductancePatch(tuple(place), _positive("width_mm in [[patch]]", table.get("width_mm")) / 1e3,
-                            _positive("factor in [[patch]]", table.get("factor")))
+    factor = _positive("factor in [[patch]]", table.get("factor"))
+    if factor == 1:
+        raise ValueError("factor in [[patch]] is 1, which changes nothing; give another one or leave the patch out.")
+    return ConductancePatch(tuple(place), _positive("width_mm in [[patch]]", table.get("width_mm")) / 1e3, factor)
 
 
 def _list(where: str, value: Any) -> list[Any]:
@@ -153,3 +156,6 @@ def _check(skin: CurvedSkin) -> None:
     for key, value in (("width_mm", skin.widths_m), ("contact_impedance_Ohm_m2", skin.contact_impedance_Ohm_m2)):
         if isinstance(value, tuple) and len(value) != skin.count:
             raise ValueError(f"{key} in [electrodes] must hold one number or {skin.count}, got {len(value)}.")
+    for group in skin.groups:
+        if isinstance(group, bool) or not isinstance(group, (str, Integral)):
+            raise ValueError(f"groups in [electrodes] must hold whole numbers or names, got {group!r:.80}.")

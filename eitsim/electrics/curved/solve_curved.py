@@ -24,6 +24,7 @@ READINGS, SIGNAL = 1e-4, 1e-3  # Relative errors of the untouched readings and o
 _LEFT = 0.5  # What halving once more leaves of the change by halving, at most.
 _STEPS = 40  # Refinements, at most.
 _MOST = 100_000  # Triangles, before they are halved, at most.
+_ROUNDING = 1e-13  # A change smaller than this part of the readings is one of rounding.
 _SHARE = 0.7  # Part of the energy's error in the triangles that are halved.
 
 
@@ -86,7 +87,7 @@ def solve_curved_skin(skin: CurvedSkin | Path | str, *, readings: float = READIN
         states = [facets.factor * 0 + 1, facets.factor] if skin.patches else [facets.factor]
         pairs = [_solved(mesh, finer, skin.conductance_S * factor, z) for factor in states]
         off = _LEFT * readings_difference(pairs[0].coarse_Ohm, pairs[0].fine_Ohm)
-        change_off = _LEFT * readings_difference(*(pairs[-1].minus(pairs[0]))) if skin.patches else None
+        change_off = _change_error(*pairs) if skin.patches else None
         if off <= readings and (change_off is None or change_off <= signal):
             change = pairs[-1].fine_Ohm - pairs[0].fine_Ohm
             return CurvedReadings(
@@ -96,8 +97,10 @@ def solve_curved_skin(skin: CurvedSkin | Path | str, *, readings: float = READIN
         if len(facets.cells) > _MOST:
             break
         facets = halved(facets, _most(np.sum([pair.indicator for pair in pairs], axis=0)))
-    raise NotConverged(f"the readings of the curved skin are known to {off:.1e} only, {readings:g} was asked for; give "
-                       "wider electrodes or larger contact impedances.")
+    missed = [f"the {name} of the curved skin {verb} known to {found:.1e} only, {asked:g} was asked for"
+              for name, verb, found, asked in (("readings", "are", off, readings), ("signal", "is", change_off, signal))
+              if found is not None and not found <= asked]
+    raise NotConverged(f"{' and '.join(missed)}; give wider electrodes or larger contact impedances.")
 
 
 def curved_document(path: Path, skin: CurvedSkin, solved: CurvedReadings) -> dict[str, Any]:
@@ -188,6 +191,13 @@ class _Pair:
 
     def minus(self, other: "_Pair") -> tuple[Array, Array]:
         return self.coarse_Ohm - other.coarse_Ohm, self.fine_Ohm - other.fine_Ohm
+
+
+def _change_error(untouched: _Pair, touched: _Pair) -> float:
+    """Estimated relative error of what the patches change, 2-norm; 0 where that is rounding of the readings."""
+    if readings_difference(touched.fine_Ohm, untouched.fine_Ohm) < _ROUNDING:
+        return 0.0
+    return _LEFT * readings_difference(*touched.minus(untouched))
 
 
 def _solved(mesh: SkinMesh, finer: SkinMesh, sheet: Array, z: Array) -> _Pair:

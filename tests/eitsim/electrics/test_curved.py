@@ -158,6 +158,18 @@ def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pyte
     monkeypatch.setattr(solve_curved, "_MOST", 1000)
     with pytest.raises(NotConverged, match="are known to"):
         solve_curved_skin(skins.touched_sheet(), readings=1e-13)
+    with pytest.raises(NotConverged, match=r"^the signal of the curved skin is known to .* 1e-13 was asked"):
+        solve_curved_skin(skins.touched_sheet(), readings=1.0, signal=1e-13)
+
+
+def test_a_change_of_rounding_alone_is_exact(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solve_curved, "_MOST", 10_000)
+    skin = skins.touched_sheet()
+    for factor in (1.0, 1 + 1e-15):
+        patch = replace(skin.patches[0], factor=factor)
+        assert solve_curved_skin(replace(skin, patches=(patch,)), readings=1e-2).signal_error == 0
+    weak = replace(skin.patches[0], factor=1 + 1e-9)
+    assert solve_curved_skin(replace(skin, patches=(weak,)), readings=1e-2).signal_error != 0
 
 
 SKIN = """[body]
@@ -204,6 +216,9 @@ def test_the_command_gives_readings_without_and_with_the_patch(command: Callable
     ("z_mm = [0, 0, 0, 0]", "z_mm = [0, 0, 0]", "one number an electrode each, got 4, 4, 3"),
     ("width_mm = 10", "width_mm = [10, 10]", r"width_mm in \[electrodes\] must hold one number or 4, got 2"),
     ("factor = 0.5", "factor = 0", r"factor in \[\[patch\]\] must be a positive number"),
+    ("factor = 0.5", "factor = 1", r"factor in \[\[patch\]\] is 1, which changes nothing"),
+    ("x_mm = [-45, -15, 15, 45]\ny_mm = [0, 0, 0, 0]\nz_mm = [0, 0, 0, 0]\nwidth_mm = 10", "groups = [true, 2, 3, 4]",
+     r"groups in \[electrodes\] must hold whole numbers or names, got True"),
     ("sheet.stl", "none.stl", "no such file, which mesh in"),
     ("width_mm = 10", "widht_mm = 10", "Did you mean 'width_mm'"),
 ])
@@ -237,6 +252,10 @@ def test_groups_are_read_by_number_and_name_and_a_missing_one_is_named(tmp_path:
     assert prepared(skin).electrode.max() == 3
     with pytest.raises(ValueError, match="has no group 7; it has 0, 1, 2, 3, 4"):
         prepared(replace(skin, groups=(1, 2, 3, 7)))
+    for wrong in (np.where(tag == 4, 4.7, tag), np.where(tag == 4, np.nan, tag), np.column_stack([tag, tag])):
+        meshio.write(tmp_path / "wrong.vtu", meshio.Mesh(nodes, [("triangle", cells)], cell_data={"group": [wrong]}))
+        with pytest.raises(InputFileError, match="'group' must hold one whole number a triangle"):
+            read_triangles(tmp_path / "wrong.vtu")
 
 
 def test_what_is_no_sheet_is_refused(tmp_path: Path) -> None:
@@ -246,6 +265,54 @@ def test_what_is_no_sheet_is_refused(tmp_path: Path) -> None:
         meshio.write(tmp_path / "sheet.vtu", meshio.Mesh(points, [(kind, np.array(cells))]))
         with pytest.raises(InputFileError, match=message):
             read_triangles(tmp_path / "sheet.vtu")
+    points[1, 2] = np.nan
+    meshio.write(tmp_path / "sheet.vtu", meshio.Mesh(points, [("triangle", np.array([[0, 1, 2]]))]))
+    with pytest.raises(InputFileError, match=r"node 1 \(from 0\) is not finite"):
+        read_triangles(tmp_path / "sheet.vtu")
+
+
+@pytest.mark.parametrize(("name", "text", "reason"), [
+    ("sheet.vtu", "no mesh", "as vtu"), ("sheet.msh", "no mesh", "as either of ansys, gmsh"),
+    ("sheet.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", r"node 8 \(from 0\), which it does not have"),
+    ("sheet.off", "", "as off"), ("sheet.doc", "", "file format")])
+def test_a_mesh_that_cannot_be_read_is_named_with_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str],
+                                                             name: str, text: str, reason: str) -> None:
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(InputFileError, match=reason) as raised:
+        read_triangles(tmp_path / name)
+    assert raised.value.path == tmp_path / name
+    assert capsys.readouterr() == ("", "")
+
+
+def test_open_edges_that_nearly_touch_are_refused_and_seams_within_rounding_are_closed(tmp_path: Path) -> None:
+    nodes, cells, _ = sheet(np.linspace(0, 2 * np.pi, 33), np.linspace(0, 0.08, 9), lambda s, z: np.column_stack(
+        [0.05 * np.cos(s), 0.05 * np.sin(s), z]))
+
+    def read(nodes: Array, cells: Array) -> TriangleMesh:
+        meshio.write(tmp_path / "tube.obj", meshio.Mesh(1e3 * nodes, [("triangle", cells)]))
+        return read_triangles(tmp_path / "tube.obj")
+
+    seam = np.zeros(nodes.shape)
+    seam[-9:, 0] = 1.0  # nodes of the last column, which lie on those of the first
+    assert len(read(nodes + 5e-8 * seam, cells).nodes_m) == 32 * 9  # 0.05 um, 5e-7 of the size
+    with pytest.raises(InputFileError, match=r"18 nodes .* \(50.*\) and \(50.*\) mm, 0.001 mm from it.*Weld"):
+        read(nodes + 1e-6 * seam, cells)
+    assert len(read(nodes + 1e-4 * seam, cells).nodes_m) == 33 * 9  # a slit of 0.1 mm, edges of 10 mm
+    plane = [sheet(np.linspace(0, side, 3), np.linspace(0, 0.08, rows), lambda s, z: np.column_stack([s, z, 0 * s]))
+             for side, rows in ((0.02, 9), (-0.02, 17))]
+    with pytest.raises(InputFileError, match=r"8 nodes on open edges"):  # in the middles of 8 edges
+        read(np.vstack([plane[0][0], plane[1][0]]), np.vstack([plane[0][1], plane[1][1] + len(plane[0][0])]))
+
+
+def test_short_edges_at_long_ones_and_narrow_strips_are_no_slits(tmp_path: Path) -> None:
+    turn = np.linspace(0, np.pi, 40)
+    rim = np.column_stack([0.0002 * np.sin(turn), -0.0002 * np.cos(turn), 0 * turn])
+    strip = np.vstack([[[-0.1, 0, 0]], rim])  # a wedge with a round end whose facets are 1e-4 of its sides
+    wedge = np.column_stack([np.zeros(39, int), np.arange(1, 40), np.arange(2, 41)])
+    narrow, cells, _ = sheet(np.linspace(0, 0.1, 5), np.linspace(0, 1e-4, 2), lambda s, z: np.column_stack([s, z, z]))
+    for points, triangles in ((strip, wedge), (narrow, cells)):
+        meshio.write(tmp_path / "strip.obj", meshio.Mesh(1e3 * points, [("triangle", triangles)]))
+        assert len(read_triangles(tmp_path / "strip.obj").nodes_m) == len(points)
 
 
 def test_a_file_is_read_in_its_unit(skin_file: Path) -> None:
