@@ -52,6 +52,7 @@ skins = _loaded()
 sheet, turned, PLACES = skins.sheet, skins.turned, skins.PLACES
 
 
+@pytest.mark.slow
 def test_a_cylinder_with_16_electrodes_is_its_unrolled_rectangle_to_1e_6() -> None:
     """Currents that are even about two opposite lines see half of the cylinder: a rectangle with 8 electrodes."""
     found = solve_curved_skin(skins.cylinder(16, 8), readings=1e-6)
@@ -95,6 +96,7 @@ def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated() ->
     assert fine.readings_error < 2e-6 < coarse.readings_error
 
 
+@pytest.mark.slow
 def test_a_patch_changes_readings_as_on_a_flat_mesh_of_another_mesher() -> None:
     found = solve_curved_skin(skins.touched_sheet())
     assert found.signal_error is not None
@@ -154,6 +156,7 @@ def test_the_mesh_halved_in_space_keeps_its_curves() -> None:
     assert np.abs(away).max() < 1e-5  # chords would be 5e-3 off
 
 
+@pytest.mark.slow
 def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solve_curved, "_MOST", 1000)
     with pytest.raises(NotConverged, match="are known to"):
@@ -162,6 +165,7 @@ def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pyte
         solve_curved_skin(skins.touched_sheet(), readings=1.0, signal=1e-13)
 
 
+@pytest.mark.slow
 def test_a_change_of_rounding_alone_is_exact(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solve_curved, "_MOST", 10_000)
     skin = skins.touched_sheet()

@@ -30,6 +30,7 @@ def parts(found: Coupling) -> tuple[np.ndarray, ...]:
     return found.incoming, found.same, found.crossed
 
 
+@pytest.mark.slow
 def test_edges_of_a_polygon_couple_circles_as_the_rim_of_the_disc_does():
     disc = on_disc(solve_rim(Body(), Electrodes(), S), Body(), Electrodes(), PAIR, ORDERS, HARMONICS)
     coarse, fine = (coupling(one, PAIR, ORDERS) for one in edge_responses(POLYGON.shape, EVEN, S))
@@ -39,6 +40,7 @@ def test_edges_of_a_polygon_couple_circles_as_the_rim_of_the_disc_does():
     np.testing.assert_array_equal(fine.order, disc.order)
 
 
+@pytest.mark.slow
 def test_the_mesh_of_the_edges_converges_about_a_circle_that_touches_one():
     """Halving leaves less than a third of the change of the impedance matrix."""
     body = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.03, 0.0, 0.006),))

@@ -126,7 +126,6 @@ def test_one_table_serves_straight_edges_of_any_outline(straight, body: Body) ->
     assert np.all(found < 2 * quick.rim.error_estimate[1:])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("body", [Body(), RECTANGLE])
 def test_a_shape_with_fewer_diameters_is_that_of_these(body: Body) -> None:
     """So that a sweep that a wider punch has grown keeps its table."""
@@ -134,6 +133,7 @@ def test_a_shape_with_fewer_diameters_is_that_of_these(body: Body) -> None:
     assert with_diameters(more, few.diameters, spans=False) == few
 
 
+@pytest.mark.slow
 def test_a_table_of_straight_edges_serves_no_round_one_and_no_disc(straight) -> None:
     turn = 2 * np.pi * np.arange(200) / 200
     polygon = Body(outline="polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(turn), np.sin(turn)])))
