@@ -5,7 +5,7 @@ about two opposite lines see half of it: the flat rectangle with 8 electrodes, w
 on triangles of its own. "curved cylinder": quadratic triangles. "faceted cylinder": linear ones as an STL file has
 them, whose chords are shorter than the arcs. "signal of a patch": a rectangle of 120 x 80 mm turned in space, 8 round
 electrodes and a round patch of 0.3 times the conductance, against triangles of another mesher. Differences are those of
-readings between neighbours, 2-norm. Run by `make bench`; writes results/curved_skins.csv beside this file.
+readings between neighbours, 2-norm. Run by `make bench`; writes results/curved_skins.csv next to this file.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ depth_difference, and the 2-norm of differences of the surface's strains, within
 most of what a mesh misses under the punch cancels; both over the 2-norm of the whole strain. "peer": the two finest
 meshes of the peer to each other, its own error and more. "as if no edge" leaves the edge out of eitsim's touch, which
 shows what it changes. The peer takes pypardiso where it or the interpreter that PARDISO_PYTHON names has it, else
-SuperLU, many times slower. Run by `make bench`, which pins threads; writes results/edge_touches.csv beside this file.
+SuperLU, many times slower. Run by `make bench`, which pins threads; writes results/edge_touches.csv next to this file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""What the tests of several packages share: a command line run in this process, without a second start of Python."""
+"""What the tests of several packages share: a command line run in this process, without a second start of Python, and
+benchmarks as modules."""
 
 from __future__ import annotations
 
@@ -6,9 +7,11 @@ import importlib
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
+from types import ModuleType
 
 import pytest
 
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 Command = Callable[..., CompletedProcess[str]]
 
 
@@ -35,3 +38,15 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
         return CompletedProcess(arguments, status, out, err)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def benchmark_module() -> Callable[[str], ModuleType]:
+    """Name -> the benchmark of that name as a module."""
+
+    def load(name: str) -> ModuleType:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.syspath_prepend(BENCHMARKS)
+            return importlib.import_module(name)
+
+    return load

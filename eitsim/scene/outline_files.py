@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.scene.mesh_file import read_mesh
 from eitsim.scene.outline import MOST_POINTS, signed_area
 from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers
@@ -86,11 +87,9 @@ def _flattened(part: Any) -> Array:
 
 def _mesh(path: Path) -> list[Array]:
     """Loops of the edges that one triangle of a mesh has."""
-    import meshio
-
     try:
-        mesh = meshio.read(path)
-    except (meshio.ReadError, ValueError, KeyError, OSError, SystemExit) as error:
+        mesh = read_mesh(path)
+    except (ValueError, OSError) as error:
         raise InputFileError(path, "no outline: neither .csv, .dxf, .svg nor a mesh that meshio reads "
                                    f"({error}).") from None
     cells = [block.data for block in mesh.cells if block.type.startswith("triangle")]

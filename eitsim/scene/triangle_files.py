@@ -1,9 +1,7 @@
 """Triangles in space from files that meshio reads, checked to be a sheet."""
 
 from collections.abc import Mapping
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from eitsim.scene.mesh_file import read_mesh
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -40,15 +39,10 @@ def read_triangles(path: Path, unit_m: float = 1e-3) -> TriangleMesh:
     if not path.exists():
         raise InputFileError(path, "no such file, which mesh in [body] names. Check the name, which is relative to the "
                                    "file of the skin.")
-    import meshio
-
-    said = StringIO()
-    try:  # meshio takes the first bytes of a text for a number of triangles, and says on the terminal what it exits for
-        with np.errstate(over="ignore"), redirect_stdout(said), redirect_stderr(said):
-            mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # its readers let any error through
-        reason = said.getvalue() if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
-        raise InputFileError(path, f"no mesh that meshio reads ({' '.join(reason.split())}).") from None
+    try:
+        mesh = read_mesh(path)
+    except (ValueError, OSError) as error:
+        raise InputFileError(path, f"no mesh that meshio reads ({error}).") from None
     kinds = {block.type for block in mesh.cells if block.dim == 2}
     if not kinds or not kinds <= {"triangle", "triangle6"} or len(kinds) > 1:
         raise InputFileError(path, "a sheet of triangles is solved, linear or quadratic ones, not both; got "

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
+from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,18 +12,11 @@ from eitsim.electrics.cem.assembly import impedance, quadrature_points
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.scene.scene import Body, Electrodes
 
-PATH = Path(__file__).parents[3] / "benchmarks" / "condensed.py"
-
 
 @pytest.fixture(scope="module")
-def study():
+def study(benchmark_module: Callable[[str], ModuleType]) -> ModuleType:
     """The benchmark as a module."""
-    spec = importlib.util.spec_from_file_location("condensed", PATH)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return benchmark_module("condensed")
 
 
 @pytest.mark.parametrize(("x_m", "radius_m"), [(0.0, 0.03), (0.05, 0.02), (0.09, 0.03)])

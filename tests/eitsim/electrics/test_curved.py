@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -30,37 +28,24 @@ from eitsim.scene.triangle_files import TriangleMesh, read_triangles
 from touchcal.errors import InputFileError, NotConverged
 
 Array = NDArray[np.float64]
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 S = 6e-4  # S
 
 
-def _loaded() -> ModuleType:
+@pytest.fixture(scope="module")
+def skins(benchmark_module: Callable[[str], ModuleType]) -> ModuleType:
     """benchmarks/curved_skins.py, which makes the sheets."""
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        spec = importlib.util.spec_from_file_location("curved_skins", BENCHMARKS / "curved_skins.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        return module
-    finally:
-        sys.path.remove(str(BENCHMARKS))
-
-
-skins = _loaded()
-sheet, turned, PLACES = skins.sheet, skins.turned, skins.PLACES
+    return benchmark_module("curved_skins")
 
 
 @pytest.mark.slow
-def test_a_cylinder_with_16_electrodes_is_its_unrolled_rectangle_to_1e_6() -> None:
+def test_a_cylinder_with_16_electrodes_is_its_unrolled_rectangle_to_1e_6(skins: ModuleType) -> None:
     """Currents that are even about two opposite lines see half of the cylinder: a rectangle with 8 electrodes."""
     found = solve_curved_skin(skins.cylinder(16, 8), readings=1e-6)
     assert readings_difference(skins.even_part(found.impedance_Ohm), skins.unrolled(16)) < 1e-6
     assert found.readings_error < 1e-6
 
 
-def test_folding_a_sheet_along_lines_of_its_mesh_changes_nothing() -> None:
+def test_folding_a_sheet_along_lines_of_its_mesh_changes_nothing(skins: ModuleType) -> None:
     columns, rows = np.linspace(0, 0.1, 11), np.linspace(0, 0.06, 7)
     turn = np.cumsum(np.random.default_rng(1).uniform(-1, 1, 10))
     steps = np.diff(columns)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
@@ -69,8 +54,8 @@ def test_folding_a_sheet_along_lines_of_its_mesh_changes_nothing() -> None:
     def folded(s: Array, z: Array) -> Array:
         return np.column_stack([np.interp(s, columns, bend[:, 0]), np.interp(s, columns, bend[:, 1]), z])
 
-    nodes, cells, middle = sheet(columns, rows, folded)
-    plane, same, _ = sheet(columns, rows, lambda s, z: np.column_stack([s, z]))
+    nodes, cells, middle = skins.sheet(columns, rows, folded)
+    plane, same, _ = skins.sheet(columns, rows, lambda s, z: np.column_stack([s, z]))
     assert np.array_equal(cells, same)
     corner = (np.abs(middle[:, 0] - 0.05) > 0.03) & (np.abs(middle[:, 1] - 0.03) > 0.01)
     electrode = np.where(corner, 2 * (middle[:, 0] > 0.05) + (middle[:, 1] > 0.03), -1)
@@ -81,14 +66,14 @@ def test_folding_a_sheet_along_lines_of_its_mesh_changes_nothing() -> None:
     np.testing.assert_allclose(found[0], found[1], rtol=1e-10)
 
 
-def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated() -> None:
-    nodes, cells, middle = sheet(np.linspace(-0.06, 0.06, 25), np.linspace(-0.04, 0.04, 17),
-                                 lambda s, z: turned(np.column_stack([s, z])))
+def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated(skins: ModuleType) -> None:
+    nodes, cells, middle = skins.sheet(np.linspace(-0.06, 0.06, 25), np.linspace(-0.04, 0.04, 17),
+                                 lambda s, z: skins.turned(np.column_stack([s, z])))
     groups = {k: np.flatnonzero(np.abs(middle - place).max(axis=1) < 0.005)
-                                      for k, place in enumerate(PLACES)}
+                                      for k, place in enumerate(skins.PLACES)}
     skin = CurvedSkin(TriangleMesh("flat", nodes, cells, groups), S, groups=tuple(range(8)))  # type: ignore[arg-type]
     electrodes = Electrodes(kind="surface", count=8, shape="rectangle", width_m=0.01, length_m=0.01,
-                            x_m=tuple(PLACES[:, 0].tolist()), y_m=tuple(PLACES[:, 1].tolist()))
+                            x_m=tuple(skins.PLACES[:, 0].tolist()), y_m=tuple(skins.PLACES[:, 1].tolist()))
     known = solve_untouched(Body(outline="rectangle", width_m=0.12, height_m=0.08).shape, electrodes, S, 1e-6)
     coarse, fine = (solve_curved_skin(skin, readings=asked) for asked in (1e-3, 2e-6))
     for found in (coarse, fine):
@@ -97,7 +82,7 @@ def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated() ->
 
 
 @pytest.mark.slow
-def test_a_patch_changes_readings_as_on_a_flat_mesh_of_another_mesher() -> None:
+def test_a_patch_changes_readings_as_on_a_flat_mesh_of_another_mesher(skins: ModuleType) -> None:
     found = solve_curved_skin(skins.touched_sheet())
     assert found.signal_error is not None
     assert readings_difference(found.touched_Ohm - found.impedance_Ohm, skins.flat_change(2e-6)) < 2e-4
@@ -105,9 +90,10 @@ def test_a_patch_changes_readings_as_on_a_flat_mesh_of_another_mesher() -> None:
     assert np.linalg.norm(found.signal_V) > 1e-3 * np.linalg.norm(found.baseline_V)
 
 
-def test_a_ball_cuts_the_area_of_a_cap_out_of_a_sphere_and_one_piece_alone() -> None:
+def test_a_ball_cuts_the_area_of_a_cap_out_of_a_sphere_and_one_piece_alone(skins: ModuleType) -> None:
     """The cap within a chord r of a point of a sphere has the area pi r^2, whatever the sphere's radius."""
-    nodes, cells, _ = sheet(np.linspace(-1.2, 1.2, 25), np.linspace(-1.2, 1.2, 25), lambda s, z: 0.05 * np.column_stack(
+    line = np.linspace(-1.2, 1.2, 25)
+    nodes, cells, _ = skins.sheet(line, line, lambda s, z: 0.05 * np.column_stack(
         [np.sin(s), np.cos(s) * np.sin(z), np.cos(s) * np.cos(z)]), quadratic=True)
     facets = facets_of(TriangleMesh("cap", nodes, cells, {}))  # type: ignore[arg-type]
     centre = 0.05 * np.array([np.sin(0.31), np.cos(0.31) * np.sin(-0.2), np.cos(0.31) * np.cos(-0.2)])
@@ -131,8 +117,8 @@ def conforming(facets: Facets) -> None:
     assert len(edges) == len(np.unique(middles))
 
 
-def test_halving_keeps_the_sheet_and_its_angles() -> None:
-    nodes, cells, _ = sheet(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5), lambda s, z: 0.05 * np.column_stack(
+def test_halving_keeps_the_sheet_and_its_angles(skins: ModuleType) -> None:
+    nodes, cells, _ = skins.sheet(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5), lambda s, z: 0.05 * np.column_stack(
         [s, z, s * z]), quadratic=True)
     facets = facets_of(TriangleMesh("saddle", nodes, cells, {}))  # type: ignore[arg-type]
     for _ in range(12):
@@ -149,7 +135,7 @@ def test_halving_keeps_the_sheet_and_its_angles() -> None:
     assert np.all(np.abs(np.abs(on[..., :2]).max(axis=2) - 1) < 1e-12)
 
 
-def test_the_mesh_halved_in_space_keeps_its_curves() -> None:
+def test_the_mesh_halved_in_space_keeps_its_curves(skins: ModuleType) -> None:
     mesh = skin_mesh(prepared(skins.cylinder(4, 8)), 4)
     finer = uniform_refinement(mesh)
     away = np.hypot(finer.nodes_m[:, 0], finer.nodes_m[:, 1]) / 0.05 - 1
@@ -157,7 +143,8 @@ def test_the_mesh_halved_in_space_keeps_its_curves() -> None:
 
 
 @pytest.mark.slow
-def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_accuracy_that_needs_too_many_triangles_is_not_reached(skins: ModuleType,
+                                                               monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solve_curved, "_MOST", 1000)
     with pytest.raises(NotConverged, match="are known to"):
         solve_curved_skin(skins.touched_sheet(), readings=1e-13)
@@ -166,7 +153,7 @@ def test_accuracy_that_needs_too_many_triangles_is_not_reached(monkeypatch: pyte
 
 
 @pytest.mark.slow
-def test_a_change_of_rounding_alone_is_exact(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_change_of_rounding_alone_is_exact(skins: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solve_curved, "_MOST", 10_000)
     skin = skins.touched_sheet()
     for factor in (1.0, 1 + 1e-15):
@@ -190,8 +177,8 @@ PATCH = "[[patch]]\nx_mm = 5\ny_mm = 20\nz_mm = 0\nwidth_mm = 16\nfactor = 0.5\n
 
 
 @pytest.fixture
-def skin_file(tmp_path: Path) -> Path:
-    nodes, cells, _ = sheet(np.linspace(-0.06, 0.06, 13), np.linspace(-0.04, 0.04, 9),
+def skin_file(skins: ModuleType, tmp_path: Path) -> Path:
+    nodes, cells, _ = skins.sheet(np.linspace(-0.06, 0.06, 13), np.linspace(-0.04, 0.04, 9),
                             lambda s, z: np.column_stack([s, z, 0 * s]))
     meshio.write(tmp_path / "sheet.stl", meshio.Mesh(nodes * 1e3, [("triangle", cells)]))
     (tmp_path / "skin.toml").write_text(SKIN + PATCH, encoding="utf-8")
@@ -240,8 +227,8 @@ def test_a_scene_with_a_curved_mesh_is_refused_by_name(tmp_path: Path) -> None:
         read_scene(tmp_path / "scene.toml")
 
 
-def test_groups_are_read_by_number_and_name_and_a_missing_one_is_named(tmp_path: Path) -> None:
-    nodes, cells, middle = sheet(np.linspace(0, 0.1, 11), np.linspace(0, 0.06, 7),
+def test_groups_are_read_by_number_and_name_and_a_missing_one_is_named(skins: ModuleType, tmp_path: Path) -> None:
+    nodes, cells, middle = skins.sheet(np.linspace(0, 0.1, 11), np.linspace(0, 0.06, 7),
                                  lambda s, z: np.column_stack([s, z, 0.2 * s**2]))
     corner = (np.abs(middle[:, 0] - 0.05) > 0.03) & (np.abs(middle[:, 1] - 0.03) > 0.01)
     tag = np.where(corner, 1 + 2 * (middle[:, 0] > 0.05) + (middle[:, 1] > 0.03), 0)
@@ -288,8 +275,9 @@ def test_a_mesh_that_cannot_be_read_is_named_with_the_reason(tmp_path: Path, cap
     assert capsys.readouterr() == ("", "")
 
 
-def test_open_edges_that_nearly_touch_are_refused_and_seams_within_rounding_are_closed(tmp_path: Path) -> None:
-    nodes, cells, _ = sheet(np.linspace(0, 2 * np.pi, 33), np.linspace(0, 0.08, 9), lambda s, z: np.column_stack(
+def test_open_edges_that_nearly_touch_are_refused_and_seams_within_rounding_are_closed(skins: ModuleType,
+                                                                                       tmp_path: Path) -> None:
+    nodes, cells, _ = skins.sheet(np.linspace(0, 2 * np.pi, 33), np.linspace(0, 0.08, 9), lambda s, z: np.column_stack(
         [0.05 * np.cos(s), 0.05 * np.sin(s), z]))
 
     def read(nodes: Array, cells: Array) -> TriangleMesh:
@@ -302,18 +290,20 @@ def test_open_edges_that_nearly_touch_are_refused_and_seams_within_rounding_are_
     with pytest.raises(InputFileError, match=r"18 nodes .* \(50.*\) and \(50.*\) mm, 0.001 mm from it.*Weld"):
         read(nodes + 1e-6 * seam, cells)
     assert len(read(nodes + 1e-4 * seam, cells).nodes_m) == 33 * 9  # a slit of 0.1 mm, edges of 10 mm
-    plane = [sheet(np.linspace(0, side, 3), np.linspace(0, 0.08, rows), lambda s, z: np.column_stack([s, z, 0 * s]))
+    plane = [skins.sheet(np.linspace(0, side, 3), np.linspace(0, 0.08, rows),
+                         lambda s, z: np.column_stack([s, z, 0 * s]))
              for side, rows in ((0.02, 9), (-0.02, 17))]
     with pytest.raises(InputFileError, match=r"8 nodes on open edges"):  # in the middles of 8 edges
         read(np.vstack([plane[0][0], plane[1][0]]), np.vstack([plane[0][1], plane[1][1] + len(plane[0][0])]))
 
 
-def test_short_edges_at_long_ones_and_narrow_strips_are_no_slits(tmp_path: Path) -> None:
+def test_short_edges_at_long_ones_and_narrow_strips_are_no_slits(skins: ModuleType, tmp_path: Path) -> None:
     turn = np.linspace(0, np.pi, 40)
     rim = np.column_stack([0.0002 * np.sin(turn), -0.0002 * np.cos(turn), 0 * turn])
     strip = np.vstack([[[-0.1, 0, 0]], rim])  # a wedge with a round end whose facets are 1e-4 of its sides
     wedge = np.column_stack([np.zeros(39, int), np.arange(1, 40), np.arange(2, 41)])
-    narrow, cells, _ = sheet(np.linspace(0, 0.1, 5), np.linspace(0, 1e-4, 2), lambda s, z: np.column_stack([s, z, z]))
+    narrow, cells, _ = skins.sheet(np.linspace(0, 0.1, 5), np.linspace(0, 1e-4, 2),
+                                   lambda s, z: np.column_stack([s, z, z]))
     for points, triangles in ((strip, wedge), (narrow, cells)):
         meshio.write(tmp_path / "strip.obj", meshio.Mesh(1e3 * points, [("triangle", triangles)]))
         assert len(read_triangles(tmp_path / "strip.obj").nodes_m) == len(points)

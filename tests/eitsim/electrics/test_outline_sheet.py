@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
-from pathlib import Path
+from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -19,7 +19,6 @@ from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.scene import Body, Electrodes, Scene, Skin
 from touchcal.errors import NotConverged
 
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 S = 6e-4
 TURN = 2 * np.pi * np.arange(400) / 400
 POLYGON = Body(outline="polygon", points_m=0.1 * np.column_stack([np.cos(TURN), np.sin(TURN)]))
@@ -31,18 +30,9 @@ L_SHAPE = Body(outline="polygon", points_m=((0, 0), (0.12, 0), (0.12, 0.05), (0.
 
 
 @pytest.fixture(scope="module")
-def outlines():
+def outlines(benchmark_module: Callable[[str], ModuleType]) -> ModuleType:
     """benchmarks/outlines.py, which holds the cosine series."""
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        spec = importlib.util.spec_from_file_location("outlines", BENCHMARKS / "outlines.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        return module
-    finally:
-        sys.path.remove(str(BENCHMARKS))
+    return benchmark_module("outlines")
 
 
 def test_a_disc_given_as_a_polygon_is_the_disc():

@@ -3,8 +3,8 @@ draws of benchmarks/touch_errors.py, a few here, all among the slow tests."""
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
+from collections.abc import Callable
+from types import ModuleType
 
 import pytest
 
@@ -13,21 +13,13 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.scene import Body
 from touchcal.errors import NotConverged
 
-PATH = Path(__file__).parents[3] / "benchmarks" / "touch_errors.py"
 FEW = (41, 70)  # a sphere and a cone that two meshes alone did not cover; the slow test takes all
 
 
 @pytest.fixture(scope="module")
-def study():
+def study(benchmark_module: Callable[[str], ModuleType]) -> ModuleType:
     """The benchmark as a module."""
-    spec = importlib.util.spec_from_file_location("touch_errors", PATH)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(PATH.parent)
-        spec.loader.exec_module(module)
-    return module
+    return benchmark_module("touch_errors")
 
 
 def missed(study, scenes):

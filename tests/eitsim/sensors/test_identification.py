@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -18,23 +17,11 @@ from eitsim.sensors.identification import identified
 from eitsim.sensors.recognition import account_of, canonical, exchanged, orders_of_conventions, orders_of_sensor
 from eitsim.sensors.sensor_file import pairs_of, sensor_from
 
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
-
 
 @pytest.fixture(scope="module")
-def simulated() -> ModuleType:
+def simulated(benchmark_module: Callable[[str], ModuleType]) -> ModuleType:
     """benchmarks/sensor_inspect.py, which makes and judges the baselines."""
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        spec = importlib.util.spec_from_file_location("sensor_inspect", BENCHMARKS / "sensor_inspect.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules["sensor_inspect"] = module
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(BENCHMARKS))
-    return module
+    return benchmark_module("sensor_inspect")
 
 
 @pytest.mark.parametrize(("case", "named"), [("imperfect", 9), ("dead", 4), ("exchanged", 2)])

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
+from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 import pytest
 
-PATH = Path(__file__).parents[3] / "benchmarks" / "random_scenes.py"
-
 
 @pytest.fixture(scope="module")
-def study():
+def study(benchmark_module: Callable[[str], ModuleType]) -> ModuleType:
     """The benchmark as a module."""
-    spec = importlib.util.spec_from_file_location("random_scenes", PATH)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(PATH.parent)
-        spec.loader.exec_module(module)
-    return module
+    return benchmark_module("random_scenes")
 
 
 def failures(study, count, where, friction):
