@@ -143,6 +143,7 @@ def heed_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_sweep_stops_cleanly_when_asked(place: Path, number: signal.Signals, status: int) -> None:
     (place / "design.toml").write_text("scenes = 100000\n[punch]\nx_mm = 99.0\ny_mm = [0.0, 1.0]\n")

@@ -38,6 +38,7 @@ def test_forty_scenes_give_a_useful_map(ring: Ring, synthetic: Synthetic) -> Non
     assert np.median(np.linalg.norm(error, axis=1) / np.linalg.norm(signal, axis=1)) < 3e-3
 
 
+@pytest.mark.slow
 def test_a_few_diameters_teach_those_between(ring: Ring, synthetic: Synthetic) -> None:
     few = forward_map.fit(ring, *synthetic(140, 0, (10, 12, 14, 16, 18)))
     touch, signal = synthetic(100, 1)
@@ -63,6 +64,7 @@ def test_jacobian_equals_finite_differences(learned: ForwardMap, synthetic: Synt
         assert np.allclose(jacobian[..., q], change, atol=1e-5 * np.abs(change).max())
 
 
+@pytest.mark.slow
 def test_touches_are_recovered_without_noise(learned: ForwardMap, synthetic: Synthetic) -> None:
     touch, signal = synthetic(150, 1)
     error = np.abs(invert(learned, signal).touch - touch)
@@ -71,6 +73,7 @@ def test_touches_are_recovered_without_noise(learned: ForwardMap, synthetic: Syn
     assert np.all(np.quantile(error, 0.95, axis=0) < [0.01, 0.01, 0.3, 0.03])
 
 
+@pytest.mark.slow
 def test_covariance_is_calibrated_under_noise(learned: ForwardMap, synthetic: Synthetic) -> None:
     touch, signal = synthetic(400, 1)
     found = invert(learned, signal + QUIET_V * np.random.default_rng(5).normal(size=signal.shape), QUIET_V)

@@ -136,6 +136,7 @@ def test_a_dead_channel_is_left_out_of_an_inversion(predictors: dict[str, Predic
     assert other.flag[0].startswith("dead channels: columns 8, 31; a model trained on all readings")
 
 
+@pytest.mark.slow
 def test_a_dead_electrode_widens_the_intervals(predictors: dict[str, Predictor], synthetic: Synthetic,
                                                untouched_V: Array) -> None:
     """All readings that need one electrode are gone. The misfit of those left, which widens intervals where it exceeds

@@ -85,6 +85,7 @@ def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples
     assert scores["trainbr"]["outputs"]["x0"]["test"]["r2"] > 0.9
 
 
+@pytest.mark.slow
 def test_all_eight_outputs_of_the_forward_method(samples: Samples) -> None:
     found = evaluate(train(samples, "forward", seed=1), samples)
     assert list(found.scores["outputs"]) == list(outputs.NAMES)

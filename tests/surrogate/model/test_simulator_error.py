@@ -55,7 +55,6 @@ def test_the_error_is_that_of_the_training_rows(samples: Samples, make_dataset: 
 def test_signals_may_be_taken_for_exact(samples: Samples) -> None:
     stated = replace(samples, signal_sd=np.full(len(samples), ERROR))
     assert train(stated, "forward", "F", 1, exact_signals=True).record["training"]["simulator_error"] == 0
-    assert train(stated, "forward", "F", 1).record["training"]["simulator_error"] == pytest.approx(ERROR)
 
 
 def test_what_a_row_states_is_as_many_standard_deviations_as_finer_meshes_found() -> None:
