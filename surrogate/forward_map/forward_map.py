@@ -105,8 +105,7 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     material = np.zeros((len(touch), 0)) if material is None else material
     simulator = np.zeros(len(touch)) if simulator is None else simulator
     z = place(ring, touch)
-    # those within the interior, or the innermost where these are few
-    inner = np.abs(z) <= max(INTERIOR, float(np.sort(np.abs(z))[MIN_ROWS - 1]))
+    inner = np.abs(z) <= _learned_within(np.abs(z), rim_correction.taught(z, unknown[:, 2:]))
     inputs = _inputs(ring, unknown[inner], material[inner])
     field, size, processes, floor, shift = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
@@ -114,6 +113,12 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
                         np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch),
                         simulator_error.learned_from(gap(ring, unknown), simulator))
     return _with_rim(series, z, unknown, signal_V, material)
+
+
+def _learned_within(radius: Array, rim: bool) -> float:
+    """Radius over the disc's within which the series is learned from touches at radii (n,): the interior, and as far as
+    high orders go where nothing is learned of the rim; at least the innermost MIN_ROWS."""
+    return max(INTERIOR if rim else rim_zone.HIGH_END[0], float(np.sort(radius)[MIN_ROWS - 1]))
 
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,

@@ -63,8 +63,8 @@ def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array) -> FittedCorrecti
     them lie near the rim. What the series leaves is learned, or the whole signal where that errs less."""
     kept = np.abs(rows.z) > rim_zone.FROM
     near = rows.some(kept)
-    touch = _touch(near)
-    fewest = (1 - 1 / FOLDS) * len(np.unique(touch))
+    touch = _touches(near.z, near.punch)
+    fewest = _fewest(touch)
     if fewest < electrode_correction.MIN_ROWS:
         return zero_correction(ring)
     answers = fewest >= polarization.MIN_ROWS
@@ -90,9 +90,20 @@ def _size(error: Array) -> float:
     return float(np.exp(np.mean(np.log(np.linalg.norm(error, axis=1)))))
 
 
-def _touch(near: Rows) -> Index:
+def taught(z: Complex, punch: Array) -> bool:
+    """Whether touches at z (n,) by punches (n, 2) are enough for anything to be learned of the rim."""
+    near = np.abs(z) > rim_zone.FROM
+    return _fewest(_touches(z[near], punch[near])) >= electrode_correction.MIN_ROWS
+
+
+def _fewest(touch: Index) -> float:
+    """Different touches that teach while one part of them is held out."""
+    return (1 - 1 / FOLDS) * len(np.unique(touch))
+
+
+def _touches(z: Complex, punch: Array) -> Index:
     """(n,) which different touch each row is of; a sweep may solve one with several cards."""
-    touches = np.column_stack([near.z.real, near.z.imag, near.punch]).round(9)
+    touches = np.column_stack([z.real, z.imag, punch]).round(9)
     return np.unique(touches, axis=0, return_inverse=True)[1].ravel()
 
 
