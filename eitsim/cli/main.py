@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eitsim.cli import sensor_commands
+from eitsim.cli.fitted_card import warn_of_other_card
 from eitsim.cli.sweep_commands import check_pdf, indices, measure, report, report_written, sweep
-from eitsim.scene.calibrated_electrodes import same_card
 from eitsim.scene.scene import Scene, read_scene
 from matcal.card import MaterialCard, read_card
 from touchcal.errors import InputFileError, NotConverged
@@ -294,10 +294,8 @@ app.add_typer(sensor_commands.app, name="sensor")
 def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
     own = scene_path.parent / scene.card if scene.card is not None else None
     if card is not None:
-        if own is not None and scene.channels.size_error and not same_card(card, own):
-            print(f"eitsim: --card {card} is not {own}, the card of this scene's calibrated sensor: the size error of "
-                  f"{scene.channels.size_error[0]:.2g} in the plan is not of the card given, and may be far too small.",
-                  file=sys.stderr)
+        if own is not None and scene.channels.size_error:
+            warn_of_other_card(card, own, scene.channels.size_error[0], "the plan")
         return card
     if own is None:
         raise ValueError(f"{scene_path}: no card. Give --card card.json, or card = \"card.json\" at its top.")

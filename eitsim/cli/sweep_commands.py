@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eitsim.cli.fitted_card import check_card_of_design
 from matcal.card import MaterialCard, read_card
 from touchcal.number_words import counted
 from touchcal.terminal import JsonOption, check_apart, check_out, numbers, print_json
@@ -78,6 +79,8 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     count = workers if workers is not None else os.cpu_count() or 1
     rows, begun = as_design(design, scenes, scene), time.perf_counter()
     material = read_card(card)
+    if (file := scene if design.suffix == ".csv" else design) is not None:
+        check_card_of_design(card, file)
     with _followed(rows, material, log_every, out) as progress:
         account = solve_design(rows, material, out, workers=count, scheduler=scheduler, reuse=reuse, exact=exact,
                                other_code=other_code, progress=progress).account

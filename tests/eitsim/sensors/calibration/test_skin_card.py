@@ -14,6 +14,7 @@ import pytest
 import eitsim
 import matcal
 from eitsim.cli.display import show_calibration
+from eitsim.cli.fitted_card import check_card_of_design
 from eitsim.scene.channels import Channels
 from eitsim.scene.drive import Drive
 from eitsim.scene.electrodes import Electrodes
@@ -155,6 +156,16 @@ def test_presses_that_stand_out_and_a_card_left_as_it_is_are_said(capsys: pytest
     assert "missed by far more than the others: p7;" in said
     assert "left out, deeper than load paths are stored: p3" in said
     assert "near the rim" not in said
+
+
+def test_a_sweep_warns_of_a_card_that_is_not_the_skin_s(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file, design = written(tmp_path), tmp_path / "design.toml"
+    design.write_text('scenes = 3\n[electrodes]\ncalibrated = "sensor.json"\n', encoding="utf-8")
+    matcal.write_card(CARD, tmp_path / "card.json")
+    check_card_of_design(card_path(file), design)
+    assert capsys.readouterr().err == ""
+    check_card_of_design(tmp_path / "card.json", design)
+    assert "the size error of 0.02 in the rows is not of the card given" in capsys.readouterr().err
 
 
 def test_a_card_given_in_the_place_of_the_skin_s_is_warned_of(command: Callable[..., CompletedProcess[str]],
