@@ -4,7 +4,7 @@ A file (TOML) has a form of its own, not that of a scene, since a curved body ha
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,7 @@ class CurvedSkin:
     contact_impedance_Ohm_m2: float | tuple[float, ...] = 1e-2  # Ohm m^2
     drive: Drive = field(default_factory=Drive)
     patches: tuple[ConductancePatch, ...] = ()
+    file: Path | None = None  # the file that it was read from
 
     def __post_init__(self) -> None:
         for name in ("places_m", "widths_m", "groups", "contact_impedance_Ohm_m2", "patches"):
@@ -68,7 +69,7 @@ def read_curved_skin(path: Path | str) -> CurvedSkin:
     path = Path(path)
     tables = with_matrices(read_toml(path), path.parent)
     try:
-        return _skin(tables, path.parent)
+        return replace(_skin(tables, path.parent), file=path)
     except InputFileError:
         raise
     except ValueError as error:

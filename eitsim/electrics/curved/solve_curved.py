@@ -16,7 +16,7 @@ from eitsim.electrics.outline.adapted_mesh import readings_difference
 from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
 from eitsim.scene.drive import read_out
 from eitsim.scene.triangle_files import TriangleMesh
-from touchcal.errors import NotConverged
+from touchcal.errors import InputFileError, NotConverged
 from touchcal.jit import cpu_s
 from touchcal.provenance import versions
 
@@ -80,7 +80,7 @@ def solve_curved_skin(skin: CurvedSkin | Path | str, *, readings: float = READIN
     """
     begun = cpu_s()
     skin = skin if isinstance(skin, CurvedSkin) else read_curved_skin(skin)
-    facets, z = prepared(skin), contact_impedances(skin)
+    facets, z = _prepared(skin), contact_impedances(skin)
     for _ in range(_STEPS):
         mesh = skin_mesh(facets, skin.count)
         finer = uniform_refinement(mesh)
@@ -126,6 +126,16 @@ def curved_document(path: Path, skin: CurvedSkin, solved: CurvedReadings) -> dic
 def contact_impedances(skin: CurvedSkin) -> Array:
     """(electrodes,) contact impedances, Ohm m^2."""
     return np.broadcast_to(np.asarray(skin.contact_impedance_Ohm_m2, dtype=float), skin.count)
+
+
+def _prepared(skin: CurvedSkin) -> Facets:
+    """As `prepared`, with the file in what it raises."""
+    try:
+        return prepared(skin)
+    except ValueError as error:
+        if skin.file is None or isinstance(error, InputFileError):
+            raise
+        raise InputFileError(skin.file, str(error)) from None
 
 
 def prepared(skin: CurvedSkin) -> Facets:

@@ -217,8 +217,10 @@ def test_what_cannot_be_is_refused(skin_file: Path, old: str, new: str, message:
     text = skin_file.read_text(encoding="utf-8")
     assert old in text
     skin_file.write_text(text.replace(old, new), encoding="utf-8")
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(InputFileError, match=message) as refused:
         solve_curved_skin(skin_file)
+    file = skin_file.parent / "none.stl" if new == "none.stl" else skin_file
+    assert str(refused.value).startswith(f"{file}: ")
 
 
 def test_a_scene_with_a_curved_mesh_is_refused_by_name(tmp_path: Path) -> None:
