@@ -61,9 +61,9 @@ class Floating:
     count: int  # how many conductors
 
 
-def quadrature_points(mesh: SkinMesh) -> Array:
-    """Points (cells, q, 2 or 3), m, where the conductance is needed."""
-    return np.einsum("qk,ekx->eqx", _reference(mesh.element)[0], mesh.nodes_m[mesh.cells])
+def quadrature_points(mesh: SkinMesh, parts: int = 1) -> Array:
+    """Points (cells, q, 2 or 3), m, where the conductance is needed, in each of the parts of each side of a cell."""
+    return np.einsum("qk,ekx->eqx", _reference(mesh.element, parts=parts)[0], mesh.nodes_m[mesh.cells])
 
 
 def area_points(mesh: SkinMesh) -> Array:
@@ -226,22 +226,22 @@ def _resolved(z: Array) -> Array:
     return z
 
 
-def gradients(mesh: SkinMesh, potential: Array) -> tuple[Array, Array]:
-    """Gradients (cells, q, 2, k) of nodal potentials (n, k) at the quadrature points of a flat sheet, and their areas
+def gradients(mesh: SkinMesh, potential: Array, parts: int = 1) -> tuple[Array, Array]:
+    """Gradients (cells, q, 2, k) of nodal potentials (n, k) at the `quadrature_points` of a flat sheet, and their areas
     (cells, q)."""
-    _, gradient, weights, _ = _reference(mesh.element)
+    _, gradient, weights, _ = _reference(mesh.element, parts=parts)
     jacobian = np.einsum("eka,qkb->eqab", mesh.nodes_m[mesh.cells], gradient)
     local = np.einsum("qkb,ekp->eqbp", gradient, potential[mesh.cells])
     return np.linalg.inv(jacobian).swapaxes(-1, -2) @ local, weights * np.abs(np.linalg.det(jacobian))
 
 
-@lru_cache(maxsize=2 * len(ELEMENTS))
-def _reference(element: str, degree: int | None = None) -> tuple[Array, Array, Array, Array]:
+@lru_cache(maxsize=4 * len(ELEMENTS))
+def _reference(element: str, degree: int | None = None, parts: int = 1) -> tuple[Array, Array, Array, Array]:
     """Reference element: values (q, k), gradients (q, k, 2), weights (q,) and the negative products of the gradients of
-    pairs (3 q, pairs), by default on the points of its stiffness."""
+    pairs (3 q, pairs), by default on the points of its stiffness; in each of the parts of each of its sides."""
     kind = _KINDS[element][0]
     degree = _KINDS[element][1] if degree is None else degree
-    points, weights = get_quadrature(kind(), degree)
+    points, weights = _in_parts(*get_quadrature(kind(), degree), parts, triangle=element != "Q2")
     basis = [kind().lbasis(points, i) for i in range(len(kind().doflocs))]
     value = np.stack([np.broadcast_to(b[0], weights.shape) for b in basis], axis=1)
     gradient = np.stack([np.broadcast_to(b[1], points.shape).T for b in basis], axis=1)
@@ -249,6 +249,18 @@ def _reference(element: str, degree: int | None = None) -> tuple[Array, Array, A
     i, j = np.triu_indices(gx.shape[1], 1)
     products = np.stack([gx[:, i] * gx[:, j], gy[:, i] * gy[:, j], gx[:, i] * gy[:, j] + gy[:, i] * gx[:, j]], axis=1)
     return value, gradient, weights, -products.reshape(3 * len(weights), -1)
+
+
+def _in_parts(points: Array, weights: Array, parts: int, *, triangle: bool) -> tuple[Array, Array]:
+    """Quadrature points (2, q) and weights (q,) of a reference element in each of its equal parts."""
+    first, second = (index.ravel() for index in np.indices((parts, parts)))
+    upright = np.stack([first, second])[:, first + second < parts] if triangle else np.stack([first, second])
+    placed = [upright[:, :, None] + points[:, None, :]]
+    if triangle:  # upside down between them
+        turned = np.stack([first, second])[:, first + second < parts - 1] + 1
+        placed.append(turned[:, :, None] - points[:, None, :])
+    inside = np.concatenate(placed, axis=1).reshape(2, -1) / parts
+    return inside, np.tile(weights, parts**2) / parts**2
 
 
 def _stiffness(mesh: SkinMesh, conductance: Array) -> Array:

@@ -1,12 +1,14 @@
 """The strain outside the rings, up to the rim: small, so its signal is taken to first order."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials, quadrature_points
-from eitsim.electrics.cem.ring_scattering import ring_share
+from eitsim.electrics.cem.ring_scattering import FULL, ring_share
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
@@ -18,18 +20,35 @@ from matcal.laws.conductivity import Conductivity
 
 # Level of the rim's angles, rings of the fixed mesh and the width of the outermost one over the radius.
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
-# Triangles of a skin with an outline, about.
+# Triangles of a skin with an outline, about; cells near touches are sampled as the foam's thickness asks.
 _TRIANGLES = 2000
+# Strains fall by e in less than a thickness: so many thicknesses outside a circle they no longer need to be followed.
+_FADED = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Fields:
+    """Untouched potentials of 1 A into each electrode on a fixed mesh."""
+
+    mesh: SkinMesh
+    potential: Array  # (nodes, N), Ohm
+    points_m: Array  # (cells, q, 2) points of its quadrature
+    area_m2: Array  # (cells, q) the areas that these stand for
+    gradient: Array  # (cells, q, 2, N), Ohm/m
+
+    @property
+    def size_m(self) -> Array:
+        """(cells,) root of the area of each."""
+        return np.sqrt(self.area_m2.sum(axis=1))
 
 
 @lru_cache(maxsize=8)
-def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> tuple[Array, Array, Array]:
-    """Quadrature points (n, 2), m, of a fixed mesh, their areas (n,), m^2, and gradients (n, 2, count), Ohm/m, of the
-    untouched potential of 1 A into each electrode."""
+def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> _Fields:
     mesh = _mesh(body, electrodes, conductance_S)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
-    gradient, area = gradients(mesh, potential[:len(mesh.nodes_m)])
-    return quadrature_points(mesh).reshape(-1, 2), area.ravel(), gradient.reshape(-1, 2, electrodes.count)
+    nodes = potential[:len(mesh.nodes_m)]
+    gradient, area = gradients(mesh, nodes)
+    return _Fields(mesh, nodes, quadrature_points(mesh), area, gradient)
 
 
 def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
@@ -40,12 +59,36 @@ def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
 
 
+def _sampled(fields: _Fields, thickness_m: float, places_m: Array, reach_m: Array) -> tuple[Array, Array, Array]:
+    """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; no further
+    apart than the foam is thick in cells near circles (k,) about places (k, 2), outside which strains decay."""
+    size = fields.size_m
+    away = np.linalg.norm(fields.points_m[:, :, None] - places_m, axis=-1)
+    fading = (away.min(axis=1) < reach_m + _FADED * thickness_m) & (away.max(axis=1) > FULL * reach_m - size[:, None])
+    near = fading.any(axis=1) & (size > thickness_m)
+    points, area, gradient = fields.points_m, fields.area_m2, fields.gradient
+    if not near.any():
+        return points.reshape(-1, 2), area.ravel(), _flat(gradient)
+    parts = math.ceil(size[near].max() / thickness_m)
+    mesh = replace(fields.mesh, cells=fields.mesh.cells[near])
+    finer, finer_area = gradients(mesh, fields.potential, parts)
+    return (np.vstack([points[~near].reshape(-1, 2), quadrature_points(mesh, parts).reshape(-1, 2)]),
+            np.concatenate([area[~near].ravel(), finer_area.ravel()]),
+            np.concatenate([_flat(gradient[~near]), _flat(finer)]))
+
+
+def _flat(gradient: Array) -> Array:
+    return gradient.reshape(-1, *gradient.shape[2:])
+
+
 def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
                     law: Conductivity, reach_m: float) -> Array:
     """Change (count, count), Ohm, of the impedance matrix by what the rings leave out: -int grad u_k . ds grad u_l,
     u the untouched fields, ds the change of conductance less `ring_share` of it."""
-    points, area, gradient = _untouched(body, electrodes, conductance_S)
-    radius = np.hypot(points[:, 0] - punch.x_m, points[:, 1] - punch.y_m)
+    place = np.array([punch.x_m, punch.y_m])
+    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, place[None],
+                                      np.array([reach_m]))
+    radius = np.linalg.norm(points - place, axis=1)
     left = 1 - ring_share(radius, reach_m)
     far = (left > 0) & (radius < touch.radius_m[-1])
     change = sheet_conductance(points[far], punch, touch, skin, law) - conductance_S * np.eye(2)
@@ -56,11 +99,12 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
                            touches: Sequence[tuple[Punch, Touch]], skin: Skin, law: Conductivity) -> Array:
     """Change (count, count), Ohm, of the impedance matrix, to first order, by what touches make of the conductance
     together more than the sum of what each makes alone, outside their contacts; 0 for one touch."""
-    points, area, gradient = _untouched(body, electrodes, conductance_S)
-    away = np.array([np.linalg.norm(points - [punch.x_m, punch.y_m], axis=1) for punch, _ in touches])
-    inner = np.array([[touch.contact_radius_m] for _, touch in touches])
+    places = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
+    inner = np.array([touch.contact_radius_m for _, touch in touches])
     outer = np.array([[touch.radius_m[-1]] for _, touch in touches])
-    outside = np.all(away > inner, axis=0) & (np.sum(away < outer, axis=0) > 1)
+    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, places, inner)
+    away = np.linalg.norm(points - places[:, None], axis=-1)
+    outside = np.all(away > inner[:, None], axis=0) & (np.sum(away < outer, axis=0) > 1)
     points = points[outside]
     alone = [sheet_conductance(points, punch, touch, skin, law) for punch, touch in touches]
     rest = (len(touches) - 1) * conductance_S * np.eye(2)

@@ -22,7 +22,6 @@ from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.outline.edge_response import coupling as edge_coupling
 from eitsim.electrics.outline.edge_response import edge_responses
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
-from eitsim.electrics.outline.touch_mesh import FIELDS
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.channels import Channels, channel_changes
 from eitsim.scene.drive import protocol, read_out
@@ -40,9 +39,10 @@ ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
 # over the change by the last halving, where the rim cuts the contact or the skin has an outline, and elsewhere.
 MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
-# Error of an outline's untouched readings on the mesh whose triangles are tried first outside touches, and what is left
-# over the change by its halving: 0.7 to 1.34 of it at five hard touches, by conductors and unequal contacts among them.
-ROUGHLY, LEFT_ROUGH = 5e-3, 1.4
+# The coarser mesh of a touch on an outline: error of the untouched readings outside its rings, and how much thinner
+# these are than those of a mesh of quadrilaterals; the power of the number of nodes by which errors fall from there
+# (quadratic elements whose sizes follow the solution), and what is left over the change by halving (second order).
+ROUGHLY, ROUGH, RATE, LEFT_OUTLINE = 5e-3, 1, 2, 1 / 3
 MARGIN = 2  # How many times the estimate a mesh must stay below the requested error not to be halved again.
 
 
@@ -101,7 +101,10 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     (measured on pairs with gaps of 2 to 55 mm: a fifth of either, or less), and MISSED; for "mesh" UNHALVED and the
     change by the coarser mesh times LEFT, as halved meshes are nested and cover the same cells, or LEFT_CUT where the
     rim cuts the contact: near the cut no line of the mesh follows its end. A mesh is halved again where MARGIN times
-    its estimate exceeds `signal`. It does not hold what interpolation between the touch's own samples costs.
+    its estimate exceeds `signal`. With an outline, "multipole" adds half the change by the edges' mesh before it was
+    halved (currents that crowd leave so much) for the harmonics around the rim; "mesh", between line electrodes, MISSED
+    and what is left over the change from a coarser mesh where errors fall with the square of the number of nodes. No
+    estimate holds what interpolation between the touch's own samples costs.
 
     MISSED, UNHALVED and LEFT are no bounds. UNHALVED and LEFT were fitted to the even ones of 200 random touches: 93 of
     these 100 estimates lie within a factor of 3 of the error and 85 cover it, 90 and 78 of the odd ones; at one touch
@@ -110,10 +113,7 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
     A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on the
-    surface of a skin with an outline. By rings, ten touches on a disc given as a polygon of 400 corners were at most
-    2.4e-4 off, estimated 1.4e-4 to 9.0e-4, and twelve on a rectangle and an L 3.9e-4, estimated 4.0e-4 to 1.9e-3; by
-    meshes, eight near an edge 4.9e-4, estimated 2.3e-4 to 7.9e-4, and six on a grid of electrodes 3.5e-4, estimated
-    2.0e-4 to 5.7e-4 (benchmarks/outlines.py).
+    surface of a skin with an outline. How far the estimates of outlines are off: benchmarks/outline_touches.py.
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
@@ -175,8 +175,8 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
                                      sensor.law)
     first = max(abs(own[0]) for own in _scatterings(sensor, touches, rooms, used, 1))
     error = MISSED + _difference(sensor, fine, coarse) / 3
-    rougher = _circles(sensor, touches, rooms, rough=True)
-    error += _difference(sensor, fine, _scattered(sensor, rougher, used, 3 * ORDERS // 4))
+    rougher = _scattered(sensor, _circles(sensor, touches, rooms, rough=True), used, 3 * ORDERS // 4)
+    error += (LEFT_CUT if sensor.body.has_outline else 1.0) * _difference(sensor, fine, rougher)
     error += 4 * first * _difference(sensor, fine + outside, fine)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
     return _Change(fine + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
@@ -231,31 +231,43 @@ def _overlap(sensor: _Sensor, touches: Touches) -> float:
 
 def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells. With an outline, and
-    electrodes along it, a rougher mesh halved once comes first."""
-    if not sensor.body.has_outline:
-        cut = any(abs(position(punch)) + touch.contact_radius_m > sensor.body.radius_m for punch, touch in touches)
-        return _halved(sensor, touches, alike_mesh(sensor.body, sensor.electrodes, touches), signal,
+    electrodes along it, a coarser mesh may show that no halving is needed."""
+    body, electrodes = sensor.body, sensor.electrodes
+    cut = any(rings.admissible_radius(body, punch) < touch.contact_radius_m for punch, touch in touches)
+    if not body.has_outline:
+        mesh = alike_mesh(body, electrodes, touches)
+        return _halved(sensor, touches, mesh, _on_mesh(sensor, touches, mesh), signal, UNHALVED,
                        LEFT_CUT if cut else LEFT)
-    meshes = partial(outlined_mesh, sensor.body, sensor.electrodes, sensor.conductance_S, touches)
-    if sensor.electrodes.kind == "line":
-        rough = _halved(sensor, touches, meshes(ROUGHLY), signal, LEFT_ROUGH, halvings=1)
-        if rough.error <= signal:
-            return rough
-    return _halved(sensor, touches, meshes(FIELDS), signal, LEFT_CUT)
+    meshes = partial(outlined_mesh, body, electrodes, sensor.conductance_S, touches)
+    mesh = meshes()
+    change = _on_mesh(sensor, touches, mesh)
+    if electrodes.kind != "line" or cut:
+        return _halved(sensor, touches, mesh, change, signal, UNHALVED, LEFT_CUT)
+    rough = meshes(ROUGHLY, ROUGH)
+    share = (len(rough.nodes_m) / len(mesh.nodes_m)) ** RATE
+    if share < 1:
+        error = MISSED + share / (1 - share) * _difference(sensor, change, _on_mesh(sensor, touches, rough))
+        if MARGIN * error <= signal:
+            return _Change(change, error, _unknowns(mesh), "mesh")
+    return _halved(sensor, touches, mesh, change, signal, MISSED, LEFT_OUTLINE)
 
 
-def _halved(sensor: _Sensor, touches: Touches, mesh: SkinMesh, signal: float, left: float,
-            halvings: int = HALVINGS) -> _Change:
+def _halved(sensor: _Sensor, touches: Touches, mesh: SkinMesh, change: Array, signal: float, missed: float,
+            left: float) -> _Change:
     """The change on a mesh that is halved until MARGIN times the estimate meets the requested error, or no more; left:
-    what is left, over the change by the last halving."""
-    change, error = _on_mesh(sensor, touches, mesh), math.inf
-    for _ in range(halvings):
+    what is left, over the change by the last halving; missed: what halvings do not show."""
+    error = math.inf
+    for _ in range(HALVINGS):
         coarse, mesh = change, uniform_refinement(mesh)
         change = _on_mesh(sensor, touches, mesh)
-        error = UNHALVED + left * _difference(sensor, change, coarse)
+        error = missed + left * _difference(sensor, change, coarse)
         if MARGIN * error <= signal:
             break
-    return _Change(change, error, len(mesh.nodes_m) + mesh.count - 1, "mesh")
+    return _Change(change, error, _unknowns(mesh), "mesh")
+
+
+def _unknowns(mesh: SkinMesh) -> int:
+    return len(mesh.nodes_m) + mesh.count - 1
 
 
 def _on_mesh(sensor: _Sensor, touches: Touches, mesh: SkinMesh) -> Array:

@@ -17,7 +17,7 @@ from eitsim.scene.scene import Body, Electrodes, Punch
 # rim where electrodes or gaps are wide.
 _UNDER, _BETWEEN, _AROUND = 1, 3, 64
 _CENTRED = 0.5  # Part of the way from the contact to the nearest rim on which the rings stay centred on the punch.
-_FARTHEST = 0.9  # Part of the way from the punch's edge to the nearest rim at which the contact ends, at most.
+FARTHEST = 0.9  # Part of the way from the punch's edge to the nearest rim at which the contact ends, at most.
 # Width of the rings at the lines of the contact and at the rim, in fillet radii and in electrode widths, on level 1,
 # and how much wider they get per unit of distance from there.
 _AT_CONTACT, _AT_RIM, _GROWTH = 0.5, 0.2, 0.7
@@ -61,7 +61,7 @@ def inside_rim(punch: Punch, touch: Touch, patches: Array) -> tuple[Touch, float
     if len(patches) > 1 and reach >= room:
         raise ValueError(f"the contact reaches {(reach - room) * 1e3:.1f} mm into the ring that the patch electrodes "
                          "lie on; move the punch inwards, or make the patches shorter.")
-    touch = replace(touch, contact_radius_m=min(touch.contact_radius_m, edge + _FARTHEST * room))
+    touch = replace(touch, contact_radius_m=min(touch.contact_radius_m, edge + FARTHEST * room))
     return touch, room - max(touch.contact_radius_m - edge, 0.0)
 
 

@@ -9,12 +9,15 @@ from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.mesh.graded_mesh import LEAN, Touches, ring_cells, turned
 from eitsim.electrics.mesh.p2_triangles import EDGES, straight, untangled, with_quarter_points
 from eitsim.electrics.mesh.ring_mesh import centred_radii
-from eitsim.electrics.outline.touch_mesh import EVEN, FIELDS, base_triangles, gaps_m, touch_mesh
+from eitsim.electrics.outline.touch_mesh import EVEN, FIELDS, base_triangles, touch_mesh, within_edges
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh, triangulated
 from eitsim.scene.outline import inside, squared_distance
 from eitsim.scene.outline_electrodes import patch_loops
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
+
+_SIDE = 2.0  # Length of triangles along the outermost circle, at least, over the fillet radius, of rings not thinner.
+_THINNER = 4  # Rings are so many times thinner than those of a mesh of quadrilaterals (`template`), unless given.
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,15 +40,15 @@ class _Circle:
 
 
 def outlined_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches: Touches,
-                  known_to: float = FIELDS) -> SkinMesh:
+                  known_to: float = FIELDS, thinner: int = _THINNER) -> SkinMesh:
     """P2 mesh with circles at the punches' edges, the starts of their fillets and the ends of contact, in rings about
     each punch as far as half the way to the nearest edge; `touch_mesh` where an electrode on the surface lies there.
 
     Outside, its triangles are as small as those on which the readings of the untouched skin are known to such a
-    relative error; middle nodes lie at a quarter of the way from the ends of line electrodes. ValueError where contacts
-    reach an edge or each other.
+    relative error; middle nodes lie at a quarter of the way from the ends of line electrodes. ValueError where punches
+    reach an edge, or contacts each other.
     """
-    circles = [_circle(*touch, gap) for touch, gap in zip(touches, gaps_m(body, touches).tolist(), strict=True)]
+    circles = [_circle(punch, touch, gap, thinner) for punch, touch, gap in within_edges(body, touches)]
     if electrodes.kind == "surface" and any(_meets(circle, loop) for circle in circles
                                             for loop in patch_loops(electrodes)):
         return touch_mesh(body, electrodes, conductance_S, touches)
@@ -66,9 +69,9 @@ def outlined_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touc
     return with_quarter_points(untangled(_curved(mesh, circles, ringed), straight(mesh)))
 
 
-def _circle(punch: Punch, touch: Touch, gap: float) -> _Circle:
-    radii = centred_radii(punch, touch, gap, 1, 1, LEAN.steepest)
-    around = 2 * np.pi * radii[-1] / (LEAN.stretched * max(np.diff(radii)[-3:].max(), punch.fillet_m / 2))
+def _circle(punch: Punch, touch: Touch, gap: float, thinner: int) -> _Circle:
+    radii = centred_radii(punch, touch, gap, thinner, 1, LEAN.steepest)
+    around = 2 * np.pi * radii[-1] / (LEAN.stretched * max(np.diff(radii)[-3:].max(), _SIDE * punch.fillet_m / thinner))
     return _Circle(np.array([punch.x_m, punch.y_m]), radii, max(LEAN.sectors, int(np.ceil(around))))
 
 

@@ -1,11 +1,13 @@
 """A mesh of a skin with an outline that follows its touches: lines at their contacts, triangles as small as needed."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import KDTree
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh
 from eitsim.electrics.mesh.graded_mesh import LEAN, Touches
-from eitsim.electrics.mesh.ring_mesh import centred_radii, contact_lines
+from eitsim.electrics.mesh.ring_mesh import FARTHEST, centred_radii, contact_lines
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh, triangulated
 from eitsim.scene.outline import circle, edge_distance_m
@@ -22,11 +24,12 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
     """P2 mesh with circles at the punches' edges, the starts of their fillets and the ends of contact.
 
     Outside the touches its triangles are as small as those on which the readings of the untouched skin are known to
-    FIELDS. ValueError where contacts reach an edge or each other.
+    FIELDS. ValueError where punches reach an edge, or contacts each other.
     """
     base = base_triangles(body, electrodes, conductance_S)
     known, area = KDTree(base.centres_m), base.area_m2
-    sizes = [_sizes(punch, touch, gap) for (punch, touch), gap in zip(touches, gaps_m(body, touches), strict=True)]
+    within = within_edges(body, touches)
+    sizes = [_sizes(*one) for one in within]
 
     def limit(mesh: Triangles) -> Array:
         places = mesh.centres_m
@@ -38,7 +41,7 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
         return out
 
     lines = [circle((punch.x_m, punch.y_m), mark, _chords(mark, *own))
-             for (punch, touch), own in zip(touches, sizes, strict=True) for mark in contact_lines(punch, touch)]
+             for (punch, touch, _), own in zip(within, sizes, strict=True) for mark in contact_lines(punch, touch)]
     return skin_mesh(refined(triangulated(body, electrodes, lines), limit), electrodes)
 
 
@@ -55,16 +58,22 @@ def base_triangles(body: Body, electrodes: Electrodes, conductance_S: float, kno
     return next(mesh for mesh, error in history if error <= known_to)
 
 
-def gaps_m(body: Body, touches: Touches) -> Array:
-    """Distance of each contact to the nearest edge or to the middle of the way to another, m."""
+def within_edges(body: Body, touches: Touches) -> list[tuple[Punch, Touch, float]]:
+    """Punches, their touches with the ends of contact on the skin, and the distance, m, from each contact to the
+    nearest edge or to the middle of the way to another; ValueError where a punch reaches an edge, or contacts meet."""
     place = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
-    reach = np.array([max(punch.diameter_m / 2, touch.contact_radius_m) for punch, touch in touches])
+    inner = np.array([punch.diameter_m / 2 for punch, _ in touches])
+    room = edge_distance_m(body, place) - inner
+    reach = np.maximum(inner, [touch.contact_radius_m for _, touch in touches])
     separation = np.linalg.norm(place[:, None] - place, axis=-1) - np.add.outer(reach, reach)
     np.fill_diagonal(separation, np.inf)
-    gaps = np.minimum(edge_distance_m(body, place) - reach, separation.min(axis=1) / 2)
-    if gaps.min() <= 0:
-        raise ValueError("a punch or its contact reaches an edge of the skin or another contact; leave a gap.")
-    return gaps
+    if room.min() <= 0 or separation.min() <= 0:
+        raise ValueError("a punch reaches an edge of the skin, or its contact another one; leave a gap.")
+    inside = [replace(touch, contact_radius_m=min(touch.contact_radius_m, float(own + FARTHEST * gap)))
+              for (_, touch), own, gap in zip(touches, inner, room, strict=True)]
+    ends = np.maximum(inner, [touch.contact_radius_m for touch in inside])
+    gaps = np.minimum(inner + room - ends, separation.min(axis=1) / 2)
+    return [(punch, touch, float(gap)) for (punch, _), touch, gap in zip(touches, inside, gaps, strict=True)]
 
 
 def _sizes(punch: Punch, touch: Touch, gap: float) -> tuple[Array, Array]:

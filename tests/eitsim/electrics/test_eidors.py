@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -13,9 +15,12 @@ from scipy.io import loadmat, savemat
 from scipy.sparse import csc_matrix
 
 from eitsim.cli import main
+from eitsim.electrics.cem.assembly import impedance
 from eitsim.electrics.interop.eidors import read_eidors
 from eitsim.electrics.interop.solve_file import Solved, solve_model
+from eitsim.electrics.outline.triangles import refined, skin_mesh, triangulated
 from eitsim.scene.drive import Drive, protocol, read_out
+from eitsim.scene.scene import Body, Electrodes, Scene
 from touchcal.errors import InputFileError
 
 Array = NDArray[np.float64]
@@ -82,6 +87,28 @@ def test_a_model_from_a_matlab_file_reads_as_eidors_does(name: str, case: str, t
     assert solved.readings_error is not None
     print(f"{case} {name}: true error {true_error:.1e}, told {solved.readings_error:.1e}")
     assert true_error / 2 < solved.readings_error < 2 * true_error
+
+
+def test_the_triangles_of_an_outline_go_through_a_matlab_file(
+        tmp_path: Path, benchmark_module: Callable[[str], ModuleType]) -> None:
+    """Written, read and solved: the matrix of the outline's own mesh, and that of EIDORS' formulas (not EIDORS)."""
+    body = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+    lines = Scene(body, electrodes=Electrodes(count=8, width_m=0.01)).electrodes
+    triangles = refined(triangulated(body, lines), lambda mesh: np.full(len(mesh.cells), 2e-5))
+    mesh, z = skin_mesh(triangles, lines, "P1"), np.linspace(0.5, 2.0, 8)
+    sheet = 6e-4 * (1 + np.arange(len(mesh.cells)) % 7)
+    parts = structures([{"nodes": np.unique(mesh.under[mesh.electrode == k]) + 1.0, "z_contact": z[k]}
+                        for k in range(8)])
+    forward = {"type": "fwd_model", "nodes": mesh.nodes_m, "elems": mesh.cells + 1.0, "electrode": parts,
+               "stimulation": stimulation(Drive(), 8)}
+    model = read_eidors(saved(tmp_path / "model.mat", img={"fwd_model": forward, "elem_data": sheet}))
+    np.testing.assert_array_equal(model.mesh.cells, mesh.cells)
+    np.testing.assert_array_equal(model.mesh.nodes_m, mesh.nodes_m)
+    assert model.conductance_S is not None
+    found = solve_model(model.mesh, model.conductance_S, model.contact_impedance_Ohm_m).impedance_Ohm
+    formulas = benchmark_module("eidors_formulas").impedance_by_eidors_formulas(mesh, sheet, z)
+    for known in (impedance(mesh, sheet, z), formulas):
+        assert np.abs(found - known).max() < 1e-11 * np.abs(known).max()
 
 
 def test_a_file_that_eidors_wrote_reads_as_eidors_does() -> None:

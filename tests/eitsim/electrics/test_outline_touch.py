@@ -99,7 +99,7 @@ def test_rings_under_electrodes_on_the_surface_and_contacts_that_reach_an_edge_a
         solve(RECTANGLE, SKIN, GRID, Drive(), ((Punch(), pressed()),), LAW, method="multipole")
     with pytest.raises(ValueError, match=r"reaches .* outside the nearest edge"):
         solve(POLYGON, SKIN, EVEN, Drive(), ((Punch(0.095), pressed()),), LAW, method="multipole")
-    with pytest.raises(ValueError, match="reaches an edge of the skin or another contact"):
+    with pytest.raises(ValueError, match="reaches an edge of the skin, or its contact another one"):
         touch_mesh(POLYGON, EVEN, 6e-4, ((Punch(0.095), pressed()),))
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from eitsim.electrics.cem.assembly import dissection, gradients, impedance, quadrature_points
+from eitsim.electrics.cem.assembly import SkinMesh, dissection, gradients, impedance, quadrature_points
 from eitsim.electrics.forward.solve_forward import solve
+from eitsim.electrics.mesh.graded_mesh import Touches
 from eitsim.electrics.mesh.p2_triangles import EDGES, uniform_refinement
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.outline.touch_mesh import touch_mesh
@@ -23,7 +26,6 @@ GRID = Electrodes(kind="surface", count=6, x_m=(-0.04, 0, 0.04) * 2, y_m=(-0.02,
 L = Body(outline="polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
     (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2)))
 LINES = Electrodes(count=24, width_m=0.008)
-
 
 
 def pressed(least: float = 0.7) -> Touch:
@@ -63,24 +65,45 @@ def test_rings_have_lines_at_the_edge_of_the_punch_and_the_start_of_its_fillet()
 
 
 @pytest.mark.parametrize("touches", [PAIR[:1], PAIR], ids=["0.8 mm from an edge", "and next to a hole"])
-def test_less_than_half_the_nodes_give_the_signal_within_its_estimate(touches) -> None:
+def test_less_than_half_the_nodes_give_the_signal_as_exactly_as_estimated(touches) -> None:
+    """Within a factor of 3, against the triangles on which the untouched readings are known to 1e-4; closer to these
+    than even triangles, more than twice as many."""
     found = solve(L, SKIN, LINES, Drive(), touches, LAW, method="mesh", signal=4e-3)
-    plain = uniform_refinement(touch_mesh(L, LINES, 6e-4, touches))
-    z, order = contact_impedances(LINES), dissection(plain)
-    sheet = touched_conductance(quadrature_points(plain), touches, SKIN, LAW)
-    known = read_out(Drive(), impedance(plain, sheet, z, order=order)
-                     - impedance(plain, np.full(len(plain.cells), 6e-4), z, order=order))
-    off = np.linalg.norm(found.signal_V - known) / np.linalg.norm(known)
-    print(f"{off:.1e}, estimated {found.signal_error:.1e}, {found.unknowns} and {len(plain.nodes_m)} unknowns")
-    assert off < found.signal_error < 4e-3
+    fine, plain = outlined_mesh(L, LINES, 6e-4, touches, 1e-4), uniform_refinement(touch_mesh(L, LINES, 6e-4, touches))
+    known, even = signal_on(fine, touches), signal_on(plain, touches)
+    off, even_off = (np.linalg.norm(one - known) / np.linalg.norm(known) for one in (found.signal_V, even))
+    print(f"{off:.1e}, estimated {found.signal_error:.1e}, {found.unknowns} unknowns; {even_off:.1e}, "
+          f"{len(plain.nodes_m)} nodes")
+    assert found.signal_error / 3 < off < 3 * found.signal_error
+    assert off < even_off
     assert 2 * found.unknowns < len(plain.nodes_m)
+
+
+def signal_on(mesh: SkinMesh, touches: Touches) -> np.ndarray:
+    z, order = contact_impedances(LINES), dissection(mesh)
+    sheet = touched_conductance(quadrature_points(mesh), touches, SKIN, LAW)
+    return read_out(Drive(), impedance(mesh, sheet, z, order=order)
+                    - impedance(mesh, np.full(len(mesh.cells), 6e-4), z, order=order))
 
 
 def test_under_electrodes_on_the_surface_there_are_no_rings() -> None:
     over, clear = (((Punch(x, 0.0), pressed()),) for x in (0.035, 0.075))
     plain, ringed = (outlined_mesh(RECTANGLE, GRID, 6e-4, touches) for touches in (over, clear))
     np.testing.assert_array_equal(plain.cells, touch_mesh(RECTANGLE, GRID, 6e-4, over).cells)
-    assert len(ringed.cells) < len(touch_mesh(RECTANGLE, GRID, 6e-4, clear).cells)
+    away = np.hypot(*(ringed.nodes_m - [0.075, 0.0]).T)
+    assert np.sum(np.abs(away - 0.007) < 1e-12) >= 24
     a, b, c = np.moveaxis(ringed.nodes_m[ringed.under[:, :3]], 1, 0)
     area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     np.testing.assert_allclose([area[ringed.electrode == k].sum() for k in range(6)], np.pi * 0.005**2, rtol=1e-9)
+
+
+def test_a_contact_that_reaches_over_an_edge_is_served_with_its_end_on_the_skin() -> None:
+    """The punch stays on the skin, what it presses bulges over the edge."""
+    punch = Punch(0.05, 0.0078)
+    touches = ((punch, replace(pressed(), contact_radius_m=0.0085)),)
+    mesh = outlined_mesh(L, LINES, 6e-4, touches)
+    area = gradients(mesh, np.zeros((len(mesh.nodes_m), 1)))[1]
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(0.2 * 0.08 + 0.12 * 0.08 - np.pi * 0.01**2, rel=1e-9)
+    with pytest.raises(ValueError, match="a punch reaches an edge of the skin"):
+        outlined_mesh(L, LINES, 6e-4, ((replace(punch, y_m=0.0069), pressed()),))

@@ -1,0 +1,124 @@
+"""dV of random touches on skins with an outline: the stated error of the electrics against the true one.
+
+Touches are drawn from a seed, anywhere on an L with a hole, until as many are served as asked; the same on a rectangle,
+on a large sheet of thin foam, and by conducting punches between electrodes of unequal contacts. `simulate` takes its
+default path. The reference is the mesh of the touch outside which untouched readings are known to 1e-4, halved once;
+what it is off is a third of the change by its halving. Run by `make bench`; writes results/outline_touches.csv next to
+this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from conditions import quick, shown, written
+from outlines import BODIES, ELECTRODES, FOAM, LAW
+
+from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
+from eitsim.electrics.cem.floating_electrodes import floating
+from eitsim.electrics.mesh.p2_triangles import uniform_refinement
+from eitsim.electrics.outline.ringed_mesh import outlined_mesh
+from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
+from eitsim.scene.drive import read_out
+from eitsim.scene.electrodes import contact_impedances
+from eitsim.scene.outline import edge_distance_m
+from eitsim.scene.results import Readings, Result
+from eitsim.scene.scene import Body, Electrodes, Punch, Scene
+from eitsim.simulation.plan import make_plan
+from eitsim.simulation.simulate import simulate
+from matcal.card import MaterialCard
+from touchcal.arrays import Array
+
+CARD = MaterialCard("foam", FOAM, conductivity=LAW)
+# Relative error of the untouched readings outside the reference's rings, and the part of its change by halving that is
+# left (second order).
+REFERENCE, LEFT = 1e-4, 1 / 3
+UNEQUAL = tuple(np.exp(np.random.default_rng(5).normal(size=24)).tolist())
+# body, electrodes, touches served, and whether their punches conduct
+CASES: dict[str, tuple[Body, Electrodes, int, bool]] = {
+    "L with a hole": (BODIES["L with a hole"], ELECTRODES["L with a hole"], quick(100, 2), False),
+    "rectangle": (BODIES["rectangle"], ELECTRODES["rectangle"], quick(20, 1), False),
+    "600 x 400 x 2 mm": (Body(thickness_m=0.002, outline="rectangle", width_m=0.6, height_m=0.4),
+                         Electrodes(count=32, width_m=0.02), quick(20, 1), False),
+    "conducting punches": (BODIES["L with a hole"], replace(ELECTRODES["L with a hole"],
+                                                            contact_impedance_Ohm_m=UNEQUAL), quick(20, 1), True)}
+
+
+def drawn(name: str) -> Iterator[Scene]:
+    """Random touches of a case without end: places even over the box of the outline and no punch over its edges,
+    diameters even from 8 to 18 mm, forces from 0.1 to 2 N, even in their logarithm."""
+    body, electrodes, _, conductor = CASES[name]
+    rng = np.random.default_rng(24)
+    box = np.ptp(np.array(body.points_m), axis=0) if body.points_m else np.array([body.width_m, body.height_m])
+    low = np.min(body.points_m, axis=0) if body.points_m else -box / 2
+    while True:
+        x, y = (low + box * rng.random(2)).tolist()
+        diameter, force = float(rng.uniform(0.008, 0.018)), float(np.exp(rng.uniform(np.log(0.1), np.log(2.0))))
+        punch = Punch(x, y, diameter, force_N=force, conductor=conductor)
+        if edge_distance_m(body, (x, y)) > diameter / 2:
+            yield Scene(body, (punch,), electrodes=electrodes)
+
+
+def signal_on(mesh: SkinMesh, scene: Scene, result: Result) -> Array:
+    """dV (patterns, readings), V, of the solved touch on a mesh."""
+    touches = tuple(zip(scene.punches, result.touches, strict=True))
+    z, order, conductors = contact_impedances(scene.electrodes), dissection(mesh), floating(mesh, touches)
+    shunted = order if conductors is None else dissection(mesh, conductors)
+    touched = touched_conductance(quadrature_points(mesh), touches, scene.skin, LAW)
+    rest = np.full(len(mesh.cells), untouched_conductance(LAW, scene.skin))
+    return read_out(scene.drive, impedance(mesh, touched, z, order=shunted, floating=conductors)
+                    - impedance(mesh, rest, z, order=order))
+
+
+def distance(one: Array, other: Array) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+
+
+def row(name: str, scene: Scene, result: Result, readings: Readings) -> dict[str, object]:
+    (punch,), (touch,) = scene.punches, result.touches
+    mesh = outlined_mesh(scene.body, scene.electrodes, untouched_conductance(LAW, scene.skin), ((punch, touch),),
+                         REFERENCE)
+    known = signal_on(uniform_refinement(mesh), scene, result)
+    error = distance(readings.signal_V, known)
+    return {"case": name, "x_mm": punch.x_m * 1e3, "y_mm": punch.y_m * 1e3, "d_mm": punch.diameter_m * 1e3,
+            "F_N": punch.force_N, "edge_mm": edge_distance_m(scene.body, (punch.x_m, punch.y_m)) * 1e3,
+            "method": readings.method, "unknowns": readings.unknowns, "error": error,
+            "estimate": readings.signal_error, "ratio": error / readings.signal_error,
+            "reference_error": LEFT * distance(signal_on(mesh, scene, result), known), "cpu_s": readings.cpu_s}
+
+
+def rows(name: str) -> Iterator[dict[str, object]]:
+    """One row a served touch; the number of those drawn until then goes with it."""
+    served, count = 0, CASES[name][2]
+    for number, scene in enumerate(drawn(name), 1):
+        if make_plan(scene, CARD).refusal:
+            continue
+        result = simulate(scene, CARD)
+        if result.outcome == "ok" and result.readings is not None:
+            served += 1
+            yield {**row(name, scene, result, result.readings), "drawn": number}
+        if served == count:
+            return
+
+
+def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Of each case, and of its methods: the share of estimates within a factor of 3 of the error, and below it."""
+    for (name, method), part in [((name, how), part) for name, own in table.groupby("case", sort=False)
+                                 for how, part in [("all", own), *own.groupby("method")]]:
+        yield {"case": name, "method": method, "touches": len(part),
+               "within_3": part["ratio"].between(1 / 3, 3).mean(), "exceeds": (part["ratio"] > 1).mean(),
+               "largest_ratio": part["ratio"].max(), "median_error": part["error"].median(),
+               "largest_error": part["error"].max(), "median_reference_error": part["reference_error"].median(),
+               "median_cpu_s": part["cpu_s"].median(), "largest_cpu_s": part["cpu_s"].max()}
+
+
+def main() -> None:
+    table = written([one for name in CASES for one in rows(name)], "outline_touches", 3)
+    shown(written(summary(table), "outline_touches_summary", 3))
+
+
+if __name__ == "__main__":
+    main()
