@@ -193,7 +193,7 @@ def learnt() -> surrogate.Model:
     readings = len(ring.read)
     rows = Samples(ring, number, number, rng.normal(0, 1e-3, (30, readings)), rng.uniform(1, 2, (30, readings)),
                    rng.uniform(1, 2, (30, 8)), np.full(30, -1), np.empty((30, 0)), np.zeros(30),
-                   number.astype(np.uint64), {}, {"g": [0.2], "tau_s": [1.0], "moduli": "longterm"})
+                   number.astype(np.uint64), np.zeros(30, bool), {}, {"g": [0.2], "tau_s": [1.0], "moduli": "longterm"})
     return surrogate.train(rows, method="ridge", outputs="x0,y0,F", seed=1)
 
 

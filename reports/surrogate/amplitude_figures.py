@@ -27,7 +27,8 @@ def plate(found: Mapping[str, Any]) -> ReportFigure:
         tables.append(pd.DataFrame({"d_mm": one["d_mm"], "F_N": force, "rms_mV": rms}))
     axes.set_ylim(bottom=0)
     style.label(axes, "Force (N)", "RMS of the signal (mV)")
-    return ReportFigure(NAME, figure, f"Signal over force, {number(found['radius_mm'])} mm from the centre: "
+    return ReportFigure(NAME, figure, f"Signal over force, {number(found['radius_mm'])} mm from "
+                        f"{found.get('centre', 'the centre')}: "
                         f"{in_words(found)}", {NAME: pd.concat(tables, ignore_index=True)})
 
 

@@ -51,9 +51,12 @@ def floors(folder: Path | str, card_path: Path, noise_db: Sequence[float], *, ma
     """Floors of a data set's outputs at noise levels in dB below the RMS of its baseline voltages.
 
     card_path: the card that it was swept with, and with material=True its posterior. ValueError where its scenes have
-    no derivatives (a conducting punch, friction, a hold).
+    no derivatives (a conducting punch, friction, a hold, a skin with an outline).
     """
     samples, card = read_samples(folder), read_card(card_path)
+    if samples.ring.sheet is not None:
+        raise ValueError(f"{folder}: sensitivities, which limits follow from, are not built for skins with an outline. "
+                         "Evaluate without a card, and leave limits out.")
     prior = prior_of(samples)
     table = table_for(example_of(folder), card, prior, each=each)
     gradients = _gradients(samples)
@@ -117,12 +120,12 @@ def _gradients(samples: Samples) -> dict[str, Gradient]:
     """Derivatives of the mechanical outputs by d and F, of processes learned from some of the rows."""
     some = take(samples, spread_evenly(len(samples), _ROWS))
     names, touch = outputs.NAMES[outputs.TOUCH:], some.target[:, :outputs.TOUCH]
-    learned = mechanical_response.fit(some.ring.radius_mm, touch, some.target[:, outputs.TOUCH:], names,
+    learned = mechanical_response.fit(some.ring, touch, some.target[:, outputs.TOUCH:], names,
                                       np.zeros((len(touch), 0)))
 
     def value(punch: Array) -> Array:
         touches = np.column_stack([0 * punch, punch])
-        return mechanical_response.respond(learned, touches, np.zeros((len(punch), 0))).value
+        return mechanical_response.respond(learned, some.ring, touches, np.zeros((len(punch), 0))).value
 
     def slopes(punch: Array) -> Array:
         steps = [_STEP * punch * np.eye(2)[k] for k in range(2)]

@@ -107,9 +107,11 @@ def _frames_show(model: Model | TrainedReader, frames: str | None, replay: Path 
 
 def _pressed_show(model: Model, simulate: Path | None, data: Path | None, scene: Path | None,
                   noise_v: float | None) -> Show:
+    from surrogate.live.pictured import pictured
     from surrogate.live.shows import pressed_show
     from surrogate.live.skins import learned_skin, simulated_skin
 
+    pictured(model)  # a skin that the page cannot draw is refused before load paths are solved
     if simulate is None:
         _say("presses are answered by the model's own learned map. Give --simulate CARD for the simulator.")
         return pressed_show(model, learned_skin(model), noise_v)

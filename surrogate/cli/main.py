@@ -241,7 +241,7 @@ def _print_amplitude(amplitude: Mapping[str, Any]) -> None:
     from rich.table import Table
 
     table = Table("d, mm", "RMS at its top, mV", "at F, N", "RMS at most F, mV", "F of two answers, N",
-                  title=f"signal over force, {amplitude['radius_mm']:.3g} mm from the centre")
+                  title=f"signal over force, {amplitude['radius_mm']:.3g} mm from {amplitude['centre']}")
     for one in amplitude["diameters"]:
         ends, force = one["two_answers_N"], amplitude["force_N"]
         peak = force[-1] if one["peak_N"] is None else one["peak_N"]

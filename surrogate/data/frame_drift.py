@@ -27,12 +27,11 @@ FORESEEN = 0.05
 def by_gain(ring: Ring, baseline_V: Array) -> Array:
     """(readings, electrodes) derivatives of untouched readings (readings,), V, by the gains of the channels, V.
 
-    The electrodes' potentials are those of the ring's foreseen fields, sum q_m^2 cos(m t) / m, scaled to the untouched
-    readings. ValueError where these do not give the untouched readings, as of patches or of a very uneven ring.
+    The electrodes' potentials are those of the ring's foreseen fields, sum q_m^2 cos(m t) / m, or of a solved skin with
+    an outline, scaled to the untouched readings. ValueError where these do not give the untouched readings, as of
+    patches or of a very uneven ring.
     """
-    mode = np.arange(1, MODES + 1)
-    turns = ring.angle_rad[:, None] - ring.angle_rad
-    kernel = np.cos(turns[..., None] * mode) @ (ring.modes**2 / mode)
+    kernel = _kernel(ring) if ring.sheet is None else ring.sheet.potential
     potential = kernel[:, ring.source] - kernel[:, ring.sink]
     potential -= potential.mean(axis=0)
     rows = np.arange(len(ring.read))
@@ -45,6 +44,13 @@ def by_gain(ring: Ring, baseline_V: Array) -> Array:
     out[rows, ring.read] = scale * potential[ring.read, rows]
     out[rows, ring.ground] = -scale * potential[ring.ground, rows]
     return out
+
+
+def _kernel(ring: Ring) -> Array:
+    """(electrodes, electrodes) potentials of a disc's electrodes by the driven one, times pi over the resistance."""
+    mode = np.arange(1, MODES + 1)
+    turns = ring.angle_rad[:, None] - ring.angle_rad
+    return np.asarray(np.cos(turns[..., None] * mode) @ (ring.modes**2 / mode))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from eitsim.scene.drive import voltage_columns
-from eitsim.sweeps.dataset.parquet import RELAXATION, TOUCH, Dataset, read_dataset
+from eitsim.sweeps.dataset.parquet import METHODS, NEAR_RIM, RELAXATION, TOUCH, Dataset, read_dataset
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.measurement.instrument_table import TABLE
 from surrogate.data import material_states, outputs
@@ -45,6 +45,7 @@ class Samples:
     signal_sd: Array
     # (n,) hash of each row's number and targets: the same however its readings were measured
     row_hash: NDArray[np.uint64]
+    near_edge: Mask  # (n,) whether the mechanics of the touch were solved with an edge near it
     # the [measurement] that an instrument's rows were made by, its seed left aside; empty where rows are clean
     measurement: Mapping[str, Any] = field(default_factory=dict)
     relaxation: Mapping[str, Any] = field(default_factory=dict)  # the manifest's, empty where none is told
@@ -68,7 +69,7 @@ def read_samples(data: Samples | Dataset | Path | str) -> Samples:
             raise InputFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
         data = read_dataset(folder)
     try:
-        ring = ring_of_design(data.design["tables"])
+        ring = ring_of_design(data.design["tables"], _untouched(data.ok))
     except ValueError as error:
         raise InputFileError(folder, str(error)) from None
     return _samples(folder, data, ring)
@@ -91,8 +92,24 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     measurement = {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
     signal_sd = _numbers(folder, rows, ["signal_error"])[:, 0] / STATED_PER_SD
     return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
-                   material, signal_sd, _hashes(scene, target), measurement,
+                   material, signal_sd, _hashes(scene, target), _near_edge(rows), measurement,
                    data.manifest.get(RELAXATION, {}))
+
+
+def _untouched(rows: pd.DataFrame) -> Array | None:
+    """(readings,) mean of the untouched frames, V; None without rows or with cells that hold no numbers."""
+    touched = [name for name in rows.columns if name.startswith("v_")]
+    if rows.empty or not touched or any(f"d{name}" not in rows.columns for name in touched):
+        return None
+    found = rows[touched].to_numpy(np.float64) - rows[[f"d{name}" for name in touched]].to_numpy(np.float64)
+    mean = found.mean(axis=0)
+    return mean if np.all(np.isfinite(mean)) else None
+
+
+def _near_edge(rows: pd.DataFrame) -> Mask:
+    if METHODS[0] not in rows.columns:
+        return np.zeros(len(rows), bool)
+    return rows[METHODS[0]].astype(str).str.contains(NEAR_RIM, regex=False).to_numpy(bool)
 
 
 def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:

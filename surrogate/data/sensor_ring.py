@@ -1,4 +1,5 @@
-"""The ring of electrodes as a surrogate needs it: where they are, and which four make a reading."""
+"""The ring of electrodes as a surrogate needs it: where they are, and which four make a reading; on a skin with an
+outline, its edges too."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -9,27 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.electrics.cem.boundary_integral import solve_rim
-from eitsim.electrics.forward.untouched import sensor_of
+from eitsim.electrics.forward.untouched import sensor_of, untouched_readings
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import identical, middles
 from eitsim.scene.scene import Scene
-from touchcal.arrays import Array, Index
+from surrogate.data import outlined_sheet
+from surrogate.data.outlined_sheet import Sheet
+from touchcal.arrays import Array, Complex, Index
 
 # Modes of an electrode's field, and the conductivity of a usual skin that they are foreseen with, S/m.
 MODES, USUAL_S_PER_M = 120, 30.0
+_TRIES = 2  # sheet conductances of a skin with an outline that are tried for its untouched readings
 
 
 @dataclass(frozen=True)
 class Ring:
-    """Electrodes on the rim of a disc and the readings in the order of the data set's columns."""
+    """Electrodes on the edge of a skin and the readings in the order of the data set's columns."""
 
-    radius_mm: float  # radius of the disc, mm
-    angle_rad: Array  # (electrodes,) angle of each electrode from +x, counter-clockwise, rad
+    radius_mm: float  # radius of the disc; with an outline the largest distance of a place to the edges, mm
+    angle_rad: Array  # (electrodes,) angle of each electrode from +x about the origin, counter-clockwise, rad
     source: NDArray[np.int64]  # (readings,) electrode that injects the current
     sink: NDArray[np.int64]  # (readings,) electrode that takes it out
     read: NDArray[np.int64]  # (readings,) electrode that is read
     ground: NDArray[np.int64]  # (readings,) electrode that is 0 V
-    modes: Array  # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m
+    # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m; none of a sheet
+    modes: Array
+    sheet: Sheet | None = None  # the skin with an outline; None for a disc
+
+    @property
+    def origin_mm(self) -> Array:
+        """(2,) middle of the disc, or the place of a skin that is farthest from its edges."""
+        return np.zeros(2) if self.sheet is None else self.sheet.origin_mm
 
     @cached_property
     def copies(self) -> float:
@@ -48,16 +59,54 @@ def impedances_read(ring: Ring, to: Index) -> Array:
 
 
 def same_ring(one: Ring, other: Ring) -> bool:
-    """Whether two rings give the same readings in the same order."""
-    return all(np.array_equal(getattr(one, field.name), getattr(other, field.name)) for field in fields(Ring))
+    """Whether two rings give the same readings in the same order; of skins with an outline, whose sheet conductance may
+    differ, whether edges and electrodes are the same."""
+    plain = [field.name for field in fields(Ring) if field.name != "sheet"]
+    return outlined_sheet.same_sheet(one.sheet, other.sheet) and all(
+        np.array_equal(getattr(one, name), getattr(other, name)) for name in plain)
 
 
-def ring_of(scene: Scene) -> Ring:
-    """The ring of a scene's body, electrodes and drive; ValueError where the body is no disc, a reading not one
-    voltage between two electrodes, or a pattern not the current I from one to another."""
-    if scene.body.has_outline:
-        raise ValueError("surrogates learn from rings of electrodes on discs; skins with an outline in [body] are not "
-                         "learned yet.")
+def place(ring: Ring, touch: Array) -> Complex:
+    """(n,) x + iy from the origin, over the radius, of touches (n, ...) that begin with x and y in mm."""
+    if ring.sheet is None:
+        return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
+    return (touch[:, 0] - ring.origin_mm[0] + 1j * (touch[:, 1] - ring.origin_mm[1])) / ring.radius_mm
+
+
+def radial(ring: Ring, touch: Array) -> Array:
+    """(n,) how near touches (n, ...) are to the edge: |z| on a disc, else 1 less the distance over the largest one."""
+    if ring.sheet is None:
+        return np.abs(place(ring, touch))
+    return 1 - outlined_sheet.edge_distance_mm(ring.sheet, touch[:, :2])[0] / ring.radius_mm
+
+
+def radial_slope(ring: Ring, touch: Array) -> Array:
+    """(n, 2) derivatives of half the square of `radial` by x and y, times the squared radius, mm."""
+    if ring.sheet is None:
+        return touch[:, :2]
+    distance, slope = outlined_sheet.edge_distance_mm(ring.sheet, touch[:, :2])
+    return (distance - ring.radius_mm)[:, None] * slope
+
+
+def outwards(ring: Ring, radius: Array) -> Array:
+    """(n, 2) places, mm, of these `radial` (n,) on the way from the origin to the edge nearest to it."""
+    way = np.array([1.0, 0.0])
+    if ring.sheet is not None:
+        step = 1e-3 * ring.radius_mm * np.exp(1j * np.linspace(0, 2 * np.pi, 720, endpoint=False))
+        tried = ring.origin_mm + np.column_stack([step.real, step.imag])
+        way = -outlined_sheet.edge_distance_mm(ring.sheet, tried)[1]
+        way = way[np.argmin(outlined_sheet.edge_distance_mm(ring.sheet, tried)[0])]
+    return ring.origin_mm + ring.radius_mm * radius[:, None] * way
+
+
+def ring_of(scene: Scene, baseline_V: Array | None = None) -> Ring:
+    """The ring of a scene's body, electrodes and drive; ValueError where a reading is not one voltage between two
+    electrodes, a pattern not the current I from one to another, or a skin with an outline has electrodes on its
+    surface.
+
+    The fields on a skin with an outline are those on the sheet conductance whose untouched readings are as large as
+    the given ones (readings,), V; on a usual one without.
+    """
     count = scene.electrodes.count
     if scene.electrodes.missing:
         raise ValueError(f"electrodes {', '.join(map(str, scene.electrodes.missing))} (from 0) are missing in "
@@ -67,8 +116,23 @@ def ring_of(scene: Scene) -> Ring:
     source, sink = _ends(asked.currents_A / scene.drive.current_A, "pattern of currents")
     read, ground = _ends(asked.weights.reshape(-1, count), "measurement")
     each = asked.shape[1]
-    return Ring(scene.body.radius_m * 1e3, middles(scene.electrodes), np.repeat(source, each), np.repeat(sink, each),
-                read, ground, _modes(scene))
+    readings = (np.repeat(source, each), np.repeat(sink, each), read, ground)
+    if not scene.body.has_outline:
+        return Ring(scene.body.radius_m * 1e3, middles(scene.electrodes), *readings, _modes(scene))
+    sheet, reach_mm = outlined_sheet.sheet_of(scene.body.shape, scene.electrodes, _conductance_S(scene, baseline_V))
+    x, y = (sheet.electrode[:, :2] - sheet.origin_mm).T
+    return Ring(reach_mm, np.arctan2(y, x), *readings, np.zeros(0), sheet)
+
+
+def _conductance_S(scene: Scene, baseline_V: Array | None) -> float:
+    """Sheet conductance, S, whose untouched readings are as large as those given; they are nearly its reciprocal."""
+    usual = USUAL_S_PER_M * scene.skin.thickness_m
+    if baseline_V is None:
+        return usual
+    found = usual
+    for _ in range(_TRIES):
+        found *= float(np.linalg.norm(untouched_readings(scene, found)) / np.linalg.norm(baseline_V))
+    return found
 
 
 def _modes(scene: Scene) -> Array:
@@ -91,6 +155,6 @@ def _ends(rows: Array, what: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]
     return first.astype(np.int64), last.astype(np.int64)
 
 
-def ring_of_design(tables: Mapping[str, Any]) -> Ring:
-    """The ring of a design's tables; ValueError where the sensor itself varies between rows."""
-    return ring_of(sensor_of(tables))
+def ring_of_design(tables: Mapping[str, Any], baseline_V: Array | None = None) -> Ring:
+    """As `ring_of`, of a design's tables; ValueError where the sensor itself varies between rows."""
+    return ring_of(sensor_of(tables), baseline_V)

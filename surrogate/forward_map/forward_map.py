@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from surrogate.data.outputs import ROUNDING
-from surrogate.data.sensor_ring import Ring
+from surrogate.data.sensor_ring import Ring, outwards, place, radial, radial_slope
 from surrogate.forward_map import (
     electrode_correction,
     multipole_series,
@@ -29,7 +29,7 @@ from touchcal.arrays import Array, Complex, Mask
 MIN_ROWS = 14  # fewest training rows that the map is learned from
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_NOISE_FLOOR = 1e-5
-# Radius over the disc's within which the multipole series is learned; outside, its strengths are those of that radius.
+# Radius over a disc's within which the multipole series is learned; outside, its strengths are those of that radius.
 INTERIOR = 0.40
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole_series.ORDERS, polarization.ORDERS) + 1
@@ -39,10 +39,11 @@ TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|
 @dataclass(frozen=True, eq=False)
 class ForwardMap:
     """Multipole series whose strengths are Gaussian processes of (log d, load g, |z0|^2, material), and the effect of
-    the rim; the material is some standard normal states of the card, none where one card serves all rows."""
+    the rim; the material is some standard normal states of the card, none where one card serves all rows. On a skin
+    with an outline |z0| is 1 less the distance to the edges over the largest one, and nothing is learned of the rim."""
 
     ring: Ring
-    field: Array  # (modes,) harmonic coefficients of one electrode's field
+    field: Array  # (modes,) harmonic coefficients of one electrode's field; none on a skin with an outline
     size: Size  # positive size of the strengths over F, V/N
     strengths: tuple[GaussianProcess, ...]  # p_n over the size and F, n = 1 ...
     beside: FittedCorrection  # what the rim adds or takes the place of the series there, and the error there
@@ -66,6 +67,17 @@ class ForwardMap:
     def series(self) -> Complex:
         """(FIELDS, modes, electrodes) series of the electrodes' fields."""
         return multipole_series.field_series(self.ring, self.field, FIELDS)
+
+    def fields(self, z: Complex) -> Complex:
+        """(FIELDS, n, electrodes) derivatives of the electrodes' fields at z (n,)."""
+        if self.ring.sheet is None:
+            return multipole_series.fields_at(self.series, z)
+        return multipole_series.electrode_fields(self.ring, self.field, z, FIELDS)
+
+    @property
+    def interior(self) -> float:
+        """Radius over the disc's outside which the strengths are those of that radius."""
+        return interior(self.ring, self.bounds)
 
     @property
     def own(self) -> int:
@@ -104,15 +116,23 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     unknown = to_unknown(touch, p0)
     material = np.zeros((len(touch), 0)) if material is None else material
     simulator = np.zeros(len(touch)) if simulator is None else simulator
-    z = place(ring, touch)
-    inner = np.abs(z) <= _learned_within(np.abs(z), rim_correction.taught(z, unknown[:, 2:]))
-    inputs = _inputs(ring, unknown[inner], material[inner])
+    z, bounds = place(ring, touch), _bounds(ring, touch)
+    inner = np.ones(len(z), bool)
+    if ring.sheet is None:
+        inner = np.abs(z) <= _learned_within(np.abs(z), rim_correction.taught(z, unknown[:, 2:]))
+    inputs = _inputs(ring, interior(ring, bounds), unknown[inner], material[inner])
     field, size, processes, floor, shift = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
                         p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
-                        np.maximum(unknown.std(0), 1e-6), _bounds(touch), known_mm(touch[:, 2]), len(touch),
+                        np.maximum(unknown.std(0), 1e-6), bounds, known_mm(touch[:, 2]), len(touch),
                         simulator_error.learned_from(gap(ring, unknown), simulator))
-    return _with_rim(series, z, unknown, signal_V, material)
+    return series if ring.sheet is not None else _with_rim(series, z, unknown, signal_V, material)
+
+
+def interior(ring: Ring, bounds: Array) -> float:
+    """Radius over the disc's outside which strengths are those of that radius; with an outline that of the outermost
+    touch, by the bounds of the training touches."""
+    return INTERIOR if ring.sheet is None else float(bounds[1, 0]) / ring.radius_mm
 
 
 def _learned_within(radius: Array, rim: bool) -> float:
@@ -123,7 +143,7 @@ def _learned_within(radius: Array, rim: bool) -> float:
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
               material: Array) -> ForwardMap:
-    base = series_basis(series, multipole_series.fields_at(series.series, z), z)[0]
+    base = series_basis(series, series.fields(z), z)[0]
     found = _strengths(series, unknown, material)
     left = signal_V - multipole_series.combined(base, found.value)
     rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
@@ -133,7 +153,7 @@ def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
 
 def gap(ring: Ring, unknown: Array) -> Array:
     """(n,) gap between punch and rim over the disc's radius."""
-    return 1 - np.abs(place(ring, unknown)) - polarization.half_width(ring, unknown[:, 2])
+    return 1 - radial(ring, unknown) - polarization.half_width(ring, unknown[:, 2])
 
 
 def _series(ring: Ring, z: Complex, inputs: Array, force_N: Array,
@@ -178,24 +198,29 @@ def signal_size(forward: ForwardMap, unknown: Array) -> Array:
     return _strengths(forward, unknown).size * np.linalg.norm((drive * read.conj()).real[0], axis=1)
 
 
-def extent(touch: Array) -> Array:
-    """(n, 3) radius, d and F of touches (n, 4)."""
-    return np.column_stack([np.hypot(touch[:, 0], touch[:, 1]), touch[:, 2:]])
+def extent(ring: Ring, touch: Array) -> Array:
+    """(n, 3) radius, d and F of touches (n, 4); with an outline the radius is how much nearer to the edges they are
+    than the farthest place."""
+    radius = np.hypot(touch[:, 0], touch[:, 1]) if ring.sheet is None else ring.radius_mm * radial(ring, touch)
+    return np.column_stack([radius, touch[:, 2:]])
 
 
 def within_bounds(forward: ForwardMap, touch: Array) -> Mask:
     """(n,) whether radius, d and F of touches (n, 4) lie within the bounds of the training touches, rounding aside: a
     range may be one diameter."""
-    reached, (lowest, highest) = extent(touch), forward.bounds
+    reached, (lowest, highest) = extent(forward.ring, touch), forward.bounds
     slack = ROUNDING * highest
     return np.all((reached >= np.r_[0.0, lowest[1:]] - slack) & (reached <= highest + slack), axis=1)
 
 
-def _bounds(touch: Array) -> Array:
-    """Lowest and highest (radius, d, F), widened twice as far as n uniform draws end inside their range, span / n."""
-    reached = extent(touch)
+def _bounds(ring: Ring, touch: Array) -> Array:
+    """Lowest and highest (radius, d, F), widened twice as far as n uniform draws end inside their range, span / n; not
+    towards the edges of a skin with an outline, where touches of another kind may follow."""
+    reached = extent(ring, touch)
     lowest, highest = reached.min(axis=0), reached.max(axis=0)
     gap = 2 * (highest - lowest) / len(touch)
+    if ring.sheet is not None:
+        gap[0] = 0.0
     return np.array([np.maximum(lowest - gap, lowest / 2), highest + gap])
 
 
@@ -203,7 +228,7 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     """Signal, derivatives and discrepancy of the map at touches (n, 4) given as (x, y, log d, g); `discrepancy`
     (n, orders) is that of the strengths, `strength_discrepancy` there or, cheaper, close by."""
     z = place(forward.ring, unknown)
-    fields = multipole_series.fields_at(forward.series, z)
+    fields = forward.fields(z)
     series = series_basis(forward, fields, z)
     base, by_x, by_y = rim_zone.ended(z, rim_zone.ZONE, 0, *series) if forward.beside.replaces else series
     found = _strengths(forward, unknown)
@@ -223,7 +248,8 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     along = base * (found.size[:, None] * sd)[:, None]
     scale = simulator_error.at(forward.simulator, gap(forward.ring, unknown))
     taught = electrode_correction.teaches(forward.beside.rim)
-    inner = 1 - rim_zone.part_at(z, rim_zone.ZONE if taught else rim_zone.HIGH_END)
+    inner = np.ones(len(z)) if forward.ring.sheet is not None else 1 - rim_zone.part_at(
+        z, rim_zone.ZONE if taught else rim_zone.HIGH_END)
     shift = jacobian[..., :2] * (forward.shift_mm * inner)[:, None, None]
     whole = (signal * scale[:, None])[..., None]
     return Linearised(signal, jacobian, np.concatenate([along, whole, shift, by_card], axis=2))
@@ -231,8 +257,10 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
 
 def series_basis(forward: ForwardMap, fields: Complex, z: Complex) -> tuple[Array, Array, Array]:
     """The basis of the series and its slopes by x and y over the radius, as `multipole_series.basis_and_slopes`, where
-    electrodes have these derivatives of their fields at z (n,); its high orders end."""
+    electrodes have these derivatives of their fields at z (n,); on a disc its high orders end."""
     found = multipole_series.basis_and_slopes(forward.ring, fields)
+    if forward.ring.sheet is not None:
+        return found
     return rim_zone.ended(z, rim_zone.HIGH_END, rim_zone.ORDERS, *found)
 
 
@@ -271,20 +299,22 @@ def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by
     return whole * size[:, None], by_unknown * size[:, None, None] + whole[..., None] * size_slope[:, None]
 
 
-def place(ring: Ring, touch: Array) -> Complex:
-    """(n,) x + iy over the radius of touches (n, ...) that begin with x and y in mm."""
-    return (touch[:, 0] + 1j * touch[:, 1]) / ring.radius_mm
+def places_at(forward: ForwardMap, radii: Array) -> Array:
+    """(n, 2) places, mm, at radii (n,) over the interior's."""
+    return outwards(forward.ring, forward.interior * radii)
 
 
-def _inputs(ring: Ring, unknown: Array, material: Array) -> Array:
-    return np.column_stack([unknown[:, 2:], np.minimum(np.abs(place(ring, unknown)), INTERIOR) ** 2, material])
+def _inputs(ring: Ring, interior: float, unknown: Array, material: Array) -> Array:
+    return np.column_stack([unknown[:, 2:], np.minimum(radial(ring, unknown), interior) ** 2, material])
 
 
-def _by_unknown(ring: Ring, unknown: Array, by_input: Array) -> Array:
+def _by_unknown(forward: ForwardMap, unknown: Array, by_input: Array) -> Array:
     """Derivatives by (x, y, log d, g) from those by (log d, g, |z0|^2, ...), last axis."""
-    radial = 2 * unknown[..., :2] / ring.radius_mm**2
-    radial = radial * (np.hypot(unknown[..., :1], unknown[..., 1:2]) < INTERIOR * ring.radius_mm)
-    return np.concatenate([by_input[..., 2:3] * radial, by_input[..., :2]], axis=-1)
+    ring = forward.ring
+    slope = 2 * radial_slope(ring, unknown) / ring.radius_mm**2
+    slope = slope * (extent(ring, unknown)[:, :1] < forward.interior * ring.radius_mm)
+    slope = slope.reshape(len(unknown), *[1] * (by_input.ndim - 2), 2)
+    return np.concatenate([by_input[..., 2:3] * slope, by_input[..., :2]], axis=-1)
 
 
 def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
@@ -293,7 +323,7 @@ def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
     The scatter of p_1 about its process (noise) is discrepancy; that of the others is mostly what least squares on one
     row leaves undetermined, which the floor stands for already.
     """
-    inputs = _inputs(forward.ring, unknown, np.zeros((len(unknown), forward.materials)))
+    inputs = _inputs(forward.ring, forward.interior, unknown, np.zeros((len(unknown), forward.materials)))
     variance = np.column_stack([gaussian_process.predict(process, inputs)[2] for process in forward.strengths])
     variance[:, 0] += forward.strengths[0].noise[0]
     return np.sqrt(variance)
@@ -312,7 +342,7 @@ class _Strengths:
 def _strengths(forward: ForwardMap, unknown: Array, material: Array | None = None) -> _Strengths:
     """Strengths of touches by a material, the mean one where none is given."""
     held = np.zeros((len(unknown), forward.materials)) if material is None else material
-    inputs = _inputs(forward.ring, unknown, held)
+    inputs = _inputs(forward.ring, forward.interior, unknown, held)
     size, by_log = strength_size.at(forward.size, inputs)
     size *= force(unknown[:, 2], unknown[:, 3], forward.p0)
     by_log[:, 0] += 2.0
@@ -321,6 +351,6 @@ def _strengths(forward: ForwardMap, unknown: Array, material: Array | None = Non
     over = np.column_stack([mean for mean, _ in found])
     by_input = (over[..., None] * by_log[:, None] + np.stack([gradient for _, gradient in found], axis=1)
                 ) * size[:, None, None]
-    return _Strengths(over * size[:, None], _by_unknown(forward.ring, unknown[:, None], by_input),
+    return _Strengths(over * size[:, None], _by_unknown(forward, unknown, by_input),
                       by_input[..., TOUCH_INPUTS:], size,
-                      _by_unknown(forward.ring, unknown, by_log * size[:, None]), by_log[0, TOUCH_INPUTS:])
+                      _by_unknown(forward, unknown, by_log * size[:, None]), by_log[0, TOUCH_INPUTS:])

@@ -6,6 +6,8 @@ change of sheet conductance that is axisymmetric about z0 answers each angular o
 reading that drives the field F and reads the field G changes by dV = sum_n p_n Re[F^(n)(z0) conj(G^(n)(z0))]; p_n
 depend on the touch alone, up to the reflection of its own field at the rim, which depends on |z0|. Close to the rim the
 series does not suffice, and `surrogate.forward_map.rim_correction` learns what it leaves, or the whole signal.
+
+On a skin with an outline f is another analytic function (`surrogate.data.outlined_sheet`), and the series is the same.
 """
 
 import math
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from surrogate.data import outlined_sheet
 from surrogate.data.sensor_ring import Ring
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Complex
@@ -74,7 +77,10 @@ def strengths(ring: Ring, q: Array, z: Complex, signal_V: Array) -> Strengths:
 
 
 def learn_field(ring: Ring, z: Complex, signal_V: Array) -> Array:
-    """q (modes,) with q_1 = 1: those foreseen, or those that leave least of the signals where they leave far less."""
+    """q (modes,) with q_1 = 1: those foreseen, or those that leave least of the signals where they leave far less; on a
+    skin with an outline, whose fields are solved, none."""
+    if ring.sheet is not None:
+        return ring.modes
     foreseen, learned = strengths(ring, ring.modes, z, signal_V), _learned(ring, z, signal_V)
     better = strengths(ring, learned, z, signal_V)
     gain = np.linalg.norm(foreseen.residual, axis=1) / np.linalg.norm(better.residual, axis=1)
@@ -167,4 +173,6 @@ def fields_at(series: Complex, z: Complex) -> Complex:
 
 def electrode_fields(ring: Ring, q: Array, z: Complex, orders: int) -> Complex:
     """(orders, n, electrodes) derivatives 1 ... orders of the potential of each electrode at z (n,)."""
+    if ring.sheet is not None:
+        return outlined_sheet.fields(ring.sheet, z, orders)
     return fields_at(field_series(ring, q, orders), z)

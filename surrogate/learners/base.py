@@ -109,6 +109,10 @@ class Learner(Protocol):
         """(outputs,) whether an output takes one of a few values, or one signal may have several answers for it."""
         return np.zeros(len(names), bool)
 
+    def reads(self, touch: Array) -> Mask:
+        """(n,) whether touches (n, 4) at x, y, of d, mm, under F, N, are among those that the method can read."""
+        return np.ones(len(touch), bool)
+
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> Self:
         """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; for methods that
         the registry says handle missing channels."""

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data import material_states, outputs
-from surrogate.data.samples import Samples
+from surrogate.data.samples import Samples, take
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map, rim_correction
 from surrogate.forward_map.amplitude import amplitude
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap
+from surrogate.forward_map.forward_map import MIN_ROWS, ForwardMap, extent, places_at
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
 from surrogate.forward_map.inversion.invert import LEAST_SIDE, Inversion, Peak, invert
@@ -39,11 +39,14 @@ class TouchInversion(Learner):
 
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> TouchInversion:
-        """Fit the map from touch and state of the material to signal, and the response of the requested outputs."""
+        """Fit the map from touch and state of the material to signal, and the response of the requested outputs; on a
+        skin with an outline from touches that no edge is near to."""
+        if rows.ring.sheet is not None:
+            rows = _far_from_edges(rows)
         states = material_states.states(material_states.fit(rows.material), rows.material)
         touch = rows.target[:, :outputs.TOUCH]
         mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
-        response = mechanical_response.fit(rows.ring.radius_mm, touch, rows.targets(mechanical), mechanical, states)
+        response = mechanical_response.fit(rows.ring, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
         return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd), response,
                    np.array([order.index(name) for name in training.names]))
@@ -75,6 +78,13 @@ class TouchInversion(Learner):
         twice = any(curve["two_answers_N"] for curve in self.amplitude()["diameters"])
         return np.array([(known and name == "d") or (twice and name not in outputs.NAMES[:2]) for name in names])
 
+    def reads(self, touch: Array) -> Mask:
+        """(n,) whether touches (n, 4) lie where the map holds: on a skin with an outline no nearer to its edges than
+        the touches that taught it."""
+        if self.forward.ring.sheet is None:
+            return np.ones(len(touch), bool)
+        return extent(self.forward.ring, touch)[:, 0] <= self.forward.bounds[1, 0]
+
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""
         rim = rim_correction.without(self.forward.beside, whole, kept)
@@ -83,6 +93,15 @@ class TouchInversion(Learner):
     def drifting(self, root: Array) -> DriftingInversion:
         """The inversion with a drift in the covariance of the readings."""
         return DriftingInversion(self.forward, self.response, self.columns, drift_of(root))
+
+
+def _far_from_edges(rows: Samples) -> Samples:
+    far = take(rows, ~rows.near_edge)
+    if len(far) < MIN_ROWS:
+        raise ValueError(f"{len(far)} of {len(rows)} training rows are touches that no edge is near to, too few for "
+                         f"the forward map; it needs {MIN_ROWS} or more. Sweep more of them: without gap_mm in place "
+                         "they keep from edges by themselves.")
+    return far
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +126,7 @@ def answered(learner: TouchInversion, found: Inversion) -> Estimate:
     slope = np.concatenate([np.broadcast_to(np.eye(4), (len(value), 4, 4)),
                             np.zeros((len(value), 4, found.material.shape[1]))], axis=2)
     if learner.response.processes:
-        answer = mechanical_response.respond(learner.response, found.touch, found.material)
+        answer = mechanical_response.respond(learner.response, learner.forward.ring, found.touch, found.material)
         mechanical = np.concatenate([np.zeros((*answer.sd.shape, 2)), answer.slope], axis=2)
         slope, own = np.concatenate([slope, mechanical], axis=1), np.column_stack([0 * value, answer.sd])
         mean, spread, both = _response(learner, found, answer)
@@ -151,8 +170,8 @@ def _table_response(learner: TouchInversion) -> tuple[Array, Array]:
     """(RADII, D, G, outputs) outputs of the table's punches and the variances of their own errors and materials."""
     forward, nodes = learner.forward, make_table(learner.forward).touch
     touch = np.zeros((len(RADII), *nodes.shape[:2], 4))
-    touch[..., 0], touch[..., 2:] = INTERIOR * forward.ring.radius_mm * np.sqrt(RADII)[:, None, None], nodes
+    touch[..., :2], touch[..., 2:] = places_at(forward, np.sqrt(RADII))[:, None, None], nodes
     flat = touch.reshape(-1, 4)
-    answer = mechanical_response.respond(learner.response, flat, np.zeros((len(flat), forward.materials)))
+    answer = mechanical_response.respond(learner.response, forward.ring, flat, np.zeros((len(flat), forward.materials)))
     variance = answer.sd**2 + np.sum(answer.slope[..., 2:] ** 2, axis=-1)
     return answer.value.reshape(*touch.shape[:3], -1), variance.reshape(*touch.shape[:3], -1)

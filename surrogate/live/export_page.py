@@ -45,7 +45,7 @@ def export_page(model: TrainedModel, path: Path | str) -> None:
     Raises
     ------
     ValueError
-        For another method or other outputs, or where the map is too large.
+        For another method or other outputs, a skin with an outline, or where the map is too large.
 
     Examples
     --------

@@ -25,8 +25,11 @@ class Pictured:
 
 def pictured(model: TrainedModel | TrainedReader) -> Pictured:
     """The disc of a model of simulated touches; of a model of a recording, which knows no rim, the disc of the places
-    that it tells from each other. ValueError for one that reads no place."""
+    that it tells from each other. ValueError for one that reads no place, or a skin with an outline."""
     if not isinstance(model, TrainedReader):
+        if model.ring.sheet is not None:
+            raise ValueError("the page draws round skins and presses them on a disc's map, and this model's skin has "
+                             "an outline. Read frames as they come with `surrogate predict MODEL -`.")
         return Pictured(np.zeros(2), model.ring.radius_mm, model.ring.angle_rad, len(model.baseline_V),
                         ("x_mm", "y_mm", "d_mm", "F_N"))
     if model.reader.place is None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.measurement.instrument import below, level_db
+from surrogate.data import outputs
 from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, take
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Estimate
@@ -93,7 +94,7 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
     Raises
     ------
     ValueError
-        For an unknown reference, or another sensor.
+        For an unknown reference, another sensor, or rows that all lie nearer to an edge than the method reads.
 
     Examples
     --------
@@ -105,13 +106,14 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
         raise ValueError(f"noise reference '{reference}' is unknown; known: {', '.join(NOISE_REFERENCES)}.")
     check_sensor(model, samples)
     volts = {"baseline": rms(samples.baseline_V), "signal": rms(samples.signal_V)}
+    samples, left_out = _readable(model, samples)
     part = parts_of(model, samples)
     clean, noisy = (take(samples, rows) for rows in (_spread(part, most_trained), _unseen(part)))
     table, predict_ms, force_sd = _predictions(model, clean, 0.0)
     calibrating = len(model.calibration.target)
     ends = zip(model.trained.lowest.tolist(), model.trained.highest.tolist(), strict=True)
     scores = {"method": model.method, "dataset": {"sha256": content_hash(samples), "rows": len(samples)},
-              "scored": _scored_words(part, clean, noisy if noise_dB else None),
+              "scored": " ".join(filter(None, (left_out, _scored_words(part, clean, noisy if noise_dB else None)))),
               "fit_s": model.fit_s, "predict_ms": predict_ms, "intervals": describe_rows(calibrating),
               "interval_rows": calibrating, "few_interval_rows": few(calibrating),
               "interval_caution": interval_caution(model, samples),
@@ -121,6 +123,18 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
               "baseline_rms_V": volts["baseline"], "signal_rms_V": volts["signal"],
               "noise": [_at_level(model, noisy, level, reference, volts) for level in noise_dB]}
     return Evaluation(scores, table)
+
+
+def _readable(model: Model, samples: Samples) -> tuple[Samples, str]:
+    """The rows that the model's method can read, and in words how many are not scored; ValueError where none is."""
+    kept = model.learner.reads(samples.target[:, :outputs.TOUCH])
+    if kept.all():
+        return samples, ""
+    words = (f"{np.sum(~kept)} of {len(kept)} rows lie nearer to an edge than the touches that taught the "
+             f"{model.method} method, which flags such frames")
+    if not kept.any():
+        raise ValueError(f"{words}; there is nothing to score. Evaluate it on touches farther from edges.")
+    return take(samples, kept), f"{words}; they are left out."
 
 
 def _spread(part: NDArray[np.str_], most_trained: int | None) -> Index:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.sweeps.dataset.parquet import Dataset
+from surrogate.data.outputs import TOUCH
 from surrogate.data.outputs import chosen as chosen_outputs
 from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, split, take
 from surrogate.data.sensor_ring import same_ring
-from surrogate.learners.base import Progress, Training
+from surrogate.learners.base import Learner, Progress, Training
 from surrogate.learners.registry import listed, method_of
 from surrogate.model.model import Model
 from surrogate.model.trained import Calibration, Range, Rows, estimate
@@ -82,6 +83,7 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
     asked = Training(names, seed, epochs or chosen.epochs, workers, each)
     learner = chosen.learner().fit(training, asked)
     fit_s = _cpu_s() - begun
+    validation = _readable(learner, validation)
     target = training.targets(names)
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
     calibration = Calibration(validation.signal_V, validation.targets(names), validation.signal_sd)
@@ -95,6 +97,15 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
 def _read(data: Samples | Dataset | Path | str, exact_signals: bool) -> Samples:
     samples = read_samples(data)
     return replace(samples, signal_sd=np.zeros(len(samples))) if exact_signals else samples
+
+
+def _readable(learner: Learner, samples: Samples) -> Samples:
+    """The rows that a learner can read, to calibrate it; ValueError where there are none."""
+    kept = learner.reads(samples.target[:, :TOUCH])
+    if not kept.any():
+        raise ValueError(f"all {len(kept)} rows that would calibrate the intervals lie nearer to an edge than the "
+                         "touches that the method was learned from. Sweep more scenes far from edges.")
+    return take(samples, kept)
 
 
 def _cpu_s() -> float:

@@ -102,7 +102,10 @@ class Draws:
 
 def prior_of(forward: ForwardMap) -> Prior:
     """Uniform over the ranges of diameter and force of the training touches, and where the punch fits; ValueError
-    where these share one diameter or force."""
+    where these share one diameter or force, or the skin has an outline."""
+    if forward.ring.sheet is not None:
+        raise ValueError("the posterior's prior of the place is built for discs, and this model's skin has an outline. "
+                         "Predict without --posterior.")
     (_, d_low, f_low), (reach, d_high, f_high) = forward.bounds
     for name, low, high in (("d", d_low, d_high), ("F", f_low, f_high)):
         if not low < high:

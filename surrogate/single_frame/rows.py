@@ -211,7 +211,8 @@ def _values(model: TrainedModel, learner: TouchInversion, found: Posterior, seed
     values = dict(zip(outputs.NAMES, found.draws.T, strict=False))
     mechanical = [name for name in model.names if name in outputs.NAMES[outputs.TOUCH:]]
     if mechanical:
-        answer = mechanical_response.respond(learner.response, found.draws, np.zeros((len(found.draws), 0)))
+        answer = mechanical_response.respond(learner.response, learner.forward.ring, found.draws,
+                                             np.zeros((len(found.draws), 0)))
         scatter = np.random.default_rng([seed, 7]).normal(size=answer.sd.shape)
         values |= dict(zip(mechanical, (answer.value + answer.sd * scatter).T, strict=True))
     return {name: values[name] for name in model.names}

@@ -121,6 +121,15 @@ def _sides(mesh: SkinMesh) -> Indices:
     return side[first[times == 1]]
 
 
+def arriving(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> Complex:
+    """(circles orders, N) amplitudes a_m, V, of Re a_m (zeta/r)^m in the potential of the untouched skin about circles,
+    1 A into each electrode and 1/N A out of every one."""
+    order = np.tile(np.arange(1, orders + 1), len(circles))
+    wave, slope = _outgoing(response.arriving, circles, orders)
+    inflow = wave * (response.arriving.contact_S / response.conductance_S)[:, None]
+    return (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
+
+
 def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> Coupling:
     """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`.
 
@@ -130,9 +139,6 @@ def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     that of -w_m, too.
     """
     sheet, order = response.conductance_S, np.tile(np.arange(1, orders + 1), len(circles))
-    wave, slope = _outgoing(response.arriving, circles, orders)
-    inflow = wave * (response.arriving.contact_S / sheet)[:, None]
-    incoming = (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
     edges = response.returning
     wave, slope = _outgoing(edges, circles, orders)
     inflow = wave * (edges.contact_S / sheet)[:, None]
@@ -143,7 +149,7 @@ def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     same = scale * (loads.T @ moved.conj() / sheet - wave.T @ (slope + inflow).conj())
     crossed = scale * (loads.T @ moved / sheet - wave.T @ (slope + inflow))
     crossed += np.block([[between(one, other, np.arange(1, orders + 1)) for other in circles] for one in circles])
-    return Coupling(incoming, same, crossed, order)
+    return Coupling(arriving(response, circles, orders), same, crossed, order)
 
 
 def _outgoing(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:

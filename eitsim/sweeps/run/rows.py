@@ -96,4 +96,4 @@ def _method(touch: Touch) -> str:
     how = "table" if touch.iterations == 0 else "solved"
     if touch.rim is None:
         return how
-    return f"{how} with a neighbour" if touch.rim.neighbour else f"{how} near the rim"
+    return f"{how} with a neighbour" if touch.rim.neighbour else f"{how} {parquet.NEAR_RIM}"

@@ -14,7 +14,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.special import log_ndtr, ndtri
 
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_covariance, strengths
+from surrogate.data.sensor_ring import Ring, radial
+from surrogate.forward_map.forward_map import ForwardMap, places_at, strength_covariance, strengths
 from surrogate.forward_map.inversion.multipole_location import Located
 from surrogate.forward_map.load_coordinates import force
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -40,7 +41,8 @@ class Table:
     strengths: Array  # (RADII, D, G, orders) p_n over the unit
     covariance: Array  # (RADII, D, G, orders, orders) of their errors, and by what is left open of the material
     unit: Array  # (orders,) RMS of p_n over the table, V
-    interior_mm: float  # radius of the interior, mm
+    ring: Ring
+    interior: float  # radius of the interior over the ring's
     log_diameter: Array  # (D,) log of the prior of each diameter
     log_prior: Array  # (D, G - 1) of each interval
 
@@ -84,7 +86,7 @@ def make_table(forward: ForwardMap) -> Table:
     ends = np.arcsinh(np.array([f_lo, f_hi]) / (d[:, None] ** 2 * forward.p0))
     load = ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * np.linspace(0, 1, LOADS)
     unknown = np.zeros((len(RADII), *load.shape, 4))
-    unknown[..., 0] = INTERIOR * forward.ring.radius_mm * np.sqrt(RADII)[:, None, None]
+    unknown[..., :2] = places_at(forward, np.sqrt(RADII))[:, None, None]
     unknown[..., 2], unknown[..., 3] = np.log(d)[:, None], load
     flat, shape = unknown.reshape(-1, 4), (*unknown.shape[:3], -1)
     force_N = force(np.log(d)[:, None], load, forward.p0)
@@ -97,7 +99,7 @@ def make_table(forward: ForwardMap) -> Table:
     covariance = strength_covariance(forward, flat) / np.outer(unit, unit)
     return Table(d, len(known), load, force_N, (found / unit).reshape(shape),
                  covariance.reshape(*shape, len(unit)), unit,
-                 INTERIOR * forward.ring.radius_mm, log_diameter, log_prior)
+                 forward.ring, forward.interior, log_diameter, log_prior)
 
 
 def _diameter_prior(forward: ForwardMap, others: int) -> Array:
@@ -143,7 +145,7 @@ def _likely(nearest: Array, cost: Array, added: Array, best: Array, width: Array
 
 def _square(table: Table, place_mm: Array) -> Array:
     """(n,) squares of the radii of places (n, 2) over that of the interior, at most 1."""
-    return np.minimum(np.sum((place_mm / table.interior_mm) ** 2, axis=1), 1.0)
+    return np.minimum((radial(table.ring, place_mm) / table.interior) ** 2, 1.0)
 
 
 def _radial(table: Table, place_mm: Array) -> Array:

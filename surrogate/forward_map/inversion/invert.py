@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surrogate.data.sensor_ring import radial
 from surrogate.forward_map import electrode_correction, rim_correction
 from surrogate.forward_map.forward_map import (
-    INTERIOR,
     ForwardMap,
     linearise,
     noise_floor,
@@ -269,7 +269,7 @@ def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Poste
     unknown = np.empty((len(chosen), BANDS, 4))
     unknown[..., :2] = located.place_mm[:, None]
     unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]
-    near = np.hypot(*located.place_mm.T) > INTERIOR * forward.ring.radius_mm
+    near = radial(forward.ring, located.place_mm) > forward.interior
     if electrode_correction.teaches(forward.beside.rim) and np.any(near):
         unknown[near] = rim_starts(forward, signal[near], located.place_mm[near], BANDS)
     scaled = (unknown.reshape(-1, 4) - forward.mean) / forward.sd

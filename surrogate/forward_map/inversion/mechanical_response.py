@@ -1,9 +1,10 @@
-"""The mechanical response of a touch, learned: (d, F, distance to the rim) -> peak and mean stress, area, depth."""
+"""The mechanical response of a touch, learned: (d, F, distance to the edge) -> peak and mean stress, area, depth."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from surrogate.data.sensor_ring import Ring, radial
 from surrogate.forward_map.load_coordinates import light_pressure, to_unknown, touch_slope
 from surrogate.statistics import gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess
@@ -19,7 +20,6 @@ class Response:
 
     processes: tuple[GaussianProcess, ...]
     p0: float  # pressure p0 of the load, N/mm^2
-    radius_mm: float  # radius of the disc, mm
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Answer:
     sd: Array  # (n, outputs) standard deviation of the response itself
 
 
-def fit(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...], material: Array) -> Response:
+def fit(ring: Ring, touch: Array, target: Array, names: tuple[str, ...], material: Array) -> Response:
     """Learn outputs (n, outputs) > 0 from touches (n, 4) and states (n, k) of their materials; ValueError names an
     output that is not positive."""
     for name, column in zip(names, target.T, strict=True):
@@ -39,21 +39,20 @@ def fit(radius_mm: float, touch: Array, target: Array, names: tuple[str, ...], m
             raise ValueError(f"{name} is {column.min():g} in a training row; the forward method learns its logarithm. "
                              "Leave it out with --outputs, or use --method trainbr or ridge.")
     p0 = light_pressure(touch)
-    inputs = np.column_stack([_inputs(radius_mm, touch, p0), material])
-    return Response(tuple(gaussian_process.fit(inputs, np.log(column / touch[:, 3])) for column in target.T), p0,
-                    radius_mm)
+    inputs = np.column_stack([_inputs(ring, touch, p0), material])
+    return Response(tuple(gaussian_process.fit(inputs, np.log(column / touch[:, 3])) for column in target.T), p0)
 
 
-def _inputs(radius_mm: float, touch: Array, p0: float) -> Array:
-    gap = np.log(SOFT - np.hypot(touch[:, 0], touch[:, 1]) / radius_mm)
+def _inputs(ring: Ring, touch: Array, p0: float) -> Array:
+    gap = np.log(SOFT - radial(ring, touch))
     return np.column_stack([to_unknown(touch, p0)[:, 2:], gap])
 
 
-def respond(response: Response, touch: Array, material: Array) -> Answer:
+def respond(response: Response, ring: Ring, touch: Array, material: Array) -> Answer:
     """Outputs at touches (n, 4) by materials of states (n, k)."""
     unknown, pressed = to_unknown(touch, response.p0), touch[:, 3]
     to_unknown_slope = np.linalg.inv(touch_slope(unknown, response.p0)[:, 2:, 2:])
-    inputs = np.column_stack([_inputs(response.radius_mm, touch, response.p0), material])
+    inputs = np.column_stack([_inputs(ring, touch, response.p0), material])
     value, slope, sd = [], [], []
     for process in response.processes:
         mean, by_input, variance = gaussian_process.predict(process, inputs)

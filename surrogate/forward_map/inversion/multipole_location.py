@@ -5,10 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from surrogate.data import outlined_sheet
+from surrogate.data.outlined_sheet import Sheet
+from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series
 from surrogate.forward_map.forward_map import ForwardMap, series_basis
 from surrogate.forward_map.forward_map import place as scaled_place
-from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, of, white, whitened
+from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, no_drift, of, white, whitened
 from surrogate.statistics.levenberg_marquardt import minimise
 from touchcal.arrays import Array, Index
 
@@ -16,6 +19,9 @@ from touchcal.arrays import Array, Index
 CANDIDATES, PLACES, MATCHED, STEPS = 400, 2, 2, 15
 MARGIN_MM, MARGIN = 10.0, 0.1  # how far outside the training touches one may lie: its place, mm, and log d and log F
 RIM = 0.97  # part of the disc's radius outside which no place is sought
+# The same on a skin with an outline, whose fields are exact as far; steps back from its edges, of which two may be near
+# each other, and places of a row of candidates over how many are asked for.
+EDGE, BACK, DENSER = 1 - 1.5 * outlined_sheet.LINE, 4, 4
 # Least part of what is known of a strength, the prior of the search with it, that the signal is taken to tell.
 LEAST_KNOWN = 1e-6
 
@@ -50,7 +56,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Locat
     linear = jacobian[..., 2:]
     start[:, 2:] -= (np.linalg.pinv(linear) @ residual[..., None])[..., 0]
     found = minimise(residuals, start, STEPS,
-                     lambda state: np.column_stack([on_disc(forward, state[:, :2]), state[:, 2:]]))
+                     lambda state: np.column_stack([on_skin(forward, state[:, :2]), state[:, 2:]]))
     best = np.argmin(found.cost.reshape(-1, PLACES), axis=1) + PLACES * np.arange(len(signal))
     state, normal = found.state[best], found.normal[best]
     # the place marginalised
@@ -81,10 +87,28 @@ def planes(forward: ForwardMap, count: int, drift: Drift) -> tuple[Array, Array,
 
 
 def spiral(forward: ForwardMap, count: int) -> Array:
-    """Places (count, 2) of a sunflower spiral over the training touches, mm."""
+    """Places (count, 2) of a sunflower spiral over the training touches, mm; on a skin with an outline of an even
+    sequence."""
+    if forward.ring.sheet is not None:
+        return _spread_places(forward.ring, forward.ring.sheet, float(forward.bounds[1, 0]), count)
     i = np.arange(count) + 0.5
     angle = np.pi * (1 + np.sqrt(5)) * i
     return (forward.bounds[1, 0] * np.sqrt(i / count) * np.array([np.cos(angle), np.sin(angle)])).T
+
+
+def _spread_places(ring: Ring, sheet: Sheet, reach_mm: float, count: int) -> Array:
+    """The first places (count, 2), mm, of Roberts's R2 sequence over the box of a skin that lie as far from its edges
+    as its training touches."""
+    low, high = sheet.start_mm.min(axis=0), sheet.start_mm.max(axis=0)
+    found, first = np.zeros((0, 2)), 0
+    plastic = 1.32471795724474602596
+    while len(found) < count:
+        k = first + np.arange(1, DENSER * count + 1)[:, None]
+        tried = low + (high - low) * ((0.5 + k / plastic ** np.array([1, 2])) % 1)
+        distance = outlined_sheet.edge_distance_mm(sheet, tried)[0]
+        found = np.concatenate([found, tried[distance >= (ring.radius_mm - reach_mm)]])
+        first += DENSER * count
+    return found[:count]
 
 
 def _over_size(forward: ForwardMap) -> tuple[Array, Array]:
@@ -111,17 +135,34 @@ def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, mean: Array,
             np.concatenate([jacobian, holds], axis=1))
 
 
-def on_disc(forward: ForwardMap, place_mm: Array) -> Array:
+def on_skin(forward: ForwardMap, place_mm: Array) -> Array:
     """Places (n, 2) pulled back to the training touches and a margin about them."""
-    limit = min(forward.bounds[1, 0] + MARGIN_MM, RIM * forward.ring.radius_mm)
+    ring, reach = forward.ring, forward.bounds[1, 0] + MARGIN_MM
+    if ring.sheet is not None:
+        return _from_edges(forward, ring.sheet, place_mm, ring.radius_mm - min(reach, EDGE * ring.radius_mm))
+    limit = min(reach, RIM * ring.radius_mm)
     radius = np.hypot(place_mm[:, 0], place_mm[:, 1])
     return place_mm * np.minimum(1.0, limit / np.maximum(radius, 1e-12))[:, None]
+
+
+def _from_edges(forward: ForwardMap, sheet: Sheet, place_mm: Array, least_mm: float) -> Array:
+    """Places (n, 2), mm, moved at right angles to the nearest edge until they are so far from all; where two edges
+    are in each other's way the nearest of the candidates."""
+    found = place_mm.copy()
+    for _ in range(BACK):
+        distance, slope = outlined_sheet.edge_distance_mm(sheet, found)
+        found += np.maximum(least_mm - distance, 0.0)[:, None] * slope
+    off = np.flatnonzero(outlined_sheet.edge_distance_mm(sheet, found)[0] < 0.999 * least_mm)
+    if len(off):
+        known = planes(forward, CANDIDATES, no_drift(len(forward.ring.read)))[0]
+        found[off] = known[np.linalg.norm(known - place_mm[off, None], axis=2).argmin(axis=1)]
+    return found
 
 
 def on_range(forward: ForwardMap, unknown: Array) -> Array:
     """Touches (n, 4) as (x, y, log d, g) held to the training touches and a margin about them."""
     held = unknown.copy()
-    held[:, :2] = on_disc(forward, unknown[:, :2])
+    held[:, :2] = on_skin(forward, unknown[:, :2])
     (d_lo, f_lo), (d_hi, f_hi) = forward.bounds[:, 1:] * np.exp(MARGIN * np.array([[-1], [1]]))
     held[:, 2] = np.clip(unknown[:, 2], np.log(d_lo), np.log(d_hi))
     area = np.exp(2 * held[:, 2]) * forward.p0

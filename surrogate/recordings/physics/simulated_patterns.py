@@ -58,6 +58,9 @@ def _check_protocol(folder: Path, ring: Ring, sensor: Sensor) -> None:
     count, asked = sensor.electrodes.count, sensor.protocol
     readings = asked.weights.reshape(-1, count)
     fix = "Sweep a design whose [electrodes] and [drive] are those of the sensor file."
+    if ring.sheet is not None:
+        raise InputFileError(folder, "its skin has an outline, and patterns are simulated on discs. Leave it out: a "
+                                     "reader learns skins of any outline from presses alone.")
     if len(ring.angle_rad) != count:
         raise InputFileError(folder, f"it simulates {len(ring.angle_rad)} electrodes, and the sensor has {count}. "
                                      f"{fix}")

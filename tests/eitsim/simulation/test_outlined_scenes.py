@@ -23,7 +23,6 @@ from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
-from surrogate.data.sensor_ring import ring_of
 
 CARD = MaterialCard("one", Hyperfoam([9530.0], [8.0], [0.0], "longterm"), None,
                     Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
@@ -129,8 +128,6 @@ def test_exact_says_that_edges_stay_left_out():
 
 
 def test_what_serves_discs_alone_says_so(tmp_path: Path):
-    with pytest.raises(ValueError, match="skins with an outline in \\[body\\] are not learned yet"):
-        ring_of(SCENE)
     with pytest.raises(ValueError, match="sensitivities are not built for skins with an outline"):
         check_differentiable(SCENE)
     sensor = Sensor(SCENE.body, SCENE.skin, SCENE.electrodes, Drive())

@@ -47,7 +47,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory, ring: Ring, synthetic: Calla
                        baseline_V=np.tile(samples.baseline_V[0], (count, 1)),
                        target=np.column_stack([touch, np.ones((count, 4))]), card=number,
                        material=material_states.answers(rows, False), signal_sd=np.zeros(count),
-                       row_hash=np.arange(count, dtype=np.uint64) + 10000 * seed)
+                       row_hash=np.arange(count, dtype=np.uint64) + 10000 * seed, near_edge=np.zeros(count, bool))
 
     return read
 

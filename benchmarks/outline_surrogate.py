@@ -1,0 +1,110 @@
+"""Surrogates of skins with an outline: seconds of sweep and training, errors on test rows, coverage of 90 % intervals.
+
+A rectangle of 120 x 80 mm with 32 electrodes and 928 readings, 4,000 scenes, and an L of 200 mm with 24 electrodes and
+504 readings, 1,000 scenes: a punch of 10 mm on 5 mm of table 1's foam, 0.02 to 0.5 N, signal = 0.02, as far from edges
+as the plan asks for. Each method is trained and scored without noise and at 80 dB below the RMS of the untouched
+readings. Rows "near an edge" are touches 0.5 to 15 mm from an edge of the rectangle, read by its forward model: how
+many it flags, and how many of its 90 % intervals of y hold. Writes results/outline_surrogate.csv.
+
+    python benchmarks/outline_surrogate.py [FOLDER]
+
+FOLDER keeps the sweeps; one that is there is not swept again, and its own account tells its seconds.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from conditions import quick, shown, written
+from outline_sweep import CARD, PUNCH, design_of
+
+import eitsim
+import surrogate
+from eitsim.scene.drive import voltage_columns
+from eitsim.scene.scene import Punch
+from eitsim.sweeps.design.design import Design, design_from, representative_scene
+from eitsim.sweeps.measurement.instrument import below
+from eitsim.sweeps.run.account import account_of
+from surrogate.data.samples import PARTS
+
+L_SHAPE = {"seed": 6, "body": {"outline": "polygon", "thickness_mm": 5, "points_mm": [
+    [0, 0], [200, 0], [200, 80], [80, 80], [80, 200], [0, 200]]},
+    "electrodes": {"count": 24, "width_mm": 8}, "punch": PUNCH, "accuracy": {"signal": 0.02}}
+CASES = {"rectangle": (design_of(PUNCH, quick(4000, 60)), ("forward", "ridge")),
+         "L": (design_from(L_SHAPE, quick(1000, 60)), quick(("forward", "ridge", "network", "gp"), ("forward",)))}
+NOISE_DB = (np.inf, 80.0)
+SHOWN = ("x0", "y0", "F")
+# Outputs: the column of a data set, that of a prediction, and the latter's unit over the former's.
+TARGETS = {"x0": ("x_mm", "m", 1e3), "y0": ("y_mm", "m", 1e3), "F": ("F_N", "N", 1.0)}
+GAPS_MM = quick((0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 15.0), (1.0,))
+
+
+def rows_of(case: str, folder: Path) -> Iterator[dict[str, Any]]:
+    design, methods = CASES[case]
+    data = eitsim.sweep(design, CARD, folder, reuse=True)
+    account = account_of(folder)
+    yield {"case": case, "what": "sweep", "count": account.rows, "cpu_s": account.cpu_s}
+    for method in methods:
+        model = surrogate.train(folder, method=method, outputs=SHOWN, seed=1)
+        yield {"case": case, "what": "training", "method": method, "count": account.rows, "cpu_s": model.fit_s}
+        table = data.ok[model.rows.part == PARTS.index("test")]
+        for noise_dB in NOISE_DB:
+            yield from scored(case, model, table, noise_dB)
+        if (case, method) == ("rectangle", "forward"):
+            yield near_an_edge(model, design)
+
+
+def scored(case: str, model: surrogate.Model, table: pd.DataFrame, noise_dB: float) -> Iterator[dict[str, Any]]:
+    """Errors and coverage of rows of a data set, by noise below the RMS of the untouched readings."""
+    count = len(model.baseline_V)
+    touched = table[voltage_columns(count)].to_numpy()
+    noise_V = below(noise_dB, float(np.sqrt(np.mean(model.baseline_V**2)))) if np.isfinite(noise_dB) else 0.0
+    begun = time.process_time()
+    found = model.predict(touched + noise_V * np.random.default_rng(1).normal(size=touched.shape), noise_V=noise_V)
+    each_ms = 1e3 * (time.process_time() - begun) / len(table)
+    for name, (column, unit, scale) in TARGETS.items():
+        target = table[column].to_numpy()
+        value, low, high = (scale * found[f"{name}{end}_{unit}"].to_numpy() for end in ("", "_lo90", "_hi90"))
+        error = np.abs(value - target)
+        yield {"case": case, "what": name, "method": model.method, "noise_dB": noise_dB, "count": len(table),
+               "median": float(np.median(error)), "q90": float(np.quantile(error, 0.9)),
+               "held": float(np.mean((low <= target) & (target <= high))), "each_ms": each_ms}
+
+
+def near_an_edge(model: surrogate.Model, design: Design) -> dict[str, Any]:
+    """How many of some touches near an edge are flagged, and how many intervals of y hold."""
+    scene, rng = representative_scene(design), np.random.default_rng(3)
+    touches, frames = [], []
+    for gap in GAPS_MM:
+        y_mm = 1e3 * scene.body.height_m / 2 - gap - PUNCH["diameter_mm"] / 2
+        punch = Punch(float(rng.uniform(-0.03, 0.03)), 1e-3 * y_mm, 1e-3 * PUNCH["diameter_mm"],
+                      force_N=float(rng.uniform(0.05, 0.4)))
+        solved = eitsim.simulate(replace(scene, punches=(punch,)), CARD)
+        assert solved.readings is not None, solved.message
+        touches.append(punch.y_m)
+        frames.append(solved.readings.touched_V.ravel())
+    found = model.predict(np.array(frames), solved.readings.baseline_V.ravel(), noise_V=0.0)
+    held = (found["y0_lo90_m"] <= touches) & (touches <= found["y0_hi90_m"])
+    return {"case": "rectangle", "what": "near an edge", "method": model.method, "count": len(found),
+            "flagged": int((found["flag"] != "").sum()), "held": float(held.mean())}
+
+
+def main() -> None:
+    kept = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for case in CASES:
+            rows += rows_of(case, (kept or Path(folder)) / case)
+            shown(written(rows, "outline_surrogate", 3))
+
+
+if __name__ == "__main__":
+    main()
