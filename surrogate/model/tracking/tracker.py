@@ -13,6 +13,7 @@ from surrogate.data import untouched_stream
 from surrogate.data.baseline_frame import untouched
 from surrogate.data.untouched_stream import CALIBRATION, Background
 from surrogate.model.missing_channels import named, stuck
+from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.tracking import contact
 from surrogate.model.tracking.contact import Contact
 from surrogate.model.tracking.followed_model import FollowedModel
@@ -23,6 +24,7 @@ from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
+STRANGE = "off the untouched frame by more than is known of its drift, and unlike a touch: taken for drift"
 BELIEVED = 0.02  # part of the weakest training signal whose norm noise is taken as at least, a pattern
 
 
@@ -111,9 +113,10 @@ class Tracker:
         if noise is None and found.noise_V is not None:
             noise = found.noise_V / math.sqrt(1 + 1 / len(frames))
         if noise is None:
-            self._background = untouched_stream.begun(found.volts, self._time_s)
+            self._background = untouched_stream.begun(found.volts, self._time_s, self._following.foreseen)
             return
-        self._background = untouched_stream.known(found.volts, noise, len(frames), self._time_s)
+        self._background = untouched_stream.known(found.volts, noise, len(frames), self._time_s,
+                                                  self._following.foreseen)
         self._ready()
 
     def _ready(self) -> None:
@@ -160,23 +163,25 @@ class Tracker:
             return self._told(self._calibrated(background, volts))
         since_s = max(self._time_s - background.time_s, 0.0)
         signal = np.where(dead, 0.0, volts - background.volts)
-        self._contact = contact.met(self._contact, signal, background, since_s)
+        step_s = max(self._time_s - before_s, 0.0)
+        self._contact = contact.met(self._contact, signal, ~dead, background, since_s, step_s)
         if self._contact.touched:
-            self._background = untouched_stream.interrupted(background)
-            step_s = max(self._time_s - before_s, 0.0)
+            self._background = background = untouched_stream.interrupted(background)
             return self._told(self._following.read(volts, background, since_s, self._since, step_s), signal)
         self._following.ended()
         if not self._contact.against:
             self._background, self._since = untouched_stream.followed(background, volts, self._time_s), 0
-        return self._told(unread(UNTOUCHED, named(dead) if dead.any() else ""), signal)
+        flag = OTHER_SIGN if self._contact.mirrored else STRANGE if self._contact.strange else ""
+        return self._told(unread(UNTOUCHED, "; ".join(filter(None, (named(dead) if dead.any() else "", flag)))), signal)
 
     def _calibrated(self, known: Background | None, volts: Array) -> Read:
         """One more frame of those that tell the noise, or the first untouched one where it is stated."""
         self._since = 0
         if self._noise_V is not None:
-            self._background = untouched_stream.known(volts, self._noise_V, 1, self._time_s)
+            self._background = untouched_stream.known(volts, self._noise_V, 1, self._time_s,
+                                                      self._following.foreseen)
         elif known is None:
-            self._background = untouched_stream.begun(volts, self._time_s)
+            self._background = untouched_stream.begun(volts, self._time_s, self._following.foreseen)
         else:
             self._background = untouched_stream.followed(known, volts, self._time_s)
         self._left -= 1
