@@ -25,6 +25,7 @@ from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 STRANGE = "off the untouched frame by more than is known of its drift, and unlike a touch: taken for drift"
+WAIT = 2  # frames that must be untouched after one before it is followed as untouched
 BELIEVED = 0.02  # part of the weakest training signal whose norm noise is taken as at least, a pattern
 
 
@@ -81,6 +82,7 @@ class Tracker:
         self._left = 1 if noise_V is not None else CALIBRATION
         self._background: Background | None = None
         self._contact = Contact(self._following.patterns, (BELIEVED * self._following.weakest) ** 2)
+        self._waiting: list[tuple[Array, float]] = []  # the latest untouched frames and their times
         self._time_s, self._since = -1 / rate_hz, 0  # of the latest frame; frames since the latest untouched one
         if baseline_V is not None:
             self._from_baseline(np.asarray(baseline_V, np.float64))
@@ -167,12 +169,22 @@ class Tracker:
         self._contact = contact.met(self._contact, signal, ~dead, background, since_s, step_s)
         if self._contact.touched:
             self._background = background = untouched_stream.interrupted(background)
+            self._waiting = []
             return self._told(self._following.read(volts, background, since_s, self._since, step_s), signal)
         self._following.ended()
         if not self._contact.against:
-            self._background, self._since = untouched_stream.followed(background, volts, self._time_s), 0
+            self._since = 0
+            self._followed((volts, self._time_s), 0 if self._contact.strange else WAIT)
         flag = OTHER_SIGN if self._contact.mirrored else STRANGE if self._contact.strange else ""
         return self._told(unread(UNTOUCHED, "; ".join(filter(None, (named(dead) if dead.any() else "", flag)))), signal)
+
+    def _followed(self, frame: tuple[Array, float], wait: int) -> None:
+        """Follow the untouched frame by all that are untouched but the latest so many, which may be of a touch that
+        only begins."""
+        self._waiting.append(frame)
+        while len(self._waiting) > wait:
+            assert self._background is not None
+            self._background = untouched_stream.followed(self._background, *self._waiting.pop(0))
 
     def _calibrated(self, known: Background | None, volts: Array) -> Read:
         """One more frame of those that tell the noise, or the first untouched one where it is stated."""
