@@ -1,8 +1,9 @@
 """The untouched frame of a stream, its noise and its drift, learnt from frames while nothing touches.
 
-Each reading is a random walk read with noise: y_k = b_k + n_k, b_k+1 = b_k + w_k. One variance of noise, r^2, serves
-all readings. The walk goes along the directions in which means of blocks of frames were seen to move, with touches
-between them or not, less what noise alone moves them by.
+The frame walks and is read with noise, y_k = b_k + n_k, b_k+1 = b_k + w_k: a Kalman filter whose covariance is
+v I + spread' spread. One variance of noise, r^2, serves all readings; the walk is that of `baseline_walk`. An
+untouched frame that is off by more than the filter holds possible, by chi^2, is a walk that is not known yet: the
+covariance grows to what is seen.
 """
 
 from __future__ import annotations
@@ -10,14 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import chdtri
 
+from surrogate.data.baseline_walk import Block, Walk, still, walk_of
 from touchcal.arrays import Array
 
-# Least frames and seconds of a block, movements that tell the drift, and frames that calibration takes where the noise
-# is not stated.
-BLOCK, BLOCK_S, MOVEMENTS, CALIBRATION = 20, 0.4, 8, 20
+# Frames of a block, those of one that a touch ends, blocks that tell the walk, and frames that calibration takes where
+# the noise is not stated.
+BLOCK, LEAST_BLOCK, BLOCKS, CALIBRATION = 10, 4, 40, 20
 MEMORY = 1000.0  # frames that the noise is averaged over, at most
 LEAST_GAIN = 1 / 500  # of the frame in the untouched one: a drift that begins late is followed all the same
+CHANCE = 1e-5  # of a chi^2 of a frame that noise and the known walk are not believed to give
+NULL = 1e-9  # part of the largest variance below which one is none
+NOTHING = 1e-2  # part of the variance of a reading below which that of a direction is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,18 +31,17 @@ class Background:
     """What is known of the untouched sensor after some frames."""
 
     volts: Array  # (readings,) the untouched frame
-    variance: float  # of its error, a reading
+    variance: float  # v of its error, a reading
+    spread: Array  # (k, readings) root of the rest of the covariance of its error
     noise: float  # variance r^2 of one reading; NaN before two frames
     frames: float  # that the noise was averaged over
     time_s: float  # of the latest untouched frame
     last: Array | None  # (readings,) that frame, where no touch came after it
-    # (k, readings) movements of the untouched frame in a second, so that its variance grows by root' root in one
-    root: Array
-    moved: tuple[Array, ...] = ()  # latest movements of the means of blocks, over the root of their time
-    block: tuple[Array, ...] = field(default=(), repr=False)  # frames of the block that is being filled
+    walk: Walk
+    foreseen: Array  # (k, readings) changes of it by causes that may drift
+    blocks: tuple[Block, ...] = field(default=(), repr=False)  # the latest
+    block: tuple[Array, ...] = field(default=(), repr=False)  # frames of the one that is being filled
     begun_s: float = 0.0  # time of its first frame
-    before: Array | None = None  # mean of the block before
-    ended_s: float = 0.0  # time of the last frame of that
 
     @property
     def noise_V(self) -> float:
@@ -44,16 +49,26 @@ class Background:
         return float(np.sqrt(self.noise))
 
 
-def known(volts: Array, noise_V: float, frames: float, time_s: float) -> Background:
+def known(volts: Array, noise_V: float, frames: float, time_s: float, foreseen: Array | None = None) -> Background:
     """From an untouched frame (readings,) that is the mean of `frames`, infinite for one without error, and a stated
-    noise of one reading."""
-    return Background(volts, noise_V**2 / frames, noise_V**2, float(np.clip(frames, CALIBRATION, MEMORY)), time_s, None,
-                      np.zeros((0, len(volts))))
+    noise of one reading; foreseen are changes (k, readings) of it by causes that may drift."""
+    none = np.zeros((0, len(volts)))
+    return Background(volts, noise_V**2 / frames, none, noise_V**2, float(np.clip(frames, CALIBRATION, MEMORY)),
+                      time_s, None, still(len(volts)), none if foreseen is None else foreseen)
 
 
-def begun(volts: Array, time_s: float) -> Background:
+def begun(volts: Array, time_s: float, foreseen: Array | None = None) -> Background:
     """From a first untouched frame (readings,) of unknown noise."""
-    return Background(volts, 0.0, np.nan, 0.0, time_s, volts, np.zeros((0, len(volts))))
+    none = np.zeros((0, len(volts)))
+    return Background(volts, 0.0, none, np.nan, 0.0, time_s, volts, still(len(volts)),
+                      none if foreseen is None else foreseen, block=(volts,), begun_s=time_s)
+
+
+def error_after(of: Background, since_s: float) -> tuple[float, Array]:
+    """Covariance v I + root' root of the error of the untouched frame so long after it was seen: v, and the root (k,
+    readings)."""
+    return (of.variance + of.walk.rest * since_s,
+            np.concatenate([of.spread, of.walk.root * np.sqrt(since_s)]))
 
 
 def followed(of: Background, volts: Array, time_s: float) -> Background:
@@ -61,52 +76,74 @@ def followed(of: Background, volts: Array, time_s: float) -> Background:
     there = np.isfinite(volts) & np.isfinite(of.volts)
     volts = np.where(there, volts, of.volts)
     step_s = max(time_s - of.time_s, 0.0)
-    walked = float(np.sum(of.root**2)) / len(volts) * step_s
     noise, frames = of.noise, of.frames
     if of.last is not None:
+        walked = of.walk.trace / len(volts) * step_s
         scatter = max(float(np.mean((volts - of.last)[there] ** 2)) - walked, 0.0) / 2
         frames = min(frames + 1, MEMORY)
         noise = scatter if np.isnan(noise) else noise + (scatter - noise) / frames
+    variance, root = error_after(of, step_s)
     # a first frame that is alone is as uncertain as one reading
-    variance = (noise if of.frames == 0 else of.variance) + walked
-    gain = max(variance / max(variance + noise, np.finfo(float).tiny), LEAST_GAIN)
-    better = replace(of, volts=of.volts + gain * (volts - of.volts), noise=noise, frames=frames, time_s=time_s,
-                     last=volts, variance=(1 - gain) ** 2 * variance + gain**2 * noise)
-    return _with_block(better, volts)
+    variance = variance if of.frames else noise
+    return _with_block(_filtered(replace(of, noise=noise, frames=frames, time_s=time_s, last=volts), variance, root,
+                                 np.where(there, volts - of.volts, 0.0), int(there.sum())), volts)
+
+
+def principal(root: Array) -> tuple[Array, Array]:
+    """Standard deviations (m,) and orthonormal axes (m, readings) of the covariance root' root, of a root (k, readings)
+    of few rows."""
+    square, ways = np.linalg.eigh(root @ root.T)
+    kept = square > NULL * square.max(initial=0.0)
+    size = np.sqrt(square[kept])
+    return size, ways[:, kept].T @ root / size[:, None]
+
+
+def surprising(count: int) -> float:
+    """The chi^2 of `count` readings from which a frame is off by more than noise and the known walk."""
+    return float(chdtri(count, CHANCE))
+
+
+def _filtered(of: Background, variance: float, root: Array, off: Array, count: int) -> Background:
+    """One step of the filter by what `count` readings are off from the frame."""
+    tiny = float(np.finfo(float).tiny)
+    size, axes = principal(root)
+    white, along = max(variance + of.noise, tiny), axes @ off
+    energy = (float(off @ off) - float(np.sum(along**2 * size**2 / (size**2 + white)))) / white
+    if energy > surprising(count):
+        variance += (energy / count - 1) * white
+    rest = max(variance / max(variance + of.noise, tiny), LEAST_GAIN)
+    each = np.maximum((variance + size**2) / np.maximum(variance + size**2 + of.noise, tiny), rest)
+    left = (1 - rest) ** 2 * variance + rest**2 * of.noise
+    lefts = (1 - each) ** 2 * (variance + size**2) + each**2 * of.noise - left
+    kept = lefts > NOTHING * left
+    return replace(of, volts=of.volts + rest * off + ((each - rest) * along) @ axes, variance=left,
+                   spread=np.sqrt(lefts[kept])[:, None] * axes[kept])
 
 
 def scaled(of: Background, gain: Array) -> Background:
-    """With all readings multiplied by factors (readings,), what movements of it were seen forgotten."""
+    """With all readings multiplied by factors (readings,)."""
     square = float(np.mean(gain**2))
-    return replace(interrupted(of), before=None, volts=of.volts * gain, variance=of.variance * square,
-                   noise=of.noise * square)
+    return replace(of, volts=of.volts * gain, variance=of.variance * square, spread=of.spread * gain,
+                   noise=of.noise * square, last=None if of.last is None else of.last * gain,
+                   walk=Walk(of.walk.root * gain, of.walk.rest * square),
+                   blocks=tuple(replace(one, mean=one.mean * gain) for one in of.blocks),
+                   block=tuple(one * gain for one in of.block))
 
 
 def interrupted(of: Background) -> Background:
     """With a touch after the latest untouched frame."""
-    return replace(of, last=None, block=())
+    ended = _ended(of) if len(of.block) >= LEAST_BLOCK else of
+    return replace(ended, last=None, block=())
 
 
 def _with_block(of: Background, volts: Array) -> Background:
-    block, begun_s = (*of.block, volts), of.begun_s if of.block else of.time_s
-    length_s = of.time_s - begun_s
-    if len(block) < BLOCK or length_s < BLOCK_S:
-        return replace(of, block=block, begun_s=begun_s)
-    mean, ended = np.nan_to_num(np.mean(block, axis=0)), replace(of, block=(), ended_s=of.time_s)
-    if of.before is None:
-        return replace(ended, before=mean)
-    # variance that a random walk gains from the mean of one block to that of another, over that of a second
-    walked_s = begun_s - of.ended_s + 2 / 3 * length_s
-    moved = (*of.moved, (mean - of.before) / np.sqrt(walked_s))[-MOVEMENTS:]
-    return replace(ended, before=mean, moved=moved,
-                   root=_without_noise(np.array(moved), 2 * of.noise / len(block) / walked_s))
+    filled = replace(of, block=(*of.block, volts), begun_s=of.begun_s if of.block else of.time_s)
+    return _ended(filled) if len(filled.block) == BLOCK else filled
 
 
-def _without_noise(moved: Array, noise: float) -> Array:
-    """Root (k, readings) of the covariance of movements (k, readings), those along which noise of this variance a
-    reading may have moved alone left out."""
-    _, size, axes = np.linalg.svd(moved, full_matrices=False)
-    # largest singular value of k rows of noise; neighbouring ones share a mean, so that some sum has twice the variance
-    edge = np.sqrt(2 * noise) * (np.sqrt(moved.shape[1]) + np.sqrt(len(moved)))
-    kept = size > 1.1 * edge
-    return np.sqrt(np.maximum(size[kept] ** 2 - edge**2, 0.0) / len(moved))[:, None] * axes[kept]
+def _ended(of: Background) -> Background:
+    """With the block that was being filled, and the walk by all."""
+    mean = np.nan_to_num(np.mean(of.block, axis=0))
+    block = Block(mean, len(of.block), of.begun_s, of.time_s - of.begun_s)
+    blocks = (*of.blocks, block)[-BLOCKS:]
+    return replace(of, blocks=blocks, block=(), walk=walk_of(blocks, of.noise, of.foreseen))

@@ -1,8 +1,12 @@
-"""Whether something touches: the likelihood ratio of a touch of a known pattern against nothing.
+"""Whether something touches: a test between a touch of a known pattern and a drift of the untouched frame.
 
-A touch adds a u_k, u_k one of some unit patterns and a its unknown size. Twice the log of its likelihood ratio against
-an untouched sensor, maximised over a and k, is T = max_k (u_k . s)^2 / v_k, v_k the variance of noise and drift along
-u_k. It is compared with its mean over untouched frames, which also holds what noise has that is not white.
+A frame is off the untouched one by s. Nothing touches: s is noise and what the untouched frame may have drifted, of
+covariance C. Something does: s is a u_k more, u_k one of some patterns, its size a > 0 unknown. Both know C but for
+a factor from 1 on, which is each hypothesis' own: a drift that was never seen is large and no touch explains it, a
+touch that no pattern quite is still explains most of its frame. With e = s' C^-1 s of n readings, and T the largest
+squared part of it along a pattern, the log likelihood ratio is l(e - T) - l(e), l(e) = -e/2 to e = n and
+-n/2 (1 + log(e/n)) above. The PARAMETERS of a touch cost half of log n each (Schwarz, Ann. Stat. 6 (1978) 461, DOI
+10.1214/aos/1176344136). The state before speaks by the odds that it stayed, so that what is in doubt stays as it is.
 """
 
 from __future__ import annotations
@@ -11,12 +15,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from surrogate.data.untouched_stream import Background
-from touchcal.arrays import Array
+from surrogate.data.untouched_stream import Background, error_after, principal, surprising
+from surrogate.forward_map.inversion import reading_covariance
+from touchcal.arrays import Array, Mask
 
-# T over its untouched mean from which a frame touches, from which it does so whatever the one before it, and how many
-# frames in a row must agree on a change.
-TOUCHED, SURELY, FRAMES = 4.0, 8.0, 2
+PARAMETERS = 4  # of a touch: x, y, d, F
+CHANGES = 1.0  # presses and lifts a second, as many as are expected before any frame
+# Log odds from which a change is believed at once, and frames in a row that must agree on one otherwise.
+SURELY, FRAMES = float(np.log(99.0)), 2
 MEMORY = 200  # frames that the untouched mean is taken over
 LEAST = 5.0  # untouched mean of T, at least: of some independent patterns under white noise
 
@@ -27,10 +33,12 @@ class Contact:
 
     patterns: Array  # (k, readings) unit patterns of touches
     least: float  # variance of a signal, at least: as good as noise-free frames are believed
-    usual: float = LEAST  # mean of T of untouched frames
+    usual: float = LEAST  # mean of T of untouched frames: noise may have more along patterns than white noise has
     touched: bool = False
     against: int = 0  # latest frames in a row that speak against that
-    ratio: float = 0.0  # T of the latest frame over its untouched mean
+    odds: float = -np.inf  # log odds that the latest frame is touched
+    strange: bool = False  # whether nothing that is known explains the latest frame, no touch either
+    mirrored: bool = False  # whether a touch of the other sign does
 
 
 def patterns_of(signal: Array) -> Array:
@@ -38,16 +46,42 @@ def patterns_of(signal: Array) -> Array:
     return signal / np.linalg.norm(signal, axis=1, keepdims=True)
 
 
-def met(contact: Contact, signal: Array, background: Background, since_s: float) -> Contact:
-    """With one more frame of this signal (readings,), so long after the latest untouched one."""
-    drift = np.sum((contact.patterns @ background.root.T) ** 2, axis=1) * since_s
-    variance = np.maximum(background.noise + background.variance + drift, contact.least)
-    tested = float(np.max((contact.patterns @ signal) ** 2 / variance))
-    ratio = tested / contact.usual
-    if contact.touched:
-        against = contact.against + 1 if ratio < TOUCHED else 0
-        return replace(contact, ratio=ratio, touched=against < FRAMES, against=against % FRAMES)
-    against = contact.against + 1 if ratio > TOUCHED else 0
-    touched = against >= FRAMES or ratio > SURELY
-    usual = contact.usual if against else max(contact.usual + (tested - contact.usual) / MEMORY, LEAST)
-    return replace(contact, ratio=ratio, touched=touched, against=0 if touched else against, usual=usual)
+def met(contact: Contact, signal: Array, there: Mask, background: Background, since_s: float, step_s: float) -> Contact:
+    """With one more frame of this signal (readings,), of the channels that are there, so long after the latest
+    untouched frame and after the latest one."""
+    count = int(there.sum())
+    energy, along, mirrored = (LEAST / contact.usual * one for one in
+                               _whitened(contact, signal[there], there, background, since_s))
+    stays = np.log(1 / min(max(CHANGES * step_s, np.finfo(float).eps), 0.5) - 1)
+    odds = _log_ratio(energy, along, count) + (stays if contact.touched else -stays)
+    speaks = odds < 0 if contact.touched else odds > 0
+    against = contact.against + 1 if speaks else 0
+    changed = against >= FRAMES or (speaks and abs(odds) > SURELY)
+    touched = contact.touched ^ changed
+    untouched = not (touched or (against and not changed))
+    strange = untouched and energy > surprising(count)
+    usual = contact.usual
+    if untouched and not strange:
+        usual = max(usual + (along * usual / LEAST - usual) / MEMORY, LEAST)
+    return replace(contact, odds=odds, touched=touched, against=0 if changed else against, usual=usual, strange=strange,
+                   mirrored=strange and _log_ratio(energy, mirrored, count) > SURELY)
+
+
+def _whitened(contact: Contact, signal: Array, there: Mask, background: Background, since_s: float
+              ) -> tuple[float, float, float]:
+    """e, T, and T of touches of the other sign."""
+    variance, root = error_after(background, since_s)
+    white = np.sqrt(max(background.noise + variance, contact.least))
+    size, axes = principal(root[:, there])
+    known = reading_covariance.white(np.array([white]), reading_covariance.Drift(axes.T, size))
+    both = reading_covariance.whitened(known, np.column_stack([signal, contact.patterns[:, there].T])[None])[0]
+    off, patterns = both[:, 0], both[:, 1:]
+    along = off @ patterns / np.maximum(np.linalg.norm(patterns, axis=0), np.finfo(float).tiny)
+    return float(off @ off), max(float(along.max()), 0.0) ** 2, min(float(along.min()), 0.0) ** 2
+
+
+def _log_ratio(energy: float, along: float, count: int) -> float:
+    def likelihood(left: float) -> float:
+        return -left / 2 if left <= count else -count / 2 * (1 + np.log(left / count))
+
+    return likelihood(energy - along) - likelihood(energy) - PARAMETERS / 2 * np.log(count)

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surrogate.data.untouched_stream import principal
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.inversion import followed_punch, touch_filter
 from surrogate.forward_map.inversion.invert import Inversion, invert
 from surrogate.forward_map.inversion.pair_search import left_by_pair
+from surrogate.forward_map.inversion.reading_covariance import Drift
 from surrogate.forward_map.inversion.touch_filter import Followed, Unsure, best
 from surrogate.learners.base import Estimate
 from surrogate.learners.forward import TouchInversion, answered
@@ -61,16 +63,25 @@ def follow(learner: TouchInversion, sought_by: TouchInversion, before: Touch | N
             forward, touch_filter.later(forward, before.filter, step_s), signal, unsure),
             wait=max(before.wait - 1, 0), sought=False)
         if fits(touch, unsure):
-            return replace(touch, waited=1, wait=0), followed_punch.inversion(forward, touch.filter)
+            return replace(touch, waited=1, wait=0), _inversion(forward, touch.filter, unsure)
         if touch.wait:
-            return touch, followed_punch.inversion(forward, touch.filter)
-    found = invert(sought_by.forward, signal[unsure.kept][None], float(np.hypot(unsure.noise_V, unsure.rest_V)))
+            return touch, _inversion(forward, touch.filter, unsure)
+    size, axes = principal(unsure.drift[:, unsure.kept])
+    found = invert(sought_by.forward, signal[unsure.kept][None], float(np.hypot(unsure.noise_V, unsure.rest_V)),
+                   Drift(axes.T, size))
     again = Touch(touch_filter.seen(forward, touch_filter.unseen(forward, unsure), signal, unsure, found.touch[0]),
                   sought=True)
     if before is None or _misfit(again) < BETTER * _misfit(touch):
         return again, found
     waited = min(2 * touch.waited, MOST_WAITED)
-    return replace(touch, wait=waited, waited=waited), followed_punch.inversion(forward, touch.filter)
+    return replace(touch, wait=waited, waited=waited), _inversion(forward, touch.filter, unsure)
+
+
+def _inversion(forward: ForwardMap, followed: Followed, unsure: Unsure) -> Inversion:
+    """The touch, with the drift among what is noise and not the map's: it is as normal as it is believed."""
+    shared = followed.shared.copy()
+    shared[:, :, shared.shape[2] - len(unsure.drift):] = 0.0
+    return followed_punch.inversion(forward, replace(followed, shared=shared))
 
 
 def estimate(learner: TouchInversion, found: Inversion, scale: IntervalScale, normal: float) -> Estimate:

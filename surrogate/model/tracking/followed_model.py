@@ -9,7 +9,8 @@ import numpy as np
 
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import compared
-from surrogate.data.untouched_stream import Background
+from surrogate.data.frame_drift import by_gain
+from surrogate.data.untouched_stream import Background, error_after
 from surrogate.forward_map.inversion.touch_filter import Unsure
 from surrogate.learners.forward import TouchInversion
 from surrogate.learners.novelty import fit_novelty, reciprocal
@@ -27,12 +28,21 @@ from touchcal.arrays import Array, Mask
 _SI = np.array([1e-3, 1e-3, 1e-3, 1.0])  # of x, y, d in mm and F in N
 
 
+def _by_gain(model: TrainedModel) -> Array:
+    """(channels, readings) changes of the untouched frame by the channels' gains; none where they are not foreseen."""
+    try:
+        return by_gain(model.ring, model.baseline_V).T
+    except ValueError:
+        return np.zeros((0, len(model.baseline_V)))
+
+
 class FollowedModel:
     """A model of a sweep and the touch that it follows."""
 
     def __init__(self, model: TrainedModel, scaling: str, held_s: float | None) -> None:
         self.readings, self.weakest = len(model.baseline_V), model.trained.weakest_V
         self.patterns = patterns_of(model.calibration.signal_V)
+        self.foreseen = _by_gain(model)
         self._model, self._scaling, self._held_s = model, scaling, held_s
         self._fewer: dict[bytes, tuple[Predictor, Array]] = {}
         self._touch: Touch | None = None
@@ -73,7 +83,8 @@ class FollowedModel:
         learner, fewer = self._model.learner, predictor.model.learner
         if not isinstance(learner, TouchInversion) or not isinstance(fewer, TouchInversion):
             return self._told(TOUCH, predict(predictor, volts[None]), np.eye(outputs.TOUCH))
-        unsure = Unsure(noise, math.sqrt(background.variance), background.root * math.sqrt(since_s), ~dead, axes)
+        variance, root = error_after(background, since_s)
+        unsure = Unsure(noise, math.sqrt(variance), root, ~dead, axes)
         self._touch, found = follow_by_map.follow(learner, fewer, self._touch, signal, unsure, step_s)
         read = judged(predictor, volts[None, ~dead],
                       lambda _: follow_by_map.estimate(learner, found, predictor.scale, normal(COVERAGE)))

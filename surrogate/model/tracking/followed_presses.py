@@ -76,6 +76,7 @@ class FollowedPresses:
                              "y_mm.")
         self.readings = reader.signals.channels
         self.patterns = patterns_of(reader.place.direction.pattern[:, :self.readings])
+        self.foreseen = self.patterns[:0]
         self.weakest = reader.signals.weakest
         self._reader = reader
         self._place: Place | None = None

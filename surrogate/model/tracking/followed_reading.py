@@ -38,6 +38,7 @@ class Following(Protocol):
 
     readings: int
     patterns: Array  # (k, readings) unit patterns of touches
+    foreseen: Array  # (k, readings) changes of the untouched frame by causes that may drift, none where none is known
     weakest: float  # norm of the weakest training signal, in the unit of the readings
 
     def dead(self, volts: Array) -> Mask:

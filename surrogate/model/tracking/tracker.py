@@ -13,6 +13,7 @@ from surrogate.data import untouched_stream
 from surrogate.data.baseline_frame import untouched
 from surrogate.data.untouched_stream import CALIBRATION, Background
 from surrogate.model.missing_channels import named, stuck
+from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.tracking import contact
 from surrogate.model.tracking.contact import Contact
 from surrogate.model.tracking.followed_model import FollowedModel
@@ -23,6 +24,8 @@ from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
+STRANGE = "off the untouched frame by more than is known of its drift, and unlike a touch: taken for drift"
+WAIT = 2  # frames that must be untouched after one before it is followed as untouched
 BELIEVED = 0.02  # part of the weakest training signal whose norm noise is taken as at least, a pattern
 
 
@@ -79,6 +82,7 @@ class Tracker:
         self._left = 1 if noise_V is not None else CALIBRATION
         self._background: Background | None = None
         self._contact = Contact(self._following.patterns, (BELIEVED * self._following.weakest) ** 2)
+        self._waiting: list[tuple[Array, float]] = []  # the latest untouched frames and their times
         self._time_s, self._since = -1 / rate_hz, 0  # of the latest frame; frames since the latest untouched one
         if baseline_V is not None:
             self._from_baseline(np.asarray(baseline_V, np.float64))
@@ -111,9 +115,10 @@ class Tracker:
         if noise is None and found.noise_V is not None:
             noise = found.noise_V / math.sqrt(1 + 1 / len(frames))
         if noise is None:
-            self._background = untouched_stream.begun(found.volts, self._time_s)
+            self._background = untouched_stream.begun(found.volts, self._time_s, self._following.foreseen)
             return
-        self._background = untouched_stream.known(found.volts, noise, len(frames), self._time_s)
+        self._background = untouched_stream.known(found.volts, noise, len(frames), self._time_s,
+                                                  self._following.foreseen)
         self._ready()
 
     def _ready(self) -> None:
@@ -160,23 +165,35 @@ class Tracker:
             return self._told(self._calibrated(background, volts))
         since_s = max(self._time_s - background.time_s, 0.0)
         signal = np.where(dead, 0.0, volts - background.volts)
-        self._contact = contact.met(self._contact, signal, background, since_s)
+        step_s = max(self._time_s - before_s, 0.0)
+        self._contact = contact.met(self._contact, signal, ~dead, background, since_s, step_s)
         if self._contact.touched:
-            self._background = untouched_stream.interrupted(background)
-            step_s = max(self._time_s - before_s, 0.0)
+            self._background = background = untouched_stream.interrupted(background)
+            self._waiting = []
             return self._told(self._following.read(volts, background, since_s, self._since, step_s), signal)
         self._following.ended()
         if not self._contact.against:
-            self._background, self._since = untouched_stream.followed(background, volts, self._time_s), 0
-        return self._told(unread(UNTOUCHED, named(dead) if dead.any() else ""), signal)
+            self._since = 0
+            self._followed((volts, self._time_s), 0 if self._contact.strange else WAIT)
+        flag = OTHER_SIGN if self._contact.mirrored else STRANGE if self._contact.strange else ""
+        return self._told(unread(UNTOUCHED, "; ".join(filter(None, (named(dead) if dead.any() else "", flag)))), signal)
+
+    def _followed(self, frame: tuple[Array, float], wait: int) -> None:
+        """Follow the untouched frame by all that are untouched but the latest so many, which may be of a touch that
+        only begins."""
+        self._waiting.append(frame)
+        while len(self._waiting) > wait:
+            assert self._background is not None
+            self._background = untouched_stream.followed(self._background, *self._waiting.pop(0))
 
     def _calibrated(self, known: Background | None, volts: Array) -> Read:
         """One more frame of those that tell the noise, or the first untouched one where it is stated."""
         self._since = 0
         if self._noise_V is not None:
-            self._background = untouched_stream.known(volts, self._noise_V, 1, self._time_s)
+            self._background = untouched_stream.known(volts, self._noise_V, 1, self._time_s,
+                                                      self._following.foreseen)
         elif known is None:
-            self._background = untouched_stream.begun(volts, self._time_s)
+            self._background = untouched_stream.begun(volts, self._time_s, self._following.foreseen)
         else:
             self._background = untouched_stream.followed(known, volts, self._time_s)
         self._left -= 1

@@ -25,7 +25,7 @@ def test_noise_and_the_mean_are_learnt_from_still_frames() -> None:
     off = known.volts - 1.0
     assert np.mean(off**2) == pytest.approx(known.variance, rel=0.6)
     assert known.variance < 1e-6 / 100
-    assert len(known.root) == 0
+    assert len(known.walk.root) == 0
 
 
 def test_a_walk_along_one_direction_is_found_and_followed() -> None:
@@ -36,9 +36,9 @@ def test_a_walk_along_one_direction_is_found_and_followed() -> None:
     walk = np.cumsum(rate * np.sqrt(STEP_S) * rng.normal(size=1000))
     frames = walk[:, None] * way + 1e-3 * rng.normal(size=(len(walk), READINGS))
     known = watched(frames)
-    assert len(known.root) == 1
-    assert abs(known.root[0] @ way) > 0.95 * np.linalg.norm(known.root[0])
-    assert 0.4 < np.linalg.norm(known.root[0]) / rate < 2.0
+    assert len(known.walk.root) == 1
+    assert abs(known.walk.root[0] @ way) > 0.95 * np.linalg.norm(known.walk.root[0])
+    assert 0.4 < np.linalg.norm(known.walk.root[0]) / rate < 2.0
     assert np.linalg.norm(known.volts - walk[-1] * way) < 0.02
     # a mean of all frames is far behind
     assert np.linalg.norm(frames.mean(axis=0) - walk[-1] * way) > 0.02
@@ -50,16 +50,16 @@ def test_a_touch_between_tells_no_noise_but_how_far_the_frame_went() -> None:
     way = np.zeros(READINGS)
     way[:10] = 1.0
     for pause in range(1, 7):
-        # shorter than two blocks: what a pause alone shows of the walk is nothing
+        # one block and too few frames for another: what a pause alone shows of the walk is nothing
         begun_s, noise = known.time_s + 2.0, known.noise
         known = interrupted(known)
-        for k in range(BLOCK + 5):
+        for k in range(BLOCK + 3):
             known = followed(known, 0.02 * pause * way + 1e-3 * rng.normal(size=READINGS), begun_s + k * STEP_S)
             if k == 0:
                 assert known.noise == noise
     assert known.noise_V == pytest.approx(1e-3, rel=0.1)
-    assert len(known.root) == 1
-    assert np.linalg.norm(known.root[0]) == pytest.approx(0.02 * np.sqrt(10 / 2.3), rel=0.2)
+    assert len(known.walk.root) == 1
+    assert np.linalg.norm(known.walk.root[0]) == pytest.approx(0.02 * np.sqrt(10 / 2.18), rel=0.2)
 
 
 def test_a_dead_channel_tells_nothing() -> None:

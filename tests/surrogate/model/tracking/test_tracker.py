@@ -8,11 +8,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from surrogate.data.frame_drift import by_gain
 from surrogate.data.samples import Samples
 from surrogate.model.model import Model
+from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracking.tracked_stream import columns, track
-from surrogate.model.tracking.tracker import Tracker
+from surrogate.model.tracking.tracker import STRANGE, WAIT, Tracker
 from surrogate.model.train import train
 from surrogate.statistics.conformal import COVERAGE
 from touchcal.arrays import Array
@@ -61,7 +63,8 @@ def test_the_first_frame_of_a_touch_is_read_as_alone(model: Model, press: Callab
     for frame in frames[:REST]:
         assert tracker.update(frame).state == UNTOUCHED
     now = tracker.update(frames[REST])
-    alone = model.predict(now.signal_V + untouched_V, untouched_V, noise_V=now.noise_V * np.sqrt(1 + 1 / (REST + 1)))
+    noise_V = now.noise_V * np.sqrt(1 + 1 / (REST + 1 - WAIT))
+    alone = model.predict(now.signal_V + untouched_V, untouched_V, noise_V=noise_V)
     assert now.state == TOUCH
     assert np.allclose(now.value, alone[["x0_m", "y0_m", "d_m", "F_N"]].to_numpy()[0], rtol=2e-4, atol=1e-6)
 
@@ -117,6 +120,62 @@ def test_a_drift_is_followed_and_makes_no_contact(model: Model, press: Callable[
     assert {now.state for now, still in zip(said, rest, strict=True) if still} == {UNTOUCHED}
     middle = said[-REST - 40]
     assert np.hypot(*(1e3 * middle.value[:2] - touch[40, :2])) < 1.0
+
+
+def after_one_another(press: Callable[..., Array], count: int, pause: int = 12) -> tuple[Array, Array]:
+    """Frames of presses with short pauses between, and which of them are touched."""
+    touch = slide(12, 0.6)
+    one = press(touch, 0)[REST - pause:-REST]
+    frames = np.concatenate([press(touch, 20)[:REST], press(touch, 21)[:pause],
+                             *(press(touch, k)[REST - pause:-REST] for k in range(count)), press(touch, 22)[:pause]])
+    still = np.zeros(pause, bool)
+    return frames, np.r_[np.zeros(REST, bool), still, np.tile(np.arange(len(one)) >= pause, count), still]
+
+
+def walked(root: Array, frames: int) -> Array:
+    """(frames, readings) walk whose covariance grows by root' root, of a root (k, readings), in a second."""
+    return np.cumsum(np.random.default_rng(4).normal(size=(frames, len(root))), axis=0) @ root / np.sqrt(RATE_HZ)
+
+
+@pytest.mark.parametrize("cause", ["any", "gains"])
+def test_a_drift_that_only_short_pauses_show_makes_no_contact(model: Model, press: Callable[..., Array], cause: str
+                                                             ) -> None:
+    """In a second it goes as far as noise along each of three directions, or gains walk by 0.02 %."""
+    frames, touched = after_one_another(press, 4)
+    rng, readings = np.random.default_rng(3), frames.shape[1]
+    root = (NOISE_V * np.sqrt(readings) * np.linalg.qr(rng.normal(size=(readings, 3)))[0].T if cause == "any" else
+            2e-4 * by_gain(model.ring, model.baseline_V).T)
+    said = told(Tracker(model, rate_hz=RATE_HZ, say=lambda words: None), frames + walked(root, len(frames)))
+    states = np.array([now.state for now in said])
+    begun = np.flatnonzero(touched[1:] & ~touched[:-1]) + 1
+    lifted = np.flatnonzero(~touched[1:] & touched[:-1]) + 1
+    assert len(begun) == 4
+    assert set(states[begun + 1]) == {TOUCH}
+    still = ~touched
+    still[np.r_[:20, lifted, lifted + 1]] = False
+    assert set(states[still]) == {UNTOUCHED}
+
+
+def test_an_untouched_frame_that_jumps_is_taken_anew(model: Model, press: Callable[..., Array]) -> None:
+    """No touch explains what is left, however much it is."""
+    frames = press(slide(), 8)
+    way = np.random.default_rng(1).normal(size=frames.shape[1])
+    frames[10:] += 0.05 * way / np.linalg.norm(way)
+    said = told(Tracker(model, frames[:8], NOISE_V, rate_hz=RATE_HZ), frames[8:])
+    assert said[2].flag == STRANGE
+    assert {now.state for now in said[:REST - 8]} == {UNTOUCHED}
+    assert {now.flag for now in said[5:REST - 8]} == {""}
+    assert {now.state for now in said[REST - 4:-REST]} == {TOUCH}
+    assert {now.state for now in said[-REST + 2:]} == {UNTOUCHED}
+
+
+def test_a_press_in_the_untouched_frame_is_no_contact_when_it_is_lifted(model: Model, press: Callable[..., Array]
+                                                                        ) -> None:
+    frames = press(slide(), 9)
+    said = told(Tracker(model, frames[REST + 20:REST + 22].mean(axis=0), NOISE_V, rate_hz=RATE_HZ,
+                        say=lambda words: None), frames[-REST:])
+    assert said[0].flag == OTHER_SIGN
+    assert {now.state for now in said} == {UNTOUCHED}
 
 
 def test_calibration_tells_the_noise_and_how_long_it_takes(model: Model, press: Callable[..., Array]) -> None:
