@@ -19,10 +19,10 @@ from eitsim.scene.outline_electrodes import middles_m
 from eitsim.scene.scene import Electrodes
 from touchcal.arrays import Array, Complex
 
-# The line along which f' is matched lies so far from the edges, over the largest distance that a place has from them;
-# poles on the edges and places on the line have steps of these parts of that.
-LINE, POLES, MATCHED = 0.1, 0.4, 0.2
-MOST_POLES = 1500  # poles at most, about, whose steps are wider then
+# The line along which f' is matched lies so far from the edges, over the largest distance that a place has from them,
+# or so far over the least distance of a touch; poles on the edges and places on the line have steps of these parts of
+# that. There are so many poles at most, about: the line lies farther from the edges then.
+LINE, BEFORE, POLES, MATCHED, MOST_POLES = 0.1, 0.5, 0.4, 0.2, 1000
 _GRID, _SHRINKS = 80, 40  # places along each axis from which the innermost one is sought, and steps from the best
 _RELATIVE = 1e-10  # part of the largest singular value of the poles' fields below which one is left out
 _BATCH = 256  # places whose fields are integrated together
@@ -37,23 +37,26 @@ class Sheet:
     end_mm: Array  # (edges, 2) their ends
     electrode: Array  # (electrodes, 4) x, y of the middles and width, mm, contact impedance, Ohm m
     origin_mm: Array  # (2,) place farthest from the edges
+    line_mm: float  # distance of the line along which f' is matched to the edges; nearer to these it errs
     pole: Complex  # (poles,) places w on the edges, from the origin over its distance to the edges
     strength: Complex  # (poles, electrodes) f' = sum_w strength / (w - z)
     potential: Array  # (electrodes, electrodes) potentials of the electrodes, columns by the driven one
 
 
-def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[Sheet, float]:
-    """A skin of sheet conductance S, S, and the distance of its innermost place to its edges, mm; ValueError for
-    electrodes on the surface."""
+def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float,
+             places_m: Array | None = None) -> tuple[Sheet, float]:
+    """A skin of sheet conductance S, S, with fields that are exact at places (n, 2), and the distance of its innermost
+    place to its edges, mm; ValueError for electrodes on the surface."""
     if electrodes.kind != "line":
         raise ValueError(f'kind = "{electrodes.kind}" in [electrodes]: surrogates of skins with an outline learn from '
                          'electrodes along the edge. Sweep with kind = "line".')
     origin, reach = innermost_m(outline)
     start, end = corners_and_edges(outline)
-    step = LINE * reach
-    length = float(np.linalg.norm(end - start, axis=1).sum())
-    pole = _along(start, end, max(POLES * step, length / MOST_POLES))
-    line = _offset(outline, step, MATCHED * step)
+    away = LINE * reach
+    if places_m is not None and len(places_m):
+        away = min(away, BEFORE * float(np.min(edge_distance_m(outline, places_m))))
+    away = max(away, float(np.linalg.norm(end - start, axis=1).sum()) / MOST_POLES / POLES)
+    pole, line = _along(start, end, POLES * away), _offset(outline, away, MATCHED * away)
     response = edge_responses(outline, electrodes, conductance_S)[1]
     field = np.concatenate([first_derivative(response, part, reach) for part in np.array_split(
         line, len(line) // _BATCH + 1)])
@@ -64,7 +67,7 @@ def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float) -> 
     impedance = solve_untouched(outline, electrodes, conductance_S).impedance_Ohm
     described = np.column_stack([1e3 * middles_m(outline, electrodes), 1e3 * widths(electrodes),
                                  contact_impedances(electrodes)])
-    return Sheet(1e3 * start, 1e3 * end, described, 1e3 * origin, pole, strength,
+    return Sheet(1e3 * start, 1e3 * end, described, 1e3 * origin, 1e3 * away, pole, strength,
                  np.pi * conductance_S * impedance), 1e3 * reach
 
 

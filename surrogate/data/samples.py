@@ -69,7 +69,7 @@ def read_samples(data: Samples | Dataset | Path | str) -> Samples:
             raise InputFileError(folder, "no such folder. Give the folder that `eitsim sweep --out` wrote.")
         data = read_dataset(folder)
     try:
-        ring = ring_of_design(data.design["tables"], _untouched(data.ok))
+        ring = ring_of_design(data.design["tables"], _untouched(data.ok), _places(data.ok))
     except ValueError as error:
         raise InputFileError(folder, str(error)) from None
     return _samples(folder, data, ring)
@@ -104,6 +104,14 @@ def _untouched(rows: pd.DataFrame) -> Array | None:
     found = rows[touched].to_numpy(np.float64) - rows[[f"d{name}" for name in touched]].to_numpy(np.float64)
     mean = found.mean(axis=0)
     return mean if np.all(np.isfinite(mean)) else None
+
+
+def _places(rows: pd.DataFrame) -> Array | None:
+    """(n, 2) places of touches that no edge is near to, mm; None without columns of them."""
+    if any(name not in rows.columns for name in TOUCH[:2]):
+        return None
+    found = rows.loc[~_near_edge(rows), list(TOUCH[:2])].to_numpy(np.float64)
+    return found[np.isfinite(found).all(axis=1)]
 
 
 def _near_edge(rows: pd.DataFrame) -> Mask:

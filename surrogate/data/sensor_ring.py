@@ -99,13 +99,13 @@ def outwards(ring: Ring, radius: Array) -> Array:
     return ring.origin_mm + ring.radius_mm * radius[:, None] * way
 
 
-def ring_of(scene: Scene, baseline_V: Array | None = None) -> Ring:
+def ring_of(scene: Scene, baseline_V: Array | None = None, places_mm: Array | None = None) -> Ring:
     """The ring of a scene's body, electrodes and drive; ValueError where a reading is not one voltage between two
     electrodes, a pattern not the current I from one to another, or a skin with an outline has electrodes on its
     surface.
 
     The fields on a skin with an outline are those on the sheet conductance whose untouched readings are as large as
-    the given ones (readings,), V; on a usual one without.
+    the given ones (readings,), V, on a usual one without, and are exact at places (n, 2), if any are given.
     """
     count = scene.electrodes.count
     if scene.electrodes.missing:
@@ -119,7 +119,8 @@ def ring_of(scene: Scene, baseline_V: Array | None = None) -> Ring:
     readings = (np.repeat(source, each), np.repeat(sink, each), read, ground)
     if not scene.body.has_outline:
         return Ring(scene.body.radius_m * 1e3, middles(scene.electrodes), *readings, _modes(scene))
-    sheet, reach_mm = outlined_sheet.sheet_of(scene.body.shape, scene.electrodes, _conductance_S(scene, baseline_V))
+    sheet, reach_mm = outlined_sheet.sheet_of(scene.body.shape, scene.electrodes, _conductance_S(scene, baseline_V),
+                                              None if places_mm is None else places_mm / 1e3)
     x, y = (sheet.electrode[:, :2] - sheet.origin_mm).T
     return Ring(reach_mm, np.arctan2(y, x), *readings, np.zeros(0), sheet)
 
@@ -155,6 +156,6 @@ def _ends(rows: Array, what: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]
     return first.astype(np.int64), last.astype(np.int64)
 
 
-def ring_of_design(tables: Mapping[str, Any], baseline_V: Array | None = None) -> Ring:
+def ring_of_design(tables: Mapping[str, Any], baseline_V: Array | None = None, places_mm: Array | None = None) -> Ring:
     """As `ring_of`, of a design's tables; ValueError where the sensor itself varies between rows."""
-    return ring_of(sensor_of(tables), baseline_V)
+    return ring_of(sensor_of(tables), baseline_V, places_mm)

@@ -19,9 +19,9 @@ from touchcal.arrays import Array, Index
 CANDIDATES, PLACES, MATCHED, STEPS = 400, 2, 2, 15
 MARGIN_MM, MARGIN = 10.0, 0.1  # how far outside the training touches one may lie: its place, mm, and log d and log F
 RIM = 0.97  # part of the disc's radius outside which no place is sought
-# The same on a skin with an outline, whose fields are exact as far; steps back from its edges, of which two may be near
-# each other, and places of a row of candidates over how many are asked for.
-EDGE, BACK, DENSER = 1 - 1.5 * outlined_sheet.LINE, 4, 4
+# On a skin with an outline, distance to its edges inside which no place is sought, over that from which its fields are
+# exact; steps back from the edges, of which two may be near each other; and tried candidates over those asked for.
+EDGE, BACK, DENSER = 1.5, 4, 4
 # Least part of what is known of a strength, the prior of the search with it, that the signal is taken to tell.
 LEAST_KNOWN = 1e-6
 
@@ -139,7 +139,8 @@ def on_skin(forward: ForwardMap, place_mm: Array) -> Array:
     """Places (n, 2) pulled back to the training touches and a margin about them."""
     ring, reach = forward.ring, forward.bounds[1, 0] + MARGIN_MM
     if ring.sheet is not None:
-        return _from_edges(forward, ring.sheet, place_mm, ring.radius_mm - min(reach, EDGE * ring.radius_mm))
+        return _from_edges(forward, ring.sheet, place_mm, max(
+            ring.radius_mm - reach, EDGE * ring.sheet.line_mm))
     limit = min(reach, RIM * ring.radius_mm)
     radius = np.hypot(place_mm[:, 0], place_mm[:, 1])
     return place_mm * np.minimum(1.0, limit / np.maximum(radius, 1e-12))[:, None]

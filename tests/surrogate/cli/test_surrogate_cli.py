@@ -77,7 +77,7 @@ def write_frames(path: Path, frames: Array, header: list[str] | None = None) -> 
 
 def test_training_leaves_a_model_its_scores_and_its_predictions(forward: Path) -> None:
     model, scores = (json.loads((forward / name).read_text()) for name in ("model.json", "evaluation.json"))
-    assert (model["schema"], model["method"], model["seed"]) == (11, "forward", 1)
+    assert (model["schema"], model["method"], model["seed"]) == (12, "forward", 1)
     assert model["dataset"]["split"] == {"train": 140, "val": 30, "test": 30}
     assert len(model["dataset"]["sha256"]) == 64
     assert {"touchcal", "numpy", "torch"} <= set(model["versions"])

@@ -40,6 +40,19 @@ def test_fields_are_those_of_the_integrals_along_edges_and_holes_in_all_orders(s
         assert np.linalg.norm(off) < 1e-5 * np.linalg.norm(found[k])
 
 
+def test_fields_are_exact_where_the_touches_are() -> None:
+    """A skin that is large for its foam has touches far nearer to its edges than a tenth of its size."""
+    body = Body(outline="rectangle", width_m=0.3, height_m=0.25)
+    electrodes, at = Electrodes(count=8, width_m=0.02), np.array([[0.0, 0.117]])
+    known = np.pi * S * arriving(edge_responses(body.shape, electrodes, S)[1], [(complex(*at[0]), 0.125)], 3)
+    off = []
+    for places in (None, at):
+        sheet, reach_mm = outlined_sheet.sheet_of(body.shape, electrodes, S, places)
+        found = outlined_sheet.fields(sheet, (1e3 * at @ [1, 1j] - complex(*sheet.origin_mm)) / reach_mm, 3)
+        off.append(np.linalg.norm(found[:, 0] / np.array([1, 2, 6])[:, None] - known) / np.linalg.norm(known))
+    assert off[0] > 1e-3 > 1e-5 > off[1]
+
+
 def test_distances_know_the_hole_and_have_their_slopes(sheet: Sheet) -> None:
     at = np.array([[30.0, 80.0], [31.3, 88.2], [63.0, 61.0], [100.0, 29.0], [20.0, 40.0]])
     distance, slope = outlined_sheet.edge_distance_mm(sheet, at)

@@ -17,11 +17,13 @@ from eitsim.sweeps.design.design import design_from
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from surrogate.bounds.material_spread import known_material
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring, place, radial, ring_of
 from surrogate.forward_map import multipole_series
 from surrogate.live.export_page import export_page
 from surrogate.single_frame.posterior import posterior_of
+from surrogate.single_frame.simulator_likelihood import Simulator, check_sensor
 
 Array = NDArray[np.float64]
 
@@ -143,6 +145,8 @@ def test_a_small_sweep_of_a_rectangle_reads_unseen_touches(tmp_path: Path) -> No
 def test_what_is_built_for_discs_says_so(model: surrogate.Model, samples: Samples, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="draws round skins"):
         export_page(model, tmp_path / "page.html")
+    with pytest.raises(ValueError, match="sensitivities are not built for skins with an outline"):
+        check_sensor(Simulator(SCENE, CARD, known_material()), model.ring)
     with pytest.raises(ValueError, match="prior of the place is built for discs"):
         posterior_of(model.learner.forward, samples.signal_V[0], 1e-6)  # pyright: ignore[reportAttributeAccessIssue]
     edge = replace(samples, near_edge=np.ones(ROWS, bool))
