@@ -16,9 +16,9 @@ from scipy.special import chdtri
 from surrogate.data.baseline_walk import Block, Walk, still, walk_of
 from touchcal.arrays import Array
 
-# Frames of a block, those of one that a touch ends, blocks that tell the walk, and frames that calibration takes where
-# the noise is not stated.
-BLOCK, LEAST_BLOCK, BLOCKS, CALIBRATION = 10, 4, 40, 20
+# Least frames and seconds of a block, frames of one that a touch ends, blocks that tell the walk, and frames that
+# calibration takes where the noise is not stated.
+BLOCK, BLOCK_S, LEAST_BLOCK, BLOCKS, CALIBRATION = 10, 0.15, 4, 40, 20
 MEMORY = 1000.0  # frames that the noise is averaged over, at most
 LEAST_GAIN = 1 / 500  # of the frame in the untouched one: a drift that begins late is followed all the same
 CHANCE = 1e-5  # of a chi^2 of a frame that noise and the known walk are not believed to give
@@ -138,7 +138,8 @@ def interrupted(of: Background) -> Background:
 
 def _with_block(of: Background, volts: Array) -> Background:
     filled = replace(of, block=(*of.block, volts), begun_s=of.begun_s if of.block else of.time_s)
-    return _ended(filled) if len(filled.block) == BLOCK else filled
+    whole = len(filled.block) >= BLOCK and filled.time_s - filled.begun_s >= BLOCK_S
+    return _ended(filled) if whole else filled
 
 
 def _ended(of: Background) -> Background:

@@ -27,7 +27,7 @@ def blocks_of(clean: Array, seed: int, frames: int = 8, gap: int = 25) -> list[B
             for k in range(0, len(clean) - frames, gap)]
 
 
-def test_the_rate_of_foreseen_causes_is_told_by_blocks_between_touches() -> None:
+def test_the_rate_of_foreseen_causes_is_learnt_from_blocks_between_touches() -> None:
     rate = np.array([walk.root[0, 0] / CAUSES[0, 0] for seed in range(8) for walk in
                      [walk_of(blocks_of(walked(2e-3 * CAUSES, 400, seed), seed), NOISE**2, CAUSES)]])
     assert np.sqrt(np.mean(rate**2)) == pytest.approx(2e-3, rel=0.1)

@@ -17,7 +17,7 @@ from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import STRANGE, WAIT, Tracker
 from surrogate.model.train import train
 from surrogate.statistics.conformal import COVERAGE
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 
 Spots = Callable[..., Array]
 NOISE_V, RATE_HZ = 1e-4, 50.0
@@ -122,7 +122,7 @@ def test_a_drift_is_followed_and_makes_no_contact(model: Model, press: Callable[
     assert np.hypot(*(1e3 * middle.value[:2] - touch[40, :2])) < 1.0
 
 
-def after_one_another(press: Callable[..., Array], count: int, pause: int = 12) -> tuple[Array, Array]:
+def after_one_another(press: Callable[..., Array], count: int, pause: int = 12) -> tuple[Array, Mask]:
     """Frames of presses with short pauses between, and which of them are touched."""
     touch = slide(12, 0.6)
     one = press(touch, 0)[REST - pause:-REST]
@@ -140,10 +140,10 @@ def walked(root: Array, frames: int) -> Array:
 @pytest.mark.parametrize("cause", ["any", "gains"])
 def test_a_drift_that_only_short_pauses_show_makes_no_contact(model: Model, press: Callable[..., Array], cause: str
                                                              ) -> None:
-    """In a second it goes as far as noise along each of three directions, or gains walk by 0.02 %."""
+    """In a second it goes three times as far as noise along each of three directions, or gains walk by 0.02 %."""
     frames, touched = after_one_another(press, 4)
     rng, readings = np.random.default_rng(3), frames.shape[1]
-    root = (NOISE_V * np.sqrt(readings) * np.linalg.qr(rng.normal(size=(readings, 3)))[0].T if cause == "any" else
+    root = (3 * NOISE_V * np.sqrt(readings) * np.linalg.qr(rng.normal(size=(readings, 3)))[0].T if cause == "any" else
             2e-4 * by_gain(model.ring, model.baseline_V).T)
     said = told(Tracker(model, rate_hz=RATE_HZ, say=lambda words: None), frames + walked(root, len(frames)))
     states = np.array([now.state for now in said])
