@@ -102,9 +102,9 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     change by the coarser mesh times LEFT, as halved meshes are nested and cover the same cells, or LEFT_CUT where the
     rim cuts the contact: near the cut no line of the mesh follows its end. A mesh is halved again where MARGIN times
     its estimate exceeds `signal`. With an outline, "multipole" adds half the change by the edges' mesh before it was
-    halved (currents that crowd leave so much) for the harmonics around the rim; "mesh", between line electrodes, MISSED
-    and what is left over the change from a coarser mesh where errors fall with the square of the number of nodes. No
-    estimate holds what interpolation between the touch's own samples costs.
+    halved (currents that crowd leave so much) for the harmonics around the rim; "mesh", between line electrodes,
+    UNHALVED and what is left over the change from a coarser mesh where errors fall with the square of the number of
+    nodes. No estimate holds what interpolation between the touch's own samples costs.
 
     MISSED, UNHALVED and LEFT are no bounds. UNHALVED and LEFT were fitted to the even ones of 200 random touches: 93 of
     these 100 estimates lie within a factor of 3 of the error and 85 cover it, 90 and 78 of the odd ones; at one touch
@@ -236,31 +236,31 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     cut = any(rings.admissible_radius(body, punch) < touch.contact_radius_m for punch, touch in touches)
     if not body.has_outline:
         mesh = alike_mesh(body, electrodes, touches)
-        return _halved(sensor, touches, mesh, _on_mesh(sensor, touches, mesh), signal, UNHALVED,
+        return _halved(sensor, touches, mesh, _on_mesh(sensor, touches, mesh), signal,
                        LEFT_CUT if cut else LEFT)
     meshes = partial(outlined_mesh, body, electrodes, sensor.conductance_S, touches)
     mesh = meshes()
     change = _on_mesh(sensor, touches, mesh)
     if electrodes.kind != "line" or cut:
-        return _halved(sensor, touches, mesh, change, signal, UNHALVED, LEFT_CUT)
+        return _halved(sensor, touches, mesh, change, signal, LEFT_CUT)
     rough = meshes(ROUGHLY, ROUGH)
     share = (len(rough.nodes_m) / len(mesh.nodes_m)) ** RATE
     if share < 1:
-        error = MISSED + share / (1 - share) * _difference(sensor, change, _on_mesh(sensor, touches, rough))
+        error = UNHALVED + share / (1 - share) * _difference(sensor, change, _on_mesh(sensor, touches, rough))
         if MARGIN * error <= signal:
             return _Change(change, error, _unknowns(mesh), "mesh")
-    return _halved(sensor, touches, mesh, change, signal, MISSED, LEFT_OUTLINE)
+    return _halved(sensor, touches, mesh, change, signal, LEFT_OUTLINE)
 
 
-def _halved(sensor: _Sensor, touches: Touches, mesh: SkinMesh, change: Array, signal: float, missed: float,
+def _halved(sensor: _Sensor, touches: Touches, mesh: SkinMesh, change: Array, signal: float,
             left: float) -> _Change:
     """The change on a mesh that is halved until MARGIN times the estimate meets the requested error, or no more; left:
-    what is left, over the change by the last halving; missed: what halvings do not show."""
+    what is left, over the change by the last halving."""
     error = math.inf
     for _ in range(HALVINGS):
         coarse, mesh = change, uniform_refinement(mesh)
         change = _on_mesh(sensor, touches, mesh)
-        error = missed + left * _difference(sensor, change, coarse)
+        error = UNHALVED + left * _difference(sensor, change, coarse)
         if MARGIN * error <= signal:
             break
     return _Change(change, error, _unknowns(mesh), "mesh")
