@@ -64,6 +64,7 @@ def test_rings_have_lines_at_the_edge_of_the_punch_and_the_start_of_its_fillet()
         assert np.sum(np.abs(away - line) < 1e-12) >= 24
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("touches", [PAIR[:1], PAIR], ids=["0.8 mm from an edge", "and next to a hole"])
 def test_less_than_half_the_nodes_give_the_signal_as_exactly_as_estimated(touches) -> None:
     """Within a factor of 3, against the triangles on which the untouched readings are known to 1e-4; closer to these
