@@ -22,7 +22,7 @@ from matcal.laws.conductivity import Conductivity
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 # Triangles of a skin with an outline, about; cells near touches are sampled as the foam's thickness asks.
 _TRIANGLES = 2000
-# Strains fall by e in less than a thickness: so many thicknesses outside a circle they no longer need to be followed.
+# Strains fall by e in less than a thickness: so many thicknesses outside a contact they no longer need to be followed.
 _FADED = 8.0
 
 
@@ -59,12 +59,14 @@ def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
 
 
-def _sampled(fields: _Fields, thickness_m: float, places_m: Array, reach_m: Array) -> tuple[Array, Array, Array]:
+def _sampled(fields: _Fields, thickness_m: float, places_m: Array, inner_m: Array,
+             contact_m: Array) -> tuple[Array, Array, Array]:
     """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; no further
-    apart than the foam is thick in cells near circles (k,) about places (k, 2), outside which strains decay."""
+    apart than the foam is thick in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,),
+    outside which strains decay."""
     size = fields.size_m
     away = np.linalg.norm(fields.points_m[:, :, None] - places_m, axis=-1)
-    fading = (away.min(axis=1) < reach_m + _FADED * thickness_m) & (away.max(axis=1) > FULL * reach_m - size[:, None])
+    fading = (away.min(axis=1) < contact_m + _FADED * thickness_m) & (away.max(axis=1) > inner_m - size[:, None])
     near = fading.any(axis=1) & (size > thickness_m)
     points, area, gradient = fields.points_m, fields.area_m2, fields.gradient
     if not near.any():
@@ -87,7 +89,7 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     u the untouched fields, ds the change of conductance less `ring_share` of it."""
     place = np.array([punch.x_m, punch.y_m])
     points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, place[None],
-                                      np.array([reach_m]))
+                                      np.array([FULL * reach_m]), np.array([touch.contact_radius_m]))
     radius = np.linalg.norm(points - place, axis=1)
     left = 1 - ring_share(radius, reach_m)
     far = (left > 0) & (radius < touch.radius_m[-1])
@@ -102,7 +104,8 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
     places = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     inner = np.array([touch.contact_radius_m for _, touch in touches])
     outer = np.array([[touch.radius_m[-1]] for _, touch in touches])
-    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, places, inner)
+    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, places, inner,
+                                      inner)
     away = np.linalg.norm(points - places[:, None], axis=-1)
     outside = np.all(away > inner[:, None], axis=0) & (np.sum(away < outer, axis=0) > 1)
     points = points[outside]
