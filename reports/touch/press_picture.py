@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
 
 INSTALL = "python -m pip install 'touchcal[draw]'"
 SUFFIXES = (".png", ".gif")
+# Libraries that draw without a display on Linux, of which VTK takes the first that is there.
+_OFF_SCREEN = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so.6")
 # Parts of a step, and what each needs among its point fields, next to a driving strain of the foam.
 FIELDS = {"foam": ["displacement_m"], "punch": ["displacement_m", "force_N"], "electrodes": ["displacement_m"]}
 PARTS = list(FIELDS)
@@ -98,7 +103,7 @@ def draw_press(series: Path | str, out: Path | str) -> Path:
     Raises
     ------
     ValueError
-        Where the series is none, the suffix is another one, or pyvista is not installed.
+        Where the series is none, the suffix is another one, or pyvista or what it draws with is not installed.
     """
     series, out = Path(series), Path(out)
     check_picture(out)
@@ -115,7 +120,7 @@ def draw_press(series: Path | str, out: Path | str) -> Path:
 
 
 def check_picture(out: Path) -> None:
-    """ValueError for a suffix that is none of SUFFIXES, and where pyvista is missing."""
+    """ValueError for a suffix that is none of SUFFIXES, and where pyvista or what it draws with is missing."""
     if out.suffix not in SUFFIXES:
         raise ValueError(f"--out {out}: a picture is a .png, an animation a .gif; give a name that ends so.")
     try:
@@ -123,6 +128,22 @@ def check_picture(out: Path) -> None:
     except ImportError as error:
         raise ValueError(f"pictures in three dimensions need {error.name}, which is not installed. Install it: "
                          f"{INSTALL}") from None
+    if not can_draw():
+        raise ValueError(f"pictures in three dimensions are drawn without a display by {' or '.join(_OFF_SCREEN)}, "
+                         "and none can be loaded. Install one; on Debian: apt-get install libegl1 libgl1-mesa-dri")
+
+
+def can_draw() -> bool:
+    """Whether there is a display, or on Linux a library that draws without one; VTK ends the process without either."""
+    return bool(os.environ.get("DISPLAY")) or not sys.platform.startswith("linux") or any(map(_loads, _OFF_SCREEN))
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
 
 
 def read_steps(series: Path) -> list[Step]:

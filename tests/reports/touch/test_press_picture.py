@@ -13,10 +13,12 @@ from PIL import Image
 import eitsim
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
-from reports.touch.press_picture import check_picture, colours, draw_press, read_steps, strain_limits
+from reports.touch.press_picture import can_draw, check_picture, colours, draw_press, read_steps, strain_limits
 
 CARD = MaterialCard("Table 1", Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm"))
 SCENE = eitsim.Scene(punches=(eitsim.Punch(x_m=-0.02, force_N=0.5),), accuracy=eitsim.Accuracy(0.05))
+
+drawn_here = pytest.mark.skipif(not can_draw(), reason="no library that draws without a display, such as libEGL")
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +49,7 @@ def test_steps_are_read_in_order_with_force_and_depth(series):
         steps[-1].foam["driving_strain_principal"][steps[-1].foam.points[:, 2] == 0]))
 
 
+@drawn_here
 def test_the_picture_shows_foam_strain_and_electrodes(series, tmp_path):
     drawn = pixels(Image.open(draw_press(series, tmp_path / "press.png")))
     height = len(drawn)
@@ -58,6 +61,7 @@ def test_the_picture_shows_foam_strain_and_electrodes(series, tmp_path):
     assert 0.002 < strained(near) < 0.2
 
 
+@drawn_here
 def test_the_animation_has_a_picture_for_every_step_and_begins_unstrained(series, tmp_path):
     with Image.open(draw_press(series, tmp_path / "press.gif")) as moving:
         assert moving.n_frames == 3
@@ -75,6 +79,7 @@ def test_colours_are_light_where_nothing_is_strained():
     assert colours((-2.0, 30.0)) == "cividis_r"
 
 
+@drawn_here
 @pytest.mark.parametrize("content", [None, "<VTKFile type='Collection'><Collection/></VTKFile>"])
 def test_what_is_no_series_is_named(tmp_path, content):
     pytest.importorskip("pyvista")
@@ -85,6 +90,7 @@ def test_what_is_no_series_is_named(tmp_path, content):
         draw_press(place, tmp_path / "press.png")
 
 
+@drawn_here
 @pytest.mark.parametrize(("old", "new", "named"), [
     (b"</VTKFile>", b"", "the VTU file is damaged"),
     (b"displacement_m", b"displaced_m", "the point field displacement_m is missing"),
@@ -102,3 +108,17 @@ def test_a_missing_library_names_the_line_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)
     with pytest.raises(ValueError, match=r"need pyvista, which is not installed. Install it: .*touchcal\[draw\]"):
         check_picture(Path("press.png"))
+
+
+@pytest.mark.parametrize(("display", "may"), [(None, False), (":0", True)])
+def test_without_a_display_and_what_draws_without_one_the_package_to_install_is_named(monkeypatch, display, may):
+    pytest.importorskip("pyvista")
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr("reports.touch.press_picture._OFF_SCREEN", ("libNone.so.1",))
+    monkeypatch.delenv("DISPLAY", raising=False)
+    if display:
+        monkeypatch.setenv("DISPLAY", display)
+    assert can_draw() is may
+    if not may:
+        with pytest.raises(ValueError, match=r"libNone\.so\.1, and none can be loaded.* apt-get install libegl1"):
+            check_picture(Path("press.png"))
