@@ -98,7 +98,7 @@ def near_an_edge(model: surrogate.Model, design: Design) -> dict[str, Any]:
 
 
 def main() -> None:
-    kept = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    kept = Path(sys.argv[1]) if sys.argv[1:] else None
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         for case in CASES:
