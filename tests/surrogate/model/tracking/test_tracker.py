@@ -56,6 +56,7 @@ def slide(frames: int = 40, force: float = 1.0) -> Array:
     return np.column_stack([np.linspace(-12, 12, frames), np.full(frames, 20.0), np.full(frames, 13.0), level])
 
 
+@pytest.mark.slow
 def test_the_first_frame_of_a_touch_is_read_as_alone(model: Model, press: Callable[..., Array],
                                                      untouched_V: Array) -> None:
     frames = press(slide()[5:10], 0)
