@@ -67,15 +67,15 @@ def test_rings_have_lines_at_the_edge_of_the_punch_and_the_start_of_its_fillet()
 @pytest.mark.slow
 @pytest.mark.parametrize("touches", [PAIR[:1], PAIR], ids=["0.8 mm from an edge", "and next to a hole"])
 def test_less_than_half_the_nodes_give_the_signal_as_exactly_as_estimated(touches) -> None:
-    """Within a factor of 3, against the triangles on which the untouched readings are known to 1e-4; closer to these
-    than even triangles, more than twice as many."""
+    """Below the estimate and within a factor of 3, against the triangles on which the untouched readings are known to
+    1e-4; closer to these than even triangles, more than twice as many."""
     found = solve(L, SKIN, LINES, Drive(), touches, LAW, method="mesh", signal=4e-3)
     fine, plain = outlined_mesh(L, LINES, 6e-4, touches, 1e-4), uniform_refinement(touch_mesh(L, LINES, 6e-4, touches))
     known, even = signal_on(fine, touches), signal_on(plain, touches)
     off, even_off = (np.linalg.norm(one - known) / np.linalg.norm(known) for one in (found.signal_V, even))
     print(f"{off:.1e}, estimated {found.signal_error:.1e}, {found.unknowns} unknowns; {even_off:.1e}, "
           f"{len(plain.nodes_m)} nodes")
-    assert found.signal_error / 3 < off < 3 * found.signal_error
+    assert found.signal_error / 3 < off < found.signal_error < 4e-3
     assert off < even_off
     assert 2 * found.unknowns < len(plain.nodes_m)
 
