@@ -56,13 +56,16 @@ class RimField:
     # (n, k, 3) in-plane metric seen from the axisymmetric stretches U: xx, xy, yy of U^-1 C U^-1; 1, 0, 1 is no change
     metric: Array
     normal: Array  # (n, k) factor of the stretch normal to the surface
-    # radius of the disc, and distance of the punch's axis from its centre, m
+    # radius of the disc, and distance of the punch's axis from its centre, m; infinite and 0 on a whole turn
     disc_m: float
     offset_m: float
     # (2,) direction to the neighbour, on whose side of the plane nothing is changed, or to the edge of an outline; None
     # for the rim of a disc, outwards from its centre
     towards: Array | None = None
     neighbour: bool = False  # whether it is a neighbour's
+    # whether nothing is symmetric: places are shares of a whole turn, counter-clockwise from `towards`, the last one
+    # being the first again; samples off the skin are those of the nearest place next to it
+    whole_turn: bool = False
     # (4,) how far the depth, and the signals by scene.STRAINS, may be off those solved anew, relative; None where they
     # are
     error_estimate: Array | None = None

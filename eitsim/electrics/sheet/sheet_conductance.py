@@ -169,31 +169,35 @@ def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
 def _changed(rim: RimField, local_m: Array) -> Array:
     """xx, xy and yy of the metric and the normal factor (..., 4)."""
     parts = np.concatenate([rim.metric, rim.normal[..., None]], axis=-1)
-    found = _sampled(rim, local_m, parts, (1.0, 0.0, 1.0, 1.0))
-    found[..., 1] = np.where(local_m[..., 1] < 0, -found[..., 1], found[..., 1])
-    return found
+    return _mirrored(rim, local_m, _sampled(rim, local_m, parts, (1.0, 0.0, 1.0, 1.0)))
 
 
 def moved(rim: RimField, local_m: Array) -> Array:
     """Displacement (..., 3), m, that the rim or a neighbour adds at places (..., 2) about the punch, axes as in
     RimField; interpolated as `_sampled`."""
-    found = _sampled(rim, local_m, rim.displacement_m, (0.0, 0.0, 0.0))
-    found[..., 1] = np.where(local_m[..., 1] < 0, -found[..., 1], found[..., 1])
+    return _mirrored(rim, local_m, _sampled(rim, local_m, rim.displacement_m, (0.0, 0.0, 0.0)))
+
+
+def _mirrored(rim: RimField, local_m: Array, found: Array) -> Array:
+    """Parts (..., n) of a field that is symmetric about the line to the rim, of which the second is odd."""
+    if not rim.whole_turn:
+        found[..., 1] = np.where(local_m[..., 1] < 0, -found[..., 1], found[..., 1])
     return found
 
 
 def _sampled(rim: RimField, local_m: Array, parts: Array, unchanged: Sequence[float]) -> Array:
     """Values (..., parts) of samples (n, k, parts) at places: linear in the radius and cubic in the angle between them,
     `unchanged` beyond the last circle and nearer to the neighbour."""
-    cubics = np.ascontiguousarray(CubicSpline(rim.share, parts, axis=1).c.transpose(2, 1, 0, 3))
+    ends = "periodic" if rim.whole_turn else "not-a-knot"
+    cubics = np.ascontiguousarray(CubicSpline(rim.share, parts, axis=1, bc_type=ends).c.transpose(2, 1, 0, 3))
     out = np.empty((*local_m.shape[:-1], len(unchanged)))
     _interpolate(np.ascontiguousarray(local_m).reshape(-1, 2), rim.disc_m, rim.offset_m, rim.neighbour,
-                 rim.radius_m, rim.share, cubics, np.array(unchanged), out.reshape(-1, len(unchanged)))
+                 rim.whole_turn, rim.radius_m, rim.share, cubics, np.array(unchanged), out.reshape(-1, len(unchanged)))
     return out
 
 
 @compiled
-def _interpolate(local, disc, offset, by_neighbour, radii, shares, cubics, unchanged, out):
+def _interpolate(local, disc, offset, by_neighbour, whole_turn, radii, shares, cubics, unchanged, out):
     """Values (points, parts) at places (points, 2) by cubics (radii, sectors, 4, parts) in the share, highest power
     first, and linearly between radii."""
     for p in range(len(local)):
@@ -204,6 +208,8 @@ def _interpolate(local, disc, offset, by_neighbour, radii, shares, cubics, uncha
                 out[p, part] = unchanged[part]
             continue
         share = min(max(angle - start, 0.0) / max(np.pi - start, _TINY), 1.0)
+        if whole_turn:
+            share = math.atan2(local[p, 1], local[p, 0]) / (2 * np.pi) % 1.0
         radius = max(radius, radii[0])
         ring = min(np.searchsorted(radii, radius, side="right"), len(radii) - 1) - 1
         sector = min(np.searchsorted(shares, share, side="right"), len(shares) - 1) - 1

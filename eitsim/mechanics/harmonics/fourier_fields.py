@@ -1,7 +1,7 @@
 """Displacements as Fourier series about an axis: their gradients at points of the meridian, and what acts on them.
 
-u_r and u_z are sums of even harmonics of the angle, u_theta one of odd harmonics; amplitudes (nodes, 3, harmonics)
-stand at the nodes of a mesh of the meridian. Gradients are taken in the local frame (r, theta, z), parts row after row
+u_r and u_z are sums of even harmonics of the angle, u_theta one of odd harmonics, and the other way round where nothing
+is symmetric (see `arcs`); amplitudes (nodes, 3, harmonics) stand at the nodes of a mesh of the meridian. Gradients are taken in the local frame (r, theta, z), parts row after row
 (rr, r theta, rz, theta r, ...), of which the 1st, 3rd, ... are even in the angle and the others odd. Loops end on
 harmonics or angles, which lie next to each other in memory.
 """
@@ -38,7 +38,7 @@ class Points:
 def gradients(at: Points, amplitude: Array) -> Array:
     """Displacement gradients (points, 9, angles)."""
     out = np.empty((len(at.shape), 9, at.circles.weight.shape[1]))
-    _gradients(at.shape, at.nodes, at.circle, at.circles.cosine, at.circles.sine, amplitude, out)
+    _gradients(at.shape, at.nodes, at.circle, at.circles.cosine, at.circles.sine, at.circles.orders, amplitude, out)
     return out
 
 
@@ -46,7 +46,8 @@ def forces(at: Points, stress: Array, amplitude: Array) -> Array:
     """Derivative by amplitudes, of the shape of the given ones, of sum stress : gradient; stress (points, 9, angles)
     with its weights."""
     out = np.zeros_like(amplitude)
-    _forces(at.shape, at.nodes, at.circle, _last(at.circles.cosine), _last(at.circles.sine), stress, out)
+    _forces(at.shape, at.nodes, at.circle, _last(at.circles.cosine), _last(at.circles.sine), at.circles.orders,
+            stress, out)
     return out
 
 
@@ -55,7 +56,7 @@ def apply_tangent(at: Points, tangent: Array, amplitude: Array) -> Array:
     `eitsim.mechanics.solid.hyperfoam_3d`, with weights."""
     out = np.zeros_like(amplitude)
     _stiffened(at.shape, at.nodes, at.circle, at.circles.cosine, at.circles.sine, _last(at.circles.cosine),
-               _last(at.circles.sine), tangent, amplitude, out)
+               _last(at.circles.sine), at.circles.orders, tangent, amplitude, out)
     return out
 
 
@@ -63,7 +64,7 @@ def apply_isotropic_stiffness(at: Points, weight: Array, amplitude: Array) -> Ar
     """The forces of stress = weight (points,) times the gradient on whole circles."""
     out = np.zeros_like(amplitude)
     chosen = weight > 0
-    _tied(at.shape[chosen], at.nodes[chosen], weight[chosen], amplitude, out)
+    _tied(at.shape[chosen], at.nodes[chosen], weight[chosen], at.circles.orders, amplitude, out)
     return out
 
 
@@ -81,31 +82,32 @@ def _last(table: Array) -> Array:
 
 
 @compiled
-def _differentiate(shape, nodes, amplitude, parts):
+def _differentiate(shape, nodes, orders, amplitude, parts):
     parts[:] = 0.0
     for a in range(shape.shape[0]):
         r, z, h, n = shape[a, 0], shape[a, 1], shape[a, 2], nodes[a]
-        for m in range(amplitude.shape[2]):
-            across, around, up = amplitude[n, 0, m], amplitude[n, 1, m], amplitude[n, 2, m]
-            parts[0, m] += r * across
-            parts[1, m] -= h * (m * across + around)
-            parts[2, m] += z * across
-            parts[3, m] += r * around
-            parts[4, m] += h * (across + m * around)
-            parts[5, m] += z * around
-            parts[6, m] += r * up
-            parts[7, m] -= h * m * up
-            parts[8, m] += z * up
+        for k in range(amplitude.shape[2]):
+            m, across, around, up = orders[k], amplitude[n, 0, k], amplitude[n, 1, k], amplitude[n, 2, k]
+            parts[0, k] += r * across
+            parts[1, k] -= h * (m * across + around)
+            parts[2, k] += z * across
+            parts[3, k] += r * around
+            parts[4, k] += h * (across + m * around)
+            parts[5, k] += z * around
+            parts[6, k] += r * up
+            parts[7, k] -= h * m * up
+            parts[8, k] += z * up
 
 
 @compiled
-def _collect(shape, nodes, parts, out):
+def _collect(shape, nodes, orders, parts, out):
     for a in range(shape.shape[0]):
         r, z, h, n = shape[a, 0], shape[a, 1], shape[a, 2], nodes[a]
-        for m in range(out.shape[2]):
-            out[n, 0, m] += r * parts[0, m] - h * m * parts[1, m] + z * parts[2, m] + h * parts[4, m]
-            out[n, 1, m] += r * parts[3, m] - h * parts[1, m] + h * m * parts[4, m] + z * parts[5, m]
-            out[n, 2, m] += r * parts[6, m] - h * m * parts[7, m] + z * parts[8, m]
+        for k in range(out.shape[2]):
+            m = orders[k]
+            out[n, 0, k] += r * parts[0, k] - h * m * parts[1, k] + z * parts[2, k] + h * parts[4, k]
+            out[n, 1, k] += r * parts[3, k] - h * parts[1, k] + h * m * parts[4, k] + z * parts[5, k]
+            out[n, 2, k] += r * parts[6, k] - h * m * parts[7, k] + z * parts[8, k]
 
 
 @compiled
@@ -121,29 +123,29 @@ def _combine(parts, cosine, sine, out):
 
 
 @compiled
-def _gradients(shape, nodes, circle, cosine, sine, amplitude, out):
+def _gradients(shape, nodes, circle, cosine, sine, orders, amplitude, out):
     parts = np.empty((9, amplitude.shape[2]))
     for i in range(shape.shape[0]):
-        _differentiate(shape[i], nodes[i], amplitude, parts)
+        _differentiate(shape[i], nodes[i], orders, amplitude, parts)
         _combine(parts, cosine[circle[i]], sine[circle[i]], out[i])
 
 
 @compiled
-def _forces(shape, nodes, circle, cosine, sine, stress, out):
+def _forces(shape, nodes, circle, cosine, sine, orders, stress, out):
     parts = np.empty((9, out.shape[2]))
     for i in range(shape.shape[0]):
         _combine(stress[i], cosine[circle[i]], sine[circle[i]], parts)
-        _collect(shape[i], nodes[i], parts, out)
+        _collect(shape[i], nodes[i], orders, parts, out)
 
 
 @compiled
-def _stiffened(shape, nodes, circle, cosine, sine, cosine_last, sine_last, tangent, amplitude, out):
+def _stiffened(shape, nodes, circle, cosine, sine, cosine_last, sine_last, orders, tangent, amplitude, out):
     angles = cosine.shape[2]
     parts = np.empty((9, amplitude.shape[2]))
     slope, stress = np.empty((9, angles)), np.empty((9, angles))
     for i in range(shape.shape[0]):
         c = circle[i]
-        _differentiate(shape[i], nodes[i], amplitude, parts)
+        _differentiate(shape[i], nodes[i], orders, amplitude, parts)
         _combine(parts, cosine[c], sine[c], slope)
         stress[:] = 0.0
         entry = 0
@@ -157,13 +159,13 @@ def _stiffened(shape, nodes, circle, cosine, sine, cosine_last, sine_last, tange
                     stress[q, j] += tangent[i, entry, j] * slope[p, j]
                 entry += 1
         _combine(stress, cosine_last[c], sine_last[c], parts)
-        _collect(shape[i], nodes[i], parts, out)
+        _collect(shape[i], nodes[i], orders, parts, out)
 
 
 @compiled
-def _tied(shape, nodes, weight, amplitude, out):
+def _tied(shape, nodes, weight, orders, amplitude, out):
     parts = np.empty((9, amplitude.shape[2]))
     for i in range(shape.shape[0]):
-        _differentiate(shape[i], nodes[i], amplitude, parts)
+        _differentiate(shape[i], nodes[i], orders, amplitude, parts)
         parts *= weight[i]
-        _collect(shape[i], nodes[i], parts, out)
+        _collect(shape[i], nodes[i], orders, parts, out)

@@ -2,7 +2,7 @@
 
 Where nothing depends on the angle, harmonics do not know of each other: harmonic m has the matrix
 sum B_m' C B_m with B_m = B_0 + m B_1, so three bands give them all. C is the mean tangent over the part of a circle
-inside the disc. That part itself is taken into account by the Gram matrix G of the harmonics on it, which is far from
+on the skin. That part itself is taken into account by the Gram matrix G of the harmonics on it, which is far from
 unity: amplitudes are scaled by (G + tie)^-1/2, column by column, before and after.
 """
 
@@ -27,7 +27,8 @@ _TURN = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, np.sqrt(2)]]) / 
 def preconditioner(disc: ClippedDisc, tangent: Array, bearing: Array) -> Solve:
     """Approximate inverse of the Hessian with the depth last, from its tangents (points, 45) and those of the contact
     (facets points, 3, 3), summed over the angles. Indefinite where a mean one is not positive definite."""
-    tangent = tangent / disc.foam.circles.inside[disc.foam.circle, None]
+    share = disc.foam.circles.inside[disc.foam.circle, None]
+    tangent = tangent / np.where(share > 0, share, 1.0)
     bearing = bearing / disc.facing.circles.inside[:, None, None]
     bearing = bearing.reshape(len(disc.facing.nodes), -1, 3, 3) * np.array([[1, 0, 1], [0, 1, 0], [1, 0, 1]])
     bands = _bands(disc, tangent, bearing)
@@ -84,7 +85,7 @@ def _bands(disc: ClippedDisc, tangent: Array, bearing: Array) -> list[Array]:
     mixed = elements(still, turning)
     zeroth = band(nodes, elements(still, still)) + band(facets, under(_TURN))
     linear, square = band(nodes, mixed + np.swapaxes(mixed, 1, 2)), band(nodes, elements(turning, turning))
-    return [first, *(zeroth + m * linear + m * m * square for m in range(1, len(disc.fixed)))]
+    return [first if m == 0 else zeroth + m * linear + m * m * square for m in disc.orders.tolist()]
 
 
 def _held(band: Array, fixed: NDArray[np.bool_]) -> Array:
@@ -113,10 +114,10 @@ def _roots(disc: ClippedDisc) -> tuple[Array, Array]:
 
 def _scaled(disc: ClippedDisc, even: Array, odd: Array, amplitude: Array) -> Array:
     count, columns = len(amplitude), len(even)
-    at = turned(np.where(disc.fixed, 0.0, amplitude)).reshape(count, columns, -1, 3)
+    at = turned(np.where(disc.fixed, 0.0, amplitude), disc.orders).reshape(count, columns, -1, 3)
     at = np.moveaxis(at, 0, 1)
     out = np.empty_like(at)
     for table, parts in ((even, slice(0, 3, 2)), (odd, slice(1, 2))):
         values = at[..., parts]
         out[..., parts] = (table @ values.reshape(columns, count, -1)).reshape(values.shape)
-    return np.where(disc.fixed, 0.0, turned(np.moveaxis(out, 1, 0).reshape(amplitude.shape)))
+    return np.where(disc.fixed, 0.0, turned(np.moveaxis(out, 1, 0).reshape(amplitude.shape), disc.orders))

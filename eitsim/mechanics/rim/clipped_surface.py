@@ -1,4 +1,4 @@
-"""The surface of a disc pressed off its centre, on circles about the punch's axis, and what is added to it there."""
+"""The surface of a skin pressed near an edge, on circles about the punch's axis, and what is added to it there."""
 
 from dataclasses import dataclass, replace
 
@@ -7,17 +7,20 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.contact.punch_contact import pressure
-from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, harmonics_at
+from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, OffsetOutline, harmonics_at
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc
 from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
 from eitsim.mechanics.solid.grid import lagrange
+from eitsim.scene.outline import inside, squared_distance
 from eitsim.scene.results import RimField
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-# Points a facet and angles at which the surface is sampled.
-_SAMPLES, _ANGLES = 3, 25
+# Points a facet and angles, on half a turn and on a whole one, at which the surface is sampled.
+_SAMPLES, _ANGLES, _WHOLE_TURN = 3, 25, 97
+# How far off the skin what is added goes on in samples, thicknesses, for interpolation up to the edge.
+_OFF = 0.3
 # Where the parts xx, xy, yy of a metric stand.
 _METRIC = ([0, 0, 1], [0, 1, 1])
 
@@ -31,17 +34,36 @@ class Samples:
     radius: Array
     share: Array
     angle: Array
-    outline: OffsetDisc  # what ends the circles: the rim, or a plane that stands for one
+    outline: OffsetDisc | OffsetOutline  # what ends the circles: the rim, or a plane that stands for one, or edges
 
 
-def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc) -> Samples:
+def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc | OffsetOutline) -> Samples:
     """Circles on the top, as far as they lie inside the outline."""
     points, radius = _top_points(disc, model)
+    if isinstance(outline, OffsetOutline):
+        return _around(disc, points, radius, outline)
     share = np.linspace(0, 1, _ANGLES)
     start = outline.start(radius)[:, None]
     angle = start + (np.pi - start) * share
     waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
     return Samples(replace(points, circles=waves), radius, share, angle, outline)
+
+
+def _around(disc: ClippedDisc, points: Points, radius: Array, outline: OffsetOutline) -> Samples:
+    """Whole circles, the samples off the skin at the nearest angle next to it; without those that nowhere meet it."""
+    share = np.linspace(0, 1, _WHOLE_TURN)
+    turn = 2 * np.pi * share[:-1]
+    place = radius[:, None, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    away = np.sqrt(squared_distance(place[..., None, :], outline.start, outline.end).min(axis=-1))
+    near = inside(place, outline.start, outline.end) | (away < _OFF)
+    met = int(np.argmin(near.any(axis=1))) or len(radius)  # circles of larger radii meet none
+    apart = np.abs((np.arange(len(turn)) - np.arange(len(turn))[:, None] + len(turn) // 2) % len(turn) - len(turn) // 2)
+    nearest = np.where(near[:met, None], apart, len(turn)).argmin(axis=-1)
+    angle = turn[nearest]
+    angle = np.column_stack([angle, angle[:, :1]])
+    waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed), True), True)
+    kept = replace(points, shape=points.shape[:met], nodes=points.nodes[:met], circle=points.circle[:met], circles=waves)
+    return Samples(kept, radius[:met], share, angle, outline)
 
 
 def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, neighbour: Array | None = None,
@@ -54,8 +76,9 @@ def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, ne
     turn = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (-2, -1))
     metric = turn @ metric @ np.swapaxes(turn, -1, -2)
     moved = np.concatenate([(turn @ moved[..., :2, None])[..., 0], moved[..., 2:]], axis=-1)
-    return RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, at.outline.disc * unit,
-                    at.outline.offset * unit, towards, neighbour is not None)
+    disc, offset = (np.inf, 0.0) if isinstance(at.outline, OffsetOutline) else (at.outline.disc, at.outline.offset)
+    return RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, disc * unit, offset * unit,
+                    towards, neighbour is not None, whole_turn=at.outline.whole_turn)
 
 
 def _added(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:

@@ -36,8 +36,8 @@ class Places:
     within_m: Array  # (n, 2) radius and height, m, of a place inside the element that each belongs to
 
 
-def volume_of(disc: ClippedDisc, model: IndentationProblem, state: Equilibrium, x: Array, law: Hyperfoam, unit: float,
-              bearing_rad: float) -> Volume:
+def volume_of(disc: ClippedDisc, outline: OffsetDisc, model: IndentationProblem, state: Equilibrium, x: Array,
+              law: Hyperfoam, unit: float, bearing_rad: float) -> Volume:
     """What a touch keeps of a clipped disc's solution x; outside what it reaches, that of the axisymmetric state."""
     radius, height = model.grid.lines
     moved = np.zeros((len(model.grid.nodes), 3, len(disc.fixed)))
@@ -48,15 +48,15 @@ def volume_of(disc: ClippedDisc, model: IndentationProblem, state: Equilibrium, 
         radius_m=radius * unit, height_m=height * unit, order=disc.order,
         amplitude_m=moved.reshape(len(radius), len(height), *moved.shape[1:]) * unit, facet_m=middle * unit,
         share=np.linspace(0, 1, _ANGLES), pressure_Pa=np.zeros((len(middle), _ANGLES)),
-        disc_m=disc.outline.disc * unit, offset_m=disc.outline.offset * unit, punch_m=disc.punch.profile.radius * unit,
+        disc_m=outline.disc * unit, offset_m=outline.offset * unit, punch_m=disc.punch.profile.radius * unit,
         bearing_rad=bearing_rad, law=law)
-    return replace(kept, pressure_Pa=_pressure(disc, x, kept, unit) * law.mu_0_Pa)
+    return replace(kept, pressure_Pa=_pressure(disc, outline, x, kept, unit) * law.mu_0_Pa)
 
 
-def _pressure(disc: ClippedDisc, x: Array, volume: Volume, unit: float) -> Array:
+def _pressure(disc: ClippedDisc, outline: OffsetDisc, x: Array, volume: Volume, unit: float) -> Array:
     """Contact pressure (facets, angles) on the deformed surface over mu_0, averages along the facets."""
     radius, share = disc.facing.radius[:, 0], volume.share
-    start = disc.outline.start(radius)[:, None]
+    start = outline.start(radius)[:, None]
     angle = start + (np.pi - start) * share
     circles = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
     push = contact.pressure(disc.punch, contact_state(replace(

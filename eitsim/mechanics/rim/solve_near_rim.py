@@ -20,7 +20,7 @@ from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationPr
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact.punch_contact import top_facets
-from eitsim.mechanics.harmonics.arcs import OffsetDisc
+from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
 from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
 from eitsim.mechanics.rim.clipped_surface import contact_ratios, deformation, displacement, field, samples
@@ -29,6 +29,7 @@ from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.nearest_edge import nearest_edge
+from eitsim.scene.outline import corners_and_edges
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
 from matcal.laws.hyperfoam import Hyperfoam
@@ -124,24 +125,34 @@ def rim_problem(body: Body, punch: Punch) -> str:
     return ""
 
 
-def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False) -> Touch:
-    """Equilibrium near the rim, or near the edge of an outline, which is taken as part of the rim of a disc (see
-    `eitsim.scene.nearest_edge`), under the punch's force or at its depth: the axisymmetric touch, and what the rim
-    adds. whole: on finer meshes and, on a disc, out to all of it. ValueError where `rim_problem` names one,
-    NotConverged where no equilibrium is found."""
+def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
+    """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the axisymmetric
+    touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc (see
+    `eitsim.scene.nearest_edge`), or with all_edges the whole of it, corners and holes too, at four times the cost.
+    whole: on finer meshes and, on a disc, out to all of it. ValueError where `rim_problem` names one, NotConverged where
+    no equilibrium is found."""
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
+    edge = _edges(body, punch) if all_edges and body.has_outline else None
     if not whole:
-        return corrected(solve_touch(law, body, punch), law, body, punch)
+        return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
-    return corrected(touch, law, body, punch, coarse=FINE,
+    return corrected(touch, law, body, punch, coarse=FINE, edge=edge,
                      fine=replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC)
 
 
+def _edges(body: Body, punch: Punch) -> OffsetOutline:
+    """All edges of an outline seen from a punch, m."""
+    place = np.array([punch.x_m, punch.y_m])
+    start, end = corners_and_edges(body.shape)
+    return OffsetOutline(start - place, end - place)
+
+
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
-              fine: Resolution = FINE, edge: OffsetDisc | None = None) -> Touch:
+              fine: Resolution = FINE, edge: OffsetDisc | OffsetOutline | None = None) -> Touch:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference gives the error; NotConverged, with
-    the likely cause, where no equilibrium is found. edge: the rim of another disc, m, in place of the body's."""
+    the likely cause, where no equilibrium is found. edge: the rim of another disc, m, in place of the body's, or all
+    edges of an outline."""
     try:
         return _corrected(touch, law, body, punch, coarse, fine, edge)
     except NotConverged as error:
@@ -158,22 +169,25 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
 
 
 def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: Resolution, fine: Resolution,
-               given: OffsetDisc | None) -> Touch:
+               given: OffsetDisc | OffsetOutline | None) -> Touch:
     started = cpu_s()
     if body.has_outline:
         edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
-        disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
+        disc, towards = Body(radius_m=body.radius_m, thickness_m=body.thickness_m), edge.towards
         near = replace(punch, x_m=disc.radius_m - edge.distance_m, y_m=0.0)
-        found = _added(touch, law, disc, near, OffsetDisc(edge.disc_m, edge.offset_m), coarse, fine)
+        if given is not None:
+            x, y = ((disc.radius_m - edge.distance_m) * edge.towards).tolist()
+            near, towards = replace(punch, x_m=x, y_m=y), np.array([1.0, 0.0])
+        found = _added(touch, law, disc, near, given or OffsetDisc(edge.disc_m, edge.offset_m), coarse, fine)
         assert found.rim is not None
-        return replace(found, rim=replace(found.rim, towards=edge.towards), volume=None,
+        return replace(found, rim=replace(found.rim, towards=towards), volume=None,
                        cpu_s=touch.cpu_s + cpu_s() - started)
     outline = given or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
     return replace(_added(touch, law, body, punch, outline, coarse, fine), cpu_s=touch.cpu_s + cpu_s() - started)
 
 
-def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc, coarse: Resolution,
-           fine: Resolution) -> Touch:
+def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline,
+           coarse: Resolution, fine: Resolution) -> Touch:
     """The touch with what the rim of an outline, m, adds; its error is of signals on the body, a disc."""
     before = _found(law, body, punch, outline, coarse)
     rough = change_of(before, body)
@@ -181,8 +195,9 @@ def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: Offs
     change = change_of(after, body)
     out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch)
     way = _WAY if punch.friction == "stick" else 0.0
-    volume = volume_of(after.disc, after.model, after.state, after.x, law, body.thickness_m,
-                       math.atan2(punch.y_m, punch.x_m))
+    volume = None if isinstance(outline, OffsetOutline) else volume_of(
+        after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law, body.thickness_m,
+        math.atan2(punch.y_m, punch.x_m))
     return replace(out, volume=volume, signal_errors=out.signal_errors + (way and way * signal_differences(
         body, punch, touch, no_correction(change.field), change.field)))
 
@@ -220,13 +235,13 @@ def _force_ratio(solution: Solution) -> float:
     return ratio - (1 - ratio) * penetration / float(state.by_force[-1] * state.force)
 
 
-def _found(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc, fineness: Resolution,
+def _found(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, fineness: Resolution,
            before: Solution | None = None) -> Solution:
     """The solution in an outline, m, from the axisymmetric state, or from one on another mesh; else by way of half the
     load."""
     model, load = set_up(law, body, punch, fineness)
-    cut = OffsetDisc(outline.disc / body.thickness_m, outline.offset / body.thickness_m)
-    return _under(model, load, punch.friction == "stick", cut, fineness, before, _HALVINGS)
+    return _under(model, load, punch.friction == "stick", outline.scaled(1 / body.thickness_m), fineness, before,
+                  _HALVINGS)
 
 
 def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution) -> tuple[IndentationProblem, Load]:
@@ -253,8 +268,8 @@ def _narrowed(model: IndentationProblem, fineness: Resolution) -> IndentationPro
     return replace(model, grid=grid, facets=top_facets(grid, last - _NEAR))
 
 
-def _under(model: IndentationProblem, load: Load, sticks: bool, outline: OffsetDisc, fineness: Resolution,
-           before: Solution | None, halvings: int) -> Solution:
+def _under(model: IndentationProblem, load: Load, sticks: bool, outline: OffsetDisc | OffsetOutline,
+           fineness: Resolution, before: Solution | None, halvings: int) -> Solution:
     model, state = load.state(model, sticks)
     disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles,
                         model.punch.profile.radius + fineness.out_to, held=load.force is None)
