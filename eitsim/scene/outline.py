@@ -116,11 +116,12 @@ def corners_and_edges(outline: Outline) -> tuple[Array, Array]:
 
 def inside(points_m: Array, corners: Array, ends: Array) -> NDArray[np.bool_]:
     """Which points (..., 2) lie inside the closed polygons of these edges, holes left out: crossings to the right."""
-    x, y = points_m[..., 0, None], points_m[..., 1, None]
-    across = (corners[:, 1] > y) != (ends[:, 1] > y)
-    rise = np.where(corners[:, 1] == ends[:, 1], 1.0, ends[:, 1] - corners[:, 1])
-    at = corners[:, 0] + (y - corners[:, 1]) / rise * (ends[:, 0] - corners[:, 0])
-    return np.sum(across & (x < at), axis=-1) % 2 == 1
+    x, y = points_m[..., 0], points_m[..., 1]
+    odd = np.zeros(x.shape, dtype=bool)
+    for (x_0, y_0), (x_1, y_1) in zip(corners.tolist(), ends.tolist(), strict=True):
+        if y_0 != y_1:
+            odd ^= ((y_0 > y) != (y_1 > y)) & (x < x_0 + (y - y_0) / (y_1 - y_0) * (x_1 - x_0))
+    return odd
 
 
 def edge_distance_m(outline: Outline, points_m: ArrayLike) -> Array:

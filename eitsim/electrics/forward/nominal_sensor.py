@@ -10,12 +10,14 @@ import contextlib
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import driving_strains, surface_metric
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import Electrodes, contact_impedances
+from eitsim.scene.outline import inside
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Punch
 from touchcal.errors import NotConverged
@@ -27,10 +29,16 @@ _DEFAULT_S = 6e-4  # Conductance, S, of the default skin, which the contact impe
 _BEARINGS = (0.0, 0.5, 1.0)
 
 
-def signal_differences(body: Body, punch: Punch, touch: Touch, rough: RimField, field: RimField) -> Array:
+# (start, end) (edges, 2), m, ends of edges about a punch
+Edges = tuple[Array, Array]
+
+
+def signal_differences(body: Body, punch: Punch, touch: Touch, rough: RimField, field: RimField,
+                       edges: Edges | None = None) -> Array:
     """(3,) relative difference, 2-norm, of the signals dV by a touch with either field, of a skin driven by each of
     scene.STRAINS, at the bearing from an electrode where it is largest; infinite where a field leaves no skin (its
-    metric is not positive), or no bearing has a mesh of the skin."""
+    metric is not positive), or no bearing has a mesh of the skin. edges: closed polygons, outside which neither field
+    counts."""
     size, given = body.radius_m / Body().radius_m, Electrodes()
     width, impedance_Ohm_m = (float(np.mean(part)) for part in (given.width_m, given.contact_impedance_Ohm_m))
     electrodes = replace(given, width_m=width * size, contact_impedance_Ohm_m=impedance_Ohm_m * _DEFAULT_S * size)
@@ -40,13 +48,14 @@ def signal_differences(body: Body, punch: Punch, touch: Touch, rough: RimField, 
     for share in _BEARINGS:
         with contextlib.suppress(NotConverged):
             turned = _turned(punch, touches, share * half_step - bearing)
-            found.append(_differences(body, electrodes, *turned))
+            within = None if edges is None else tuple(part @ _turn(share * half_step - bearing).T for part in edges)
+            found.append(_differences(body, electrodes, *turned, within))
     return np.max(found, axis=0) if found else np.full(len(STRAINS), np.inf)
 
 
 def _turned(punch: Punch, touches: list[Touch], angle: float) -> tuple[Punch, list[Touch]]:
     """A punch and its touches, turned about the disc's centre."""
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turn = _turn(angle)
     x, y = (turn @ [punch.x_m, punch.y_m]).tolist()
     out = []
     for touch in touches:
@@ -56,13 +65,19 @@ def _turned(punch: Punch, touches: list[Touch], angle: float) -> tuple[Punch, li
     return replace(punch, x_m=x, y_m=y), out
 
 
-def _differences(body: Body, electrodes: Electrodes, punch: Punch, touches: list[Touch]) -> Array:
+def _turn(angle: float) -> Array:
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _differences(body: Body, electrodes: Electrodes, punch: Punch, touches: list[Touch], edges: Edges | None) -> Array:
     mesh = alike_mesh(body, electrodes, ((punch, touches[-1]),))
     z, order = contact_impedances(electrodes), dissection(mesh)
     untouched = impedance(mesh, np.ones(len(mesh.cells)), z, order=order)
+    places = quadrature_points(mesh) - np.array([punch.x_m, punch.y_m])
+    on_skin = np.bool_(True) if edges is None else inside(places, *edges)
     found = []
     for touch in touches:
-        sheets = _conductances(mesh, punch, touch)
+        sheets = _conductances(mesh, punch, touch, on_skin)
         if sheets is None:
             return np.full(len(STRAINS), np.inf)
         found.append([read_out(Drive(), impedance(mesh, sheet, z, order=order) - untouched).ravel()
@@ -72,10 +87,12 @@ def _differences(body: Body, electrodes: Electrodes, punch: Punch, touches: list
     return np.where(separation > 0, separation / np.where(separation > 0, signal, 1.0), 0.0)
 
 
-def _conductances(mesh: SkinMesh, punch: Punch, touch: Touch) -> Array | None:
-    """(3, cells, q, 2, 2) conductance tensors of the nominal skin over those at rest, by STRAINS; None where the metric
-    is no metric."""
+def _conductances(mesh: SkinMesh, punch: Punch, touch: Touch, on_skin: NDArray[np.bool_] | np.bool_) -> Array | None:
+    """(3, cells, q, 2, 2) conductance tensors of the nominal skin over those at rest, by STRAINS, at rest off the skin;
+    None where the metric is no metric."""
     metric, normal = surface_metric(quadrature_points(mesh), punch, touch)
+    metric = np.where(np.asarray(on_skin)[..., None, None], metric, np.eye(2))
+    normal = np.where(on_skin, normal, 1.0)
     xx, xy, yy = metric[..., 0, 0], metric[..., 0, 1], metric[..., 1, 1]
     square = xx * yy - xy**2
     if not (np.all(square > 0) and np.all(xx > 0) and np.all(normal > 0)):

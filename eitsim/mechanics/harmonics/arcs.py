@@ -1,14 +1,15 @@
 """Circles about the punch's axis, sampled where they lie on the skin, and the harmonics of the angle on them.
 
 Near the rim of a disc the angle t counts from the direction to the nearest point of the rim; everything is symmetric
-about that line, so half a turn serves. A circle of radius s lies inside a disc of radius R, whose centre is c away, from
-cos t = (R^2 - s^2 - c^2)/(2 s c) on. In any other outline t counts from the x axis, all around. Whole circles have
+about that line, so half a turn serves. A circle of radius s lies inside a disc of radius R, whose centre is c away,
+from cos t = (R^2 - s^2 - c^2)/(2 s c) on. In any other outline t counts from the x axis, all around. Whole circles have
 equally spaced angles, which sum harmonics exactly; parts of one have Gauss points. Even harmonics are 1 and
 sqrt(2) cos m t, odd ones sqrt(2) sin m t: orthonormal in the mean over a circle.
 
-On half a turn u_r and u_z have even harmonics and u_theta odd ones. On a whole turn each order stands twice, second with
-u_r and u_z odd and u_theta even: the same functions a quarter of a period on, sin m t and -cos m t in place of cos m t
-and sin m t, so that derivatives are the same. The second one of order 0 is the turn about the axis, u_theta alone.
+On half a turn u_r and u_z have even harmonics and u_theta odd ones. On a whole turn each order stands twice, second
+with u_r and u_z odd and u_theta even: the same functions a quarter of a period on, sin m t and -cos m t in place of
+cos m t and sin m t, so that derivatives are the same. The second one of order 0 is the turn about the axis, u_theta
+alone.
 """
 
 from dataclasses import dataclass

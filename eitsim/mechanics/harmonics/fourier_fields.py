@@ -1,9 +1,9 @@
 """Displacements as Fourier series about an axis: their gradients at points of the meridian, and what acts on them.
 
 u_r and u_z are sums of even harmonics of the angle, u_theta one of odd harmonics, and the other way round where nothing
-is symmetric (see `arcs`); amplitudes (nodes, 3, harmonics) stand at the nodes of a mesh of the meridian. Gradients are taken in the local frame (r, theta, z), parts row after row
-(rr, r theta, rz, theta r, ...), of which the 1st, 3rd, ... are even in the angle and the others odd. Loops end on
-harmonics or angles, which lie next to each other in memory.
+is symmetric (see `arcs`); amplitudes (nodes, 3, harmonics) stand at the nodes of a mesh of the meridian. Gradients are
+taken in the local frame (r, theta, z), parts row after row (rr, r theta, rz, theta r, ...), of which the 1st, 3rd, ...
+are even in the angle and the others odd. Loops end on harmonics or angles, which lie next to each other in memory.
 """
 
 from dataclasses import dataclass

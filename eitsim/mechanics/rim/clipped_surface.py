@@ -62,7 +62,7 @@ def _around(disc: ClippedDisc, points: Points, radius: Array, outline: OffsetOut
     angle = turn[nearest]
     angle = np.column_stack([angle, angle[:, :1]])
     waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed), True), True)
-    kept = replace(points, shape=points.shape[:met], nodes=points.nodes[:met], circle=points.circle[:met], circles=waves)
+    kept = Points(points.shape[:met], points.nodes[:met], points.circle[:met], waves)
     return Samples(kept, radius[:met], share, angle, outline)
 
 
@@ -76,9 +76,10 @@ def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, ne
     turn = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (-2, -1))
     metric = turn @ metric @ np.swapaxes(turn, -1, -2)
     moved = np.concatenate([(turn @ moved[..., :2, None])[..., 0], moved[..., 2:]], axis=-1)
-    disc, offset = (np.inf, 0.0) if isinstance(at.outline, OffsetOutline) else (at.outline.disc, at.outline.offset)
-    return RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, disc * unit, offset * unit,
-                    towards, neighbour is not None, whole_turn=at.outline.whole_turn)
+    around = isinstance(at.outline, OffsetOutline)
+    disc, offset = (np.inf, 0.0) if around else (at.outline.disc * unit, at.outline.offset * unit)
+    return RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, disc, offset,
+                    np.array([1.0, 0.0]) if around else towards, neighbour is not None, whole_turn=around)
 
 
 def _added(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:

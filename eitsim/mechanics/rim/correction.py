@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eitsim.electrics.forward.nominal_sensor import signal_differences
+from eitsim.electrics.forward.nominal_sensor import Edges, signal_differences
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
 from touchcal.errors import NotConverged
@@ -42,11 +42,12 @@ def apply_correction(touch: Touch, change: RimCorrection) -> Touch:
                    fraction_non_elliptic=max(touch.fraction_non_elliptic, change.fraction_non_elliptic))
 
 
-def with_error(touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch) -> Touch:
-    """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors; NotConverged where
-    either leaves no skin."""
+def with_error(touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch,
+               edges: Edges | None = None) -> Touch:
+    """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors, on the skin inside
+    edges where they are given; NotConverged where either leaves no skin."""
     out = apply_correction(touch, change)
-    signal = _UNCONVERGED * signal_differences(body, punch, touch, rough.field, change.field)
+    signal = _UNCONVERGED * signal_differences(body, punch, touch, rough.field, change.field, edges)
     if not np.all(np.isfinite(signal)):
         raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error is unknown.",
                            estimate=change.field.metric, residuals=change.residuals)

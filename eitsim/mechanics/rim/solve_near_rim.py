@@ -126,11 +126,11 @@ def rim_problem(body: Body, punch: Punch) -> str:
 
 
 def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
-    """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the axisymmetric
-    touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc (see
-    `eitsim.scene.nearest_edge`), or with all_edges the whole of it, corners and holes too, at four times the cost.
-    whole: on finer meshes and, on a disc, out to all of it. ValueError where `rim_problem` names one, NotConverged where
-    no equilibrium is found."""
+    """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the
+    axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
+    (see `eitsim.scene.nearest_edge`), or with all_edges the whole of it, corners and holes too, at twice the cost and
+    more. whole: on finer meshes and, on a disc, out to all of it. ValueError where `rim_problem` names one,
+    NotConverged where no equilibrium is found."""
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
     edge = _edges(body, punch) if all_edges and body.has_outline else None
@@ -173,13 +173,12 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: R
     started = cpu_s()
     if body.has_outline:
         edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
-        disc, towards = Body(radius_m=body.radius_m, thickness_m=body.thickness_m), edge.towards
-        near = replace(punch, x_m=disc.radius_m - edge.distance_m, y_m=0.0)
-        if given is not None:
-            x, y = ((disc.radius_m - edge.distance_m) * edge.towards).tolist()
-            near, towards = replace(punch, x_m=x, y_m=y), np.array([1.0, 0.0])
-        found = _added(touch, law, disc, near, given or OffsetDisc(edge.disc_m, edge.offset_m), coarse, fine)
+        disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
+        x, y = ((disc.radius_m - edge.distance_m) * edge.towards).tolist()
+        found = _added(touch, law, disc, replace(punch, x_m=x, y_m=y), given or OffsetDisc(edge.disc_m, edge.offset_m),
+                       coarse, fine)
         assert found.rim is not None
+        towards = edge.towards if given is None else found.rim.towards
         return replace(found, rim=replace(found.rim, towards=towards), volume=None,
                        cpu_s=touch.cpu_s + cpu_s() - started)
     outline = given or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
@@ -193,13 +192,14 @@ def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: Offs
     rough = change_of(before, body)
     after = _found(law, body, punch, outline, fine, before)
     change = change_of(after, body)
-    out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch)
+    edges = (outline.start, outline.end) if isinstance(outline, OffsetOutline) else None
+    out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch, edges)
     way = _WAY if punch.friction == "stick" else 0.0
     volume = None if isinstance(outline, OffsetOutline) else volume_of(
         after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law, body.thickness_m,
         math.atan2(punch.y_m, punch.x_m))
     return replace(out, volume=volume, signal_errors=out.signal_errors + (way and way * signal_differences(
-        body, punch, touch, no_correction(change.field), change.field)))
+        body, punch, touch, no_correction(change.field), change.field, edges)))
 
 
 def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE,
