@@ -11,7 +11,7 @@ from eitsim.electrics.cem.boundary_integral import unsolvable
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
-from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP, rim_problem
+from eitsim.mechanics.rim.solve_near_rim import FINE, LEAST_GAP, rim_problem
 from eitsim.mechanics.rim.two_punches import pair_problem
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import lengths, present
@@ -179,13 +179,9 @@ def rim_refusal(scene: Scene, punch: Punch) -> str:
         problem = ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
                    "loading_s = 0")
     gap, allowed = rim_gap_m(scene.body, punch), _RIM_SHARE * scene.accuracy.signal
-    outlined = scene.body.has_outline
-    if not problem and outlined and (left := _other_edges_effect(scene, punch)) > allowed:
-        problem = (f"one edge is solved, straight or part of a circle, and what is left of the others may still cost "
-                   f"{left:.2g}")
     if not problem or gap < LEAST_GAP * scene.body.radius_m:
         return problem and f"{problem}."
-    near, edge = ("the nearest edge of the skin", "edges") if outlined else ("the rim", "the rim")
+    near, edge = ("the nearest edge of the skin", "edges") if scene.body.has_outline else ("the rim", "the rim")
     return (f"the punch's edge is {gap * 1e3:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
             f"{edge} may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
             f"of signal in [accuracy]). There, {problem}; {_advice(scene)}.")
@@ -205,12 +201,19 @@ def _rim_effect(scene: Scene, punch: Punch) -> float:
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps)
 
 
-def _other_edges_effect(scene: Scene, punch: Punch) -> float:
+def several_edges(scene: Scene, punch: Punch) -> bool:
+    """Whether a touch near an edge of an outline must be solved with all edges: in corners, next to holes, in strips,
+    where the others may cost more of the signal than their share of the requested error."""
+    return (scene.body.has_outline and near_rim(scene, punch)
+            and _other_edges_effect(scene, punch) > _RIM_SHARE * scene.accuracy.signal)
+
+
+def _other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -> float:
     """What the edges but the nearest may cost: the sum of what the rim of a disc would, as near as the nearest of them
-    in each quarter about the punch."""
+    in each quarter about the punch; outside: of those further from its edge than so many thicknesses."""
     others = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in others.tolist()
-               if math.isfinite(gap))
+               if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
 
 
 def least_gap_m(scene: Scene) -> float:
@@ -358,6 +361,11 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     gap = rim_gap_m(scene.body, punch)
     edge = "nearest edge" if scene.body.has_outline else "rim"
     where = f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
+    if several_edges(scene, punch):
+        return Decision("mechanics in three dimensions near several edges, as a change of the axisymmetric touch",
+                        f"{where}; circles about the punch are cut where the outline cuts them; a coarser mesh with "
+                        "fewer harmonics tells the error, which counts in the result's own; the bound is of edges "
+                        f"further away than {FINE.out_to:g} thicknesses", _other_edges_effect(scene, punch, FINE.out_to))
     if scene.body.has_outline and near_rim(scene, punch):
         nearest = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m))
         straight = nearest.disc_m == STRAIGHT_M

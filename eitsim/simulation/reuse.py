@@ -14,7 +14,7 @@ from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Ta
 from eitsim.scene.results import Decision, Touch, of_strain
 from eitsim.scene.scene import Punch, Scene, profile_of
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import near_rim
+from eitsim.simulation.plan import near_rim, several_edges
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache
@@ -105,6 +105,8 @@ def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch |
     touch = touch_from(table, law, scene.body, punch)
     if touch is None or not near_rim(scene, punch):
         return touch
+    if several_edges(scene, punch):
+        return None
     rim = None if table.rim is None else within(table.rim, RIM_SHARE * scene.accuracy.signal, scene.skin.strain)
     return near_rim_from(replace(table, rim=rim), touch, scene.body, punch)
 

@@ -20,7 +20,7 @@ from eitsim.mechanics.rim.two_punches import FINEST, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Body, Punch, Scene
-from eitsim.simulation.plan import near_rim
+from eitsim.simulation.plan import near_rim, several_edges
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from touchcal import cache
@@ -55,7 +55,9 @@ def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: b
     exact."""
     whole = exact and not paired and not scene.body.has_outline and not rim_problem(scene.body, punch)
     if near_rim(scene, punch) or whole:
-        return _kept("near the rim", partial(solve_near_rim, whole=exact), law, scene.body, punch, keep)[0]
+        several = several_edges(scene, punch)
+        return _kept("near several edges" if several else "near the rim",
+                     partial(solve_near_rim, whole=exact, all_edges=several), law, scene.body, punch, keep)[0]
     if not exact:
         with suppress(Unresolved):  # where the default mesh is too coarse to show the foam at the punch's edge or tip
             touch, nodes = _kept("default mesh", solve_touch, law, scene.body, punch, keep)

@@ -1,0 +1,125 @@
+"""Touches in corners, strips and next to holes: circles about the punch cut where the outline cuts them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eitsim.electrics.sheet.sheet_conductance import changes
+from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline, circles, harmonics_at, orders
+from eitsim.mechanics.rim.correction import RimCorrection
+from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change
+from eitsim.scene.scene import Body, Punch
+from matcal.laws.hyperfoam import Hyperfoam
+
+LAW = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+BODY = Body()
+PUNCH = Punch(diameter_m=0.014, force_N=0.5)
+
+
+def outline(*loops: np.ndarray) -> OffsetOutline:
+    """Closed polygons, the holes clockwise."""
+    return OffsetOutline(np.vstack(loops), np.vstack([np.roll(loop, -1, axis=0) for loop in loops]))
+
+
+def rectangle(left: float, right: float, down: float, up: float) -> np.ndarray:
+    return np.array([[-left, -down], [right, -down], [right, up], [-left, up]])
+
+
+def round_loop(radius: float, x: float, count: int = 400) -> np.ndarray:
+    t = np.arange(count) / count * 2 * np.pi
+    return np.column_stack([x + radius * np.cos(t), radius * np.sin(t)])
+
+
+def turned(loop: np.ndarray, angle: float) -> np.ndarray:
+    return loop @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+
+def change(edge: OffsetOutline | OffsetDisc) -> RimCorrection:
+    return rim_change(LAW, BODY, PUNCH, COARSE, edge)
+
+
+@pytest.mark.parametrize("loops", [
+    (rectangle(0.05, 0.008, 0.03, 0.02),),
+    (rectangle(0.05, 0.02, 0.03, 0.02), round_loop(0.006, 0.01, 90)[::-1]),
+    (np.array([[-0.03, -0.02], [0.06, -0.02], [0.06, 0.01], [0.01, 0.01], [0.01, 0.05], [-0.03, 0.05]]),)])
+def test_parts_of_circles_add_up_to_the_area_and_its_moments(loops):
+    """Sums over circles of 1, x and y against the polygon's, by the divergence theorem."""
+    edge = outline(*loops)
+    r = (np.arange(1000) + 0.5) / 1000 * 0.09
+    angle, share = edge.sampled(r, 40)
+    weight = share * 2 * np.pi * r[:, None] * (0.09 / 1000)
+    found = [weight.sum(), np.sum(weight * r[:, None] * np.cos(angle)), np.sum(weight * r[:, None] * np.sin(angle))]
+    (x, y), (u, v) = edge.start.T, edge.end.T
+    cross = x * v - u * y
+    known = [cross.sum() / 2, np.sum(cross * (x + u)) / 6, np.sum(cross * (y + v)) / 6]
+    np.testing.assert_allclose(found, known, rtol=1e-3, atol=1e-5 * known[0])
+
+
+def test_harmonics_are_orthonormal_and_the_second_of_each_order_is_a_quarter_period_on():
+    angle = (np.arange(32) + 0.5)[None] / 32 * 2 * np.pi
+    cosine, sine = (part[0] for part in harmonics_at(angle, 10, True))
+    gram = cosine @ cosine.T / 32
+    np.testing.assert_allclose(gram, np.diag([1.0, 0.0, *np.ones(8)]), atol=1e-12)
+    m = orders(10, True)[2::2]
+    for table in (cosine, sine):
+        later = harmonics_at(np.broadcast_to(angle - np.pi / 2 / m[:, None], (len(m), 32)), 10, True)
+        of = later[0] if table is cosine else later[1]
+        for i in range(len(m)):
+            np.testing.assert_allclose(table[3 + 2 * i], of[i, 2 + 2 * i], atol=1e-12)
+
+
+def test_a_circle_that_nothing_cuts_is_whole():
+    whole = circles(outline(rectangle(0.05, 0.05, 0.05, 0.05)), np.array([0.0, 0.01, 0.04]), 6, 12)
+    assert not whole.cut.any()
+    cut = circles(outline(rectangle(0.05, 0.05, 0.05, 0.05)), np.array([0.06, 0.08]), 6, 12)
+    np.testing.assert_allclose(cut.inside, [1 - 4 * math.acos(5 / 6) / math.pi, 0.0], atol=1e-12)
+
+
+def test_one_straight_edge_is_the_rim_of_a_large_disc_at_any_bearing():
+    """Half a turn, symmetric, and a whole one on an outline that is askew."""
+    gap = 0.011
+    rim = change(OffsetDisc(100.0, 100.0 - gap))
+    for angle in (0.0, 0.7):
+        edge = change(outline(turned(rectangle(0.3, gap, 0.3, 0.3), angle)))
+        assert edge.depth_m == pytest.approx(rim.depth_m, rel=2e-3)
+        assert edge.area == pytest.approx(rim.area, rel=2e-3)
+        at = np.stack(np.meshgrid(np.linspace(-0.02, 0.005, 13), np.linspace(-0.02, 0.02, 15)), axis=-1).reshape(-1, 2)
+        known, _ = changes(rim.field, at)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        found, _ = changes(edge.field, at @ turn.T)
+        found = turn.T @ found @ turn
+        assert np.sqrt(np.mean((found - known) ** 2)) < 0.03 * np.sqrt(np.mean((known - np.eye(2)) ** 2))
+
+
+def test_a_polygon_of_400_corners_is_the_disc():
+    rim = change(OffsetDisc(0.05, 0.04))
+    edge = change(outline(round_loop(0.05 / math.sqrt(np.sinc(2 / 400)), -0.04)))
+    assert edge.depth_m == pytest.approx(rim.depth_m, rel=2e-3)
+
+
+def test_a_corner_adds_more_than_its_edges_and_is_symmetric_about_its_diagonal():
+    one = change(outline(rectangle(0.3, 0.01, 0.3, 0.3))).depth_m
+    corner = change(outline(rectangle(0.3, 0.01, 0.3, 0.01)))
+    assert corner.depth_m > 2 * one
+    at = np.array([[0.003, -0.008], [-0.012, 0.009], [0.005, -0.014]])
+    found, _ = changes(corner.field, at)
+    mirrored, _ = changes(corner.field, at[:, ::-1])
+    np.testing.assert_allclose(mirrored, found[:, ::-1, ::-1], atol=1e-6)
+
+
+def test_far_edges_add_up():
+    """What two edges of a strip change, 1.4 thicknesses from the punch's edge, is their sum to a tenth."""
+    near, far = 0.021, 0.024
+    alone = [change(OffsetDisc(100.0, 100.0 - gap)) for gap in (near, far)]
+    both = change(outline(rectangle(far, near, 0.3, 0.3)))
+    assert both.depth_m == pytest.approx(sum(one.depth_m for one in alone), rel=0.1)
+    at = np.array([[0.012, 0.002], [-0.012, 0.004], [0.0, 0.011], [0.016, -0.005]])
+    added = changes(alone[0].field, at)[0] - np.eye(2)
+    other = changes(replace(alone[1].field, towards=None), at * [-1, 1])[0] - np.eye(2)
+    other[:, 0, 1], other[:, 1, 0] = -other[:, 0, 1], -other[:, 1, 0]
+    found = changes(both.field, at)[0] - np.eye(2)
+    assert np.linalg.norm(found - added - other) < 0.2 * np.linalg.norm(found)
