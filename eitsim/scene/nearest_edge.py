@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eitsim.scene.outline import Outline, corners_and_edges, edge_distance_m, loops
+from eitsim.scene.outline import Outline, corners_and_edges, edge_distance_m, inside, loops, squared_distance
 from touchcal.arrays import Array
 
 STRAIGHT_M = 100.0  # Radius of the disc whose rim stands for a straight edge, m.
 _STEPS = 400  # Edges count as points this part of the outline's size from each other.
+_DIGITS = 9  # Edges whose directions and distances, m, are the same to so many digits lie on one line.
 _ON = 0.005  # Edges whose distance from a rim is less than this share of that to the place are part of it.
 
 
@@ -105,3 +106,25 @@ def _centre(a: Array, b: Array, c: Array) -> Array | None:
     if abs(twice) <= 1e-9 * np.linalg.norm(p) * np.linalg.norm(q):
         return None
     return b + np.array([q[1] * (p @ p) - p[1] * (q @ q), p[0] * (q @ q) - q[0] * (p @ p)]) / twice
+
+
+def straight_edges(outline: Outline, point_m: ArrayLike, reach_m: float) -> list[tuple[Array, float]]:
+    """Directions (2,) towards the straight edges nearer to a place on the skin than a reach, and their distances, m,
+    where they alone bound the skin that near, as whole lines that meet at right or acute angles; none where they do
+    not: near re-entrant, obtuse and round corners and holes."""
+    point, (start, end) = np.asarray(point_m, dtype=float), corners_and_edges(outline)
+    near = squared_distance(point, start, end) < reach_m**2
+    along = (end - start)[near]
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+    away = np.sum((start[near] - point) * normal, axis=1)
+    lines = np.unique(np.round(np.column_stack([normal, away]), _DIGITS), axis=0)
+    between = lines[:, :2] @ lines[:, :2].T - 2 * np.eye(len(lines))
+    if np.any(between > 10.0**-_DIGITS) or np.any(lines[:, 2] <= 0):
+        return []
+    radius, angle = np.linspace(0, reach_m, 25)[1:], np.arange(96) / 96 * 2 * np.pi
+    offset = radius[:, None, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    left = (lines[:, 2] - offset @ lines[:, :2].T).min(axis=-1)
+    clear = np.abs(left) > 1e-3 * reach_m
+    if np.any((inside(point + offset, start, end) != (left > 0))[clear]):
+        return []
+    return [(line[:2], float(line[2])) for line in lines]

@@ -34,6 +34,8 @@ _RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.029, 0.008]),
                "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
 # Parts of the requested signal error that neglecting the rim and solving touches separately may use up.
 _RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
+# What one edge changes of another's change, over the product of both as tabulated.
+_INTERPLAY = 1.0
 STEEL_E_PA = 210e9
 _SDS = 3.0  # standard deviations that a bound states; surrogates take it back
 # Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
@@ -216,6 +218,15 @@ def _other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) 
                if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
 
 
+def added_edges_cost(scene: Scene, punch: Punch, reach: float) -> float:
+    """What adding up the changes by several edges, each found by itself, may cost of the signal: products of two of
+    them, and those of edges further from the punch's edge than a reach, thicknesses."""
+    effects = [rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in (
+        quarter_distances_m(scene.body, (punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()]
+    products = sum(one * other for one, other in itertools.combinations(effects, 2))
+    return _INTERPLAY * products + _other_edges_effect(scene, punch, reach)
+
+
 def least_gap_m(scene: Scene) -> float:
     """Least distance, m, of a punch's edge to the rim, or to both edges of a right-angled corner, at which neglecting
     them costs no more than its share of the requested error; infinite beyond ten thicknesses."""
@@ -365,7 +376,8 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
         return Decision("mechanics in three dimensions near several edges, as a change of the axisymmetric touch",
                         f"{where}; circles about the punch are cut where the outline cuts them; a coarser mesh with "
                         "fewer harmonics tells the error, which counts in the result's own; the bound is of edges "
-                        f"further away than {FINE.out_to:g} thicknesses", _other_edges_effect(scene, punch, FINE.out_to))
+                        f"further away than {FINE.out_to:g} thicknesses",
+                        _other_edges_effect(scene, punch, FINE.out_to))
     if scene.body.has_outline and near_rim(scene, punch):
         nearest = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m))
         straight = nearest.disc_m == STRAIGHT_M

@@ -9,12 +9,13 @@ from eitsim.mechanics.load_paths.build_rim_table import GRID, build_rim
 from eitsim.mechanics.load_paths.build_table import DEPTHS, Run, build
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.rim_table import near_rim_from, within
+from eitsim.mechanics.load_paths.several_edges import near_edges_from
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.scene.results import Decision, Touch, of_strain
 from eitsim.scene.scene import Punch, Scene, profile_of
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import near_rim, several_edges
+from eitsim.simulation.plan import added_edges_cost, near_rim, several_edges
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache
@@ -105,10 +106,20 @@ def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch |
     touch = touch_from(table, law, scene.body, punch)
     if touch is None or not near_rim(scene, punch):
         return touch
-    if several_edges(scene, punch):
+    if table.rim is None:
         return None
-    rim = None if table.rim is None else within(table.rim, RIM_SHARE * scene.accuracy.signal, scene.skin.strain)
-    return near_rim_from(replace(table, rim=rim), touch, scene.body, punch)
+    rim = within(table.rim, RIM_SHARE * scene.accuracy.signal, scene.skin.strain)
+    table, reach = replace(table, rim=rim), float(rim.gaps[-1])
+    if not several_edges(scene, punch):
+        return near_rim_from(table, touch, scene.body, punch)
+    if not added_up(scene, punch, reach):
+        return None
+    return near_edges_from(table, touch, scene.body, punch, added_edges_cost(scene, punch, reach))
+
+
+def added_up(scene: Scene, punch: Punch, reach: float) -> bool:
+    """Whether what several edges within a reach, thicknesses, change may be added up, each found by itself."""
+    return not several_edges(scene, punch) or added_edges_cost(scene, punch, reach) <= RIM_SHARE * scene.accuracy.signal
 
 
 def decision(table: Table, touch: Touch, scene: Scene) -> Decision:

@@ -76,10 +76,11 @@ def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, ne
     turn = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (-2, -1))
     metric = turn @ metric @ np.swapaxes(turn, -1, -2)
     moved = np.concatenate([(turn @ moved[..., :2, None])[..., 0], moved[..., 2:]], axis=-1)
-    around = isinstance(at.outline, OffsetOutline)
-    disc, offset = (np.inf, 0.0) if around else (at.outline.disc * unit, at.outline.offset * unit)
-    return RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, disc, offset,
-                    np.array([1.0, 0.0]) if around else towards, neighbour is not None, whole_turn=around)
+    out = RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, np.inf, 0.0, towards,
+                   neighbour is not None)
+    if isinstance(at.outline, OffsetOutline):
+        return replace(out, towards=np.array([1.0, 0.0]), whole_turn=True)
+    return replace(out, disc_m=at.outline.disc * unit, offset_m=at.outline.offset * unit)
 
 
 def _added(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:

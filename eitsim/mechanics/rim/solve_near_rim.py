@@ -205,9 +205,9 @@ def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: Offs
 def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE,
                edge: OffsetDisc | OffsetOutline | None = None) -> RimCorrection:
     """What the rim changes of the touch under the punch's force or at its depth; edge: the rim of another disc, m, in
-    place of the body's, or all edges of an outline. Radii and angles of the field depend on the body, the punch's size and shape and the fineness
-    alone, so that fields of several forces and places on the disc interpolate point by point. NotConverged where no
-    equilibrium is found."""
+    place of the body's, or all edges of an outline. Radii and angles of the field depend on the body, the punch's size
+    and shape and the fineness alone, so that fields of several forces and places on the disc interpolate point by
+    point. NotConverged where no equilibrium is found."""
     outline = edge or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
     return change_of(_found(law, body, punch, outline, fineness), body)
 

@@ -19,8 +19,17 @@ from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
 from eitsim.scene.scene import Punch, Scene
 from eitsim.simulation import reuse
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import near_rim, rim_refusal, several_edges
-from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, deviation_of, numbers_of, shape_for, table_for
+from eitsim.simulation.plan import near_rim, rim_refusal
+from eitsim.simulation.reuse import (
+    GRID,
+    RIM_SHARE,
+    TABLE_SHARE,
+    added_up,
+    deviation_of,
+    numbers_of,
+    shape_for,
+    table_for,
+)
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
@@ -189,7 +198,7 @@ def _tabled(scene: Scene, punch: Punch) -> bool:
     """Whether a touch near the rim, or an edge, is one that a table of changes can serve."""
     straight = not scene.body.has_outline or nearest_edge(
         scene.body.shape, (punch.x_m, punch.y_m)).disc_m == STRAIGHT_M
-    return straight and not several_edges(scene, punch) and not rim_refusal(scene, punch)
+    return straight and not rim_refusal(scene, punch) and added_up(scene, punch, GRID.gaps[-1])
 
 
 def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
