@@ -123,7 +123,7 @@ def straight_edges(outline: Outline, point_m: ArrayLike, reach_m: float) -> list
         return []
     radius, angle = np.linspace(0, reach_m, 25)[1:], np.arange(96) / 96 * 2 * np.pi
     offset = radius[:, None, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    left = (lines[:, 2] - offset @ lines[:, :2].T).min(axis=-1)
+    left = (lines[:, 2] - offset @ lines[:, :2].T).min(axis=-1, initial=np.inf)
     clear = np.abs(left) > 1e-3 * reach_m
     if np.any((inside(point + offset, start, end) != (left > 0))[clear]):
         return []

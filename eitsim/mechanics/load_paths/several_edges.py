@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.electrics.sheet.sheet_conductance import changes, moved
-from eitsim.mechanics.load_paths.rim_table import Solved, change_from
+from eitsim.mechanics.load_paths.rim_table import change_from
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.correction import RimCorrection, apply_correction, within_face
 from eitsim.scene.nearest_edge import straight_edges
@@ -34,19 +34,22 @@ def near_edges_from(table: Table, touch: Touch, body: Body, punch: Punch, left_o
     found = [part for part in parts if part is not None]
     if not found or len(found) < len(parts):
         return None
-    change = _added(found, [towards for towards, _ in lines], unit, left_out)
+    total = summed_changes([part.change for part in found], [towards for towards, _ in lines])
+    assert total.field.error_estimate is not None
+    field = replace(total.field, radius_m=total.field.radius_m * unit, displacement_m=total.field.displacement_m * unit,
+                    error_estimate=total.field.error_estimate + left_out)
+    change = replace(total, field=field, depth_m=total.depth_m * unit)
     return replace(within_face(apply_correction(touch, change), punch),
                    depth_error=touch.depth_error + sum(part.depth_error for part in found),
                    signal_errors=touch.signal_errors + np.sum([part.signal_errors for part in found], axis=0))
 
 
-def _added(parts: Sequence[Solved], towards: Sequence[Array], unit: float, left_out: float) -> RimCorrection:
-    """The sum of changes by edges in these directions, lengths of a thickness of `unit`, m."""
-    each = [part.change for part in parts]
+def summed_changes(each: Sequence[RimCorrection], towards: Sequence[Array]) -> RimCorrection:
+    """The sum of changes, on the same circles, by edges in these directions (2,)."""
     radius, share = each[0].field.radius_m, np.linspace(0, 1, _ANGLES)
     place = radius[:, None, None] * np.column_stack([np.cos(2 * np.pi * share), np.sin(2 * np.pi * share)])
     shift, metric, normal = np.zeros((*place.shape[:2], 3)), np.zeros((*place.shape, 2)), np.ones(place.shape[:2])
-    off = np.full(4, left_out)
+    off = np.zeros(4)
     for one, direction in zip(each, towards, strict=True):
         axes = np.array([direction, [-direction[1], direction[0]]])
         local = place @ axes.T
@@ -59,9 +62,9 @@ def _added(parts: Sequence[Solved], towards: Sequence[Array], unit: float, left_
     for part in (shift, metric, normal):
         part[:, -1] = part[:, 0]
     metric = (metric + np.eye(2))[..., [0, 0, 1], [0, 1, 1]]
-    field = RimField(radius * unit, share, shift * unit, metric, normal, np.inf, 0.0, np.array([1.0, 0.0]),
-                     error_estimate=off, whole_turn=True)
+    field = RimField(radius, share, shift, metric, normal, np.inf, 0.0, np.array([1.0, 0.0]), error_estimate=off,
+                     whole_turn=True)
     depth, pressure, area, wall, lost = np.array(
-        [[one.depth_m * unit, one.pressure - 1, one.area - 1, one.wall - 1, one.fraction_non_elliptic]
+        [[one.depth_m, one.pressure - 1, one.area - 1, one.wall - 1, one.fraction_non_elliptic]
          for one in each]).sum(axis=0).tolist()
     return RimCorrection(field, depth, 1 + pressure, 1 + area, max(1 + wall, 0.0), min(lost, 1.0), ())

@@ -10,8 +10,10 @@ import pytest
 
 from eitsim.electrics.sheet.sheet_conductance import changes
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline, circles, harmonics_at, orders
+from eitsim.mechanics.load_paths.several_edges import summed_changes
 from eitsim.mechanics.rim.correction import RimCorrection
 from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change
+from eitsim.scene.nearest_edge import straight_edges
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
 
@@ -112,14 +114,35 @@ def test_a_corner_adds_more_than_its_edges_and_is_symmetric_about_its_diagonal()
 
 
 def test_far_edges_add_up():
-    """What two edges of a strip change, 1.4 thicknesses from the punch's edge, is their sum to a tenth."""
+    """What two edges change, 1.4 and 1.7 thicknesses from the punch's edge, is their sum to a tenth, in a strip as in a
+    corner."""
     near, far = 0.021, 0.024
-    alone = [change(OffsetDisc(100.0, 100.0 - gap)) for gap in (near, far)]
-    both = change(outline(rectangle(far, near, 0.3, 0.3)))
-    assert both.depth_m == pytest.approx(sum(one.depth_m for one in alone), rel=0.1)
-    at = np.array([[0.012, 0.002], [-0.012, 0.004], [0.0, 0.011], [0.016, -0.005]])
-    added = changes(alone[0].field, at)[0] - np.eye(2)
-    other = changes(replace(alone[1].field, towards=None), at * [-1, 1])[0] - np.eye(2)
-    other[:, 0, 1], other[:, 1, 0] = -other[:, 0, 1], -other[:, 1, 0]
-    found = changes(both.field, at)[0] - np.eye(2)
-    assert np.linalg.norm(found - added - other) < 0.2 * np.linalg.norm(found)
+    each = [change(OffsetDisc(100.0, 100.0 - gap)) for gap in (near, far)]
+    at = np.array([[0.012, 0.002], [-0.012, 0.004], [0.0, 0.011], [0.016, -0.005], [0.003, 0.02]])
+    for loop, other in ((rectangle(far, near, 0.3, 0.3), [-1.0, 0.0]), (rectangle(0.3, near, 0.3, far), [0.0, 1.0])):
+        both, summed = change(outline(loop)), summed_changes(each, [np.array([1.0, 0.0]), np.array(other)])
+        assert summed.depth_m == pytest.approx(both.depth_m, rel=0.1)
+        known, found = changes(both.field, at)[0], changes(summed.field, at)[0]
+        assert np.linalg.norm(found - known) < 0.1 * np.linalg.norm(known - np.eye(2))
+        alone = changes(each[0].field, at)[0]
+        assert np.linalg.norm(alone - known) > 0.15 * np.linalg.norm(known - np.eye(2))
+
+
+RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+
+
+@pytest.mark.parametrize(("body", "place", "reach", "known"), [
+    (RECTANGLE, (0.05, 0.03), 0.04, {(1, 0): 0.01, (0, 1): 0.01}),
+    (RECTANGLE, (0.0, 0.0), 0.045, {(0, 1): 0.04, (0, -1): 0.04}),
+    (RECTANGLE, (0.0, 0.0), 0.03, {}),
+    (replace(RECTANGLE, corner_radius_m=0.01), (0.05, 0.03), 0.04, {}),
+    (replace(RECTANGLE, corner_radius_m=0.01), (0.0, 0.03), 0.04, {(0, 1): 0.01}),
+    (replace(RECTANGLE, holes_m=((0.0, 0.0, 0.005),)), (0.0, 0.03), 0.02, {(0, 1): 0.01}),
+    (replace(RECTANGLE, holes_m=((0.0, 0.0, 0.005),)), (0.0, 0.03), 0.03, {}),
+    (Body(outline="polygon", points_m=((0, 0), (0.1, 0), (0.1, 0.04), (0.04, 0.04), (0.04, 0.1), (0, 0.1))),
+     (0.035, 0.035), 0.02, {}),
+    (Body(outline="polygon", points_m=((0, 0), (0.1, 0), (0.0, 0.1))), (0.02, 0.02), 0.025, {(-1, 0): 0.02,
+                                                                                          (0, -1): 0.02})])
+def test_straight_edges_are_those_that_alone_bound_the_skin_about_a_place(body, place, reach, known):
+    found = straight_edges(body.shape, place, reach)
+    assert {tuple(np.round(towards, 6).tolist()): pytest.approx(away) for towards, away in found} == known

@@ -59,7 +59,7 @@ def test_a_touch_far_from_edges_is_that_of_the_disc_of_the_area():
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.051, 0.031), (-0.03, 0.01)])
 def test_a_touch_near_a_corner_or_a_hole_is_solved_with_all_edges(x_m, y_m):
     """The skin gives way more than with the nearest edge alone in the corner, and the readings follow."""
-    scene = at(x_m, y_m)
+    scene = replace(at(x_m, y_m), electrodes=replace(SCENE.electrodes, soft=True))
     assert rim_gap_m(SKIN, scene.punches[0]) < least_gap_m(SCENE)
     found = simulate(scene, CARD)
     assert found.outcome == "ok", found.message
@@ -70,7 +70,7 @@ def test_a_touch_near_a_corner_or_a_hole_is_solved_with_all_edges(x_m, y_m):
     assert touch.rim.whole_turn
     one = solve_near_rim(CARD.hyperfoam, SKIN, scene.punches[0])
     assert abs(touch.depth_m / one.depth_m - 1) > one.depth_error
-    assert found.error_estimate["signal"] < 0.2
+    assert found.error_estimate["signal"] < 0.15
 
 
 def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
