@@ -15,7 +15,7 @@ project, author, version = "touchcal", "the authors of touchcal", "0.1.0"
 root_doc = "site"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "sphinx_gallery.gen_gallery",
               "sphinx_copybutton", "mathml"]
-exclude_patterns = ["index.md", "conf.py", "reference.py", "mathml.py", "gallery/README*", "tutorials/README*"]
+exclude_patterns = ["index.md", "conf.py", "reference.py", "mathml.py", "**/README*"]
 html_theme, html_title = "furo", "touchcal"
 html_math_renderer = "mathml"
 html_static_path: list[str] = []
@@ -61,4 +61,4 @@ def setup(app) -> None:
 
 def _to_made_examples(app, page: str, source: list[str]) -> None:
     """Links to examples, in place, as links to the pages that are made of them."""
-    source[0] = re.sub(r"\]\(\.\./(tutorials|gallery)/(\w+)\.py\)", r"](../made/\1/\2.rst)", source[0])
+    source[0] = re.sub(r"\]\(\.\./((?:tutorials|gallery)/[\w/]+)\.py\)", r"](../made/\1.rst)", source[0])

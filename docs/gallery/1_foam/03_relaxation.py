@@ -12,7 +12,7 @@ import numpy as np
 
 import matcal
 
-data = Path("../../data_raw")
+data = Path("../../../data_raw")
 card = matcal.fit([data / "mts_uniaxial.txt", data / "mts_shear.txt", data / "mts_relaxation.txt"],
                   specimen=data / "specimen.toml", order=2).card
 time_s = np.geomspace(0.05, 500, 200)
