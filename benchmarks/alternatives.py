@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
 from functools import partial
+from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
 from multiprocessing import get_context
@@ -81,8 +82,8 @@ def pools() -> Iterator[Row]:
             continue
         table = np.zeros(HEAVY_MB * 125_000)
         with tempfile.TemporaryDirectory() as folder:
-            for case, task in (("nothing", double), ("kills", partial(deadly, folder)),
-                               ("a table", partial(double_with, table))):
+            for case, task in (("nothing", double), ("a table", partial(double_with, table)),
+                               ("kills", partial(deadly, folder))):
                 begun, times, right = time.perf_counter(), [], 0
                 for item, found in run(task, range(ITEMS)):
                     times.append(time.perf_counter() - begun)
@@ -95,6 +96,8 @@ def gaussian() -> Iterator[Row]:
     """A process of one output: error of the mean at 1000 places, CPU time of fit and mean."""
     from surrogate.statistics import gaussian_process
 
+    if find_spec("sklearn"):
+        import_module("sklearn.gaussian_process")
     at, rng = np.random.default_rng(2).random((1000, 3)), np.random.default_rng(0)
     for n, noise in quick(((140, 1e-4), (140, 0.1), (800, 1e-4), (800, 0.1)), ((140, 0.1),)):
         x = rng.random((n, 3))
