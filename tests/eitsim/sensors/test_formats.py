@@ -102,7 +102,7 @@ def test_matlab_files_of_several_arrays_or_unclear_shape_are_refused(tmp_path: P
     savemat(tmp_path / "square.mat", {"a": np.ones((208, 208))})
     with pytest.raises(InputFileError, match="2 arrays of readings: a, b"):
         open_recording(tmp_path / "two.mat")
-    with pytest.raises(InputFileError, match="a is 208 x 208.*whose field meas has one column a frame"):
+    with pytest.raises(InputFileError, match=r"a is 208 x 208.*whose field meas has one column a frame"):
         open_recording(tmp_path / "square.mat")
 
 
