@@ -18,7 +18,8 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "nu
 exclude_patterns = ["index.md", "conf.py", "reference.py", "mathml.py", "**/README*"]
 html_theme, html_title = "furo", "touchcal"
 html_math_renderer = "mathml"
-html_static_path: list[str] = []
+html_static_path, html_css_files = ["static"], ["site.css"]
+smartquotes = False  # they would make one dash of the two of an option
 html_theme_options = {"navigation_with_keys": True}
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
