@@ -1,6 +1,7 @@
 """Command line of `matcal`: inspect, fit, predict, check, export, compare, report."""
 
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
@@ -88,6 +89,7 @@ def fit_command(
     _check_places(out, report, [*files, *(predicted or [])], specimen)
     options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms)
     unfinished = None
+    warnings.filterwarnings("ignore", "\nArviZ is undergoing", FutureWarning)  # arviz says so once a day
     with _counted(posterior) as progress:
         try:
             found = fit(files, specimen, options=options, predicted=predicted or (), columns=columns or (),
