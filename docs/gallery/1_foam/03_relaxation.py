@@ -21,5 +21,6 @@ figure, axis = plt.subplots(layout="constrained")
 axis.semilogx(time_s, found["normalised_stress"])
 for share, tau_s in zip(card.prony.g, card.prony.tau_s, strict=True):
     axis.axvline(tau_s, color="0.7", lw=1)
-    axis.annotate(f"g = {share:.3f}", (tau_s, 1.0), rotation=90, va="top", ha="right", fontsize=8)
+    axis.annotate(f"g = {share:.3f}, tau = {tau_s:.2g} s", (tau_s, 0.98), xycoords=axis.get_xaxis_transform(),
+                  rotation=90, va="top", ha="left", fontsize=8)
 axis.set(xlabel="time since loading (s)", ylabel="stress over its first value")
