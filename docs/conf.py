@@ -44,7 +44,8 @@ sphinx_gallery_conf = {
     "image_srcset": ["2x"],
 }
 
-logging.getLogger("skfem").setLevel(logging.WARNING)
+for _name in ("skfem", "arviz.preview"):
+    logging.getLogger(_name).setLevel(logging.WARNING)
 lexers["mermaid"] = TextLexer()
 
 _ROOT = Path(__file__).parents[1]
