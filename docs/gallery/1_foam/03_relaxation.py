@@ -23,4 +23,4 @@ for share, tau_s in zip(card.prony.g, card.prony.tau_s, strict=True):
     axis.axvline(tau_s, color="0.7", lw=1)
     axis.annotate(f"g = {share:.3f}, tau = {tau_s:.2g} s", (tau_s, 0.98), xycoords=axis.get_xaxis_transform(),
                   rotation=90, va="top", ha="left", fontsize=8)
-axis.set(xlabel="time since loading (s)", ylabel="stress over its first value")
+axis.set(xlabel="time since loading (s)", ylabel="stress over its first value", ylim=(None, 1.12))
