@@ -15,10 +15,11 @@ project, author, version = "touchcal", "the authors of touchcal", "0.1.0"
 root_doc = "site"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "sphinx_gallery.gen_gallery",
               "sphinx_copybutton", "mathml"]
-exclude_patterns = ["index.md", "conf.py", "reference.py", "mathml.py", "gallery/README*", "tutorials/README*"]
+exclude_patterns = ["index.md", "conf.py", "reference.py", "mathml.py", "**/README*"]
 html_theme, html_title = "furo", "touchcal"
 html_math_renderer = "mathml"
-html_static_path: list[str] = []
+html_static_path, html_css_files = ["static"], ["site.css"]
+smartquotes = False  # they would make one dash of the two of an option
 html_theme_options = {"navigation_with_keys": True}
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
@@ -43,7 +44,8 @@ sphinx_gallery_conf = {
     "image_srcset": ["2x"],
 }
 
-logging.getLogger("skfem").setLevel(logging.WARNING)
+for _name in ("skfem", "arviz.preview"):
+    logging.getLogger(_name).setLevel(logging.WARNING)
 lexers["mermaid"] = TextLexer()
 
 _ROOT = Path(__file__).parents[1]
@@ -61,4 +63,4 @@ def setup(app) -> None:
 
 def _to_made_examples(app, page: str, source: list[str]) -> None:
     """Links to examples, in place, as links to the pages that are made of them."""
-    source[0] = re.sub(r"\]\(\.\./(tutorials|gallery)/(\w+)\.py\)", r"](../made/\1/\2.rst)", source[0])
+    source[0] = re.sub(r"\]\(\.\./((?:tutorials|gallery)/[\w/]+)\.py\)", r"](../made/\1.rst)", source[0])

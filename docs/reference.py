@@ -82,7 +82,8 @@ def _help(text: str) -> list[str]:
     out = []
     for part in text.replace("\b\n", "\b").strip().split("\n\n"):
         code = part.startswith(("\b", "    ", "  "))
-        out += [f"```text\n{part.strip(chr(8))}\n```\n"] if code else [part.replace("\n", " ") + "\n"]
+        shown = re.sub(r"^Example: (.*)", r"Example: `\1`", part.replace("\n", " "))
+        out += [f"```text\n{part.strip(chr(8))}\n```\n"] if code else [shown + "\n"]
     return out
 
 

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("[he]*/*.md"))]
-EXAMPLES = sorted((ROOT / "docs").glob("[tg]*/*.py"))
+EXAMPLES = sorted((ROOT / "docs").glob("[tg]*/**/*.py"))
 
 convert = pytest.importorskip("latex2mathml.converter", reason="the extra [docs] is not installed").convert
 

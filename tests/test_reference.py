@@ -50,3 +50,8 @@ def test_files_are_named_as_they_are_written(reference: ModuleType, tmp_path: Pa
     assert f"`{reader_store.DESCRIPTION}` of a model of a recording" in page
     for name in reference.SCHEMAS:
         assert (tmp_path / f"{name}.schema.json").is_file()
+
+
+def test_examples_of_commands_are_code_whose_dashes_stay(reference: ModuleType) -> None:
+    assert "Example: `matcal fit data_raw/uniaxial.csv data_raw/shear.csv --out card.json`" in reference.commands()
+    assert "\nsmartquotes = False" in (ROOT / "docs" / "conf.py").read_text(encoding="utf-8")

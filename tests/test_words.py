@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("touchcal", "matcal", "eitsim", "surrogate", "reports")
 RETIRED = re.compile(r"\b(told|besides?|beyond|apart|afresh|alike|wanted|mend(s|ed)?)\b", re.IGNORECASE)
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("[he]*/*.md")),
-         *sorted((ROOT / "docs").glob("[tg]*/*.py")), *sorted((ROOT / "examples").iterdir())]
+         *sorted((ROOT / "docs").glob("[tg]*/**/*.py")), *sorted((ROOT / "examples").iterdir())]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

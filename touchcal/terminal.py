@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import sys
 import tempfile
@@ -24,9 +25,22 @@ SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**63 - 1, help="S
 
 
 def application(help_text: str) -> typer.Typer:
-    """A Typer application with plain (unboxed) errors and help."""
-    return typer.Typer(help=help_text, no_args_is_help=True, pretty_exceptions_enable=False,
+    """A Typer application with plain (unboxed) errors and help, and `--version`."""
+    made = typer.Typer(help=help_text, no_args_is_help=True, pretty_exceptions_enable=False,
                        rich_markup_mode=None, add_completion=False)
+    made.callback()(_options)
+    return made
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"touchcal {importlib.metadata.version('touchcal')}")
+        raise typer.Exit
+
+
+def _options(version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_print_version,
+                                                   help="Print the version and exit.")] = False) -> None:
+    """Options of a program itself."""
 
 
 def run(app: typer.Typer, name: str) -> None:

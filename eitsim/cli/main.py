@@ -57,8 +57,8 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
 
 @app.command(name="run")
 def run_scene(scene: SceneFile, card: CardOption = None,
-              exact: Annotated[bool, typer.Option("--exact", help="Turn off what the plan leaves out where that is "
-                                                  "built; the plan tells what stays.")] = False,
+              exact: Annotated[bool, typer.Option("--exact", help="Solve what the plan leaves out, where that is "
+                                                  "built; the plan names what stays out.")] = False,
               reuse: Annotated[bool, typer.Option("--reuse", help="Take the touch from a stored load path of its "
                                                   "punch; the first one solves and keeps it.")] = False,
               out: Annotated[Path | None, typer.Option(help="Write the result (JSON) here.")] = None,

@@ -29,8 +29,8 @@ def inspect(recording: Annotated[Path, typer.Argument(
                 help="Sensor file (TOML) with [body], [electrodes], [drive] and [readings], whose drive is compared "
                      "with what the readings look like.")] = None,
             as_json: JsonOption = False) -> None:
-    """Say what readings tell of their order, sign, faults and noise, without a model and with one, and ask where they
-    do not decide.
+    """Find order, sign, faults and noise of the readings, without a model and with one, and ask where the data do
+    not decide.
 
     Example: eitsim sensor inspect frames.csv --sensor sensor.toml
     """

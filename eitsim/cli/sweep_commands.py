@@ -26,26 +26,25 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
                                                                               "(CSV, one row a scene).")],
           card: Annotated[Path, typer.Option(help="Material card.")],
           out: Annotated[Path, typer.Option(help="Folder of the data set; an unfinished one is continued.")],
-          scenes: Annotated[int | None, typer.Option(help="Number of scenes, over the design's own.")] = None,
+          scenes: Annotated[int | None, typer.Option(help="Number of scenes, in place of the design's.")] = None,
           scene: Annotated[Path | None, typer.Option("--scene", help="With a table: scene file of what its columns "
                                                      "leave out; seed and [material] too.")] = None,
           reuse: Annotated[bool | None, typer.Option("--reuse/--no-reuse", help="Take touches from a table of load "
                                                      "paths; by default where that repays its cost.")] = None,
           exact: Annotated[bool, typer.Option("--exact", help="Solve every row as `run --exact` does.")] = False,
           other_code: Annotated[bool, typer.Option("--other-code", help="Continue a folder that other code or "
-                                                   "libraries made; it then tells which scenes are whose.")] = False,
+                                                   "libraries made; design.json says which rows are whose.")] = False,
           workers: Annotated[int | None, typer.Option(help="Processes, one thread each; by default one for every "
                                                       "processor.")] = None,
           scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler whose workers solve the "
                                                         "scenes, in place of --workers.")] = None,
-          log_every: Annotated[float, typer.Option("--log-every", metavar="SECONDS", help="Where standard error is no "
-                                                   "terminal, a line of progress so often, for logs of a cluster; 0 "
-                                                   "for none.")] = 0.0,
+          log_every: Annotated[float, typer.Option("--log-every", metavar="SECONDS", help="Seconds between lines of "
+                                                   "progress where standard error is no terminal; 0 for none.")] = 0.0,
           report: Annotated[Path | None, typer.Option(help="Write a PDF report of the data set here, at the "
                                                            "end.")] = None,
           as_json: JsonOption = False) -> None:
-    """Solve many scenes into Parquet parts; started again on the same folder, it goes on where it was. At the end it
-    tells outcomes, errors of the signal, and what each stage cost.
+    """Solve many scenes into Parquet parts; started again on the same folder, it continues. At the end it prints
+    outcomes, errors of the signal, and the CPU seconds of each stage.
 
     A design begins with scenes = 200, seed = 1 and sampler = "random" (its count may grow), "lhs", "sobol" (both fix
     it) or "nested" (for `eitsim indices`); then come the tables of a scene file. [accuracy] signal = 0.01 is the
@@ -168,9 +167,9 @@ def indices(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Data set
             within: Annotated[list[str] | None, typer.Option(help="KEY=LOW,HIGH: touches over which the spread "
                                                                   "by the card alone is given; repeatable.")] = None,
             as_json: JsonOption = False) -> None:
-    """Tell how much of each output's variance touch, material and noise make: what calibration would buy.
+    """Print how much of each output's variance comes from touch, material and noise: what calibration would gain.
 
-    Blocks of four rows, two touches with two cards each, tell it. 24 rows serve a try; intervals worth reading take
+    The estimate takes blocks of four rows, two touches with two cards each. 24 rows serve a try; useful intervals take
     some hundred blocks (400 rows) and draws = 20 or more in [material].
 
     Example: eitsim indices sweep --within F_N=0.9,1.1 --out indices.csv

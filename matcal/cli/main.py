@@ -1,6 +1,7 @@
 """Command line of `matcal`: inspect, fit, predict, check, export, compare, report."""
 
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
@@ -48,30 +49,33 @@ def inspect_command(
 def fit_command(
         files: Annotated[list[str], typer.Argument(metavar="[KIND=]FILE...", help="Test files; conductivity takes "
                                                    "FRAME_FILE,POTENTIOSTAT_FILE.")],
-        specimen: Annotated[Path | None, typer.Option(help="Sizes of the specimens (TOML).")] = None,
+        specimen: Annotated[Path | None, typer.Option(help="Sizes of the specimens in mm (TOML).")] = None,
         columns: ColumnsOption = None,
-        branch: Annotated[str, typer.Option(help="Loading of a cyclic test that is used: last (preconditioned) or "
-                                            "first.")] = "last",
+        branch: Annotated[str, typer.Option(help="Which loading of a cyclic test counts: last (preconditioned) "
+                                            "or first.")] = "last",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
         poisson: Annotated[str, typer.Option(help="Poisson-like nu: a value for all terms, or A,B,... one a term (by "
                                              "increasing alpha); fit: one for all terms from lateral strain, a "
                                              "volumetric test, or two modes at least (from stress alone, less sure); "
                                              "fit-each: one a term, from lateral strain or a volumetric test.")] = "0",
-        stable: Annotated[str | None, typer.Option(help="Hold the law drucker or elliptic stable.")] = None,
-        stable_range: Annotated[str | None, typer.Option(metavar="LO,HI", help="Principal stretches between which it "
-                                                         "is held; by default those that the tests drive.")] = None,
+        stable: Annotated[str | None, typer.Option(help="Fit the best stable law: drucker or elliptic.")] = None,
+        stable_range: Annotated[str | None, typer.Option(metavar="LO,HI", help="With --stable: principal stretches "
+                                                         "between which the law is stable; by default those of the "
+                                                         "tests.")] = None,
         predicted: Annotated[list[str] | None, typer.Option("--predict", metavar="[KIND=]FILE",
-                                                            help="A test to compare with, not to fit.")] = None,
-        residual: Annotated[str, typer.Option(help="relative (to each curve's rms), absolute, or deviation (point by "
-                                              "point).")] = "relative",
-        weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of a kind.")] = None,
+                                                            help="Test that is compared with the fit and not part of "
+                                                                 "it.")] = None,
+        residual: Annotated[str, typer.Option(help="What a residual is divided by: relative (the curve's rms), "
+                                              "absolute (nothing), or deviation (each point's own).")] = "relative",
+        weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of one kind of test, for "
+                                                         "instance shear=2.")] = None,
         prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 6, or auto (by BIC).")] = "auto",
         posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior with emcee.")] = False,
         seed: SeedOption = 0,
         out: Annotated[Path, typer.Option(help="Card to write; its data go next to it.")] = Path("card.json"),
         report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
-        verbose: Annotated[bool, typer.Option("--verbose", help="Print stability, orders tried and every decision "
-                                              "too.")] = False,
+        verbose: Annotated[bool, typer.Option("--verbose", help="Also print stability, the orders tried and every "
+                                              "decision.")] = False,
         as_json: JsonOption = False) -> None:
     """Fit everything the files allow and write the material card.
 
@@ -85,6 +89,7 @@ def fit_command(
     _check_places(out, report, [*files, *(predicted or [])], specimen)
     options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms)
     unfinished = None
+    warnings.filterwarnings("ignore", "\nArviZ is undergoing", FutureWarning)  # arviz says so once a day
     with _counted(posterior) as progress:
         try:
             found = fit(files, specimen, options=options, predicted=predicted or (), columns=columns or (),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 INPUT_HELP = "- reads frames that a device writes, line by line, from standard input."
 REPLAY_HELP = "Recording or table of frames to show at its rate, or at 50 frames a second without a clock."
 SIMULATE_HELP = "Card of foam and skin: presses are answered by the simulator, from tables."
-DATA_HELP = "Data set whose design tells the sensor of --simulate."
+DATA_HELP = "Data set whose design describes the sensor of --simulate."
 BASELINE_HELP = ("CSV of untouched frames, for --replay and -; else those that the recording marks, or the first 20 "
                  "frames, with --noise-V the first one.")
 EXPORT_HELP = "Write the page as one file that presses and reads in the browser, without a server; forward models."
@@ -32,7 +32,7 @@ def live(model_folder: ModelFolder,
          replay: Annotated[Path | None, typer.Option(help=REPLAY_HELP)] = None,
          simulate: Annotated[Path | None, typer.Option(metavar="CARD", help=SIMULATE_HELP)] = None,
          data: Annotated[Path | None, typer.Option(help=DATA_HELP)] = None,
-         scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --simulate.")] = None,
+         scene: Annotated[Path | None, typer.Option(help="Scene that describes the sensor of --simulate.")] = None,
          baseline: Annotated[Path | None, typer.Option(help=BASELINE_HELP)] = None,
          noise_v: NoiseV = None,
          export: Annotated[Path | None, typer.Option(help=EXPORT_HELP)] = None) -> None:
@@ -91,7 +91,7 @@ def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None
     if len(given) > 1:
         raise ValueError(f"{' and '.join(given)} are different sources of readings. Give one of them.")
     if sensor is not None and simulate is None:
-        raise ValueError("--data and --scene tell the sensor of the simulator, which needs --simulate CARD.")
+        raise ValueError("--data and --scene describe the sensor of the simulator, which needs --simulate CARD.")
 
 
 def _frames_show(model: Model | TrainedReader, frames: str | None, replay: Path | None, baseline: Path | None,

@@ -33,16 +33,16 @@ LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of 
 SENSOR_HELP = "Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote."
 SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrodes and drive: what its touches say of a "
                   "recording's patterns is used in place of the sensitivity of a uniform disc.")
-SUGGEST_HELP = ("Name as many places to press next, and write them to suggested.csv in the folder of --out. Needs "
-                "no labels, nor a recording, before the first press.")
+SUGGEST_HELP = ("Number of places to press next; they are printed and written to suggested.csv in the folder of "
+                "--out. Before the first press neither labels nor a recording are needed.")
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
 OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max."
-STEPS = ", ".join(f"{one.epochs} of {one.name}" for one in METHODS.values() if one.epochs)
-WORKERS_HELP = "Processes that share the networks; where left out, one a core from 1,000 rows on."
+STEPS = ", ".join(f"{one.epochs} for {one.name}" for one in METHODS.values() if one.epochs)
+WORKERS_HELP = "Processes that share the networks; by default one, and one a core from 1,000 rows on."
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
-EXACT_HELP = ("Take signals for exact: the error that the simulator states of them does not count. For comparing "
+EXACT_HELP = ("Take signals as exact: the error that the simulator states of them does not count. For comparing "
               "methods on simulated touches, not for a real sensor.")
 LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below the RMS of the baseline voltages."
 
@@ -55,13 +55,13 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
           sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None,
           simulated: Annotated[Path | None, typer.Option(help=SIMULATED_HELP)] = None,
           suggest: Annotated[int | None, typer.Option(min=1, help=SUGGEST_HELP)] = None, seed: SeedOption = 0,
-          epochs: Annotated[int | None, typer.Option(help=f"Most steps; where left out {STEPS}.")] = None,
+          epochs: Annotated[int | None, typer.Option(help=f"Most training steps; by default {STEPS}.")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
           exact_signals: Annotated[bool, typer.Option("--exact-signals", help=EXACT_HELP)] = False,
           noise_db: Annotated[str, typer.Option(help=LEVELS_HELP)] = "100,80,60", as_json: JsonOption = False) -> None:
-    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or on a recording: its
-    labels are learnt from all labelled presses, and scores are those of readers of four fifths of them.
+    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or train on a recording:
+    the model learns from all labelled presses, and scores are those of readers of four fifths of them.
 
     Example: surrogate train sweep --out forward --method forward --seed 1
     """

@@ -53,9 +53,9 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = RATE_HZ,
             touches: Annotated[int, typer.Option(min=1, max=2, help=TOUCHES_HELP)] = 1,
             card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
-            data: Annotated[Path | None, typer.Option(help="Data set whose design tells the sensor of --card or "
+            data: Annotated[Path | None, typer.Option(help="Data set whose design describes the sensor of --card or "
                                                            "--drift.")] = None,
-            scene: Annotated[Path | None, typer.Option(help="Scene that tells the sensor of --card or "
+            scene: Annotated[Path | None, typer.Option(help="Scene that describes the sensor of --card or "
                                                             "--drift.")] = None,
             seed: SeedOption = 0,
             out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
@@ -63,17 +63,17 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     """Read touches from recorded frames, or from frames as they come.
 
     A frame is a row of voltages separated by commas, in the order of the readings or under a header that names
-    v_000 ... in any order; a header of other names is refused. A line that is no frame has a row without values
-    whose flag says why, and costs no other; a cell that is empty or no finite number is a dead channel, which the
-    forward method leaves out and other methods cannot read without. A channel that is stuck at one value is noticed
-    in a file of three or more frames, not in a stream. --direct, --posterior and --touches 2 leave frames with dead
-    channels unread.
+    v_000 ... in any order; a header of other names is refused. A line that is no frame gives a row without values,
+    whose flag says why; other rows stay as they are. A cell that is empty or no finite number is a dead channel:
+    method forward reads the frame without it, other methods cannot read the frame. A channel that is stuck at one
+    value is noticed in a file of three or more frames, not in a stream. --direct, --posterior and --touches 2 do not
+    read frames with dead channels.
 
     A model of a recording reads a recording: a row a touched frame, against the untouched frames tracked to its time.
 
     Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
     evaluate` prints. A touch outside them is flagged where its signal or its answer shows it; in noise a heavier or
-    a thicker punch may look like one within, and then no flag can tell: where an interval of d or F reaches an end
+    a thicker punch may look like one within, and then no flag shows it: where an interval of d or F reaches an end
     of the range, the touch may lie outside it.
 
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
@@ -179,10 +179,10 @@ def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None,
         raise ValueError("frames from standard input are answered one by one as they come; --direct, --posterior, "
                          "--touches 2 and --json need a file of frames.")
     if (card is not None or sensor is not None) and not simulated:
-        raise ValueError("--card, --data and --scene tell the simulator of --direct or --posterior, and --data and "
+        raise ValueError("--card, --data and --scene describe the simulator of --direct or --posterior, and --data and "
                          "--scene the sensor of --drift contact=SD; add one, or leave them out.")
     if card is None and sensor is not None:
-        raise ValueError("--data and --scene tell the sensor of the simulator, which needs --card CARD too.")
+        raise ValueError("--data and --scene describe the sensor of the simulator, which needs --card CARD too.")
 
 
 def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float,

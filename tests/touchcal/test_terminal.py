@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from typing import Any
 
 import pytest
@@ -20,7 +21,7 @@ def test_ctrl_c_is_answered_in_a_sentence(monkeypatch: pytest.MonkeyPatch, capsy
         """Wait."""
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys, "argv", ["waiter"])
+    monkeypatch.setattr(sys, "argv", ["waiter", "wait"])
     with pytest.raises(SystemExit, match=r"^130$"):
         run(app, "waiter")
     assert capsys.readouterr().err == "waiter: stopped by Ctrl-C; files are written whole or not at all.\n"
@@ -35,3 +36,10 @@ def test_a_seed_that_is_none_is_refused_by_its_option(words: tuple[str, ...], se
     assert done.returncode == 2
     assert "'--seed'" in done.stderr
     assert re.search(expected, done.stderr)
+
+
+def test_a_program_says_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        application("Help.")(args=["--version"], prog_name="program")
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"touchcal {version('touchcal')}\n"

@@ -22,17 +22,21 @@ def _is_matlab(path: Path) -> bool:
 
 def _read_matlab(path: Path, kind: str) -> Recording:
     """The only array of the file, or the only data object; ValueError's words name those there are."""
-    found = {name: array for name, value in mat_variables(path).items() if (array := _measured(value)) is not None}
+    variables = mat_variables(path)
+    found = {name: array for name, value in variables.items() if (array := _measured(value)) is not None}
     if len(found) != 1:
         raise InputFileError(path, f"{len(found)} arrays of readings{': ' if found else ''}{', '.join(found)}; it must "
                                    "hold one, of numbers, or one EIDORS data object with meas. Save that one alone.")
     (name, array), = found.items()
     if array.ndim == 1:
         return frames(path, array[None], kind)
+    if isinstance(variables[name], mat_struct):
+        return frames(path, array.T, kind)
     by_column, by_row = (size >= _FEWEST and bool(counts_for(size)) for size in array.shape)
     if by_column == by_row:
         raise InputFileError(path, f"{name} is {array.shape[0]} x {array.shape[1]}, and either may be the readings of "
-                                   "a frame, or neither. Save it as a CSV of one row a frame.")
+                                   "a frame, or neither. Save it as a structure whose field meas has one column a frame, "
+                                   "as EIDORS does, or as a CSV of one row a frame.")
     return frames(path, array.T if by_column else array, kind)
 
 

@@ -102,8 +102,13 @@ def test_matlab_files_of_several_arrays_or_unclear_shape_are_refused(tmp_path: P
     savemat(tmp_path / "square.mat", {"a": np.ones((208, 208))})
     with pytest.raises(InputFileError, match="2 arrays of readings: a, b"):
         open_recording(tmp_path / "two.mat")
-    with pytest.raises(InputFileError, match="a is 208 x 208"):
+    with pytest.raises(InputFileError, match=r"a is 208 x 208.*whose field meas has one column a frame"):
         open_recording(tmp_path / "square.mat")
+
+
+def test_eidors_data_have_a_frame_a_column_whatever_their_shape(tmp_path: Path) -> None:
+    savemat(tmp_path / "eidors.mat", {"data": {"meas": np.arange(208.0 * 100).reshape(208, 100)}})
+    np.testing.assert_array_equal(open_recording(tmp_path / "eidors.mat").readings[1, :2], [1.0, 101.0])
 
 
 def test_another_count_than_the_drive_makes_is_refused(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 import eitsim
 
-file = Path("../../../shared/real/hydrogel/frames.csv")
+file = Path("../../../../shared/real/hydrogel/frames.csv")
 if file.exists():
     recording = eitsim.read_recording(file, kind="magnitude")
     untouched = recording.touch == ""

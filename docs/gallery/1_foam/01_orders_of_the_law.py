@@ -13,7 +13,7 @@ import pandas as pd
 
 import matcal
 
-tests = [Path("../../data_raw") / name for name in ("uniaxial.csv", "shear.csv")]
+tests = [Path("../../../data_raw") / name for name in ("uniaxial.csv", "shear.csv")]
 strain = np.linspace(-0.8, 0, 100)
 figure, axis = plt.subplots(layout="constrained")
 measured = pd.read_csv(tests[0], comment="#", skiprows=[2])

@@ -4,9 +4,9 @@ A real foam and the orders of the law
 
 How many terms does a vinyl nitrile foam need?
 
-The data are **real**: foam VN600 in quasi-static compression, measured by NIST (``docs/gallery/data/NOTICE`` has source
-and licence). One test in compression says nothing of the lateral stretch, and the law takes it as 1.
-The record begins at 4.6 kPa, which no law has at rest.
+The data are **real**: foam VN600 in quasi-static compression, measured by NIST (``docs/gallery/5_real/data/NOTICE``
+has source and licence). One test in compression says nothing of the lateral stretch, and the law takes it as 1. The
+record begins at 4.6 kPa, which no law has at rest.
 """
 
 import matplotlib.pyplot as plt

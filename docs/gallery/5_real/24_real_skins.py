@@ -12,7 +12,7 @@ a hydrogel (Hardman et al., HydrogelEIT), last fifth of the presses in time. The
 import matplotlib.pyplot as plt
 import pandas as pd
 
-table = pd.read_csv("../../benchmarks/results/real_skins.csv")
+table = pd.read_csv("../../../benchmarks/results/real_skins.csv")
 rows = table[(table["split"] == "time") & (table["taken"] == "last") & (table["output"] == "place")
              & table["drift"].isna()]
 figure, axes = plt.subplots(1, 4, figsize=(11, 3.2), sharex=True, sharey=True, layout="constrained")

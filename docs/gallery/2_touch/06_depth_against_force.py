@@ -2,7 +2,7 @@
 Depth against force
 ===================
 
-Five punches on the same foam: load paths of the simulator.
+Three punches on the same foam.
 """
 
 import matplotlib.pyplot as plt
@@ -21,7 +21,7 @@ for diameter_mm in (10, 14, 18):
     for force_N in forces_N:
         punch = eitsim.Punch(diameter_m=diameter_mm / 1e3, force_N=force_N)
         scene = eitsim.Scene(punches=[punch], accuracy=eitsim.Accuracy(0.05))
-        depth_mm.append(eitsim.simulate(scene, card, reuse=True).touches[0].depth_m * 1e3)
+        depth_mm.append(eitsim.simulate(scene, card).touches[0].depth_m * 1e3)
     axis.plot(forces_N, depth_mm, "o-", label=f"{diameter_mm} mm")
 axis.set(xlabel="force (N)", ylabel="depth (mm)")
 axis.legend(title="punch")

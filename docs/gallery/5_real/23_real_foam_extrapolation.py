@@ -4,8 +4,8 @@ What extrapolation costs
 
 A law fitted to the first part of a test is asked for the rest.
 
-The data are **real**: foam VN600 in quasi-static compression, measured by NIST (``docs/gallery/data/NOTICE`` has source
-and licence).
+The data are **real**: foam VN600 in quasi-static compression, measured by NIST (``docs/gallery/5_real/data/NOTICE``
+has source and licence).
 """
 
 import matplotlib.pyplot as plt

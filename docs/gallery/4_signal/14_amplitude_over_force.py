@@ -21,7 +21,7 @@ for diameter_mm, mark in ((10, "o-"), (14, "s-"), (18, "^-")):
     for force_N in forces_N:
         punch = eitsim.Punch(x_m=0.02, diameter_m=diameter_mm / 1e3, force_N=float(force_N))
         scene = eitsim.Scene(punches=[punch], accuracy=eitsim.Accuracy(0.05))
-        signal_mV.append(np.sqrt(np.mean(eitsim.simulate(scene, card, reuse=True).readings.signal_V**2)) * 1e3)
+        signal_mV.append(np.sqrt(np.mean(eitsim.simulate(scene, card).readings.signal_V**2)) * 1e3)
     axis.plot(forces_N, signal_mV, mark, label=f"{diameter_mm} mm")
 axis.set(xlabel="force (N)", ylabel="r.m.s. signal (mV)")
 axis.legend(title="punch")

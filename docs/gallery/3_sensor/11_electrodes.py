@@ -20,7 +20,7 @@ baseline_V, signal_V = [], []
 for impedance in impedances:
     scene = eitsim.Scene(punches=[eitsim.Punch(x_m=0.03, force_N=0.5)], accuracy=eitsim.Accuracy(0.05),
                          electrodes=eitsim.Electrodes(contact_impedance_Ohm_m=float(impedance)))
-    readings = eitsim.simulate(scene, card, reuse=True).readings
+    readings = eitsim.simulate(scene, card).readings
     baseline_V.append(np.sqrt(np.mean(readings.baseline_V**2)))
     signal_V.append(np.sqrt(np.mean(readings.signal_V**2)))
 figure, axis = plt.subplots(layout="constrained")

@@ -12,7 +12,7 @@ import numpy as np
 
 import matcal
 
-data = Path("../../data_raw")
+data = Path("../../../data_raw")
 card = matcal.fit([data / "uniaxial.csv", {"conductivity": [data / "mts_stretch.txt", data / "nova_stretch.txt"]}],
                   specimen=data / "specimen.toml", order=1).card
 strain = np.linspace(-0.2, 0.6, 100)

@@ -12,7 +12,7 @@ import numpy as np
 
 import matcal
 
-card = matcal.fit([Path("../../data_raw/uniaxial.csv"), Path("../../data_raw/shear.csv")], order=2).card
+card = matcal.fit([Path("../../../data_raw/uniaxial.csv"), Path("../../../data_raw/shear.csv")], order=2).card
 modes = {"uniaxial": (-0.7, 0), "biaxial": (-0.5, 0), "planar": (-0.7, 0), "shear": (0, 1)}
 figure, axes = plt.subplots(1, 4, figsize=(11, 2.8), layout="constrained")
 for axis, (mode, (low, high)) in zip(axes, modes.items(), strict=True):

@@ -18,7 +18,7 @@ places_mm = np.array([0, 10, 20, 30, 40, 50])
 largest, rms = [], []
 for place_mm in places_mm:
     scene = eitsim.Scene(punches=[eitsim.Punch(x_m=place_mm / 1e3, force_N=0.5)], accuracy=eitsim.Accuracy(0.05))
-    signal_V = eitsim.simulate(scene, card, reuse=True).readings.signal_V
+    signal_V = eitsim.simulate(scene, card).readings.signal_V
     largest.append(np.abs(signal_V).max() * 1e3)
     rms.append(np.sqrt(np.mean(signal_V**2)) * 1e3)
 figure, axis = plt.subplots(layout="constrained")

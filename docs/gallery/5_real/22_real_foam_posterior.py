@@ -4,10 +4,10 @@ Residuals and posterior of a real foam
 
 Are the residuals of a fitted law noise, and what does its posterior make of them?
 
-The data are **real**: foam VN600 in quasi-static compression, measured by NIST (``docs/gallery/data/NOTICE`` has source
-and licence). Residuals of neighbouring points are similar, since the law has not quite this foam's shape. The posterior
-counts them as fewer points, so that its band is as wide as they ask for. It is the band of the law, not of a point; the
-first points, where the record begins at 4.6 kPa, lie outside.
+The data are **real**: foam VN600 in quasi-static compression, measured by NIST (``docs/gallery/5_real/data/NOTICE``
+has source and licence). Residuals of neighbouring points are similar, since the law has not quite this foam's shape.
+The posterior counts them as fewer points, so that its band is as wide as they ask for. It is the band of the law, not
+of a point; the first points, where the record begins at 4.6 kPa, lie outside.
 """
 
 import tempfile
