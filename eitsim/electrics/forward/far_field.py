@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials, quadrature_points
-from eitsim.electrics.cem.ring_scattering import FULL, ring_share
+from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
@@ -24,6 +24,9 @@ _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 _TRIANGLES = 2000
 # Strains fall by e in less than a thickness: so many thicknesses outside a contact they no longer need to be followed.
 _FADED = 8.0
+# What rings send out counts so many of their reaches from the punch: the series of what comes back converges no further
+# than the punch's image in the edge.
+_SEEN = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +87,9 @@ def _flat(gradient: Array) -> Array:
 
 
 def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
-                    law: Conductivity, reach_m: float) -> Array:
+                    law: Conductivity, reach_m: float, rings: Scattered | None = None) -> Array:
     """Change (count, count), Ohm, of the impedance matrix by what the rings leave out: -int grad u_k . ds grad u_l,
-    u the untouched fields, ds the change of conductance less `ring_share` of it."""
+    ds the change of conductance less `ring_share` of it, u the untouched fields, or those that the rings leave."""
     place = np.array([punch.x_m, punch.y_m])
     points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, place[None],
                                       np.array([FULL * reach_m]), np.array([touch.contact_radius_m]))
@@ -94,7 +97,11 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     left = 1 - ring_share(radius, reach_m)
     far = (left > 0) & (radius < touch.radius_m[-1])
     change = sheet_conductance(points[far], punch, touch, skin, law) - conductance_S * np.eye(2)
-    return _first_order(area[far], gradient[far], change * left[far, None, None])
+    field = gradient[far]
+    if rings is not None:
+        near = radius[far] < _SEEN * reach_m
+        field[near] += scattered_gradient(rings, (position(punch), reach_m), points[far][near])
+    return _first_order(area[far], field, change * left[far, None, None])
 
 
 def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: float,

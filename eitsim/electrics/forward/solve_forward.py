@@ -12,6 +12,7 @@ from eitsim.electrics.cem import ring_scattering as rings
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating
+from eitsim.electrics.cem.mirrored_scattering import mirrored_scattering
 from eitsim.electrics.cem.ring_scattering import Coupling, position
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.untouched import untouched_impedance
@@ -135,7 +136,8 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
 def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> Iterator[_Change]:
     """Attempts in the order of their cost; the last one meets the requested error, or none does."""
-    clipped = any(touch.rim is not None for _, touch in touches)
+    clipped = any(touch.rim is not None for _, touch in touches) and not (sensor.body.has_outline and all(
+        rings.admissible_radius(sensor.body, punch) > touch.contact_radius_m for punch, touch in touches))
     lines = sensor.electrodes.kind == "line"
     if method == "multipole" and not lines:
         raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
@@ -173,7 +175,7 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
                  sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
-    first = max(abs(own[0]) for own in _scatterings(sensor, touches, rooms, used, 1))
+    first = max(float(np.abs(own).max()) for own in _scatterings(sensor, touches, rooms, used, 1))
     error = MISSED + _difference(sensor, fine, coarse) / 3
     rougher = _scattered(sensor, _circles(sensor, touches, rooms, rough=True), used, 3 * ORDERS // 4)
     error += (LEFT_CUT if sensor.body.has_outline else 1.0) * _difference(sensor, fine, rougher)
@@ -209,13 +211,14 @@ def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders:
     changes = []
     for one in circles:
         found = _scatterings(sensor, one.touches, one.reach_m, parts, orders)
-        tau = np.concatenate([np.pad(own, (0, ORDERS - orders)) for own in found])
-        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, tau))
+        scattered = rings.together(found, ORDERS)
+        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, scattered))
     return np.sum(changes, axis=0)
 
 
 def _scatterings(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int, orders: int) -> list[Array]:
-    return [rings.scattering(punch, touch, sensor.skin, sensor.law, r, orders, parts)
+    return [(rings.scattering if touch.rim is None else mirrored_scattering)(punch, touch, sensor.skin, sensor.law, r,
+                                                                             orders, parts)
             for (punch, touch), r in zip(touches, radii, strict=True)]
 
 
