@@ -87,9 +87,13 @@ def _flat(gradient: Array) -> Array:
 
 
 def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
-                    law: Conductivity, reach_m: float, rings: Scattered | None = None) -> Array:
-    """Change (count, count), Ohm, of the impedance matrix by what the rings leave out: -int grad u_k . ds grad u_l,
-    ds the change of conductance less `ring_share` of it, u the untouched fields, or those that the rings leave."""
+                    law: Conductivity, reach_m: float, rings: Scattered | None = None) -> tuple[Array, Array]:
+    """Change (count, count), Ohm, of the impedance matrix by what the rings leave out, and the part of it of second
+    order in ds: -int grad u_k . (ds - ds^2 / 2S) grad u_l, ds the change of conductance less `ring_share` of it, u the
+    untouched fields, or those that the rings leave.
+
+    The second order lies between 0 and twice what is taken, which a disc of any small change has.
+    """
     place = np.array([punch.x_m, punch.y_m])
     points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, place[None],
                                       np.array([FULL * reach_m]), np.array([touch.contact_radius_m]))
@@ -97,11 +101,13 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     left = 1 - ring_share(radius, reach_m)
     far = (left > 0) & (radius < touch.radius_m[-1])
     change = sheet_conductance(points[far], punch, touch, skin, law) - conductance_S * np.eye(2)
+    change *= left[far, None, None]
     field = gradient[far]
     if rings is not None:
         near = radius[far] < _SEEN * reach_m
         field[near] += scattered_gradient(rings, (position(punch), reach_m), points[far][near])
-    return _first_order(area[far], field, change * left[far, None, None])
+    second = _first_order(area[far], field, change @ change / (-2 * conductance_S))
+    return _first_order(area[far], field, change) + second, second
 
 
 def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: float,

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -157,7 +157,10 @@ class _Circles:
 
     touches: Touches
     reach_m: Sequence[float]
+    # with all harmonics around the rim, or the edges as exactly as known; and more roughly
     coupling: Coupling
+    rough: Coupling
+    mirrored: Sequence[Array | None]  # what touches that an edge changes scatter; None of others
     sign: float  # 1 where their change counts, -1 where it is taken away
 
 
@@ -171,20 +174,35 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
         if _difference(sensor, fine, coarse) <= 3 * signal / 4:
             break
         coarse, fine, used = fine, _scattered(sensor, circles, parts), parts
-    outside = sum(born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
-                 sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
-    first = max(float(np.abs(own).max()) for own in _scatterings(sensor, touches, rooms, used, 1))
     error = MISSED + _difference(sensor, fine, coarse) / 3
-    rougher = _scattered(sensor, _circles(sensor, touches, rooms, rough=True), used, 3 * ORDERS // 4)
+    rougher = _scattered(sensor, circles, used, 3 * ORDERS // 4, rough=True)
     error += (LEFT_CUT if sensor.body.has_outline else 1.0) * _difference(sensor, fine, rougher)
-    error += 4 * first * _difference(sensor, fine + outside, fine)
+    outside, unsure = _outside(sensor, touches, rooms, circles, used)
+    error += _difference(sensor, fine, fine + unsure)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
     return _Change(fine + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
-def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float], *, rough: bool = False) -> list[_Circles]:
+def _outside(sensor: _Sensor, touches: Touches, rooms: Sequence[float], circles: Sequence[_Circles],
+             parts: int) -> tuple[Array, Array]:
+    """Change by what the rings leave out, and what is unsure of it."""
+    changes, unsure = [], []
+    for touch, room in zip(touches, rooms, strict=True):
+        (one, k), *_ = [(one, k) for one in circles for k in range(len(one.touches))
+                        if one.touches[k] is touch and one.reach_m[k] == room]
+        found = rings.scattered(one.coupling, sensor.conductance_S, _scattering(sensor, one, parts))
+        own = slice(k * ORDERS, (k + 1) * ORDERS)
+        field = replace(found, outgoing=found.outgoing[own], returned=found.returned[own])
+        change, second = born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, *touch, sensor.skin,
+                                         sensor.law, room, field)
+        changes.append(change)
+        unsure.append(second)
+    return np.sum(changes, axis=0), np.sum(unsure, axis=0)
+
+
+def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float]) -> list[_Circles]:
     """All touches in circles that do not overlap, and each alone in the largest circle that has room on the skin, less
     it alone in its own."""
     inner = rings.reaches(sensor.body, touches)
@@ -192,34 +210,40 @@ def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float], *, rough
     for touch, own, room in zip(touches, inner, rooms, strict=True):
         if room > own:
             found += [((touch,), [room], 1.0), ((touch,), [own], -1.0)]
-    return [_Circles(some, reach, _coupling(sensor, some, reach, rough), sign) for some, reach, sign in found]
+    return [_Circles(some, reach, *_couplings(sensor, some, reach), [
+        None if touch.rim is None else mirrored_scattering(punch, touch, sensor.skin, sensor.law, own, ORDERS)
+        for (punch, touch), own in zip(some, reach, strict=True)], sign) for some, reach, sign in found]
 
 
-def _coupling(sensor: _Sensor, touches: Touches, radii: Sequence[float], rough: bool) -> Coupling:
-    """What couples circles on the skin; rough: with fewer harmonics around the rim, or edges on a mesh half as fine."""
+def _couplings(sensor: _Sensor, touches: Touches, radii: Sequence[float]) -> tuple[Coupling, Coupling]:
+    """What couples circles on the skin, and that with fewer harmonics around the rim, or edges known more roughly."""
     circles = [(position(punch), radius) for (punch, _), radius in zip(touches, radii, strict=True)]
     if sensor.body.has_outline:
-        coarse, fine = edge_responses(sensor.body.shape, sensor.electrodes, sensor.conductance_S)
-        return edge_coupling(coarse if rough else fine, circles, ORDERS)
+        rough, fine = edge_responses(sensor.body.shape, sensor.electrodes, sensor.conductance_S)
+        return edge_coupling(fine, circles, ORDERS), edge_coupling(rough, circles, ORDERS)
     rim = solve_rim(sensor.body, sensor.electrodes, sensor.conductance_S)
-    return rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, 3 * HARMONICS // 4 if rough else
-                         HARMONICS)
+    whole, fewer = (rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, harmonics)
+                    for harmonics in (HARMONICS, 3 * HARMONICS // 4))
+    return whole, fewer
 
 
-def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders: int = ORDERS) -> Array:
+def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders: int = ORDERS, *,
+               rough: bool = False) -> Array:
     """Change by touches in circles, of so many harmonics."""
     changes = []
     for one in circles:
-        found = _scatterings(sensor, one.touches, one.reach_m, parts, orders)
-        scattered = rings.together(found, ORDERS)
-        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, scattered))
+        coupling = one.rough if rough else one.coupling
+        kept = np.tile(coupling.order <= orders, 2)
+        scattering = _scattering(sensor, one, parts) * np.outer(kept, kept)
+        changes.append(one.sign * rings.impedance_change(coupling, sensor.conductance_S, scattering))
     return np.sum(changes, axis=0)
 
 
-def _scatterings(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int, orders: int) -> list[Array]:
-    return [(rings.scattering if touch.rim is None else mirrored_scattering)(punch, touch, sensor.skin, sensor.law, r,
-                                                                             orders, parts)
-            for (punch, touch), r in zip(touches, radii, strict=True)]
+def _scattering(sensor: _Sensor, circles: _Circles, parts: int) -> Array:
+    """What the touches scatter together, rings cut in parts where they are axisymmetric."""
+    own = [rings.scattering(punch, touch, sensor.skin, sensor.law, reach, ORDERS, parts) if known is None else known
+           for (punch, touch), reach, known in zip(circles.touches, circles.reach_m, circles.mirrored, strict=True)]
+    return rings.together(own, ORDERS)
 
 
 def _overlap(sensor: _Sensor, touches: Touches) -> float:

@@ -19,7 +19,7 @@ from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, 
 from eitsim.electrics.cem.boundary_integral import Complex
 from eitsim.electrics.cem.ring_scattering import Circle, Coupling, between
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement, with_quarter_points
-from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.electrics.outline.triangles import skin_mesh
 from eitsim.numerics.conductor_elimination import solve
 from eitsim.scene.electrodes import contact_impedances
@@ -27,9 +27,9 @@ from eitsim.scene.outline import Outline
 from eitsim.scene.scene import Electrodes
 
 _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
-# Errors of the untouched readings from which a mesh is fine enough for what electrodes send and for what edges send
-# back, its middle nodes then moved to a quarter of the way from the ends of electrodes.
-_ARRIVED, _RETURNED = 1e-3, 5e-3
+# Errors of the untouched readings from which a mesh is fine enough for a rough account of what electrodes send, and for
+# what edges send back, its middle nodes then moved to a quarter of the way from the ends of electrodes.
+_ROUGHLY, _RETURNED = 1e-3, 5e-3
 _SOLVED = 64  # Currents for which potentials are solved at once.
 # Nodes of a P2 triangle's sides, counter-clockwise: both ends, the middle.
 _SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
@@ -63,13 +63,16 @@ class EdgeResponse:
 
 @lru_cache(maxsize=8)
 def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, EdgeResponse]:
-    """On two of the meshes by which the untouched skin was solved (`solve_untouched`), and on both halved."""
+    """Roughly and exactly: what arrives on two of the meshes by which the untouched skin was solved
+    (`solve_untouched`), what returns on one of them and on it halved."""
     history, z = solve_untouched(outline, electrodes, conductance_S).history, contact_impedances(electrodes)
-    arriving, returning = (
+    rough, exact, returning = (
         with_quarter_points(skin_mesh(next(mesh for mesh, error in history if error <= enough), electrodes))
-        for enough in (_ARRIVED, _RETURNED))
-    return (response_on(arriving, returning, conductance_S, z),
-            response_on(uniform_refinement(arriving), uniform_refinement(returning), conductance_S, z))
+        for enough in (_ROUGHLY, READINGS, _RETURNED))
+    if len(exact.cells) == len(rough.cells):
+        exact = uniform_refinement(exact)
+    return (response_on(rough, returning, conductance_S, z),
+            response_on(exact, uniform_refinement(returning), conductance_S, z))
 
 
 def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float,
