@@ -10,6 +10,7 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
+from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
 from eitsim.scene.electrodes import contact_impedances
@@ -22,8 +23,9 @@ from matcal.laws.conductivity import Conductivity
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 # Triangles of a skin with an outline, about; cells near touches are sampled as the foam's thickness asks.
 _TRIANGLES = 2000
-# Strains fall by e in less than a thickness: so many thicknesses outside a contact they no longer need to be followed.
-_FADED = 8.0
+# Strains fall by e in less than a thickness: up to so many thicknesses outside a contact cells are sampled in parts of
+# so many thicknesses, the last that applies; from the first on they no longer count.
+_FADES = ((8.0, 1.0), (3.0, 1 / 3))
 # What rings send out counts so many of their reaches from the punch: the series of what comes back converges no further
 # than the punch's image in the edge.
 _SEEN = 1.2
@@ -56,7 +58,7 @@ def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> _Fie
 
 def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
     if body.has_outline:
-        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES)
+        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES, READINGS)
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
     radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
@@ -64,22 +66,26 @@ def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
 
 def _sampled(fields: _Fields, thickness_m: float, places_m: Array, inner_m: Array,
              contact_m: Array) -> tuple[Array, Array, Array]:
-    """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; no further
-    apart than the foam is thick in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,),
-    outside which strains decay."""
+    """Points (n, 2), m, of the cells outside inner radii (k,) about places (k, 2) up to where strains have faded, their
+    areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; as close to each other as _FADES asks outside the ends
+    of contact (k,)."""
     size = fields.size_m
     away = np.linalg.norm(fields.points_m[:, :, None] - places_m, axis=-1)
-    fading = (away.min(axis=1) < contact_m + _FADED * thickness_m) & (away.max(axis=1) > inner_m - size[:, None])
-    near = fading.any(axis=1) & (size > thickness_m)
-    points, area, gradient = fields.points_m, fields.area_m2, fields.gradient
-    if not near.any():
-        return points.reshape(-1, 2), area.ravel(), _flat(gradient)
-    parts = math.ceil(size[near].max() / thickness_m)
-    mesh = replace(fields.mesh, cells=fields.mesh.cells[near])
-    finer, finer_area = gradients(mesh, fields.potential, parts)
-    return (np.vstack([points[~near].reshape(-1, 2), quadrature_points(mesh, parts).reshape(-1, 2)]),
-            np.concatenate([area[~near].ravel(), finer_area.ravel()]),
-            np.concatenate([_flat(gradient[~near]), _flat(finer)]))
+    outside, parts = away.max(axis=1) > inner_m - size[:, None], np.zeros(len(size), dtype=int)
+    for within, spacing in _FADES:
+        near = ((away.min(axis=1) < contact_m + within * thickness_m) & outside).any(axis=1)
+        if near.any():
+            parts[near] = max(1, math.ceil(size[near].max() / (spacing * thickness_m)))
+    whole = parts == 1
+    points, area, gradient = [fields.points_m[whole]], [fields.area_m2[whole]], [fields.gradient[whole]]
+    for count in np.unique(parts[parts > 1]).tolist():
+        mesh = replace(fields.mesh, cells=fields.mesh.cells[parts == count])
+        finer, finer_area = gradients(mesh, fields.potential, count)
+        points.append(quadrature_points(mesh, count))
+        area.append(finer_area)
+        gradient.append(finer)
+    return (np.vstack([part.reshape(-1, 2) for part in points]), np.concatenate([part.ravel() for part in area]),
+            np.concatenate([_flat(part) for part in gradient]))
 
 
 def _flat(gradient: Array) -> Array:

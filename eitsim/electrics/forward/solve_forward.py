@@ -157,9 +157,8 @@ class _Circles:
 
     touches: Touches
     reach_m: Sequence[float]
-    # with all harmonics around the rim, or the edges as exactly as known; and more roughly
     coupling: Coupling
-    rough: Coupling
+    varied: Sequence[tuple[Coupling, float]]  # more roughly, and what is left over the change by it
     mirrored: Sequence[Array | None]  # what touches that an edge changes scatter; None of others
     sign: float  # 1 where their change counts, -1 where it is taken away
 
@@ -177,8 +176,9 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
     error = MISSED + _difference(sensor, fine, coarse) / 3
-    rougher = _scattered(sensor, circles, used, 3 * ORDERS // 4, rough=True)
-    error += (LEFT_CUT if sensor.body.has_outline else 1.0) * _difference(sensor, fine, rougher)
+    for k, (_, left) in enumerate(circles[0].varied):
+        rough = [replace(one, coupling=one.varied[k][0]) for one in circles]
+        error += left * _difference(sensor, fine, _scattered(sensor, rough, used, 3 * ORDERS // 4))
     outside, unsure = _outside(sensor, touches, rooms, circles, used)
     error += _difference(sensor, fine, fine + unsure)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
@@ -215,27 +215,27 @@ def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float]) -> list[
         for (punch, touch), own in zip(some, reach, strict=True)], sign) for some, reach, sign in found]
 
 
-def _couplings(sensor: _Sensor, touches: Touches, radii: Sequence[float]) -> tuple[Coupling, Coupling]:
+def _couplings(sensor: _Sensor, touches: Touches,
+               radii: Sequence[float]) -> tuple[Coupling, list[tuple[Coupling, float]]]:
     """What couples circles on the skin, and that with fewer harmonics around the rim, or edges known more roughly."""
     circles = [(position(punch), radius) for (punch, _), radius in zip(touches, radii, strict=True)]
     if sensor.body.has_outline:
-        rough, fine = edge_responses(sensor.body.shape, sensor.electrodes, sensor.conductance_S)
-        return edge_coupling(fine, circles, ORDERS), edge_coupling(rough, circles, ORDERS)
+        found, varied = edge_responses(sensor.body.shape, sensor.electrodes, sensor.conductance_S)
+        return (edge_coupling(found, circles, ORDERS),
+                [(edge_coupling(one, circles, ORDERS), left) for one, left in varied])
     rim = solve_rim(sensor.body, sensor.electrodes, sensor.conductance_S)
     whole, fewer = (rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, harmonics)
                     for harmonics in (HARMONICS, 3 * HARMONICS // 4))
-    return whole, fewer
+    return whole, [(fewer, 1.0)]
 
 
-def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders: int = ORDERS, *,
-               rough: bool = False) -> Array:
+def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders: int = ORDERS) -> Array:
     """Change by touches in circles, of so many harmonics."""
     changes = []
     for one in circles:
-        coupling = one.rough if rough else one.coupling
-        kept = np.tile(coupling.order <= orders, 2)
+        kept = np.tile(one.coupling.order <= orders, 2)
         scattering = _scattering(sensor, one, parts) * np.outer(kept, kept)
-        changes.append(one.sign * rings.impedance_change(coupling, sensor.conductance_S, scattering))
+        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, scattering))
     return np.sum(changes, axis=0)
 
 

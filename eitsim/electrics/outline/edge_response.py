@@ -7,7 +7,7 @@ once a sensor, on a coarser mesh: what comes back is a small part.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -61,18 +61,29 @@ class EdgeResponse:
     response_Ohm: Array  # (k, k) potentials of its unknowns by currents into them that sum to zero, but for a constant
 
 
+# Responses with something on a coarser mesh, and what is left over the change by it.
+Variations = tuple[tuple[EdgeResponse, float], ...]
+
+
 @lru_cache(maxsize=8)
-def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, EdgeResponse]:
-    """Roughly and exactly: what arrives on two of the meshes by which the untouched skin was solved
-    (`solve_untouched`), what returns on one of them and on it halved."""
+def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, Variations]:
+    """What arrives on one of the meshes by which the untouched skin was solved (`solve_untouched`), what returns on a
+    coarser one, halved; varied by what arrives on a coarser one, and by what returns on its own before it was halved.
+
+    Errors fall with the square of the number of nodes of adapted meshes, with the square of the size of halved ones.
+    """
     history, z = solve_untouched(outline, electrodes, conductance_S).history, contact_impedances(electrodes)
     rough, exact, returning = (
         with_quarter_points(skin_mesh(next(mesh for mesh, error in history if error <= enough), electrodes))
         for enough in (_ROUGHLY, READINGS, _RETURNED))
     if len(exact.cells) == len(rough.cells):
         exact = uniform_refinement(exact)
-    return (response_on(rough, returning, conductance_S, z),
-            response_on(exact, uniform_refinement(returning), conductance_S, z))
+    found = response_on(exact, uniform_refinement(returning), conductance_S, z)
+    coarse = response_on(rough, returning, conductance_S, z)
+    share = (len(rough.cells) / len(exact.cells)) ** 2
+    arrives = replace(found, arriving=coarse.arriving, potential_V=coarse.potential_V, driving_V=coarse.driving_V)
+    returns = replace(found, returning=coarse.returning, response_Ohm=coarse.response_Ohm)
+    return found, ((arrives, share / (1 - share)), (returns, 1 / 3))
 
 
 def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float,
