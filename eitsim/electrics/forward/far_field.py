@@ -23,8 +23,9 @@ from matcal.laws.conductivity import Conductivity
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 # Triangles of a skin with an outline, about; cells near touches are sampled as the foam's thickness asks.
 _TRIANGLES = 2000
+_DEGREE = 2  # Degree of exactness of the quadrature where cells are not cut: that of products of their gradients.
 # Strains fall by e in less than a thickness: up to so many thicknesses outside a contact cells are sampled in parts of
-# so many thicknesses, the last that applies; from the first on they no longer count.
+# so many thicknesses, the last that applies.
 _FADES = ((8.0, 1.0), (3.0, 1 / 3))
 # What rings send out counts so many of their reaches from the punch: the series of what comes back converges no further
 # than the punch's image in the edge.
@@ -52,8 +53,8 @@ def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> _Fie
     mesh = _mesh(body, electrodes, conductance_S)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     nodes = potential[:len(mesh.nodes_m)]
-    gradient, area = gradients(mesh, nodes)
-    return _Fields(mesh, nodes, quadrature_points(mesh), area, gradient)
+    gradient, area = gradients(mesh, nodes, degree=_DEGREE)
+    return _Fields(mesh, nodes, quadrature_points(mesh, degree=_DEGREE), area, gradient)
 
 
 def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
@@ -66,19 +67,18 @@ def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
 
 def _sampled(fields: _Fields, thickness_m: float, places_m: Array, inner_m: Array,
              contact_m: Array) -> tuple[Array, Array, Array]:
-    """Points (n, 2), m, of the cells outside inner radii (k,) about places (k, 2) up to where strains have faded, their
-    areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; as close to each other as _FADES asks outside the ends
-    of contact (k,)."""
+    """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; as close to
+    each other as _FADES asks in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,)."""
     size = fields.size_m
     away = np.linalg.norm(fields.points_m[:, :, None] - places_m, axis=-1)
-    outside, parts = away.max(axis=1) > inner_m - size[:, None], np.zeros(len(size), dtype=int)
+    outside, parts = away.max(axis=1) > inner_m - size[:, None], np.ones(len(size), dtype=int)
     for within, spacing in _FADES:
         near = ((away.min(axis=1) < contact_m + within * thickness_m) & outside).any(axis=1)
         if near.any():
             parts[near] = max(1, math.ceil(size[near].max() / (spacing * thickness_m)))
     whole = parts == 1
     points, area, gradient = [fields.points_m[whole]], [fields.area_m2[whole]], [fields.gradient[whole]]
-    for count in np.unique(parts[parts > 1]).tolist():
+    for count in np.unique(parts[~whole]).tolist():
         mesh = replace(fields.mesh, cells=fields.mesh.cells[parts == count])
         finer, finer_area = gradients(mesh, fields.potential, count)
         points.append(quadrature_points(mesh, count))
@@ -98,28 +98,27 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     order in ds: -int grad u_k . (ds - ds^2 / 2S) grad u_l, ds the change of conductance less `ring_share` of it, u the
     untouched fields, or those that the rings leave.
 
-    The second order lies between 0 and twice what is taken, which a disc of any small change has.
+    The second order, taken near the rings alone, lies between 0 and twice this, which a disc of small change has.
     """
     place = np.array([punch.x_m, punch.y_m])
-    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, place[None],
-                                      np.array([FULL * reach_m]), np.array([touch.contact_radius_m]))
+    points, area, field = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, place[None],
+                                   np.array([FULL * reach_m]), np.array([touch.contact_radius_m]))
     radius = np.linalg.norm(points - place, axis=1)
-    left = 1 - ring_share(radius, reach_m)
-    far = (left > 0) & (radius < touch.radius_m[-1])
-    change = sheet_conductance(points[far], punch, touch, skin, law) - conductance_S * np.eye(2)
-    change *= left[far, None, None]
-    field = gradient[far]
+    change = sheet_conductance(points, punch, touch, skin, law) - conductance_S * np.eye(2)
+    change *= (1 - ring_share(radius, reach_m))[:, None, None]
+    near = np.flatnonzero((radius > FULL * reach_m) & (radius < _SEEN * reach_m))
     if rings is not None:
-        near = radius[far] < _SEEN * reach_m
-        field[near] += scattered_gradient(rings, (position(punch), reach_m), points[far][near])
-    second = _first_order(area[far], field, change @ change / (-2 * conductance_S))
-    return _first_order(area[far], field, change) + second, second
+        field[near] += scattered_gradient(rings, (position(punch), reach_m), points[near])
+    second = _first_order(area[near], field[near], change[near] @ change[near] / (-2 * conductance_S))
+    return _first_order(area, field, change) + second, second
 
 
 def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: float,
                            touches: Sequence[tuple[Punch, Touch]], skin: Skin, law: Conductivity) -> Array:
     """Change (count, count), Ohm, of the impedance matrix, to first order, by what touches make of the conductance
     together more than the sum of what each makes alone, outside their contacts; 0 for one touch."""
+    if len(touches) == 1:
+        return np.zeros((electrodes.count,) * 2)
     places = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     inner = np.array([touch.contact_radius_m for _, touch in touches])
     outer = np.array([[touch.radius_m[-1]] for _, touch in touches])
@@ -135,4 +134,7 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
 
 
 def _first_order(area: Array, gradient: Array, change: Array) -> Array:
-    return -np.tensordot(gradient, change * area[:, None, None] @ gradient, axes=([0, 1], [0, 1]))
+    """-int grad u_k . ds grad u_l of symmetric changes ds (n, 2, 2)."""
+    x, y = gradient[:, 0], gradient[:, 1]
+    xx, xy, yy = (area * change[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
+    return -(x.T @ (xx[:, None] * x + xy[:, None] * y) + y.T @ (xy[:, None] * x + yy[:, None] * y))
