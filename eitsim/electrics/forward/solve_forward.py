@@ -175,14 +175,15 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
         coarse, fine, used = fine, _scattered(sensor, circles, parts), parts
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
-    error = MISSED + _difference(sensor, fine, coarse) / 3
+    error = MISSED + _difference(sensor, fine, coarse) / 15
     for k, (_, left) in enumerate(circles[0].varied):
         rough = [replace(one, coupling=one.varied[k][0]) for one in circles]
         error += left * _difference(sensor, fine, _scattered(sensor, rough, used, 3 * ORDERS // 4))
     outside, unsure = _outside(sensor, touches, rooms, circles, used)
     error += _difference(sensor, fine, fine + unsure)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
-    return _Change(fine + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
+    rest = (fine - coarse) / 3
+    return _Change(fine + rest + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
 def _outside(sensor: _Sensor, touches: Touches, rooms: Sequence[float], circles: Sequence[_Circles],
