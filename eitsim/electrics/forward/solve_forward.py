@@ -136,13 +136,14 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
 def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> Iterator[_Change]:
     """Attempts in the order of their cost; the last one meets the requested error, or none does."""
-    clipped = any(touch.rim is not None for _, touch in touches) and not (sensor.body.has_outline and all(
-        rings.admissible_radius(sensor.body, punch) > touch.contact_radius_m for punch, touch in touches))
-    lines = sensor.electrodes.kind == "line"
+    lines, changed = sensor.electrodes.kind == "line", any(touch.rim is not None for _, touch in touches)
     if method == "multipole" and not lines:
         raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
+    clipped = changed and (not sensor.body.has_outline or any(
+        rings.admissible_radius(sensor.body, punch) <= touch.contact_radius_m for punch, touch in touches))
     if method == "multipole" and clipped:
-        raise ValueError("method 'multipole' needs an axisymmetric touch; near an edge use 'mesh' or 'auto'.")
+        raise ValueError("method 'multipole' needs a contact that ends before the edge, and near the rim of a disc an "
+                         "axisymmetric touch; use 'mesh' or 'auto'.")
     if method != "mesh" and not clipped and lines:
         change = _by_multipole(sensor, touches, signal)
         yield change
