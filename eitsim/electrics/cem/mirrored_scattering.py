@@ -9,7 +9,7 @@ elements are joined pair by pair, and what is left is the admittance at the oute
 import numpy as np
 
 from eitsim.electrics.cem.floating_electrodes import shunt_ends, shunts
-from eitsim.electrics.cem.ring_scattering import Array, ring_share
+from eitsim.electrics.cem.ring_scattering import Array, Indices, ring_share
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch, Skin
@@ -136,8 +136,8 @@ def _joined(elements: Array, core: Array, held: float) -> Array:
     return _without_last(whole[last[:, None], last], len(whole) - count)
 
 
-def _turned(even: Array, odd: Array, m: Array, angle: float) -> Array:
+def _turned(even: Array, odd: Array, m: Indices, angle: float) -> Array:
     """Scattering by real and imaginary parts of amplitudes, of cosines and sines of the angle from a line."""
-    turn, none = np.exp(1j * m * angle), np.zeros_like(even)
-    to_line = np.block([[np.diag(turn.real), -np.diag(turn.imag)], [np.diag(turn.imag), np.diag(turn.real)]])
+    cosine, sine, none = np.diag(np.cos(m * angle)), np.diag(np.sin(m * angle)), np.zeros_like(even)
+    to_line = np.block([[cosine, -sine], [sine, cosine]])
     return to_line.T @ np.block([[even, none], [none, odd]]) @ to_line

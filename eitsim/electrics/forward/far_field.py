@@ -11,7 +11,7 @@ from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.electrics.outline.adapted_mesh import READINGS
-from eitsim.electrics.outline.touch_mesh import fields_mesh
+from eitsim.electrics.outline.touch_mesh import FIELDS, fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.outline import area_m2
@@ -49,17 +49,17 @@ class _Fields:
 
 
 @lru_cache(maxsize=8)
-def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> _Fields:
-    mesh = _mesh(body, electrodes, conductance_S)
+def _untouched(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS) -> _Fields:
+    mesh = _mesh(body, electrodes, conductance_S, known_to)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     nodes = potential[:len(mesh.nodes_m)]
     gradient, area = gradients(mesh, nodes, degree=_DEGREE)
     return _Fields(mesh, nodes, quadrature_points(mesh, degree=_DEGREE), area, gradient)
 
 
-def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
+def _mesh(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float) -> SkinMesh:
     if body.has_outline:
-        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES, READINGS)
+        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES, known_to)
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
     radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
@@ -101,8 +101,9 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     The second order, taken near the rings alone, lies between 0 and twice this, which a disc of small change has.
     """
     place = np.array([punch.x_m, punch.y_m])
-    points, area, field = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, place[None],
-                                   np.array([FULL * reach_m]), np.array([touch.contact_radius_m]))
+    fields = _untouched(body, electrodes, conductance_S, FIELDS if touch.rim is None else READINGS)
+    points, area, field = _sampled(fields, body.thickness_m, place[None], np.array([FULL * reach_m]),
+                                   np.array([touch.contact_radius_m]))
     radius = np.linalg.norm(points - place, axis=1)
     change = sheet_conductance(points, punch, touch, skin, law) - conductance_S * np.eye(2)
     change *= (1 - ring_share(radius, reach_m))[:, None, None]

@@ -20,8 +20,7 @@ from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.outline.edge_response import coupling as edge_coupling
-from eitsim.electrics.outline.edge_response import edge_responses
+from eitsim.electrics.outline.edge_response import couplings as edge_couplings
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.channels import Channels, channel_changes
@@ -44,7 +43,9 @@ MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
 # these are than those of a mesh of quadrilaterals; the power of the number of nodes by which errors fall from there
 # (quadratic elements whose sizes follow the solution), and what is left over the change by halving (second order).
 ROUGHLY, ROUGH, RATE, LEFT_OUTLINE = 5e-3, 1, 2, 1 / 3
-MARGIN = 2  # How many times the estimate a mesh must stay below the requested error not to be halved again.
+# How many times the estimate must stay below the requested error where an edge changes a touch, and of a mesh not to be
+# halved again.
+MARGIN = 2
 
 
 @dataclass(frozen=True)
@@ -91,19 +92,19 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
     The untouched skin is solved once a sensor (`untouched_impedance`). "multipole" adds what the touches,
     stacks of rings about the punches, scatter: together in circles that do not overlap, and each alone out to the
-    largest circle about it that fits in the disc; the strain outside, and what strains make of the conductance where
-    they add up, count to first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto"
-    takes the first where it meets `signal`, else the better of both.
+    largest circle about it that fits on the skin, extrapolated from rings half as many. The strain outside counts to
+    second order, in the field that the rings leave, and what strains make of the conductance where they add up to
+    first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto" takes the first where
+    it meets `signal`, MARGIN times where an edge changes the touch, else the better of both.
 
-    signal_error adds, for "multipole", the change by half as many rings over 3 (second order), by three quarters of
-    the harmonics, the first-order part times four times the scattering of the first harmonic (the touch turns the
-    field there by that much, twice over by the rim, for both electrodes), half the largest relative change of
+    signal_error adds, for "multipole", the change by half as many rings over 15 (fourth order, extrapolated), by three
+    quarters of the harmonics, what strain outside the rings makes to second order, half the largest relative change of
     conductance that one touch makes at another's contact, and a quarter of what they make together where they meet
     (measured on pairs with gaps of 2 to 55 mm: a fifth of either, or less), and MISSED; for "mesh" UNHALVED and the
     change by the coarser mesh times LEFT, as halved meshes are nested and cover the same cells, or LEFT_CUT where the
     rim cuts the contact: near the cut no line of the mesh follows its end. A mesh is halved again where MARGIN times
-    its estimate exceeds `signal`. With an outline, "multipole" adds half the change by the edges' mesh before it was
-    halved (currents that crowd leave so much) for the harmonics around the rim; "mesh", between line electrodes,
+    its estimate exceeds `signal`. With an outline, "multipole" adds what is left over the changes by coarser meshes of
+    the edges (`edge_responses`) for the harmonics around the rim; "mesh", between line electrodes,
     UNHALVED and what is left over the change from a coarser mesh where errors fall with the square of the number of
     nodes. No estimate holds what interpolation between the touch's own samples costs.
 
@@ -113,8 +114,9 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     of which touch is off more: its rank correlation with the error is 0.28. LEFT_CUT is what two touches among them
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
-    A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on the
-    surface of a skin with an outline. How far the estimates of outlines are off: benchmarks/outline_touches.py.
+    A touch that the rim of a disc changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on
+    the surface of a skin with an outline; near an edge of an outline its circle scatters every harmonic into others
+    (`mirrored_scattering`). How far the estimates of outlines are off: benchmarks/outline_touches.py.
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
@@ -147,7 +149,7 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
     if method != "mesh" and not clipped and lines:
         change = _by_multipole(sensor, touches, signal)
         yield change
-        if method == "multipole" or change.error <= signal:
+        if method == "multipole" or (MARGIN if changed else 1) * change.error <= signal:
             return
     yield _by_mesh(sensor, touches, signal)
 
@@ -222,9 +224,7 @@ def _couplings(sensor: _Sensor, touches: Touches,
     """What couples circles on the skin, and that with fewer harmonics around the rim, or edges known more roughly."""
     circles = [(position(punch), radius) for (punch, _), radius in zip(touches, radii, strict=True)]
     if sensor.body.has_outline:
-        found, varied = edge_responses(sensor.body.shape, sensor.electrodes, sensor.conductance_S)
-        return (edge_coupling(found, circles, ORDERS),
-                [(edge_coupling(one, circles, ORDERS), left) for one, left in varied])
+        return edge_couplings(sensor.body.shape, sensor.electrodes, sensor.conductance_S, circles, ORDERS)
     rim = solve_rim(sensor.body, sensor.electrodes, sensor.conductance_S)
     whole, fewer = (rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, harmonics)
                     for harmonics in (HARMONICS, 3 * HARMONICS // 4))

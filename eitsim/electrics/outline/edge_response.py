@@ -163,8 +163,25 @@ def arriving(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     return (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
 
 
+def couplings(outline: Outline, electrodes: Electrodes, conductance_S: float, circles: Sequence[Circle],
+              orders: int) -> tuple[Coupling, list[tuple[Coupling, float]]]:
+    """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`; and with each variation of
+    `edge_responses`, with what it leaves."""
+    found, ((arrives, share), (returns, left)) = edge_responses(outline, electrodes, conductance_S)
+    known = coupling(found, circles, orders)
+    same, crossed = _returning(returns, circles, orders)
+    return known, [(replace(known, incoming=arriving(arrives, circles, orders)), share),
+                   (replace(known, same=same, crossed=crossed), left)]
+
+
 def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> Coupling:
-    """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`.
+    """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`."""
+    order = np.tile(np.arange(1, orders + 1), len(circles))
+    return Coupling(arriving(response, circles, orders), *_returning(response, circles, orders), order)
+
+
+def _returning(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
+    """`same` and `crossed` of the coupling.
 
     With w_m = (zeta/r)^-m the amplitude of (zeta/r)^m in a potential u is int (w_m d_n u - u d_n w_m) / (2 pi m) along
     the edges, where S d_n u = (U - u)/z. A harmonic w_m that goes out loads nodes and electrodes by
@@ -182,7 +199,7 @@ def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     same = scale * (loads.T @ moved.conj() / sheet - wave.T @ (slope + inflow).conj())
     crossed = scale * (loads.T @ moved / sheet - wave.T @ (slope + inflow))
     crossed += np.block([[between(one, other, np.arange(1, orders + 1)) for other in circles] for one in circles])
-    return Coupling(arriving(response, circles, orders), same, crossed, order)
+    return same, crossed
 
 
 def _outgoing(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
