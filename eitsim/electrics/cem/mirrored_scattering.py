@@ -41,20 +41,24 @@ def mirrored_scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivit
     free, m = sheet.untouched_conductance(law, skin), np.arange(1, orders + 1)
     core, held = float(np.sqrt(along[0, 0] * across[0, 0]).mean()), float(to_punch[0, 0].mean()) * radii[0]**2
     angle = np.pi * (np.arange(_ANGLES) + 0.5) / _ANGLES
-    found = []
-    for order, value, slope in ((np.append(0, m), np.cos, lambda turn: -np.sin(turn)), (m, np.sin, np.cos)):
+    scattered = []
+    for order, value, slope in ((np.append(0, m), np.cos, _falling_sine), (m, np.sin, np.cos)):
         turn = order[:, None] * angle
-        even, odd = value(turn), order[:, None] * slope(turn)
-        power = [_products(even, along, even), _products(even, mixed, odd), _products(odd, across, odd)]
-        current = None
+        even, odd = np.asarray(value(turn), dtype=float), np.asarray(order[:, None] * slope(turn), dtype=float)
+        power, current = [_products(even, along, even), _products(even, mixed, odd), _products(odd, across, odd)], None
         if punch.conductor:
             shunted = to_punch * place[..., None] ** 2
             power[2] = power[2] + _products(even, shunted, even)
             current = shunted @ even.T * (2 / _ANGLES) if value is np.cos else None
         inside = np.where(order > 0, np.sqrt(core * (core * order**2 + held / 4)), 0.0)
-        y = _joined(_elements(step, power, current), inside, held)[-len(m):, -len(m):]
-        found.append(np.linalg.solve(np.diag(free * m) + y, np.diag(free * m) - y))
-    return _turned(*found, m, float(np.angle(sheet.local_axes(punch, touch)[0] @ [1, 1j])))
+        y = _joined(_elements(step, power, current), inside, held)[-orders:, -orders:]
+        scattered.append(np.linalg.solve(np.diag(free * m) + y, np.diag(free * m) - y))
+    even, odd = scattered
+    return _turned(even, odd, m, float(np.angle(sheet.local_axes(punch, touch)[0] @ [1, 1j])))
+
+
+def _falling_sine(turn: Array) -> Array:
+    return -np.sin(turn)
 
 
 def _radii(punch: Punch, touch: Touch, reach_m: float) -> Array:
@@ -91,8 +95,8 @@ def _elements(step: Array, power: list[Array], to_punch: Array | None) -> Array:
     terms = [(slope, slope, power[0] / length), (slope, value, power[1]),
              (value, slope, power[1].swapaxes(-1, -2)), (value, value, power[2] * length)]
     count = power[0].shape[-1]
-    whole = sum(np.einsum("qa,qb,eqmn->eambn", one, other, term / 2, optimize=True) for one, other, term in terms)
-    whole = whole.reshape(len(step), 3 * count, 3 * count)
+    parts = [np.einsum("qa,qb,eqmn->eambn", one, other, term / 2, optimize=True) for one, other, term in terms]
+    whole = np.sum(parts, axis=0).reshape(len(step), 3 * count, 3 * count)
     if to_punch is not None:
         flow = np.einsum("qa,eqm->eam", value, to_punch * step[:, None, None] / 2).reshape(len(step), -1)
         joined = np.concatenate([whole, -flow[:, :, None]], axis=2)
