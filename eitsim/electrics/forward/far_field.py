@@ -25,8 +25,9 @@ _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 _TRIANGLES = 2000
 _DEGREE = 2  # Degree of exactness of the quadrature where cells are not cut: that of products of their gradients.
 # Strains fall by e in less than a thickness: up to so many thicknesses outside a contact cells are sampled in parts of
-# so many thicknesses, the last that applies.
-_FADES = ((8.0, 1.0), (3.0, 1 / 3))
+# so many thicknesses, the last that applies; near an edge the rings leave out more.
+_FADES = ((8.0, 1.0),)
+_NEAR_AN_EDGE = (*_FADES, (3.0, 1 / 3))
 # What rings send out counts so many of their reaches from the punch: the series of what comes back converges no further
 # than the punch's image in the edge.
 _SEEN = 1.2
@@ -65,14 +66,14 @@ def _mesh(body: Body, electrodes: Electrodes, conductance_S: float, known_to: fl
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
 
 
-def _sampled(fields: _Fields, thickness_m: float, places_m: Array, inner_m: Array,
-             contact_m: Array) -> tuple[Array, Array, Array]:
+def _sampled(fields: _Fields, thickness_m: float, places_m: Array, inner_m: Array, contact_m: Array,
+             fades: Sequence[tuple[float, float]]) -> tuple[Array, Array, Array]:
     """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; as close to
-    each other as _FADES asks in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,)."""
+    each other as `fades` asks in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,)."""
     size = fields.size_m
     away = np.linalg.norm(fields.points_m[:, :, None] - places_m, axis=-1)
     outside, parts = away.max(axis=1) > inner_m - size[:, None], np.ones(len(size), dtype=int)
-    for within, spacing in _FADES:
+    for within, spacing in fades:
         near = ((away.min(axis=1) < contact_m + within * thickness_m) & outside).any(axis=1)
         if near.any():
             parts[near] = max(1, math.ceil(size[near].max() / (spacing * thickness_m)))
@@ -101,9 +102,9 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     The second order, taken near the rings alone, lies between 0 and twice this, which a disc of small change has.
     """
     place = np.array([punch.x_m, punch.y_m])
-    fields = _untouched(body, electrodes, conductance_S, FIELDS if touch.rim is None else READINGS)
-    points, area, field = _sampled(fields, body.thickness_m, place[None], np.array([FULL * reach_m]),
-                                   np.array([touch.contact_radius_m]))
+    known_to, fades = (FIELDS, _FADES) if touch.rim is None else (READINGS, _NEAR_AN_EDGE)
+    points, area, field = _sampled(_untouched(body, electrodes, conductance_S, known_to), body.thickness_m, place[None],
+                                   np.array([FULL * reach_m]), np.array([touch.contact_radius_m]), fades)
     radius = np.linalg.norm(points - place, axis=1)
     change = sheet_conductance(points, punch, touch, skin, law) - conductance_S * np.eye(2)
     change *= (1 - ring_share(radius, reach_m))[:, None, None]
@@ -124,7 +125,7 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
     inner = np.array([touch.contact_radius_m for _, touch in touches])
     outer = np.array([[touch.radius_m[-1]] for _, touch in touches])
     points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, places, inner,
-                                      inner)
+                                      inner, _FADES)
     away = np.linalg.norm(points - places[:, None], axis=-1)
     outside = np.all(away > inner[:, None], axis=0) & (np.sum(away < outer, axis=0) > 1)
     points = points[outside]

@@ -170,19 +170,20 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     """Rings are cut until they no longer matter; then the harmonics, or the mesh of the edges, are varied once."""
     rooms = [rings.admissible_radius(sensor.body, punch) for punch, _ in touches]
     circles = _circles(sensor, touches, rooms)
-    coarse, fine = (_scattered(sensor, circles, parts) for parts in PARTS[:2])
-    used = PARTS[1]
+    rough, own = (_scatterings(sensor, circles, parts) for parts in PARTS[:2])
+    coarse, fine = (_changed(sensor, circles, scatterings) for scatterings in (rough, own))
     for parts in PARTS[2:]:
         if _difference(sensor, fine, coarse) <= 3 * signal / 4:
             break
-        coarse, fine, used = fine, _scattered(sensor, circles, parts), parts
+        own = _scatterings(sensor, circles, parts)
+        coarse, fine = fine, _changed(sensor, circles, own)
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
     error = MISSED + _difference(sensor, fine, coarse) / 15
     for k, (_, left) in enumerate(circles[0].varied):
-        rough = [replace(one, coupling=one.varied[k][0]) for one in circles]
-        error += left * _difference(sensor, fine, _scattered(sensor, rough, used, 3 * ORDERS // 4))
-    outside, unsure = _outside(sensor, touches, rooms, circles, used)
+        varied = [replace(one, coupling=one.varied[k][0]) for one in circles]
+        error += left * _difference(sensor, fine, _changed(sensor, varied, own, 3 * ORDERS // 4))
+    outside, unsure = _outside(sensor, touches, rooms, circles, own)
     error += _difference(sensor, fine, fine + unsure)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
     rest = (fine - coarse) / 3
@@ -190,15 +191,15 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
 
 
 def _outside(sensor: _Sensor, touches: Touches, rooms: Sequence[float], circles: Sequence[_Circles],
-             parts: int) -> tuple[Array, Array]:
+             scatterings: Sequence[Array]) -> tuple[Array, Array]:
     """Change by what the rings leave out, and what is unsure of it."""
     changes, unsure = [], []
     for touch, room in zip(touches, rooms, strict=True):
-        (one, k), *_ = [(one, k) for one in circles for k in range(len(one.touches))
-                        if one.touches[k] is touch and one.reach_m[k] == room]
-        found = rings.scattered(one.coupling, sensor.conductance_S, _scattering(sensor, one, parts))
-        own = slice(k * ORDERS, (k + 1) * ORDERS)
-        field = replace(found, outgoing=found.outgoing[own], returned=found.returned[own])
+        (one, own, k), *_ = [(one, own, k) for one, own in zip(circles, scatterings, strict=True)
+                             for k in range(len(one.touches)) if one.touches[k] is touch and one.reach_m[k] == room]
+        found = rings.scattered(one.coupling, sensor.conductance_S, own)
+        part = slice(k * ORDERS, (k + 1) * ORDERS)
+        field = replace(found, outgoing=found.outgoing[part], returned=found.returned[part])
         change, second = born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, *touch, sensor.skin,
                                          sensor.law, room, field)
         changes.append(change)
@@ -231,21 +232,23 @@ def _couplings(sensor: _Sensor, touches: Touches,
     return whole, [(fewer, 1.0)]
 
 
-def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders: int = ORDERS) -> Array:
+def _changed(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequence[Array],
+             orders: int = ORDERS) -> Array:
     """Change by touches in circles, of so many harmonics."""
     changes = []
-    for one in circles:
+    for one, whole in zip(circles, scatterings, strict=True):
         kept = np.tile(one.coupling.order <= orders, 2)
-        scattering = _scattering(sensor, one, parts) * np.outer(kept, kept)
-        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, scattering))
+        own = whole * np.outer(kept, kept)
+        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, own))
     return np.sum(changes, axis=0)
 
 
-def _scattering(sensor: _Sensor, circles: _Circles, parts: int) -> Array:
-    """What the touches scatter together, rings cut in parts where they are axisymmetric."""
-    own = [rings.scattering(punch, touch, sensor.skin, sensor.law, reach, ORDERS, parts) if known is None else known
-           for (punch, touch), reach, known in zip(circles.touches, circles.reach_m, circles.mirrored, strict=True)]
-    return rings.together(own, ORDERS)
+def _scatterings(sensor: _Sensor, circles: Sequence[_Circles], parts: int) -> list[Array]:
+    """What the touches in each set of circles scatter together, rings cut in parts where they are axisymmetric."""
+    return [rings.together([
+        rings.scattering(punch, touch, sensor.skin, sensor.law, reach, ORDERS, parts) if known is None else known
+        for (punch, touch), reach, known in zip(one.touches, one.reach_m, one.mirrored, strict=True)], ORDERS)
+        for one in circles]
 
 
 def _overlap(sensor: _Sensor, touches: Touches) -> float:
