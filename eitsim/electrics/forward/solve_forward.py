@@ -115,7 +115,7 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
     A touch that the rim of a disc changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on
-    the surface of a skin with an outline; near an edge of an outline its circle scatters every harmonic into others
+    the surface of a skin with an outline and those near several edges; near one edge of an outline its circle scatters every harmonic into others
     (`mirrored_scattering`). How far the estimates of outlines are off: benchmarks/outline_touches.py.
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
@@ -142,10 +142,11 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
     if method == "multipole" and not lines:
         raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
     clipped = changed and (not sensor.body.has_outline or any(
-        rings.admissible_radius(sensor.body, punch) <= touch.contact_radius_m for punch, touch in touches))
+        (touch.rim is not None and touch.rim.whole_turn)
+        or rings.admissible_radius(sensor.body, punch) <= touch.contact_radius_m for punch, touch in touches))
     if method == "multipole" and clipped:
-        raise ValueError("method 'multipole' needs a contact that ends before the edge, and near the rim of a disc an "
-                         "axisymmetric touch; use 'mesh' or 'auto'.")
+        raise ValueError("method 'multipole' needs a contact that ends before the edge, a touch that is symmetric about "
+                         "a line, and near the rim of a disc an axisymmetric one; use 'mesh' or 'auto'.")
     if method != "mesh" and not clipped and lines:
         change = _by_multipole(sensor, touches, signal)
         yield change
