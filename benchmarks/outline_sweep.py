@@ -1,7 +1,8 @@
 """Sweeps of a rectangle of 120 x 80 mm with 32 electrodes and 928 readings: CPU seconds by stage, with tables.
 
 "far": 4,000 touches that keep from all edges what the plan asks for. "near": touches that keep 1 mm, most of them near
-one straight edge, where a table serves what it changes; those in corners are solved one by one. Rows "against" give how far some
+one straight edge, where a table serves what it changes; those in corners are solved one by one. Rows "against" give
+how far some
 of the rows near an edge are off the same touches solved anew. A punch of 10 mm on 5 mm of table 1's foam, 0.02 to
 0.5 N, signal = 0.02; one process. Writes results/outline_sweep.csv; arguments name the cases to run, others stay as
 they are.

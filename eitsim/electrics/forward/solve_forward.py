@@ -114,9 +114,9 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     of which touch is off more: its rank correlation with the error is 0.28. LEFT_CUT is what two touches among them
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
-    A touch that the rim of a disc changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on
-    the surface of a skin with an outline and those near several edges; near one edge of an outline its circle scatters every harmonic into others
-    (`mirrored_scattering`). How far the estimates of outlines are off: benchmarks/outline_touches.py.
+    A touch that the rim of a disc, or several edges of a skin with an outline, change is not axisymmetric and takes the
+    mesh, as patch electrodes do, and those on the surface of such a skin; near one edge of an outline its circle
+    scatters every harmonic into others (`mirrored_scattering`). How far the estimates of outlines are off: benchmarks/outline_touches.py.
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
@@ -145,8 +145,8 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
         (touch.rim is not None and touch.rim.whole_turn)
         or rings.admissible_radius(sensor.body, punch) <= touch.contact_radius_m for punch, touch in touches))
     if method == "multipole" and clipped:
-        raise ValueError("method 'multipole' needs a contact that ends before the edge, a touch that is symmetric about "
-                         "a line, and near the rim of a disc an axisymmetric one; use 'mesh' or 'auto'.")
+        raise ValueError("method 'multipole' needs a contact that ends before the edge, a touch that is symmetric "
+                         "about a line, and near the rim of a disc an axisymmetric one; use 'mesh' or 'auto'.")
     if method != "mesh" and not clipped and lines:
         change = _by_multipole(sensor, touches, signal)
         yield change
