@@ -2,10 +2,9 @@
 
 "far": 4,000 touches that keep from all edges what the plan asks for. "near": touches that keep 1 mm, most of them near
 one straight edge, where a table serves what it changes; those in corners are solved one by one. Rows "against" give
-how far some
-of the rows near an edge are off the same touches solved anew. A punch of 10 mm on 5 mm of table 1's foam, 0.02 to
-0.5 N, signal = 0.02; one process. Writes results/outline_sweep.csv; arguments name the cases to run, others stay as
-they are.
+how far some of the rows near an edge are off the same touches solved anew. A punch of 10 mm on 5 mm of table 1's foam,
+0.02 to 0.5 N, signal = 0.02; one process. Writes results/outline_sweep.csv; arguments name the cases to run, others
+stay as they are.
 """
 
 from __future__ import annotations

@@ -64,12 +64,12 @@ class Floating:
 def quadrature_points(mesh: SkinMesh, parts: int = 1, degree: int | None = None) -> Array:
     """Points (cells, q, 2 or 3), m, where the conductance is needed, in each of the parts of each side of a cell; of
     another degree of exactness where it is given."""
-    return np.einsum("qk,ekx->eqx", _reference(mesh.element, degree, parts)[0], mesh.nodes_m[mesh.cells])
+    return _reference(mesh.element, degree, parts)[0] @ mesh.nodes_m[mesh.cells]
 
 
 def area_points(mesh: SkinMesh) -> Array:
     """Points (cells, q, 2), m, at which what lies on areas is summed."""
-    return np.einsum("qk,ekx->eqx", _reference(mesh.element, _AREA_DEGREE)[0], mesh.nodes_m[mesh.cells])
+    return _reference(mesh.element, _AREA_DEGREE)[0] @ mesh.nodes_m[mesh.cells]
 
 
 def joined_over_areas(mesh: SkinMesh, cell: Indices, conductance: Array) -> Array:
@@ -329,12 +329,19 @@ def _joined(value: Array, measure: Array) -> Array:
 
 def _on_edges(mesh: SkinMesh) -> tuple[Array, Array]:
     """Nodal functions (q, m) at quadrature points of edges, and the lengths (parts, q) that these stand for."""
-    kind = _KINDS[mesh.element][2]()
+    value, slope, weights = _reference_edge(mesh.element)
+    return value, weights * np.linalg.norm(slope @ mesh.nodes_m[mesh.under], axis=-1)
+
+
+@lru_cache(maxsize=len(ELEMENTS))
+def _reference_edge(element: str) -> tuple[Array, Array, Array]:
+    """Values (q, m) and slopes (q, m) of an element's edge, and weights (q,)."""
+    kind = _KINDS[element][2]()
     points, weights = get_quadrature(kind, 4)
-    basis = [kind.lbasis(points, i) for i in range(mesh.under.shape[1])]
-    value = np.stack([np.broadcast_to(b[0], weights.shape) for b in basis], axis=1)
-    slope = np.stack([np.broadcast_to(b[1][0], weights.shape) for b in basis])
-    return value, weights * np.linalg.norm(np.einsum("kq,ekx->eqx", slope, mesh.nodes_m[mesh.under]), axis=-1)
+    basis = [kind.lbasis(points, i) for i in range(len(kind.doflocs))]
+    value, slope = (np.stack([np.broadcast_to(part, weights.shape) for part in parts], axis=1)
+                    for parts in ([b[0] for b in basis], [b[1][0] for b in basis]))
+    return value, slope, weights
 
 
 def _on_cells(mesh: SkinMesh, cells: Indices) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from touchcal.errors import NotConverged
 _LEAST_ERROR = 0.03
 # Error of a signal over its difference by two finenesses, found by trial against finer solutions
 # (benchmarks/rim_touches.py).
-_UNCONVERGED = 2.0
+UNCONVERGED = 2.0
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ def apply_correction(touch: Touch, change: RimCorrection) -> Touch:
 
 
 def with_error(touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch,
-               edges: Edges | None = None) -> Touch:
-    """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors, on the skin inside
-    edges where they are given; NotConverged where either leaves no skin."""
+               edges: Edges | None = None, left: float = UNCONVERGED) -> Touch:
+    """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors, that of signals so
+    many times and on the skin inside edges where they are given; NotConverged where either leaves no skin."""
     out = apply_correction(touch, change)
-    signal = _UNCONVERGED * signal_differences(body, punch, touch, rough.field, change.field, edges)
+    signal = left * signal_differences(body, punch, touch, rough.field, change.field, edges)
     if not np.all(np.isfinite(signal)):
         raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error is unknown.",
                            estimate=change.field.metric, residuals=change.residuals)

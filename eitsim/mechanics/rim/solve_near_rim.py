@@ -2,14 +2,17 @@
 
 The change is the difference of a clipped disc's solution to the axisymmetric one on the same mesh, so that a mesh much
 coarser than the axisymmetric touch's resolves it: the coarse mesh's own errors cancel. A second one, coarser still and
-with fewer harmonics, gives the error. The punch keeps its axis upright. Where it sticks, what has stuck in the
-axisymmetric touch stays stuck, and the change is that at the end of loading: the way there is not followed.
+with fewer harmonics, gives the error. Deep touches at the rim itself, which the finer mesh takes a minute for or does
+not find, take that coarser one, and the error from a rougher one. The punch keeps its axis upright. Where it sticks,
+what has stuck in the axisymmetric touch stays stuck, and the change is that at the end of loading: the way there is not
+followed.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +27,7 @@ from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
 from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
 from eitsim.mechanics.rim.clipped_surface import contact_ratios, deformation, displacement, field, samples
-from eitsim.mechanics.rim.correction import RimCorrection, no_correction, with_error
+from eitsim.mechanics.rim.correction import UNCONVERGED, RimCorrection, no_correction, with_error
 from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
@@ -50,6 +53,12 @@ LEAST_GAP = 1e-5
 _WAY = 0.1
 # How often the force is halved for a start where the solution is not found from the axisymmetric state.
 _HALVINGS = 3
+# Iterations on the coarse mesh above which the finer one is not tried: ten times the work of the coarse one, mostly in
+# vain. Touches shallower than half the thickness take fewer.
+_HARD = 30
+# Error of a signal on the coarse mesh over its difference to the rough one: errors fall with the element size, whose
+# ratio is 4/3, as UNCONVERGED is of the ratio 3/2 of the finer pair.
+_ROUGHLY = 3.0
 # Factorisations on the mesh in three dimensions whose work the change may take: the dearest random scene takes 1050.
 FACTORISATIONS = 2000
 
@@ -66,8 +75,9 @@ class Resolution:
     widest: float = 0.5
 
 
-COARSE, FINE = Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)
+ROUGH, COARSE, FINE = Resolution(8.0, 4, 10), Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)
 FULL_DISC = Resolution(3.0, 9, 18, np.inf)
+Finenesses = tuple[Resolution | None, Resolution, Resolution]  # rough, coarse, fine; the first where it may serve
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +145,7 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = Fa
         raise ValueError(f"{problem}.")
     edge = _edges(body, punch) if all_edges and body.has_outline else None
     if not whole:
-        return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge)
+        return corrected(solve_touch(law, body, punch), law, body, punch, rough=ROUGH, edge=edge)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
     return corrected(touch, law, body, punch, coarse=FINE, edge=edge,
                      fine=replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC)
@@ -149,12 +159,13 @@ def _edges(body: Body, punch: Punch) -> OffsetOutline:
 
 
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
-              fine: Resolution = FINE, edge: OffsetDisc | OffsetOutline | None = None) -> Touch:
+              fine: Resolution = FINE, rough: Resolution | None = None,
+              edge: OffsetDisc | OffsetOutline | None = None) -> Touch:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference gives the error; NotConverged, with
-    the likely cause, where no equilibrium is found. edge: the rim of another disc, m, in place of the body's, or all
-    edges of an outline."""
+    the likely cause, where no equilibrium is found. rough: with coarse in place of coarse with fine where fine takes
+    too long. edge: the rim of another disc, m, in place of the body's, or all edges of an outline."""
     try:
-        return _corrected(touch, law, body, punch, coarse, fine, edge)
+        return _corrected(touch, law, body, punch, (rough, coarse, fine), edge)
     except NotConverged as error:
         raise NotConverged(f"{error} {_likely_cause(touch, body, punch)}", estimate=error.estimate,
                            residuals=error.residuals, load_fraction=error.load_fraction) from None
@@ -168,7 +179,7 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
             "deep, and squeezes the foam's free side out; move it inwards or press less.")
 
 
-def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: Resolution, fine: Resolution,
+def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, finenesses: Finenesses,
                given: OffsetDisc | OffsetOutline | None) -> Touch:
     started = cpu_s()
     if body.has_outline:
@@ -176,30 +187,42 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, coarse: R
         disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
         x, y = ((disc.radius_m - edge.distance_m) * edge.towards).tolist()
         found = _added(touch, law, disc, replace(punch, x_m=x, y_m=y), given or OffsetDisc(edge.disc_m, edge.offset_m),
-                       coarse, fine)
+                       finenesses)
         assert found.rim is not None
         towards = edge.towards if given is None else found.rim.towards
         return replace(found, rim=replace(found.rim, towards=towards), volume=None,
                        cpu_s=touch.cpu_s + cpu_s() - started)
     outline = given or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
-    return replace(_added(touch, law, body, punch, outline, coarse, fine), cpu_s=touch.cpu_s + cpu_s() - started)
+    return replace(_added(touch, law, body, punch, outline, finenesses), cpu_s=touch.cpu_s + cpu_s() - started)
 
 
 def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline,
-           coarse: Resolution, fine: Resolution) -> Touch:
+           finenesses: Finenesses) -> Touch:
     """The touch with what the rim of an outline, m, adds; its error is of signals on the body, a disc."""
-    before = _found(law, body, punch, outline, coarse)
-    rough = change_of(before, body)
-    after = _found(law, body, punch, outline, fine, before)
-    change = change_of(after, body)
+    before, after, left = _pair(law, body, punch, outline, *finenesses)
+    coarser, change = change_of(before, body), change_of(after, body)
+    change = replace(change, residuals=coarser.residuals + change.residuals)
     edges = (outline.start, outline.end) if isinstance(outline, OffsetOutline) else None
-    out = with_error(touch, rough, replace(change, residuals=rough.residuals + change.residuals), body, punch, edges)
+    out = with_error(touch, coarser, change, body, punch, edges, left)
     way = _WAY if punch.friction == "stick" else 0.0
     volume = None if isinstance(outline, OffsetOutline) else volume_of(
         after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law, body.thickness_m,
         math.atan2(punch.y_m, punch.x_m))
     return replace(out, volume=volume, signal_errors=out.signal_errors + (way and way * signal_differences(
         body, punch, touch, no_correction(change.field), change.field, edges)))
+
+
+def _pair(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, rough: Resolution | None,
+          coarse: Resolution, fine: Resolution) -> tuple[Solution, Solution, float]:
+    """Solutions of neighbouring finenesses, the finer one last, and its error over their difference. The rough one is
+    found on its own, since there are several equilibria where the foam folds, and the difference shows that too."""
+    found = _found(law, body, punch, outline, coarse)
+    if rough is None:
+        return found, _found(law, body, punch, outline, fine, found), UNCONVERGED
+    if len(found.residuals) <= _HARD:
+        with suppress(NotConverged):
+            return found, _found(law, body, punch, outline, fine, found), UNCONVERGED
+    return _found(law, body, punch, outline, rough), found, _ROUGHLY
 
 
 def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE,

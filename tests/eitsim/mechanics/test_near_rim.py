@@ -17,8 +17,17 @@ from eitsim.mechanics.harmonics.arcs import OffsetDisc, circles
 from eitsim.mechanics.harmonics.clipped_disc import amplitudes, clipped_disc, unknowns_of
 from eitsim.mechanics.harmonics.equilibrium import contact_state, energy, linearised, product, seen, solve
 from eitsim.mechanics.harmonics.fourier_fields import Points, apply_tangent, forces, gradients, operators
+from eitsim.mechanics.rim import solve_near_rim as near_rim_solver
 from eitsim.mechanics.rim.correction import within_face
-from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution, corrected, rim_change, rim_problem, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import (
+    COARSE,
+    FINE,
+    Resolution,
+    corrected,
+    rim_change,
+    rim_problem,
+    solve_near_rim,
+)
 from eitsim.mechanics.solid import hyperfoam_3d
 from eitsim.scene.results import RimField
 from eitsim.scene.scene import Body, Punch, Scene, Skin
@@ -266,6 +275,25 @@ def test_a_touch_near_the_rim_tells_its_error_and_ends_smoothly():
     last = got.rim.metric[-1] - [1, 0, 1]
     assert np.abs(last).max() < 1e-3
     assert np.abs(got.rim.normal[-1] - 1).max() < 1e-3
+
+
+@pytest.mark.parametrize("because", ["it takes many iterations", "the finer one is not found"])
+def test_a_hard_touch_takes_the_coarse_mesh_and_its_error_from_a_rough_one(because, monkeypatch):
+    def lost(law, body, punch, outline, fineness, before=None):
+        if fineness is FINE:
+            raise NotConverged("lost", estimate=np.zeros(1))
+        return found(law, body, punch, outline, fineness, before)
+
+    found, touch, punch = near_rim_solver._found, solve_touch(FOAM, BODY, Punch(force_N=0.1)), at_gap(0.001)
+    same = corrected(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE)
+    if because.startswith("it"):
+        monkeypatch.setattr(near_rim_solver, "_HARD", 0)
+    else:
+        monkeypatch.setattr(near_rim_solver, "_found", lost)
+    got = corrected(touch, FOAM, BODY, punch, rough=TINY, coarse=COARSE)
+    assert got.depth_m == pytest.approx(same.depth_m, rel=1e-6)
+    added, usual = (one.signal_errors - touch.signal_errors for one in (got, same))
+    np.testing.assert_allclose(added, 1.5 * usual, rtol=1e-3)
 
 
 def test_where_the_rim_is_left_out_the_field_jumps_by_less_than_the_plan_says():
