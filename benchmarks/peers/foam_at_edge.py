@@ -508,7 +508,9 @@ def main(folder: Path) -> None:
             entered = (depths[-2] - depth) / (PENALTIES[-1] / PENALTIES[-2] - 1)
         row = {"depth": depth - entered, "entered": entered, "steps": steps, "element": element, "sectors": sectors,
                "gradient": surface_deformation(*before, points), "unknowns": foam.size,
-               "cpu_s": time.process_time() - begun, "wall_s": time.perf_counter() - begun_s}
+               "cpu_s": time.process_time() - begun, "wall_s": time.perf_counter() - begun_s,
+               "machine": f"{os.cpu_count()} cores, " + (torch.cuda.get_device_name() if torch.cuda.is_available()
+                                                         else "no GPU")}
         found |= {f"{name}_{number}": value for name, value in row.items()}
         np.savez(folder / "found.npz", **found)
 
