@@ -7,9 +7,12 @@ meshes; it shares no code with eitsim. Columns are relative to the peer's finest
 depth_difference, and the 2-norm of differences of the surface's strains, within 30 mm of the punch's edge ("strain");
 "edge": that of what the edge changes of the strains, near it less far from all edges, each program by itself, where
 most of what a mesh misses under the punch cancels; both over the 2-norm of the whole strain. "peer": the two finest
-meshes of the peer to each other, its own error and more. "as if no edge" leaves the edge out of eitsim's touch, which
-shows what it changes. The peer takes pypardiso where it or the interpreter that PARDISO_PYTHON names has it, else
-SuperLU, many times slower. Run by `make bench`, which pins threads; writes results/edge_touches.csv next to this file.
+meshes of the peer to each other, its own error and more. "finer" is `solve_near_rim` with
+whole=True; "as if no edge" leaves the edge out of eitsim's touch, which shows what it changes.
+The peer takes a GPU where PyTorch finds one; on processors MESHES take minutes. EDGE_PEER names a folder to keep what
+it found, gap_2 and so on, and to take it from: FINE asks for the meshes of the stored table there, which may be solved
+elsewhere by `python peers/foam_at_edge.py FOLDER` (90 GiB of a GPU). Run by `make bench`, which pins threads; writes
+results/edge_touches.csv next to this file.
 """
 
 from __future__ import annotations
@@ -31,13 +34,13 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.correction import no_correction
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.scene import STRAINS, Body, Punch
-from touchcal.jit import cpu_s
 
 BODY = Body(outline="rectangle", width_m=0.24, height_m=0.2)
 PUNCH = Punch(diameter_m=0.014, force_N=1.0)
 GAPS_M = quick((0.002, 0.005, 0.01), (0.005,))
 # Elements of the peer's meshes at the punch's edge, mm, and how many it has on half a circle.
-MESHES = quick(((0.5, 8), (0.25, 12)), ((0.7, 6), (0.5, 8)))
+MESHES = quick(((0.24, 8), (0.16, 10)), ((0.6, 6), (0.4, 6)))
+FINE = ((0.24, 8), (0.12, 12), (0.06, 18), (0.04, 24))  # where a folder keeps what they gave
 FAR_GAP_M = 0.036  # Gap of the peer's touch that stands for one far from all edges.
 FAR_M = 0.05  # Radius about the punch at which the peer's foam is held.
 ANGLES = 40  # Points of a half circle.
@@ -52,17 +55,22 @@ def places() -> tuple[np.ndarray, np.ndarray]:
 
 
 def by_peer(gap_m: float, points_m: np.ndarray) -> list[dict[str, np.ndarray]]:
-    """Depth, m, deformation gradients (n, 3, 3) at points of the surface and cost, of each mesh."""
-    with tempfile.TemporaryDirectory() as folder:
-        np.savez(Path(folder) / "problem.npz", radius=PUNCH.diameter_m * 500, fillet=PUNCH.fillet_m * 1e3,
-                 gap=gap_m * 1e3, thickness=BODY.thickness_m * 1e3, far=FAR_M * 1e3, mu=TABLE_1.mu_Pa / 1e3,
-                 alpha=TABLE_1.alpha, force=1e3 * (PUNCH.force_N or 0.0), elements=[m[0] for m in MESHES],
-                 sectors=[m[1] for m in MESHES], points=points_m * 1e3)
-        subprocess.run([os.environ.get("PARDISO_PYTHON", sys.executable),
-                        str(Path(__file__).parent / "peers" / "foam_at_edge.py"), folder], check=True)
-        found = np.load(Path(folder) / "found.npz")
-        return [{name.rpartition("_")[0]: found[name] for name in found.files if name.endswith(f"_{element:g}")}
-                for element, _ in MESHES]
+    """Depth, mm, deformation gradients (n, 3, 3) at points of the surface and cost, of each mesh."""
+    kept = os.environ.get("EDGE_PEER")
+    with tempfile.TemporaryDirectory() as given:
+        folder = Path(kept or given) / f"gap_{gap_m * 1e3:g}"
+        folder.mkdir(parents=True, exist_ok=True)
+        meshes = FINE if kept else MESHES
+        if not (folder / "found.npz").exists():
+            np.savez(folder / "problem.npz", radius=PUNCH.diameter_m * 500, fillet=PUNCH.fillet_m * 1e3,
+                     gap=gap_m * 1e3, thickness=BODY.thickness_m * 1e3, far=FAR_M * 1e3, mu=TABLE_1.mu_Pa / 1e3,
+                     alpha=TABLE_1.alpha, force=1e3 * (PUNCH.force_N or 0.0), elements=[m[0] for m in meshes],
+                     sectors=[m[1] for m in meshes], points=points_m * 1e3)
+            subprocess.run([sys.executable, str(Path(__file__).parent / "peers" / "foam_at_edge.py"), str(folder)],
+                           check=True)
+        with np.load(folder / "found.npz") as found:
+            return [{name.rpartition("_")[0]: found[name] for name in found.files if name.endswith(f"_{number}")}
+                    for number in range(len(meshes))]
 
 
 def driving(gradient: np.ndarray) -> np.ndarray:
@@ -91,13 +99,12 @@ def rows() -> Iterator[dict[str, object]]:
         rough, fine = (driving(mesh["gradient"]) for mesh in peer[-2:])
         rough_change, change = rough - far[0][:, inside], fine - far[1][:, inside]
         depth_m, rough_m = (1e-3 * float(mesh["depth"]) for mesh in peer[:-3:-1])
-        begun = cpu_s()
-        near = solve_near_rim(TABLE_1, BODY, replace(PUNCH, x_m=(BODY.width_m or 0) / 2 - gap - PUNCH.diameter_m / 2))
-        spent = cpu_s() - begun
+        punch = replace(PUNCH, x_m=(BODY.width_m or 0) / 2 - gap - PUNCH.diameter_m / 2)
+        near, finer = (solve_near_rim(TABLE_1, BODY, punch, whole=whole) for whole in (False, True))
         assert near.rim is not None
         without = replace(alone, rim=no_correction(near.rim))
         before = strains(without, no_correction(near.rim), points)
-        for what, touch in (("near the edge", near), ("as if no edge", without)):
+        for what, touch in (("near the edge", near), ("near the edge, finer", finer), ("as if no edge", without)):
             assert touch.rim is not None
             found = strains(touch, touch.rim, points)
             yield {"what": what, "gap_mm": gap * 1e3, "depth_mm": touch.depth_m * 1e3, "peer_depth_mm": depth_m * 1e3,
@@ -105,8 +112,9 @@ def rows() -> Iterator[dict[str, object]]:
                    "peer_depth": rough_m / depth_m - 1, **differences(found, fine, fine, area, "strain"),
                    **differences(rough, fine, fine, area, "peer_strain"),
                    **differences(found - before, change, fine, area, "edge"),
-                   **differences(rough_change, change, fine, area, "peer_edge"), "cpu_s": spent,
-                   "peer_cpu_s": float(sum(one["cpu_s"] for one in peer)), "peer_unknowns": int(peer[-1]["unknowns"])}
+                   **differences(rough_change, change, fine, area, "peer_edge"), "cpu_s": touch.cpu_s,
+                   "peer_cpu_s": float(sum(one["cpu_s"] for one in peer)), "peer_unknowns": int(peer[-1]["unknowns"]),
+                   "peer_element_mm": float(peer[-1]["element"]), "peer_machine": str(peer[-1]["machine"])}
 
 
 def main() -> None:

@@ -6,27 +6,37 @@ whose energy is a sum over principal stretches; a rigid frictionless cylinder wi
 undeformed area; the force is given. Lengths in mm, stresses in kPa, forces in mN. FOLDER/problem.npz holds the numbers;
 FOLDER/found.npz receives, of every mesh, depth, F at the
 requested points of the surface and what it took. With pypardiso the equations
-are solved by PARDISO, else by SuperLU.
+are solved on a GPU where PyTorch finds one.
 """
 
 from __future__ import annotations
 
+import itertools
+import os
 import sys
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import splu
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-ROUND = 0.6  # Lines outside the punch's edge that are circles, mm.
+# Elements are smallest between these distances outside the punch's edge, mm, where the foam leaves its wall; from there
+# they widen by these multiples of their size a mm, inwards slowly as far as the foam may come to stand at the fillet.
+BAND, SLOW, INWARDS, OUTWARDS = (0.25, 0.85), 1.0, 4.0, 4.0
+STANDS = 0.7  # How far that is inside the fillet, mm.
+ROUND = 1.0  # Lines up to so far outside the punch's edge are circles, mm.
+DOWNWARDS = 1.4  # The same downwards, times the root of the element's size in mm.
+TOGETHER = 64  # Elements whose matrices are made together.
 FAR = 6.0  # Points of the top further outside the punch's edge than this cannot touch it, mm.
 # Newton's method: steps at most, part of force times thickness below which the energy ends, part of the slope by which
 # it must fall, shortest part of a step, and that below which the next step is damped.
@@ -64,6 +74,7 @@ class Mesh:
     nodes: Array  # (n, 3)
     cells: Indices  # (radial, angular, layers, 27)
     free: NDArray[np.bool_]  # (n, 3)
+    line: Indices  # (n,) which of the lines about the axis a node lies on
 
 
 def graded(length: float, first: float, count: int) -> Array:
@@ -86,13 +97,23 @@ def doubled(ends: Array) -> Array:
     return out
 
 
+def spread(start: float, stop: float, width: Callable[[Array], Array]) -> Array:
+    """Ends of intervals from one place to another, at most as wide as given of a place."""
+    x = np.linspace(start, stop, 20001)
+    count = np.concatenate([[0.0], np.cumsum(np.diff(x) / width((x[1:] + x[:-1]) / 2))])
+    return np.interp(np.linspace(0, count[-1], max(1, int(np.ceil(count[-1] - 1e-6))) + 1), count, x)
+
+
 def circles(p: Problem) -> Array:
-    """Radii of the lines inside: towards the fillet finer, two elements or more on it, and the first outside."""
-    h, flat = p.element, p.radius - p.fillet
-    inner = flat - graded(flat, h, max(3, round(4 * (0.25 / h) ** 0.8)))[::-1]
-    fillet = flat + np.linspace(0, p.fillet, max(2, round(p.fillet / h)) + 1)
-    outside = p.radius + np.linspace(0, ROUND, max(2, round(ROUND / h)) + 1)
-    return np.concatenate([inner, fillet[1:], outside[1:]])
+    """Radii of the lines that are circles; two of them end the fillet."""
+    low, high = p.radius + np.array(BAND)
+    inside = p.radius - p.fillet - STANDS
+
+    def width(r: Array) -> Array:
+        return p.element * (1 + SLOW * np.maximum(low - np.maximum(r, inside), 0) + INWARDS * np.maximum(inside - r, 0)
+                            + OUTWARDS * np.maximum(r - high, 0))
+    stops = [0.0, p.radius - p.fillet, p.radius, p.radius + ROUND]
+    return np.concatenate([[0.0], *(spread(*ends, width)[1:] for ends in itertools.pairwise(stops))])
 
 
 def radii(mesh_lines: tuple[Array, int], p: Problem, angle: Array) -> Array:
@@ -111,9 +132,9 @@ def mesh_of(p: Problem) -> Mesh:
     near = max(2, round(p.sectors * corner / np.pi))
     angles = doubled(np.concatenate([np.linspace(0, corner, near + 1),
                                      np.linspace(corner, np.pi, p.sectors - near + 1)[1:]]))
-    scale = 0.25 / p.element
-    lines = circles(p), round(8 * scale**0.8)
-    heights = -doubled(graded(p.thickness, 1.3 * p.element, round(7 * scale**0.8)))[::-1]
+    grown = OUTWARDS * p.element
+    lines = circles(p), int(np.ceil(np.log(1 + OUTWARDS * (p.far - p.radius)) / np.log(1 + grown)))
+    heights = -doubled(spread(0.0, p.thickness, lambda z: p.element + DOWNWARDS * np.sqrt(p.element) * z))[::-1]
     r = radii(lines, p, angles)
     counts = (len(r), len(angles), len(heights))
     x = np.stack(np.broadcast_arrays((r * np.cos(angles))[..., None], (r * np.sin(angles))[..., None], heights), -1)
@@ -132,7 +153,7 @@ def mesh_of(p: Problem) -> Mesh:
     free[number[-1][outside]] = False  # far away
     free[number[:, [0, -1]], 1] = False  # symmetry
     free[number[0], :2] = False
-    return Mesh(p, lines, angles, heights, nodes, cells, free)
+    return Mesh(p, lines, angles, heights, nodes, cells, free, used // (counts[1] * counts[2]))
 
 
 def quadratic(t: Array) -> tuple[Array, Array]:
@@ -179,7 +200,11 @@ class Foam:
         self.number = np.full(mesh.nodes.shape, -1)
         self.number[mesh.free] = np.arange(mesh.free.sum())
         self.size = int(mesh.free.sum())
+        # lines couple up to the end of an element
+        self.starts = np.flatnonzero(np.diff(mesh.line[np.nonzero(mesh.free)[0]] // 2, prepend=-1))
         self._pattern()
+        self.parts = [slice(first, first + TOGETHER) for first in range(0, len(self.cells), TOGETHER)]
+        self.pool = ThreadPoolExecutor(int(os.environ.get("OMP_NUM_THREADS", "1")))
 
     def _pattern(self) -> None:
         blocks = []
@@ -198,12 +223,9 @@ class Foam:
         self.start = np.searchsorted(row, np.arange(self.size + 1))
 
     def matrix(self, foam: Array, contact: Array) -> csr_matrix:
-        """Upper half from element matrices (e, 81, 81) and (top, 27, 27)."""
-        parts = []
-        for whole, kept in zip((foam, contact), self.kept, strict=True):
-            i, j = np.triu_indices(whole.shape[1])
-            parts.append(whole[:, i, j][kept])
-        data = np.bincount(self.into, self.twice * np.concatenate(parts), len(self.column))
+        """Upper half from upper halves of element matrices (e, 3321) and (top, 378)."""
+        data = np.concatenate([one[kept] for one, kept in zip((foam, contact), self.kept, strict=True)])
+        data = np.bincount(self.into, self.twice * data, len(self.column))
         return csr_matrix((data, self.column.astype(np.int32), self.start.astype(np.int32)), shape=(self.size,) * 2)
 
     def spread(self, u: Array) -> Array:
@@ -211,23 +233,26 @@ class Foam:
         out[self.mesh.free] = u
         return out
 
-    def deformation(self, u: Array) -> Array:
-        return np.eye(3) + np.swapaxes(self.gradient, -1, -2).__matmul__(u[self.cells][:, None]).swapaxes(-1, -2)
+    def deformation(self, u: Array, part: slice) -> Array:
+        inner = np.swapaxes(self.gradient[part], -1, -2) @ u[self.cells[part]][:, None]
+        return np.eye(3) + inner.swapaxes(-1, -2)
 
     def energy(self, u: Array, depth: float) -> float:
         """Of foam, contact and force, mN mm; infinite where an element is turned over."""
-        moved = self.spread(u)
-        f = self.deformation(moved)
+        moved, p = self.spread(u), self.problem
+        inside, *_ = self.penetration(moved, depth)
+        return (sum(self.pool.map(lambda part: self._energy(moved, part), self.parts))
+                + float(p.penalty / 2 * np.sum(self.area * inside**2) - p.force / 2 * depth))
+
+    def _energy(self, moved: Array, part: slice) -> float:
+        f, p = self.deformation(moved, part), self.problem
         if not np.all(np.linalg.det(f) > 0):
             return np.inf
         c = np.linalg.eigvalsh(np.swapaxes(f, -1, -2) @ f)
-        p = self.problem
         density = np.zeros(c.shape)
         for m, a in zip(p.mu, p.alpha, strict=True):
             density += 2 * m / a**2 * (c ** (a / 2) - 1 - a / 2 * np.log(c))
-        inside, *_ = self.penetration(moved, depth)
-        return float(np.sum(self.weight * density.sum(axis=-1)) + p.penalty / 2 * np.sum(self.area * inside**2)
-                     - p.force / 2 * depth)
+        return float(np.sum(self.weight[part] * density.sum(axis=-1)))
 
     def penetration(self, u: Array, depth: float) -> tuple[Array, Array, Array]:
         """How far points of the top lie inside the punch, with its gradient and second derivatives; 0 outside."""
@@ -254,25 +279,9 @@ class Foam:
     def derivatives(self, u: Array, depth: float, scale: float = 1.0) -> tuple[Array, float, csr_matrix, Array, float]:
         """By u and by the depth, second ones by u, by both, and by the depth; scale: of what makes them negative."""
         p, moved = self.problem, self.spread(u)
-        f = self.deformation(moved)
-        c, v = np.linalg.eigh(np.swapaxes(f, -1, -2) @ f)
-        s, ds = np.zeros(c.shape), np.zeros(c.shape)
-        for m, a in zip(p.mu, p.alpha, strict=True):
-            s += 2 * m / a * (c ** (a / 2) - 1) / c
-            ds += 2 * m / a * ((a / 2 - 1) * c ** (a / 2) + 1) / c**2
-        one, other = c[..., :, None], c[..., None, :]
-        close = np.abs(one - other) < 1e-5 * (one + other)
-        d = np.where(close, (ds[..., :, None] + ds[..., None, :]) / 2,
-                     (s[..., :, None] - s[..., None, :]) / np.where(close, 1.0, one - other))
-        g = f @ v
-        along = self.gradient @ v
-        stress = g * s[..., None, :]
+        forces, k = zip(*self.pool.map(lambda part: self._elements(moved, scale, part), self.parts), strict=True)
         residual = np.zeros(self.mesh.nodes.shape)
-        np.add.at(residual, self.cells, np.einsum("eq,eqal,eqil->eai", self.weight, along, stress, optimize=True))
-        tangent = self._tangent(g, s, d)
-        if scale < 1:
-            self._damp(tangent, g, c, s, scale)
-        k = self._foam_matrix(along, tangent)
+        np.add.at(residual, self.cells, np.concatenate(forces))
         inside, normal, bent = self.penetration(moved, depth)
         push = p.penalty * self.area * inside
         np.add.at(residual, self.top, np.einsum("eq,qa,eqx->eax", push, self.shape, normal, optimize=True))
@@ -282,8 +291,30 @@ class Foam:
         border = np.zeros(self.mesh.nodes.shape)
         np.add.at(border, self.top, np.einsum("qa,eqx->eax", self.shape, second[..., 2], optimize=True))
         free = self.mesh.free
-        return (residual[free], float(np.sum(push * normal[..., 2])) - p.force / 2,
-                self.matrix(k, local.reshape(len(self.top), 27, 27)), border[free], float(second[..., 2, 2].sum()))
+        matrix = self.matrix(np.concatenate(k), local.reshape(len(self.top), 27, 27)[:, *np.triu_indices(27)])
+        return (residual[free], float(np.sum(push * normal[..., 2])) - p.force / 2, matrix, border[free],
+                float(second[..., 2, 2].sum()))
+
+    def _elements(self, moved: Array, scale: float, part: slice) -> tuple[Array, Array]:
+        """Forces (e, 27, 3) and upper halves (e, 3321) of the matrices of some elements."""
+        p, f = self.problem, self.deformation(moved, part)
+        c, v = np.linalg.eigh(np.swapaxes(f, -1, -2) @ f)
+        s, ds = np.zeros(c.shape), np.zeros(c.shape)
+        for m, a in zip(p.mu, p.alpha, strict=True):
+            s += 2 * m / a * (c ** (a / 2) - 1) / c
+            ds += 2 * m / a * ((a / 2 - 1) * c ** (a / 2) + 1) / c**2
+        one, other = c[..., :, None], c[..., None, :]
+        close = np.abs(one - other) < 1e-5 * (one + other)
+        d = np.where(close, (ds[..., :, None] + ds[..., None, :]) / 2,
+                     (s[..., :, None] - s[..., None, :]) / np.where(close, 1.0, one - other))
+        g, weight = f @ v, self.weight[part]
+        along = self.gradient[part] @ v
+        force = np.einsum("eq,eqal,eqil->eai", weight, along, g * s[..., None, :], optimize=True)
+        tangent = self._tangent(g, s, d)
+        if scale < 1:
+            self._damp(tangent, g, c, s, scale)
+        whole = self._matrices(along, weight[..., None, None, None, None] * tangent)
+        return force, whole[:, *np.triu_indices(81)]
 
     @staticmethod
     def _tangent(g: Array, s: Array, d: Array) -> Array:
@@ -308,35 +339,49 @@ class Foam:
             tangent += np.einsum("eq,eqil,eqjm->eqiljm", (scale - 1) / 2 * np.minimum(value, 0), mode, mode,
                                  optimize=True)
 
-    def _foam_matrix(self, along: Array, tangent: Array) -> Array:
-        count = len(self.cells)
+    @staticmethod
+    def _matrices(along: Array, tangent: Array) -> Array:
+        count = len(along)
         out = np.empty((count, 27, 3, 27, 3))
         flat = np.ascontiguousarray(along.transpose(0, 2, 1, 3)).reshape(count, 27, -1)
         for i in range(3):
             for j in range(i, 3):
-                weighted = (self.weight[..., None, None] * tangent[:, :, i, :, j]) @ np.swapaxes(along, -1, -2)
-                block = flat @ weighted.reshape(count, -1, 27)
+                block = flat @ (tangent[:, :, i, :, j] @ np.swapaxes(along, -1, -2)).reshape(count, -1, 27)
                 out[:, :, i, :, j] = block
                 if i != j:
                     out[:, :, j, :, i] = np.swapaxes(block, 1, 2)
         return out.reshape(count, 81, 81)
 
 
-def solved(matrix: csr_matrix, right: tuple[Array, ...]) -> tuple[list[Array], bool]:
-    """Solutions with a symmetric matrix given by its upper half, and whether it is positive definite, as far as known.
+def solved(matrix: csr_matrix, starts: Indices, right: tuple[Array, ...]) -> tuple[list[Array], bool]:
+    """Solutions with a symmetric matrix given by its upper half, and whether it is positive definite, else nothing.
+
+    Cholesky's method on dense blocks: the unknowns from one start to the next couple with the next ones alone.
     """
-    try:
-        from pypardiso import PyPardisoSolver  # type: ignore[import-not-found]
-    except ImportError:
-        whole = matrix.T.tocsc() + matrix.tocsc()
-        whole.setdiag(matrix.diagonal())
-        solve = splu(whole, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
-        return [solve.solve(one) for one in right], bool(np.all(solve.U.diagonal() > 0))
-    solver = PyPardisoSolver(mtype=-2)
-    solver.factorize(matrix)
-    found, definite = [solver.solve(matrix, one) for one in right], solver.get_iparm(23) == 0
-    solver.free_memory(everything=True)
-    return found, definite
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    columns, values = (torch.as_tensor(one, device=device) for one in (matrix.indices, matrix.data))
+    left = torch.as_tensor(np.stack(right, axis=1), device=device)
+    factors, reach = [], 0
+    carried, carried_right = (torch.zeros(shape, dtype=torch.float64, device=device) for shape in ((0, 0), (0, 2)))
+    for start, end in itertools.pairwise([*starts.tolist(), matrix.shape[0]]):
+        size, part = end - start, slice(int(matrix.indptr[start]), int(matrix.indptr[end]))
+        row = torch.repeat_interleave(torch.as_tensor(np.diff(matrix.indptr[start:end + 1]), device=device)).long()
+        column = columns[part].long() - start
+        block = torch.zeros((max(int(column.max()) + 1, size), size), dtype=torch.float64, device=device)
+        block[column, row] = values[part]
+        block[:reach, :reach] -= carried
+        left[start:start + reach] -= carried_right
+        lower, fault = torch.linalg.cholesky_ex(block[:size])
+        if fault:
+            return [], False
+        beside = torch.linalg.solve_triangular(lower.mT, block[size:], upper=True, left=False)
+        left[start:end] = torch.linalg.solve_triangular(lower, left[start:end], upper=False)
+        carried, carried_right, reach = beside @ beside.mT, beside @ left[start:end], len(beside)
+        factors.append((slice(start, end), lower, beside))
+    for part, lower, beside in reversed(factors):
+        rest = left[part] - beside.mT @ left[part.stop:part.stop + len(beside)]
+        left[part] = torch.linalg.solve_triangular(lower.mT, rest, upper=True)
+    return list(left.cpu().numpy().T), True
 
 
 def equilibrium(foam: Foam, u: Array, depth: float) -> tuple[Array, float, int]:
@@ -346,12 +391,18 @@ def equilibrium(foam: Foam, u: Array, depth: float) -> tuple[Array, float, int]:
     scale, energy = 1.0, foam.energy(u, depth)
     for step in range(MOST_STEPS):
         residual, pushed, matrix, border, stiff = foam.derivatives(u, depth, scale)
-        (first, second), definite = solved(matrix, (residual, border))
+        found, definite = solved(matrix, foam.starts, (residual, border))
+        if not definite:
+            if scale == 0:
+                raise SystemExit("not positive definite")
+            scale = 0.0
+            continue
+        first, second = found
         schur = stiff - float(border @ second)
         by_depth = -(pushed - float(border @ first)) / schur
         by_u = -first - second * by_depth
         slope = float(residual @ by_u + pushed * by_depth)
-        if scale == 1 and not (definite and schur > 0 and slope < 0):
+        if scale == 1 and not (schur > 0 and slope < 0):
             scale = 0.0
             continue
         if abs(slope) < LEAST * foam.problem.force * foam.problem.thickness:
@@ -435,30 +486,32 @@ def main(folder: Path) -> None:
     points = given.pop("points")
     meshes, force = zip(given.pop("elements"), given.pop("sectors"), strict=True), float(given.pop("force"))
     numbers = {name: value if value.ndim else value.item() for name, value in given.items()}
-    before, depth, found = None, START, {}
-    for element, sectors in meshes:
-        begun = time.process_time()
+    before, depth, entered, found = None, START, 0.0, {}
+    for number, (element, sectors) in enumerate(meshes):
+        begun, begun_s = time.process_time(), time.perf_counter()
         problem = Problem(**numbers, force=force, element=float(element), sectors=int(sectors))
         mesh = mesh_of(problem)
         foam, steps, depths = Foam(mesh), 0, []
         u = np.zeros(foam.size) if before is None else displacement(*before, mesh.nodes)[mesh.free]
-        path = [(1.0, k) for k in PENALTIES[1:]]
+        path = [(1.0, PENALTIES[-1])]
         if before is None:
-            path = [*((share, PENALTIES[0]) for share in SHARES), *path]
+            path = [*((share, PENALTIES[0]) for share in SHARES), *((1.0, k) for k in PENALTIES[1:])]
         print(f"{mesh.cells.size // 27} elements, {foam.size} unknowns", flush=True)
         for share, penalty in path:
             foam.problem = replace(problem, force=share * force, penalty=penalty)
             u, depth, more = equilibrium(foam, u, depth)
             steps, depths = steps + more, [*depths, depth]
             print(f"  {share * force:.0f} mN, {penalty:g} kPa/mm: {depth:.4f} mm, {time.process_time() - begun:.0f} "
-                  "CPU s", flush=True)
+                  f"CPU s, {time.perf_counter() - begun_s:.0f} s", flush=True)
         before = mesh, foam.spread(u)
-        # what the foam enters the punch goes as one over the penalty
-        stiff = depth - (depths[-2] - depth) / (PENALTIES[-1] / PENALTIES[-2] - 1)
-        row = {"depth": stiff, "entered": depth - stiff, "steps": steps,
+        if len(depths) > 1:  # what the foam enters the punch goes as one over the penalty
+            entered = (depths[-2] - depth) / (PENALTIES[-1] / PENALTIES[-2] - 1)
+        row = {"depth": depth - entered, "entered": entered, "steps": steps, "element": element, "sectors": sectors,
                "gradient": surface_deformation(*before, points), "unknowns": foam.size,
-               "cpu_s": time.process_time() - begun}
-        found |= {f"{name}_{element:g}": value for name, value in row.items()}
+               "cpu_s": time.process_time() - begun, "wall_s": time.perf_counter() - begun_s,
+               "machine": f"{os.cpu_count()} cores, " + (torch.cuda.get_device_name() if torch.cuda.is_available()
+                                                         else "no GPU")}
+        found |= {f"{name}_{number}": value for name, value in row.items()}
         np.savez(folder / "found.npz", **found)
 
 
