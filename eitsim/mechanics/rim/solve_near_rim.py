@@ -145,7 +145,8 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = Fa
         raise ValueError(f"{problem}.")
     edge = _edges(body, punch) if all_edges and body.has_outline else None
     if not whole:
-        return corrected(solve_touch(law, body, punch), law, body, punch, rough=ROUGH, edge=edge)
+        return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge,
+                         rough=None if edge else ROUGH)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
     return corrected(touch, law, body, punch, coarse=FINE, edge=edge,
                      fine=replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC)
