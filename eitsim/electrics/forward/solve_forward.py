@@ -116,7 +116,8 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
     A touch that the rim of a disc, or several edges of a skin with an outline, change is not axisymmetric and takes the
     mesh, as patch electrodes do, and those on the surface of such a skin; near one edge of an outline its circle
-    scatters every harmonic into others (`mirrored_scattering`). How far the estimates of outlines are off: benchmarks/outline_touches.py.
+    scatters every harmonic into others (`mirrored_scattering`). How far the estimates of outlines are off:
+    benchmarks/outline_touches.py.
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
