@@ -35,8 +35,8 @@ def _read_matlab(path: Path, kind: str) -> Recording:
     by_column, by_row = (size >= _FEWEST and bool(counts_for(size)) for size in array.shape)
     if by_column == by_row:
         raise InputFileError(path, f"{name} is {array.shape[0]} x {array.shape[1]}, and either may be the readings of "
-                                   "a frame, or neither. Save it as a structure whose field meas has one column a frame, "
-                                   "as EIDORS does, or as a CSV of one row a frame.")
+                                   "a frame, or neither. Save it as a structure whose field meas has one column a "
+                                   "frame, as EIDORS does, or as a CSV of one row a frame.")
     return frames(path, array.T if by_column else array, kind)
 
 
