@@ -4,10 +4,16 @@ Those that read a card, a data set or a model get those of a short chain made fi
 benchmark that fails is told at the end and does not stop the others; those that need the paper's sweep
 or a GPU are left out. Writes results/whole.csv, in quick mode results/quick/whole.csv; names of benchmarks as arguments
 run those alone.
+
+`python benchmarks/whole.py demo`: the steps of examples/demo.sh with an empty cache and nothing compiled, as after an
+installation, in results/demo.csv; wall time and CPU time, s, of each and of compilation in the first touch. Wall times
+need an idle machine.
 """
 
 from __future__ import annotations
 
+import os
+import re
 import resource
 import subprocess
 import sys
@@ -67,7 +73,31 @@ def runs(asked: Sequence[str], folder: Path) -> Iterator[dict[str, object]]:
         yield timed(name, [sys.executable, HERE / f"{name}.py", *given], folder)
 
 
+def demo(folder: Path) -> Iterator[dict[str, object]]:
+    """What each step of the demo took, with nothing at hand that it makes itself."""
+    fresh = {"TOUCHCAL_CACHE": str(folder / "cache"), "NUMBA_CACHE_DIR": str(folder / "compiled")}
+    done = subprocess.run(["bash", HERE.parent / "examples" / "demo.sh", folder / "out"], check=True, text=True,
+                          stdout=subprocess.PIPE, env=os.environ | fresh)
+    yield from steps_of(done.stdout)
+
+
+def steps_of(printed: str) -> Iterator[dict[str, object]]:
+    """The steps of a demo by what it printed, then compilation in the first touch, then all."""
+    said = re.findall(r"^\$ (\S+ \S+)|^-> (.*) \((\S+) s, (\S+) s of CPU\)$", printed, re.MULTILINE)
+    rows = [{"step": f"{command}: {Path(result.split(',')[0]).name}", "wall_s": float(wall), "cpu_s": float(cpu)}
+            for (command, *_), (_, result, wall, cpu) in zip(said[::2], said[1::2], strict=True)]
+    compiling = re.search(r"CPU of compiling, once, s +(\S+)", printed)
+    rows.append({"step": "compilation in the first touch", "wall_s": None,
+                 "cpu_s": float(compiling[1]) if compiling else None})
+    whole = {key: sum(row[key] for row in rows[:-1]) for key in ("wall_s", "cpu_s")}
+    yield from [*rows, {"step": "all"} | whole]
+
+
 def main() -> None:
+    if sys.argv[1:] == ["demo"]:
+        with tempfile.TemporaryDirectory() as place:
+            shown(written(demo(Path(place)), "demo"))
+        return
     print(f"left out, since they need the paper's sweep or a GPU: {', '.join(APART)}", flush=True)
     found = []
     if unknown := set(sys.argv[1:]) - set(names()):

@@ -8,13 +8,11 @@ mkdir -p "$out"
 rm -rf "$out/sweep" "$out/nested"
 began=$SECONDS
 
-step() { # step RESULT COMMAND...: run it, say where the result went and how long it took
-  local result=$1 start
+step() { # step RESULT COMMAND...: run it, say where the result went and what it took
+  local TIMEFORMAT="-> $1 (%R s, %U s of CPU)"
   shift
-  start=$(date +%s.%N)
   printf '\n$ %s\n' "$*"
-  "$@"
-  printf -- '-> %s (%.1f s)\n' "$result" "$(echo "$(date +%s.%N) $start" | awk '{print $1 - $2}')"
+  { time "$@" 2>&3; } 3>&2 2>&1
 }
 
 step "$out/card.json, $out/calibration.pdf" matcal fit data_raw/mts_uniaxial.txt data_raw/mts_shear.txt \

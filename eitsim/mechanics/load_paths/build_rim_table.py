@@ -1,11 +1,13 @@
 """Solving what the rim changes of a table's touches, and its deviation from changes solved anew between them.
 
-A change is solved on the coarse mesh at all places of a grid, and on the finer one at some: what that adds varies less
-with the gap, and is a cubic through those. Deep touches next to the rim are not found; there lines over the gap go on
-as parabolas, and no touch next to such a place is served.
+A change is solved on the coarse mesh at all places of a grid, and from there on the finer one at some: what that adds
+varies less with the gap, and is a cubic through those. Deep touches next to the rim are not found; there lines over the
+gap go on as parabolas, and no touch next to such a place is served.
 """
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -21,8 +23,8 @@ from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.rim_table import Solved, cells_of, change_from, changed_diameters, extended
 from eitsim.mechanics.load_paths.table import carried_over, edge_of, parts_of, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
-from eitsim.mechanics.rim.correction import RimCorrection
-from eitsim.mechanics.rim.solve_near_rim import COARSE, LEAST_GAP, corrected, rim_change
+from eitsim.mechanics.rim.correction import RimCorrection, with_error
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, LEAST_GAP, rim_changes
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Punch
 from touchcal.arrays import Array
@@ -30,7 +32,7 @@ from touchcal.errors import NotConverged
 
 # diameter, gap, depth, over the thickness
 Place = tuple[float, float, float]
-Solve = Callable[[Table, Place], Any]
+Solve = Callable[[Table, Any], Any]
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,6 @@ class _Nodes:
     gaps: Array
     depths: Array
     solved: NDArray[np.object_]  # (diameters, gaps, depths) of Solved, None where nothing was found
-    cpu_s: float
 
     @property
     def missing(self) -> NDArray[np.bool_]:
@@ -75,30 +76,36 @@ def build_rim(table: Table, run: Run = map, grid: Grid = GRID) -> RimTable:
     """Solve the changes of a table's touches on a grid; `run` maps a function over places, possibly in other processes.
     NotConverged where too few changes are found, or too few of those that give the error."""
     diameters = changed_diameters(table.shape)
-    rough = _nodes(table, run, _roughly, _ROUGH_TRIED, grid.gaps, grid.depths)
-    fine = _nodes(table, run, finely, _FINE_TRIED, grid.fine_gaps, grid.fine_depths)
+    rough, fine, spent = _nodes(table, run, grid)
     rough, fine = _as_deep(rough, fine)
     field = fine.solved[len(diameters) // 2, -1, 0].change.field
     (fields, numbers), finer = (_rows(table.shape, field.radius_m, nodes) for nodes in (rough, fine))
     at = rough.gaps, rough.depths, fine.gaps, fine.depths
     fields, numbers = (refined(*at, *pair) for pair in zip((fields, numbers), finer, strict=True))
     rim = RimTable(diameters, rough.gaps, rough.depths, field.radius_m, field.share, fields.astype(np.float32), numbers,
-                   _no_errors(rough), rough.cpu_s + fine.cpu_s)
+                   _no_errors(rough), spent)
     return checked(table, rim, run)
 
 
-def _nodes(table: Table, run: Run, solve: Solve, deepest: float, gaps: Sequence[float],
-           depths: Sequence[float]) -> _Nodes:
-    """Changes at all gaps and depths at which they are tried, on the rim itself up to the deepest."""
-    diameters, least = changed_diameters(table.shape), LEAST_GAP * table.shape.disc
-    at = np.maximum(gaps, least)
-    places = [(d, g, s) for d in diameters.tolist() for g in at.tolist() for s in depths]
-    tried = [place for place in places if place[2] <= deepest + _BY_GAP * place[1]]
-    found = dict(zip(tried, run(partial(timed_change, solve, table), tried), strict=True))
-    solved = np.empty(len(places), dtype=object)
-    solved[:] = [found.get(place, (None, 0.0))[0] for place in places]
-    return _Nodes(at, np.array(depths), solved.reshape(len(diameters), len(at), len(depths)),
-                  sum(cpu for _, cpu in found.values()))
+def _nodes(table: Table, run: Run, grid: Grid) -> tuple[_Nodes, _Nodes, float]:
+    """Changes on the coarse and on the finer mesh at all gaps and depths at which they are tried, on the rim itself up
+    to the deepest, and the CPU time."""
+    diameters, least = changed_diameters(table.shape).tolist(), LEAST_GAP * table.shape.disc
+    gaps, fine_gaps = (np.maximum(at, least) for at in (grid.gaps, grid.fine_gaps))
+    finer = {place for place in itertools.product(diameters, fine_gaps.tolist(), grid.fine_depths)
+             if place[2] <= _FINE_TRIED + _BY_GAP * place[1]}
+    tried = [place for place in itertools.product(diameters, gaps.tolist(), grid.depths)
+             if place[2] <= _ROUGH_TRIED + _BY_GAP * place[1]]
+    found = list(run(partial(timed_change, _on_meshes, table), [(place, place in finer) for place in tried]))
+    at = {place: one or (None, None) for place, (one, _) in zip(tried, found, strict=True)}
+
+    def nodes(which: int, gaps: Array, depths: Sequence[float]) -> _Nodes:
+        solved = np.empty((len(diameters), len(gaps), len(depths)), dtype=object)
+        solved.ravel()[:] = [at.get(place, (None, None))[which]
+                             for place in itertools.product(diameters, gaps.tolist(), depths)]
+        return _Nodes(gaps, np.array(depths), solved)
+
+    return nodes(0, gaps, grid.depths), nodes(1, fine_gaps, grid.fine_depths), sum(cpu for _, cpu in found)
 
 
 def _as_deep(rough: _Nodes, fine: _Nodes) -> tuple[_Nodes, _Nodes]:
@@ -127,12 +134,12 @@ def _no_errors(nodes: _Nodes) -> Array:
     return error_estimate
 
 
-def timed_change(solve: Solve, table: Table, place: Place) -> tuple[Any, float]:
+def timed_change(solve: Solve, table: Table, place: Any) -> tuple[Any, float]:
     """What `solve` finds at a place, None where it finds nothing, and the CPU time."""
     return timed(_found, solve, table, place)
 
 
-def _found(solve: Solve, table: Table, place: Place) -> Any:
+def _found(solve: Solve, table: Table, place: Any) -> Any:
     try:
         return solve(table, place)
     except NotConverged:
@@ -149,23 +156,40 @@ def loaded(table: Table, place: Place) -> tuple[Touch, Punch]:
     return touch, replace(punch, x_m=body.radius_m - diameter / 2 - gap, force_N=touch.force_N)
 
 
-def _roughly(table: Table, place: Place) -> Solved:
-    """The change on the coarse mesh alone, whose errors are not known."""
-    law, body, _ = parts_of(table.shape, place[0])
-    edge = edge_of(table.shape, *place[:2])
-    return Solved(rim_change(law, body, loaded(table, place)[1], COARSE, edge), 0.0, np.zeros(len(STRAINS)))
+def _on_meshes(table: Table, asked: tuple[Place, bool]) -> tuple[Solved, Solved | None]:
+    """The change at a place on the coarse mesh alone, whose errors are not known, and on the finer one where that is
+    asked for and found; NotConverged where not even the coarse one is."""
+    place, finer = asked
+    touch, punch, changes = _changes(table, place)
+    rough = next(changes)
+    fine = None
+    if finer:
+        with suppress(NotConverged):
+            fine = _with_errors(table, place, touch, punch, rough, next(changes))
+    return Solved(rough, 0.0, np.zeros(len(STRAINS))), fine
 
 
 def finely(table: Table, place: Place) -> Solved:
     """The change at a place, solved as without a table; NotConverged where it is not found."""
+    touch, punch, changes = _changes(table, place)
+    return _with_errors(table, place, touch, punch, *changes)
+
+
+def _changes(table: Table, place: Place) -> tuple[Touch, Punch, Iterator[RimCorrection]]:
+    """What `loaded` gives, and its changes on the coarse and on the finer mesh."""
     law, body, _ = parts_of(table.shape, place[0])
     touch, punch = loaded(table, place)
-    done = corrected(touch, law, body, punch, edge=edge_of(table.shape, *place[:2]))
-    assert done.rim is not None
+    return touch, punch, rim_changes(law, body, punch, (COARSE, FINE), edge_of(table.shape, *place[:2]))
+
+
+def _with_errors(table: Table, place: Place, touch: Touch, punch: Punch, rough: RimCorrection,
+                 change: RimCorrection) -> Solved:
+    """A change, its ratios those of the touch, and what it adds to the touch's errors."""
+    done = with_error(touch, rough, change, parts_of(table.shape, place[0])[1], punch)
     wall = done.wall_contact_m2 / touch.wall_contact_m2 if touch.wall_contact_m2 > 0 else 1.0
-    change = RimCorrection(done.rim, done.depth_m - touch.depth_m, done.sigma_max_Pa / touch.sigma_max_Pa,
-                           done.contact_area_m2 / touch.contact_area_m2, wall, done.fraction_non_elliptic,
-                           done.residuals)
+    change = replace(change, depth_m=done.depth_m - touch.depth_m, pressure=done.sigma_max_Pa / touch.sigma_max_Pa,
+                     area=done.contact_area_m2 / touch.contact_area_m2, wall=wall,
+                     fraction_non_elliptic=done.fraction_non_elliptic)
     return Solved(change, done.depth_error - touch.depth_error, done.signal_errors - touch.signal_errors)
 
 

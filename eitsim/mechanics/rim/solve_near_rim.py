@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -232,8 +233,17 @@ def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = 
     place of the body's, or all edges of an outline. Radii and angles of the field depend on the body, the punch's size
     and shape and the fineness alone, so that fields of several forces and places on the disc interpolate point by
     point. NotConverged where no equilibrium is found."""
+    return next(rim_changes(law, body, punch, (fineness,), edge))
+
+
+def rim_changes(law: Hyperfoam, body: Body, punch: Punch, finenesses: Iterable[Resolution],
+                edge: OffsetDisc | OffsetOutline | None = None) -> Iterator[RimCorrection]:
+    """As `rim_change`, on meshes one after the other, each from the solution on the one before."""
     outline = edge or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
-    return change_of(_found(law, body, punch, outline, fineness), body)
+    found = None
+    for fineness in finenesses:
+        found = _found(law, body, punch, outline, fineness, found)
+        yield change_of(found, body)
 
 
 def change_of(solution: Solution, body: Body) -> RimCorrection:
