@@ -57,7 +57,7 @@ def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float,
         away = min(away, BEFORE * float(np.min(edge_distance_m(outline, places_m))))
     away = max(away, float(np.linalg.norm(end - start, axis=1).sum()) / MOST_POLES / POLES)
     pole, line = _along(start, end, POLES * away), _offset(outline, away, MATCHED * away)
-    response = edge_responses(outline, electrodes, conductance_S)[1]
+    response = edge_responses(outline, electrodes, conductance_S)[0]
     field = np.concatenate([first_derivative(response, part, reach) for part in np.array_split(
         line, len(line) // _BATCH + 1)])
     centre = complex(*origin)

@@ -61,9 +61,10 @@ class Floating:
     count: int  # how many conductors
 
 
-def quadrature_points(mesh: SkinMesh, parts: int = 1) -> Array:
-    """Points (cells, q, 2 or 3), m, where the conductance is needed, in each of the parts of each side of a cell."""
-    return np.einsum("qk,ekx->eqx", _reference(mesh.element, parts=parts)[0], mesh.nodes_m[mesh.cells])
+def quadrature_points(mesh: SkinMesh, parts: int = 1, degree: int | None = None) -> Array:
+    """Points (cells, q, 2 or 3), m, where the conductance is needed, in each of the parts of each side of a cell; of
+    another degree of exactness where it is given."""
+    return np.einsum("qk,ekx->eqx", _reference(mesh.element, degree, parts)[0], mesh.nodes_m[mesh.cells])
 
 
 def area_points(mesh: SkinMesh) -> Array:
@@ -226,13 +227,20 @@ def _resolved(z: Array) -> Array:
     return z
 
 
-def gradients(mesh: SkinMesh, potential: Array, parts: int = 1) -> tuple[Array, Array]:
+def gradients(mesh: SkinMesh, potential: Array, parts: int = 1, degree: int | None = None) -> tuple[Array, Array]:
     """Gradients (cells, q, 2, k) of nodal potentials (n, k) at the `quadrature_points` of a flat sheet, and their areas
     (cells, q)."""
-    _, gradient, weights, _ = _reference(mesh.element, parts=parts)
-    jacobian = np.einsum("eka,qkb->eqab", mesh.nodes_m[mesh.cells], gradient)
-    local = np.einsum("qkb,ekp->eqbp", gradient, potential[mesh.cells])
-    return np.linalg.inv(jacobian).swapaxes(-1, -2) @ local, weights * np.abs(np.linalg.det(jacobian))
+    _, gradient, weights, _ = _reference(mesh.element, degree, parts)
+    points, nodes, _ = gradient.shape
+    x = mesh.nodes_m[mesh.cells]
+    xr, xs, yr, ys = (x[..., i] @ gradient[..., j].T for i in (0, 1) for j in (0, 1))
+    det = xr * ys - xs * yr
+    local = gradient.swapaxes(1, 2).reshape(-1, nodes) @ potential[mesh.cells]
+    along, across = np.moveaxis(local.reshape(len(x), points, 2, -1), 2, 0)
+    found = np.empty((len(x), points, 2, potential.shape[1]))
+    found[:, :, 0] = (ys / det)[..., None] * along - (yr / det)[..., None] * across
+    found[:, :, 1] = (xr / det)[..., None] * across - (xs / det)[..., None] * along
+    return found, weights * np.abs(det)
 
 
 @lru_cache(maxsize=4 * len(ELEMENTS))

@@ -112,15 +112,53 @@ def on_disc(rim: Rim, body: Body, electrodes: Electrodes, circles: Sequence[Circ
     return Coupling(turned @ rim.driven[:harmonics], same, crossed, order)
 
 
-def impedance_change(coupling: Coupling, conductance_S: float, scattered: Array) -> Array:
-    """Change (N, N) of the impedance matrix, Ohm: 2 pi S sum m Re(conj(a_m) tau_m b_m) over circles and harmonics, tau
-    what these scatter (circles orders,), a the undisturbed field about each and b = a + W tau b, W what comes back."""
+@dataclass(frozen=True, eq=False)
+class Scattered:
+    """What circles make of the field of 1 A into each electrode and 1/N A out of every one, circle by circle."""
+
+    impedance_Ohm: Array  # (N, N) change of the impedance matrix
+    # (m, N), V: c_m goes out as Re conj(c_m) (zeta/reach)^-m, and comes back as Re d_m (zeta/reach)^m
+    outgoing: Complex
+    returned: Complex
+
+
+def scattered(coupling: Coupling, conductance_S: float, scattering: Array) -> Scattered:
+    """Fields b = a + W c about circles, a the undisturbed ones and W what comes back, of which c = T b goes out; the
+    impedance changes by 2 pi S sum m Re(conj(a_m) c_m). T is (circles orders,) where every harmonic scatters into
+    itself, else (2 circles orders, the same) by real, then imaginary parts."""
     same, crossed = coupling.same, coupling.crossed
     back = np.block([[(same + crossed).real, (crossed - same).imag], [(same + crossed).imag, (same - crossed).real]])
-    tau, weight = np.tile(scattered, 2), np.tile(coupling.order * scattered, 2)
+    matrix = np.diag(np.tile(scattering, 2)) if scattering.ndim == 1 else scattering
     source = np.vstack([coupling.incoming.real, coupling.incoming.imag])
-    field = np.linalg.solve(np.eye(len(tau)) - back * tau, source)
-    return 2 * np.pi * conductance_S * source.T @ (weight[:, None] * field)
+    field = np.linalg.solve(np.eye(len(matrix)) - back @ matrix, source)
+    outgoing = matrix @ field
+    change = 2 * np.pi * conductance_S * source.T @ (np.tile(coupling.order, 2)[:, None] * outgoing)
+    return Scattered(change, *(one[:len(same)] + 1j * one[len(same):] for one in (outgoing, field - source)))
+
+
+def impedance_change(coupling: Coupling, conductance_S: float, scattering: Array) -> Array:
+    """Change (N, N) of the impedance matrix, Ohm, by circles that scatter as in `scattered`."""
+    return scattered(coupling, conductance_S, scattering).impedance_Ohm
+
+
+def scattered_gradient(found: Scattered, circle: Circle, points_m: Array) -> Array:
+    """Gradients (n, 2, N), V/m, of what one circle sends out and gets back, at points (n, 2)."""
+    centre, reach = circle
+    place = (points_m @ np.array([1, 1j]) - centre) / reach
+    m = np.arange(1, len(found.outgoing) + 1)
+    slope = (place[:, None] ** (m - 1) * m) @ found.returned - (place[:, None] ** -(m + 1) * m) @ found.outgoing.conj()
+    return np.stack([slope.real, -slope.imag], axis=1) / reach
+
+
+def together(scatterings: Sequence[Array], orders: int) -> Array:
+    """Scattering (2 circles orders, the same) of circles that scatter so each, of `orders` harmonics or fewer."""
+    count = len(scatterings)
+    whole = np.zeros((2, count, orders, 2, count, orders))
+    for k, own in enumerate(scatterings):
+        matrix = np.diag(np.tile(own, 2)) if own.ndim == 1 else own
+        known = len(matrix) // 2
+        whole[:, k, :known, :, k, :known] = matrix.reshape(2, known, 2, known)
+    return whole.reshape(2 * count * orders, -1)
 
 
 def _translation(centre: complex, reach: float, m: Indices, n: Indices) -> Complex:

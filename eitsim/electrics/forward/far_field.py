@@ -8,9 +8,10 @@ from functools import lru_cache
 import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials, quadrature_points
-from eitsim.electrics.cem.ring_scattering import FULL, ring_share
+from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
-from eitsim.electrics.outline.touch_mesh import fields_mesh
+from eitsim.electrics.outline.adapted_mesh import READINGS
+from eitsim.electrics.outline.touch_mesh import FIELDS, fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.outline import area_m2
@@ -22,8 +23,14 @@ from matcal.laws.conductivity import Conductivity
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 # Triangles of a skin with an outline, about; cells near touches are sampled as the foam's thickness asks.
 _TRIANGLES = 2000
-# Strains fall by e in less than a thickness: so many thicknesses outside a contact they no longer need to be followed.
-_FADED = 8.0
+_DEGREE = 2  # Degree of exactness of the quadrature where cells are not cut: that of products of their gradients.
+# Strains fall by e in less than a thickness: up to so many thicknesses outside a contact cells are sampled in parts of
+# so many thicknesses, the last that applies; near an edge the rings leave out more.
+_FADES = ((8.0, 1.0),)
+_NEAR_AN_EDGE = (*_FADES, (3.0, 1 / 3))
+# What rings send out counts so many of their reaches from the punch: the series of what comes back converges no further
+# than the punch's image in the edge.
+_SEEN = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,40 +50,43 @@ class _Fields:
 
 
 @lru_cache(maxsize=8)
-def _untouched(body: Body, electrodes: Electrodes, conductance_S: float) -> _Fields:
-    mesh = _mesh(body, electrodes, conductance_S)
+def _untouched(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS) -> _Fields:
+    mesh = _mesh(body, electrodes, conductance_S, known_to)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     nodes = potential[:len(mesh.nodes_m)]
-    gradient, area = gradients(mesh, nodes)
-    return _Fields(mesh, nodes, quadrature_points(mesh), area, gradient)
+    gradient, area = gradients(mesh, nodes, degree=_DEGREE)
+    return _Fields(mesh, nodes, quadrature_points(mesh, degree=_DEGREE), area, gradient)
 
 
-def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
+def _mesh(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float) -> SkinMesh:
     if body.has_outline:
-        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES)
+        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES, known_to)
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
     radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
 
 
-def _sampled(fields: _Fields, thickness_m: float, places_m: Array, inner_m: Array,
-             contact_m: Array) -> tuple[Array, Array, Array]:
-    """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; no further
-    apart than the foam is thick in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,),
-    outside which strains decay."""
+def _sampled(fields: _Fields, thickness_m: float, places_m: Array, inner_m: Array, contact_m: Array,
+             fades: Sequence[tuple[float, float]]) -> tuple[Array, Array, Array]:
+    """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; as close to
+    each other as `fades` asks in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,)."""
     size = fields.size_m
     away = np.linalg.norm(fields.points_m[:, :, None] - places_m, axis=-1)
-    fading = (away.min(axis=1) < contact_m + _FADED * thickness_m) & (away.max(axis=1) > inner_m - size[:, None])
-    near = fading.any(axis=1) & (size > thickness_m)
-    points, area, gradient = fields.points_m, fields.area_m2, fields.gradient
-    if not near.any():
-        return points.reshape(-1, 2), area.ravel(), _flat(gradient)
-    parts = math.ceil(size[near].max() / thickness_m)
-    mesh = replace(fields.mesh, cells=fields.mesh.cells[near])
-    finer, finer_area = gradients(mesh, fields.potential, parts)
-    return (np.vstack([points[~near].reshape(-1, 2), quadrature_points(mesh, parts).reshape(-1, 2)]),
-            np.concatenate([area[~near].ravel(), finer_area.ravel()]),
-            np.concatenate([_flat(gradient[~near]), _flat(finer)]))
+    outside, parts = away.max(axis=1) > inner_m - size[:, None], np.ones(len(size), dtype=int)
+    for within, spacing in fades:
+        near = ((away.min(axis=1) < contact_m + within * thickness_m) & outside).any(axis=1)
+        if near.any():
+            parts[near] = max(1, math.ceil(size[near].max() / (spacing * thickness_m)))
+    whole = parts == 1
+    points, area, gradient = [fields.points_m[whole]], [fields.area_m2[whole]], [fields.gradient[whole]]
+    for count in np.unique(parts[~whole]).tolist():
+        mesh = replace(fields.mesh, cells=fields.mesh.cells[parts == count])
+        finer, finer_area = gradients(mesh, fields.potential, count)
+        points.append(quadrature_points(mesh, count))
+        area.append(finer_area)
+        gradient.append(finer)
+    return (np.vstack([part.reshape(-1, 2) for part in points]), np.concatenate([part.ravel() for part in area]),
+            np.concatenate([_flat(part) for part in gradient]))
 
 
 def _flat(gradient: Array) -> Array:
@@ -84,28 +94,38 @@ def _flat(gradient: Array) -> Array:
 
 
 def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
-                    law: Conductivity, reach_m: float) -> Array:
-    """Change (count, count), Ohm, of the impedance matrix by what the rings leave out: -int grad u_k . ds grad u_l,
-    u the untouched fields, ds the change of conductance less `ring_share` of it."""
+                    law: Conductivity, reach_m: float, rings: Scattered | None = None) -> tuple[Array, Array]:
+    """Change (count, count), Ohm, of the impedance matrix by what the rings leave out, and the part of it of second
+    order in ds: -int grad u_k . (ds - ds^2 / 2S) grad u_l, ds the change of conductance less `ring_share` of it, u the
+    untouched fields, or those that the rings leave.
+
+    The second order, taken near the rings alone, lies between 0 and twice this, which a disc of small change has.
+    """
     place = np.array([punch.x_m, punch.y_m])
-    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, place[None],
-                                      np.array([FULL * reach_m]), np.array([touch.contact_radius_m]))
+    known_to, fades = (FIELDS, _FADES) if touch.rim is None else (READINGS, _NEAR_AN_EDGE)
+    points, area, field = _sampled(_untouched(body, electrodes, conductance_S, known_to), body.thickness_m, place[None],
+                                   np.array([FULL * reach_m]), np.array([touch.contact_radius_m]), fades)
     radius = np.linalg.norm(points - place, axis=1)
-    left = 1 - ring_share(radius, reach_m)
-    far = (left > 0) & (radius < touch.radius_m[-1])
-    change = sheet_conductance(points[far], punch, touch, skin, law) - conductance_S * np.eye(2)
-    return _first_order(area[far], gradient[far], change * left[far, None, None])
+    change = sheet_conductance(points, punch, touch, skin, law) - conductance_S * np.eye(2)
+    change *= (1 - ring_share(radius, reach_m))[:, None, None]
+    near = np.flatnonzero((radius > FULL * reach_m) & (radius < _SEEN * reach_m))
+    if rings is not None:
+        field[near] += scattered_gradient(rings, (position(punch), reach_m), points[near])
+    second = _first_order(area[near], field[near], change[near] @ change[near] / (-2 * conductance_S))
+    return _first_order(area, field, change) + second, second
 
 
 def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: float,
                            touches: Sequence[tuple[Punch, Touch]], skin: Skin, law: Conductivity) -> Array:
     """Change (count, count), Ohm, of the impedance matrix, to first order, by what touches make of the conductance
     together more than the sum of what each makes alone, outside their contacts; 0 for one touch."""
+    if len(touches) == 1:
+        return np.zeros((electrodes.count,) * 2)
     places = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     inner = np.array([touch.contact_radius_m for _, touch in touches])
     outer = np.array([[touch.radius_m[-1]] for _, touch in touches])
     points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, places, inner,
-                                      inner)
+                                      inner, _FADES)
     away = np.linalg.norm(points - places[:, None], axis=-1)
     outside = np.all(away > inner[:, None], axis=0) & (np.sum(away < outer, axis=0) > 1)
     points = points[outside]
@@ -116,4 +136,7 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
 
 
 def _first_order(area: Array, gradient: Array, change: Array) -> Array:
-    return -np.tensordot(gradient, change * area[:, None, None] @ gradient, axes=([0, 1], [0, 1]))
+    """-int grad u_k . ds grad u_l of symmetric changes ds (n, 2, 2)."""
+    x, y = gradient[:, 0], gradient[:, 1]
+    xx, xy, yy = (area * change[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
+    return -(x.T @ (xx[:, None] * x + xy[:, None] * y) + y.T @ (xy[:, None] * x + yy[:, None] * y))

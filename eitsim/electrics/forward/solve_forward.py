@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,7 @@ from eitsim.electrics.cem import ring_scattering as rings
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating
+from eitsim.electrics.cem.mirrored_scattering import mirrored_scattering
 from eitsim.electrics.cem.ring_scattering import Coupling, position
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.untouched import untouched_impedance
@@ -19,8 +20,7 @@ from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.outline.edge_response import coupling as edge_coupling
-from eitsim.electrics.outline.edge_response import edge_responses
+from eitsim.electrics.outline.edge_response import couplings as edge_couplings
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.channels import Channels, channel_changes
@@ -43,7 +43,9 @@ MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
 # these are than those of a mesh of quadrilaterals; the power of the number of nodes by which errors fall from there
 # (quadratic elements whose sizes follow the solution), and what is left over the change by halving (second order).
 ROUGHLY, ROUGH, RATE, LEFT_OUTLINE = 5e-3, 1, 2, 1 / 3
-MARGIN = 2  # How many times the estimate a mesh must stay below the requested error not to be halved again.
+# How many times the estimate must stay below the requested error where an edge changes a touch, and of a mesh not to be
+# halved again.
+MARGIN = 2
 
 
 @dataclass(frozen=True)
@@ -90,19 +92,19 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
     The untouched skin is solved once a sensor (`untouched_impedance`). "multipole" adds what the touches,
     stacks of rings about the punches, scatter: together in circles that do not overlap, and each alone out to the
-    largest circle about it that fits in the disc; the strain outside, and what strains make of the conductance where
-    they add up, count to first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto"
-    takes the first where it meets `signal`, else the better of both.
+    largest circle about it that fits on the skin, extrapolated from rings half as many. The strain outside counts to
+    second order, in the field that the rings leave, and what strains make of the conductance where they add up to
+    first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto" takes the first where
+    it meets `signal`, MARGIN times where an edge changes the touch, else the better of both.
 
-    signal_error adds, for "multipole", the change by half as many rings over 3 (second order), by three quarters of
-    the harmonics, the first-order part times four times the scattering of the first harmonic (the touch turns the
-    field there by that much, twice over by the rim, for both electrodes), half the largest relative change of
+    signal_error adds, for "multipole", the change by half as many rings over 15 (fourth order, extrapolated), by three
+    quarters of the harmonics, what strain outside the rings makes to second order, half the largest relative change of
     conductance that one touch makes at another's contact, and a quarter of what they make together where they meet
     (measured on pairs with gaps of 2 to 55 mm: a fifth of either, or less), and MISSED; for "mesh" UNHALVED and the
     change by the coarser mesh times LEFT, as halved meshes are nested and cover the same cells, or LEFT_CUT where the
     rim cuts the contact: near the cut no line of the mesh follows its end. A mesh is halved again where MARGIN times
-    its estimate exceeds `signal`. With an outline, "multipole" adds half the change by the edges' mesh before it was
-    halved (currents that crowd leave so much) for the harmonics around the rim; "mesh", between line electrodes,
+    its estimate exceeds `signal`. With an outline, "multipole" adds what is left over the changes by coarser meshes of
+    the edges (`edge_responses`) for the harmonics around the rim; "mesh", between line electrodes,
     UNHALVED and what is left over the change from a coarser mesh where errors fall with the square of the number of
     nodes. No estimate holds what interpolation between the touch's own samples costs.
 
@@ -112,8 +114,9 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     of which touch is off more: its rank correlation with the error is 0.28. LEFT_CUT is what two touches among them
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
-    A touch that the rim changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on the
-    surface of a skin with an outline. How far the estimates of outlines are off: benchmarks/outline_touches.py.
+    A touch that the rim of a disc changes is not axisymmetric and takes the mesh, as patch electrodes do, and those on
+    the surface of a skin with an outline; near an edge of an outline its circle scatters every harmonic into others
+    (`mirrored_scattering`). How far the estimates of outlines are off: benchmarks/outline_touches.py.
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
@@ -135,16 +138,18 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
 def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> Iterator[_Change]:
     """Attempts in the order of their cost; the last one meets the requested error, or none does."""
-    clipped = any(touch.rim is not None for _, touch in touches)
-    lines = sensor.electrodes.kind == "line"
+    lines, changed = sensor.electrodes.kind == "line", any(touch.rim is not None for _, touch in touches)
     if method == "multipole" and not lines:
         raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
+    clipped = changed and (not sensor.body.has_outline or any(
+        rings.admissible_radius(sensor.body, punch) <= touch.contact_radius_m for punch, touch in touches))
     if method == "multipole" and clipped:
-        raise ValueError("method 'multipole' needs an axisymmetric touch; near an edge use 'mesh' or 'auto'.")
+        raise ValueError("method 'multipole' needs a contact that ends before the edge, and near the rim of a disc an "
+                         "axisymmetric touch; use 'mesh' or 'auto'.")
     if method != "mesh" and not clipped and lines:
         change = _by_multipole(sensor, touches, signal)
         yield change
-        if method == "multipole" or change.error <= signal:
+        if method == "multipole" or (MARGIN if changed else 1) * change.error <= signal:
             return
     yield _by_mesh(sensor, touches, signal)
 
@@ -156,6 +161,8 @@ class _Circles:
     touches: Touches
     reach_m: Sequence[float]
     coupling: Coupling
+    varied: Sequence[tuple[Coupling, float]]  # more roughly, and what is left over the change by it
+    mirrored: Sequence[Array | None]  # what touches that an edge changes scatter; None of others
     sign: float  # 1 where their change counts, -1 where it is taken away
 
 
@@ -163,26 +170,44 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     """Rings are cut until they no longer matter; then the harmonics, or the mesh of the edges, are varied once."""
     rooms = [rings.admissible_radius(sensor.body, punch) for punch, _ in touches]
     circles = _circles(sensor, touches, rooms)
-    coarse, fine = (_scattered(sensor, circles, parts) for parts in PARTS[:2])
-    used = PARTS[1]
+    rough, own = (_scatterings(sensor, circles, parts) for parts in PARTS[:2])
+    coarse, fine = (_changed(sensor, circles, scatterings) for scatterings in (rough, own))
     for parts in PARTS[2:]:
         if _difference(sensor, fine, coarse) <= 3 * signal / 4:
             break
-        coarse, fine, used = fine, _scattered(sensor, circles, parts), parts
-    outside = sum(born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, punch, touch, sensor.skin,
-                 sensor.law, reach) for (punch, touch), reach in zip(touches, rooms, strict=True))
+        own = _scatterings(sensor, circles, parts)
+        coarse, fine = fine, _changed(sensor, circles, own)
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
-    first = max(abs(own[0]) for own in _scatterings(sensor, touches, rooms, used, 1))
-    error = MISSED + _difference(sensor, fine, coarse) / 3
-    rougher = _scattered(sensor, _circles(sensor, touches, rooms, rough=True), used, 3 * ORDERS // 4)
-    error += (LEFT_CUT if sensor.body.has_outline else 1.0) * _difference(sensor, fine, rougher)
-    error += 4 * first * _difference(sensor, fine + outside, fine)
+    error = MISSED + _difference(sensor, fine, coarse) / 15
+    for k, (_, left) in enumerate(circles[0].varied):
+        varied = [replace(one, coupling=one.varied[k][0]) for one in circles]
+        error += left * _difference(sensor, fine, _changed(sensor, varied, own, 3 * ORDERS // 4))
+    outside, unsure = _outside(sensor, touches, rooms, circles, own)
+    error += _difference(sensor, fine, fine + unsure)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
-    return _Change(fine + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
+    rest = (fine - coarse) / 3
+    return _Change(fine + rest + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
-def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float], *, rough: bool = False) -> list[_Circles]:
+def _outside(sensor: _Sensor, touches: Touches, rooms: Sequence[float], circles: Sequence[_Circles],
+             scatterings: Sequence[Array]) -> tuple[Array, Array]:
+    """Change by what the rings leave out, and what is unsure of it."""
+    changes, unsure = [], []
+    for touch, room in zip(touches, rooms, strict=True):
+        (one, own, k), *_ = [(one, own, k) for one, own in zip(circles, scatterings, strict=True)
+                             for k in range(len(one.touches)) if one.touches[k] is touch and one.reach_m[k] == room]
+        found = rings.scattered(one.coupling, sensor.conductance_S, own)
+        part = slice(k * ORDERS, (k + 1) * ORDERS)
+        field = replace(found, outgoing=found.outgoing[part], returned=found.returned[part])
+        change, second = born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, *touch, sensor.skin,
+                                         sensor.law, room, field)
+        changes.append(change)
+        unsure.append(second)
+    return np.sum(changes, axis=0), np.sum(unsure, axis=0)
+
+
+def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float]) -> list[_Circles]:
     """All touches in circles that do not overlap, and each alone in the largest circle that has room on the skin, less
     it alone in its own."""
     inner = rings.reaches(sensor.body, touches)
@@ -190,33 +215,40 @@ def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float], *, rough
     for touch, own, room in zip(touches, inner, rooms, strict=True):
         if room > own:
             found += [((touch,), [room], 1.0), ((touch,), [own], -1.0)]
-    return [_Circles(some, reach, _coupling(sensor, some, reach, rough), sign) for some, reach, sign in found]
+    return [_Circles(some, reach, *_couplings(sensor, some, reach), [
+        None if touch.rim is None else mirrored_scattering(punch, touch, sensor.skin, sensor.law, own, ORDERS)
+        for (punch, touch), own in zip(some, reach, strict=True)], sign) for some, reach, sign in found]
 
 
-def _coupling(sensor: _Sensor, touches: Touches, radii: Sequence[float], rough: bool) -> Coupling:
-    """What couples circles on the skin; rough: with fewer harmonics around the rim, or edges on a mesh half as fine."""
+def _couplings(sensor: _Sensor, touches: Touches,
+               radii: Sequence[float]) -> tuple[Coupling, list[tuple[Coupling, float]]]:
+    """What couples circles on the skin, and that with fewer harmonics around the rim, or edges known more roughly."""
     circles = [(position(punch), radius) for (punch, _), radius in zip(touches, radii, strict=True)]
     if sensor.body.has_outline:
-        coarse, fine = edge_responses(sensor.body.shape, sensor.electrodes, sensor.conductance_S)
-        return edge_coupling(coarse if rough else fine, circles, ORDERS)
+        return edge_couplings(sensor.body.shape, sensor.electrodes, sensor.conductance_S, circles, ORDERS)
     rim = solve_rim(sensor.body, sensor.electrodes, sensor.conductance_S)
-    return rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, 3 * HARMONICS // 4 if rough else
-                         HARMONICS)
+    whole, fewer = (rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, harmonics)
+                    for harmonics in (HARMONICS, 3 * HARMONICS // 4))
+    return whole, [(fewer, 1.0)]
 
 
-def _scattered(sensor: _Sensor, circles: Sequence[_Circles], parts: int, orders: int = ORDERS) -> Array:
+def _changed(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequence[Array],
+             orders: int = ORDERS) -> Array:
     """Change by touches in circles, of so many harmonics."""
     changes = []
-    for one in circles:
-        found = _scatterings(sensor, one.touches, one.reach_m, parts, orders)
-        tau = np.concatenate([np.pad(own, (0, ORDERS - orders)) for own in found])
-        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, tau))
+    for one, whole in zip(circles, scatterings, strict=True):
+        kept = np.tile(one.coupling.order <= orders, 2)
+        own = whole * np.outer(kept, kept)
+        changes.append(one.sign * rings.impedance_change(one.coupling, sensor.conductance_S, own))
     return np.sum(changes, axis=0)
 
 
-def _scatterings(sensor: _Sensor, touches: Touches, radii: Sequence[float], parts: int, orders: int) -> list[Array]:
-    return [rings.scattering(punch, touch, sensor.skin, sensor.law, r, orders, parts)
-            for (punch, touch), r in zip(touches, radii, strict=True)]
+def _scatterings(sensor: _Sensor, circles: Sequence[_Circles], parts: int) -> list[Array]:
+    """What the touches in each set of circles scatter together, rings cut in parts where they are axisymmetric."""
+    return [rings.together([
+        rings.scattering(punch, touch, sensor.skin, sensor.law, reach, ORDERS, parts) if known is None else known
+        for (punch, touch), reach, known in zip(one.touches, one.reach_m, one.mirrored, strict=True)], ORDERS)
+        for one in circles]
 
 
 def _overlap(sensor: _Sensor, touches: Touches) -> float:

@@ -7,8 +7,8 @@ once a sensor, on a coarser mesh: what comes back is a small part.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -19,17 +19,22 @@ from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, 
 from eitsim.electrics.cem.boundary_integral import Complex
 from eitsim.electrics.cem.ring_scattering import Circle, Coupling, between
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement, with_quarter_points
-from eitsim.electrics.outline.adapted_mesh import solve_untouched
-from eitsim.electrics.outline.triangles import skin_mesh
+from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
+from eitsim.electrics.outline.touch_mesh import EVEN
+from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh
 from eitsim.numerics.conductor_elimination import solve
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.outline import Outline
+from eitsim.scene.outline import Outline, corners_and_edges
 from eitsim.scene.scene import Electrodes
 
 _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
-# Errors of the untouched readings from which a mesh is fine enough for what electrodes send and for what edges send
-# back, its middle nodes then moved to a quarter of the way from the ends of electrodes.
-_ARRIVED, _RETURNED = 1e-3, 5e-3
+# Errors of the untouched readings from which a mesh is fine enough for a rough account of what electrodes send, and for
+# what edges send back, its middle nodes then moved to a quarter of the way from the ends of electrodes.
+_ROUGHLY, _RETURNED = 1e-3, 5e-3
+# Sides of the mesh of what edges send back, before it is halved, are no longer than the edges over this, about.
+_SHORT = 100
+# Fewer triangles than this, on which untouched readings are known, are halved once more for what electrodes send.
+_HALVED = 5000
 _SOLVED = 64  # Currents for which potentials are solved at once.
 # Nodes of a P2 triangle's sides, counter-clockwise: both ends, the middle.
 _SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
@@ -61,15 +66,43 @@ class EdgeResponse:
     response_Ohm: Array  # (k, k) potentials of its unknowns by currents into them that sum to zero, but for a constant
 
 
+# Responses with something on a coarser mesh, and what is left over the change by it.
+Variations = tuple[tuple[EdgeResponse, float], ...]
+
+
 @lru_cache(maxsize=8)
-def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, EdgeResponse]:
-    """On two of the meshes by which the untouched skin was solved (`solve_untouched`), and on both halved."""
+def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, Variations]:
+    """What arrives on one of the meshes by which the untouched skin was solved (`solve_untouched`), what returns on a
+    coarser one, even along edges, halved; varied by what arrives on a coarser one, and by what returns on its own
+    before it was halved.
+
+    Errors fall with the square of the number of nodes of adapted meshes, with the square of the size of halved ones.
+    """
     history, z = solve_untouched(outline, electrodes, conductance_S).history, contact_impedances(electrodes)
-    arriving, returning = (
-        with_quarter_points(skin_mesh(next(mesh for mesh, error in history if error <= enough), electrodes))
-        for enough in (_ARRIVED, _RETURNED))
-    return (response_on(arriving, returning, conductance_S, z),
-            response_on(uniform_refinement(arriving), uniform_refinement(returning), conductance_S, z))
+    rough, exact, known = (next(mesh for mesh, error in history if error <= enough)
+                           for enough in (_ROUGHLY, READINGS, _RETURNED))
+    rough, exact, returning = (with_quarter_points(skin_mesh(mesh, electrodes))
+                               for mesh in (rough, exact, refined(known, partial(_along, _around_m(outline) / _SHORT))))
+    if len(exact.cells) < _HALVED or len(exact.cells) == len(rough.cells):
+        exact = uniform_refinement(exact)
+    found = response_on(exact, uniform_refinement(returning), conductance_S, z)
+    coarse = response_on(rough, returning, conductance_S, z)
+    share = (len(rough.cells) / len(exact.cells)) ** 2
+    arrives = replace(found, arriving=coarse.arriving, potential_V=coarse.potential_V, driving_V=coarse.driving_V)
+    returns = replace(found, returning=coarse.returning, response_Ohm=coarse.response_Ohm)
+    return found, ((arrives, share / (1 - share)), (returns, 1 / 3))
+
+
+def _around_m(outline: Outline) -> float:
+    """Length of all edges, m."""
+    start, end = corners_and_edges(outline)
+    return float(np.linalg.norm(end - start, axis=1).sum())
+
+
+def _along(length_m: float, mesh: Triangles) -> Array:
+    """Area (t,), m^2, of even triangles with sides of a length at edges, of any size elsewhere."""
+    at_edge = np.isin(mesh.cells, mesh.segments).sum(axis=1) > 1
+    return np.where(at_edge, EVEN * length_m**2, np.inf)
 
 
 def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float,
@@ -130,8 +163,25 @@ def arriving(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     return (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
 
 
+def couplings(outline: Outline, electrodes: Electrodes, conductance_S: float, circles: Sequence[Circle],
+              orders: int) -> tuple[Coupling, list[tuple[Coupling, float]]]:
+    """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`; and with each variation of
+    `edge_responses`, with what it leaves."""
+    found, ((arrives, share), (returns, left)) = edge_responses(outline, electrodes, conductance_S)
+    known = coupling(found, circles, orders)
+    same, crossed = _returning(returns, circles, orders)
+    return known, [(replace(known, incoming=arriving(arrives, circles, orders)), share),
+                   (replace(known, same=same, crossed=crossed), left)]
+
+
 def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> Coupling:
-    """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`.
+    """Fields about circles by electrodes, edges and each other, in harmonics 1 to `orders`."""
+    order = np.tile(np.arange(1, orders + 1), len(circles))
+    return Coupling(arriving(response, circles, orders), *_returning(response, circles, orders), order)
+
+
+def _returning(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
+    """`same` and `crossed` of the coupling.
 
     With w_m = (zeta/r)^-m the amplitude of (zeta/r)^m in a potential u is int (w_m d_n u - u d_n w_m) / (2 pi m) along
     the edges, where S d_n u = (U - u)/z. A harmonic w_m that goes out loads nodes and electrodes by
@@ -149,7 +199,7 @@ def coupling(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     same = scale * (loads.T @ moved.conj() / sheet - wave.T @ (slope + inflow).conj())
     crossed = scale * (loads.T @ moved / sheet - wave.T @ (slope + inflow))
     crossed += np.block([[between(one, other, np.arange(1, orders + 1)) for other in circles] for one in circles])
-    return Coupling(arriving(response, circles, orders), same, crossed, order)
+    return same, crossed
 
 
 def _outgoing(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:

@@ -33,7 +33,8 @@ def parts(found: Coupling) -> tuple[np.ndarray, ...]:
 @pytest.mark.slow
 def test_edges_of_a_polygon_couple_circles_as_the_rim_of_the_disc_does():
     disc = on_disc(solve_rim(Body(), Electrodes(), S), Body(), Electrodes(), PAIR, ORDERS, HARMONICS)
-    coarse, fine = (coupling(one, PAIR, ORDERS) for one in edge_responses(POLYGON.shape, EVEN, S))
+    best, ((rougher, _), _) = edge_responses(POLYGON.shape, EVEN, S)
+    coarse, fine = (coupling(one, PAIR, ORDERS) for one in (rougher, best))
     for rough, found, known in zip(parts(coarse), parts(fine), parts(disc), strict=True):
         print(f"{off(rough, known):.1e} {off(found, known):.1e}")
         assert off(found, known) < 1e-4
@@ -42,15 +43,17 @@ def test_edges_of_a_polygon_couple_circles_as_the_rim_of_the_disc_does():
 
 @pytest.mark.slow
 def test_the_mesh_of_the_edges_converges_about_a_circle_that_touches_one():
-    """Halving leaves less than a third of the change of the impedance matrix."""
+    """Halving what returns leaves less of the change of the impedance matrix than is stated."""
     body = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.03, 0.0, 0.006),))
     electrodes, circles = Electrodes(count=12, width_m=0.006), [(0.02 + 0.02j, 0.02)]
     tau = np.array([-0.5 * 0.16**m for m in range(1, ORDERS + 1)])
-    first, second = (impedance_change(coupling(one, circles, ORDERS), S, tau)
-                     for one in edge_responses(body.shape, electrodes, S))
+    best, ((arrives, share), (returns, left)) = edge_responses(body.shape, electrodes, S)
+    roughly, first, second = (impedance_change(coupling(one, circles, ORDERS), S, tau)
+                              for one in (arrives, returns, best))
     known = on_finer(body, electrodes, circles, tau)
-    print(f"{off(first, known):.1e} {off(second, known):.1e}")
-    assert off(second, known) < min(2e-4, off(first, known) / 3)
+    stated = share * off(roughly, second) + left * off(first, second)
+    print(f"{off(roughly, known):.1e} {off(first, known):.1e} {off(second, known):.1e}, stated {stated:.1e}")
+    assert off(second, known) < min(2e-4, 2 * stated)
     np.testing.assert_allclose(second, second.T, atol=1e-9 * np.abs(second).max())
 
 
@@ -64,7 +67,7 @@ def on_finer(body: Body, electrodes: Electrodes, circles: list[tuple[complex, fl
 def test_a_circle_of_any_size_about_a_scatterer_has_its_change(reach):
     """tau_m of a disc inside goes as reach^-2m."""
     body, electrodes = Body(outline="rectangle", width_m=0.12, height_m=0.08), Electrodes(count=12, width_m=0.006)
-    response, m = edge_responses(body.shape, electrodes, S)[1], np.arange(1, ORDERS + 1)
+    response, m = edge_responses(body.shape, electrodes, S)[0], np.arange(1, ORDERS + 1)
     one, other = (impedance_change(coupling(response, [(0.01 + 0.005j, r)], ORDERS), S,
                                    np.array(-0.6 * (0.01 / r) ** (2 * m), float)) for r in (reach, 0.025))
     np.testing.assert_allclose(one, other, atol=1e-10 * np.abs(other).max())

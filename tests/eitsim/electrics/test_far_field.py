@@ -45,10 +45,10 @@ def test_what_rings_leave_out_on_a_large_thin_sheet_is_followed(monkeypatch: pyt
 
     def left_out(thickness_m: float) -> np.ndarray:
         return far_field.born_correction(replace(SHEET.body, thickness_m=thickness_m), SHEET.electrodes, 6e-4,
-                                         Punch(0.05, 0.19, 0.01), Touch(*parts), SKIN, LAW, 0.01)
+                                         Punch(0.05, 0.19, 0.01), Touch(*parts), SKIN, LAW, 0.01)[0]
 
     coarse, found = left_out(0.02), left_out(0.002)
-    monkeypatch.setattr(far_field, "_FADED", 0.016 / 0.0005)
+    monkeypatch.setattr(far_field, "_FADES", ((0.016 / 0.0005, 1.0),))
     fine = left_out(0.0005)
     off = [float(np.linalg.norm(one - fine) / np.linalg.norm(fine)) for one in (coarse, found)]
     print(off)

@@ -41,7 +41,8 @@ def test_a_touch_on_a_polygon_of_400_corners_is_that_on_the_disc(x_m, y_m, condu
     off = np.linalg.norm(found.signal_V - disc.signal_V) / np.linalg.norm(disc.signal_V)
     assert off < 1e-3
     assert found.signal_error < 2e-3
-    assert off < found.signal_error + disc.signal_error
+    missing = 1 - np.sin(TURN[1]) / TURN[1]  # part of the disc's area outside its chords, by which dV changes doubly
+    assert off < found.signal_error + disc.signal_error + 2 * missing
     assert np.linalg.norm(found.baseline_V - disc.baseline_V) < 1e-4 * np.linalg.norm(disc.baseline_V)
 
 

@@ -1,0 +1,147 @@
+"""Touches that are symmetric about one line only, as near an edge: every circular harmonic scatters into all of its
+symmetry.
+
+In polar coordinates t = ln r, angle about the punch the potential is a sum of cosines, or of sines, of the angle from
+the line; its power int S_rr u_t^2 + 2 S_rh u_t u_h + S_hh u_h^2 dt dh is that of quadratic elements in t. Rings of
+elements are joined pair by pair, and what is left is the admittance at the outermost circle.
+"""
+
+import numpy as np
+
+from eitsim.electrics.cem.floating_electrodes import shunt_ends, shunts
+from eitsim.electrics.cem.ring_scattering import Array, Indices, ring_share
+from eitsim.electrics.sheet import sheet_conductance as sheet
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Punch, Skin
+from matcal.laws.conductivity import Conductivity
+
+# Angles at which half a ring is sampled: exact for products of two harmonics and a change of conductance up to the
+# harmonic twice this less both.
+_ANGLES = 24
+_SAME = 1e-6  # Radii closer than this share of the outermost one are one.
+_GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
+# Values and slopes (point, node) on an element from -1 to 1 of the functions of its ends and its middle.
+_VALUE = np.stack([_GAUSS * (_GAUSS - 1) / 2, _GAUSS * (_GAUSS + 1) / 2, 1 - _GAUSS**2], axis=1)
+_SLOPE = np.stack([_GAUSS - 0.5, _GAUSS + 0.5, -2 * _GAUSS], axis=1)
+
+
+def mirrored_scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float,
+                        orders: int) -> Array:
+    """Scattering (2 orders, 2 orders) of harmonics 1 to `orders` about a punch, by real and then imaginary parts of
+    amplitudes: Re b_m (zeta/reach)^m comes in, Re conj(c_m) (zeta/reach)^-m goes out, c = T b.
+
+    Elements end at the samples of the touch and of what the edge changes; to cut each in four changes T by 2e-5 or less
+    of its largest entry.
+    """
+    radii = _radii(punch, touch, reach_m)
+    log = np.log(radii)
+    step = np.diff(log)
+    place = np.exp(log[:-1, None] + step[:, None] * (1 + _GAUSS) / 2)
+    along, mixed, across, to_punch = _polar(punch, touch, skin, law, reach_m, place)
+    free, m = sheet.untouched_conductance(law, skin), np.arange(1, orders + 1)
+    core, held = float(np.sqrt(along[0, 0] * across[0, 0]).mean()), float(to_punch[0, 0].mean()) * radii[0]**2
+    angle = np.pi * (np.arange(_ANGLES) + 0.5) / _ANGLES
+    scattered = []
+    for order, value, slope in ((np.append(0, m), np.cos, _falling_sine), (m, np.sin, np.cos)):
+        turn = order[:, None] * angle
+        even, odd = np.asarray(value(turn), dtype=float), np.asarray(order[:, None] * slope(turn), dtype=float)
+        power, current = [_products(even, along, even), _products(even, mixed, odd), _products(odd, across, odd)], None
+        if punch.conductor:
+            shunted = to_punch * place[..., None] ** 2
+            power[2] = power[2] + _products(even, shunted, even)
+            current = shunted @ even.T * (2 / _ANGLES) if value is np.cos else None
+        inside = np.where(order > 0, np.sqrt(core * (core * order**2 + held / 4)), 0.0)
+        y = _joined(_elements(step, power, current), inside, held)[-orders:, -orders:]
+        scattered.append(np.linalg.solve(np.diag(free * m) + y, np.diag(free * m) - y))
+    even, odd = scattered
+    return _turned(even, odd, m, float(np.angle(sheet.local_axes(punch, touch)[0] @ [1, 1j])))
+
+
+def _falling_sine(turn: Array) -> Array:
+    return -np.sin(turn)
+
+
+def _radii(punch: Punch, touch: Touch, reach_m: float) -> Array:
+    """Radii (n + 1,) > 0, m, of the ends of elements."""
+    changed = touch.rim.radius_m if touch.rim is not None else np.empty(0)
+    stops = np.concatenate([touch.radius_m, changed, shunt_ends(punch, touch), [touch.contact_radius_m]])
+    stops = np.unique(np.append(stops[(stops > 0) & (stops < reach_m)], reach_m))
+    return stops[np.append(True, np.diff(stops) > _SAME * reach_m)]
+
+
+def _polar(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float,
+           radius_m: Array) -> tuple[Array, Array, Array, Array]:
+    """Conductances rr, rh and hh, S, with `ring_share` of the change, and to the punch, S/m^2, (..., angles) at radii
+    (...), m, on the half of the circle counter-clockwise from the line of symmetry."""
+    angle = np.pi * (np.arange(_ANGLES) + 0.5) / _ANGLES
+    axes = sheet.local_axes(punch, touch)
+    radial = np.stack([np.cos(angle), np.sin(angle)], axis=-1) @ axes
+    hoop = np.stack([-np.sin(angle), np.cos(angle)], axis=-1) @ axes
+    points = np.array([punch.x_m, punch.y_m]) + radius_m[..., None, None] * radial
+    found = sheet.sheet_conductance(points, punch, touch, skin, law)
+    free, share = sheet.untouched_conductance(law, skin), ring_share(radius_m, reach_m)[..., None]
+    rr, rh, hh = (np.einsum("ja,...jab,jb->...j", one, found, other, optimize=True)
+                  for one, other in ((radial, radial), (radial, hoop), (hoop, hoop)))
+    to_punch = shunts(points, ((punch, touch),))[0] if punch.conductor else np.zeros_like(rr)
+    return free + share * (rr - free), share * rh, free + share * (hh - free), to_punch
+
+
+def _elements(step: Array, power: list[Array], to_punch: Array | None) -> Array:
+    """Admittances (e, n + n [+ 1], the same) of elements between harmonics at their inner end, at their outer one and,
+    where the sheet is joined to it, the punch. Power (e, q, n, n) of slopes, of slopes and values, and of values, and
+    what flows from these (e, q, n) to the punch, both per step."""
+    slope, value = 2 * _SLOPE, _VALUE
+    length = step[:, None, None, None]
+    terms = [(slope, slope, power[0] / length), (slope, value, power[1]),
+             (value, slope, power[1].swapaxes(-1, -2)), (value, value, power[2] * length)]
+    count = power[0].shape[-1]
+    parts = [np.einsum("qa,qb,eqmn->eambn", one, other, term / 2, optimize=True) for one, other, term in terms]
+    whole = np.sum(parts, axis=0).reshape(len(step), 3 * count, 3 * count)
+    if to_punch is not None:
+        flow = np.einsum("qa,eqm->eam", value, to_punch * step[:, None, None] / 2).reshape(len(step), -1)
+        joined = np.concatenate([whole, -flow[:, :, None]], axis=2)
+        own = np.append(-flow, flow[:, ::count].sum(axis=1, keepdims=True), axis=1)
+        whole = np.concatenate([joined, own[:, None]], axis=1)
+        order = np.concatenate([np.arange(2 * count), [3 * count], 2 * count + np.arange(count)])
+        whole = whole[:, order[:, None], order]
+    return _without_last(whole, count)
+
+
+def _products(one: Array, conductance: Array, other: Array) -> Array:
+    """(..., n, n) of functions (n, angles) by a conductance (..., angles): 1/pi times the integral around."""
+    return (one * conductance[..., None, :]) @ other.T * (2 / _ANGLES)
+
+
+def _without_last(matrix: Array, count: int) -> Array:
+    """Schur complements of the last unknowns of matrices (..., n, n)."""
+    kept = matrix.shape[-1] - count
+    return matrix[..., :kept, :kept] - matrix[..., :kept, kept:] @ np.linalg.solve(
+        matrix[..., kept:, kept:], matrix[..., kept:, :kept])
+
+
+def _joined(elements: Array, core: Array, held: float) -> Array:
+    """Admittance (n, n) at the outer end of elements joined at their ends, that of the core (n,) at the inner one, of
+    which the first harmonic is joined to the punch, where there is one, by an admittance."""
+    count = len(core)
+    size = elements.shape[-1] + count
+    inner = np.concatenate([np.arange(count), size - count + np.arange(count), np.arange(2 * count, size - count)])
+    outer = np.concatenate([inner[count:2 * count], np.arange(count, size - count)])
+    while len(elements) > 1:
+        pairs = len(elements) // 2
+        whole = np.zeros((pairs, size, size))
+        whole[:, inner[:, None], inner] += elements[:2 * pairs:2]
+        whole[:, outer[:, None], outer] += elements[1:2 * pairs:2]
+        elements = np.concatenate([_without_last(whole, count), elements[2 * pairs:]])
+    (whole,) = elements
+    whole[:count, :count] += np.diag(core)
+    if len(whole) > 2 * count:
+        whole[np.ix_([0, -1], [0, -1])] += held * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    last = np.roll(np.arange(len(whole)), -count)
+    return _without_last(whole[last[:, None], last], len(whole) - count)
+
+
+def _turned(even: Array, odd: Array, m: Indices, angle: float) -> Array:
+    """Scattering by real and imaginary parts of amplitudes, of cosines and sines of the angle from a line."""
+    cosine, sine, none = np.diag(np.cos(m * angle)), np.diag(np.sin(m * angle)), np.zeros_like(even)
+    to_line = np.block([[cosine, -sine], [sine, cosine]])
+    return to_line.T @ np.block([[even, none], [none, odd]]) @ to_line
