@@ -7,12 +7,13 @@ meshes; it shares no code with eitsim. Columns are relative to the peer's finest
 depth_difference, and the 2-norm of differences of the surface's strains, within 30 mm of the punch's edge ("strain");
 "edge": that of what the edge changes of the strains, near it less far from all edges, each program by itself, where
 most of what a mesh misses under the punch cancels; both over the 2-norm of the whole strain. "peer": the two finest
-meshes of the peer to each other, its own error and more. "finer" is `solve_near_rim` with
-whole=True; "as if no edge" leaves the edge out of eitsim's touch, which shows what it changes.
-The peer takes a GPU where PyTorch finds one; on processors MESHES take minutes. EDGE_PEER names a folder to keep what
-it found, gap_2 and so on, and to take it from: FINE asks for the meshes of the stored table there, which may be solved
-elsewhere by `python peers/foam_at_edge.py FOLDER` (90 GiB of a GPU). Run by `make bench`, which pins threads; writes
-results/edge_touches.csv next to this file.
+meshes of the peer to each other, its own error and more. "finer" is `solve_near_rim` with whole=True; "as if no edge"
+leaves the edge out of eitsim's touch, which shows what it changes.
+
+The peer solves its equations on a GPU where PyTorch finds one. MESHES take a processor minutes and know strains in
+plane to 5 to 15 %. The stored table has FINE, 90 GiB of a GPU: EDGE_PEER names a folder that keeps what the peer found
+with FINE in gap_2, gap_5, gap_10 and gap_36; a found.npz that `python peers/foam_at_edge.py FOLDER` wrote on another
+machine is taken from there. Run by `make bench`, which pins threads; writes results/edge_touches.csv next to this file.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ PUNCH = Punch(diameter_m=0.014, force_N=1.0)
 GAPS_M = quick((0.002, 0.005, 0.01), (0.005,))
 # Elements of the peer's meshes at the punch's edge, mm, and how many it has on half a circle.
 MESHES = quick(((0.24, 8), (0.16, 10)), ((0.6, 6), (0.4, 6)))
-FINE = ((0.24, 8), (0.12, 12), (0.06, 18), (0.04, 24))  # where a folder keeps what they gave
+FINE = ((0.24, 8), (0.12, 12), (0.06, 18), (0.04, 24))  # The same of the stored table.
 FAR_GAP_M = 0.036  # Gap of the peer's touch that stands for one far from all edges.
 FAR_M = 0.05  # Radius about the punch at which the peer's foam is held.
 ANGLES = 40  # Points of a half circle.
@@ -104,7 +105,7 @@ def rows() -> Iterator[dict[str, object]]:
         assert near.rim is not None
         without = replace(alone, rim=no_correction(near.rim))
         before = strains(without, no_correction(near.rim), points)
-        for what, touch in (("near the edge", near), ("near the edge, finer", finer), ("as if no edge", without)):
+        for what, touch in (("near the edge", near), ("finer near the edge", finer), ("as if no edge", without)):
             assert touch.rim is not None
             found = strains(touch, touch.rim, points)
             yield {"what": what, "gap_mm": gap * 1e3, "depth_mm": touch.depth_m * 1e3, "peer_depth_mm": depth_m * 1e3,

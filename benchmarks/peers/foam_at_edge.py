@@ -4,9 +4,9 @@ Shares no code with eitsim. The half of the foam on one side of the plane of sym
 of it in hexahedra with 27 nodes, their lines radii about the punch's axis. Total Lagrangian; hyperfoam with nu = 0,
 whose energy is a sum over principal stretches; a rigid frictionless cylinder with a rounded edge, penalty per
 undeformed area; the force is given. Lengths in mm, stresses in kPa, forces in mN. FOLDER/problem.npz holds the numbers;
-FOLDER/found.npz receives, of every mesh, depth, F at the
-requested points of the surface and what it took. With pypardiso the equations
-are solved on a GPU where PyTorch finds one.
+FOLDER/found.npz receives, of every mesh by its place in the list, depth, F at the requested points of the surface and
+what it took. The equations are solved by Cholesky's method on blocks of lines about the axis, on a GPU where PyTorch
+finds one; elements are made in as many threads as OMP_NUM_THREADS says.
 """
 
 from __future__ import annotations
