@@ -374,12 +374,12 @@ def solved(matrix: csr_matrix, starts: Indices, right: tuple[Array, ...]) -> tup
         lower, fault = torch.linalg.cholesky_ex(block[:size])
         if fault:
             return [], False
-        beside = torch.linalg.solve_triangular(lower.mT, block[size:], upper=True, left=False)
+        below = torch.linalg.solve_triangular(lower.mT, block[size:], upper=True, left=False)
         left[start:end] = torch.linalg.solve_triangular(lower, left[start:end], upper=False)
-        carried, carried_right, reach = beside @ beside.mT, beside @ left[start:end], len(beside)
-        factors.append((slice(start, end), lower, beside))
-    for part, lower, beside in reversed(factors):
-        rest = left[part] - beside.mT @ left[part.stop:part.stop + len(beside)]
+        carried, carried_right, reach = below @ below.mT, below @ left[start:end], len(below)
+        factors.append((slice(start, end), lower, below))
+    for part, lower, below in reversed(factors):
+        rest = left[part] - below.mT @ left[part.stop:part.stop + len(below)]
         left[part] = torch.linalg.solve_triangular(lower.mT, rest, upper=True)
     return list(left.cpu().numpy().T), True
 
