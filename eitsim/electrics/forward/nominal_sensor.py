@@ -47,8 +47,8 @@ def signal_differences(body: Body, punch: Punch, touch: Touch, rough: RimField, 
     found = []
     for share in _BEARINGS:
         with contextlib.suppress(NotConverged):
-            turned = _turned(punch, touches, share * half_step - bearing)
-            within = None if edges is None else tuple(part @ _turn(share * half_step - bearing).T for part in edges)
+            turned, turn = _turned(punch, touches, share * half_step - bearing), _turn(share * half_step - bearing)
+            within = None if edges is None else (edges[0] @ turn.T, edges[1] @ turn.T)
             found.append(_differences(body, electrodes, *turned, within))
     return np.max(found, axis=0) if found else np.full(len(STRAINS), np.inf)
 
