@@ -10,9 +10,13 @@ import pytest
 
 from eitsim.electrics.sheet.sheet_conductance import changes
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline, circles, harmonics_at, orders
-from eitsim.mechanics.load_paths.several_edges import summed_changes
+from eitsim.mechanics.load_paths.build_rim_table import Grid, build_rim
+from eitsim.mechanics.load_paths.build_table import build
+from eitsim.mechanics.load_paths.rim_table import near_rim_from
+from eitsim.mechanics.load_paths.several_edges import near_edges_from, summed_changes
+from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.rim.correction import RimCorrection
-from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change
+from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change, solve_near_rim
 from eitsim.scene.nearest_edge import straight_edges
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
@@ -146,3 +150,28 @@ RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
 def test_straight_edges_are_those_that_alone_bound_the_skin_about_a_place(body, place, reach, known):
     found = straight_edges(body.shape, place, reach)
     assert {tuple(np.round(towards, 6).tolist()): pytest.approx(away) for towards, away in found} == known
+
+
+@pytest.mark.slow
+def test_a_corner_from_a_table_of_one_straight_edge_is_that_solved_with_all_edges():
+    """The depth to the stated error, where one edge alone misses a third of what the corner adds."""
+    paths = build(shape_of(LAW, RECTANGLE, Punch()), depths=(0.055, 0.075, 0.1, 0.13))
+    grid = Grid((0.6, 0.9, 1.2, 1.6), (0.06, 0.08, 0.1, 0.125), (0.6, 1.2, 1.6), (0.06, 0.1, 0.125))
+    table = replace(paths, rim=build_rim(paths, grid=grid))
+    punch = Punch(0.053 - 0.008, 0.033 - 0.011, 0.014, force_N=0.35)
+    alone = touch_from(table, LAW, RECTANGLE, punch)
+    assert alone is not None
+    found, one = near_edges_from(table, alone, RECTANGLE, punch, 0.01), near_rim_from(table, alone, RECTANGLE, punch)
+    assert found is not None
+    assert one is not None
+    assert found.rim is not None
+    assert found.rim.error_estimate is not None
+    assert np.all(found.rim.error_estimate >= 0.01)
+    known = solve_near_rim(LAW, RECTANGLE, punch, all_edges=True)
+    added = known.depth_m - alone.depth_m
+    assert found.depth_m == pytest.approx(known.depth_m, abs=0.15 * added)
+    assert known.depth_m - one.depth_m > 0.25 * added
+    assert known.rim is not None
+    at = np.stack(np.meshgrid(np.linspace(-0.02, 0.014, 12), np.linspace(-0.02, 0.017, 12)), axis=-1).reshape(-1, 2)
+    true, found_at = changes(known.rim, at)[0], changes(found.rim, at)[0]
+    assert np.linalg.norm(found_at - true) < 0.3 * np.linalg.norm(true - np.eye(2))
