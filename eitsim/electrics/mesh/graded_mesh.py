@@ -182,8 +182,8 @@ def _between(body: Body, circles: list[_Circle], outline: Array, rim: Array, lev
 
     fill = _leaves(body, circles, size)
     fill = fill[KDTree(outline).query(fill)[0] > _CLOSEST * size(fill)]
-    cells = _kept(circles, outline, fill)
     for _ in range(_SMOOTHINGS):
+        cells = _kept(circles, outline, fill)
         fill = _smoothed(fill, np.vstack([outline, fill]), cells)
     cells = _kept(circles, outline, fill)
     _check_outline(circles, len(rim), cells)
