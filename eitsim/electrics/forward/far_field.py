@@ -23,7 +23,9 @@ from matcal.laws.conductivity import Conductivity
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 # Triangles of a skin with an outline, about; cells near touches are sampled as the foam's thickness asks.
 _TRIANGLES = 2000
-_DEGREE = 2  # Degree of exactness of the quadrature where cells are not cut: that of products of their gradients.
+# Degree of exactness of the quadrature where cells are not cut: that of products of their gradients; where touches meet
+# strains vary within a cell too, and it is the element's own.
+_DEGREE = 2
 # Strains fall by e in less than a thickness: up to so many thicknesses outside a contact cells are sampled in parts of
 # so many thicknesses, the last that applies; near an edge the rings leave out more.
 _FADES = ((8.0, 1.0),)
@@ -50,12 +52,13 @@ class _Fields:
 
 
 @lru_cache(maxsize=8)
-def _untouched(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS) -> _Fields:
+def _untouched(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS,
+               degree: int | None = _DEGREE) -> _Fields:
     mesh = _mesh(body, electrodes, conductance_S, known_to)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     nodes = potential[:len(mesh.nodes_m)]
-    gradient, area = gradients(mesh, nodes, degree=_DEGREE)
-    return _Fields(mesh, nodes, quadrature_points(mesh, degree=_DEGREE), area, gradient)
+    gradient, area = gradients(mesh, nodes, degree=degree)
+    return _Fields(mesh, nodes, quadrature_points(mesh, degree=degree), area, gradient)
 
 
 def _mesh(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float) -> SkinMesh:
@@ -124,8 +127,8 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
     places = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     inner = np.array([touch.contact_radius_m for _, touch in touches])
     outer = np.array([[touch.radius_m[-1]] for _, touch in touches])
-    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S), body.thickness_m, places, inner,
-                                      inner, _FADES)
+    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S, degree=None), body.thickness_m, places,
+                                      inner, inner, _FADES)
     away = np.linalg.norm(points - places[:, None], axis=-1)
     outside = np.all(away > inner[:, None], axis=0) & (np.sum(away < outer, axis=0) > 1)
     points = points[outside]
