@@ -127,8 +127,8 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
     places = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     inner = np.array([touch.contact_radius_m for _, touch in touches])
     outer = np.array([[touch.radius_m[-1]] for _, touch in touches])
-    points, area, gradient = _sampled(_untouched(body, electrodes, conductance_S, degree=None), body.thickness_m, places,
-                                      inner, inner, _FADES)
+    fields = _untouched(body, electrodes, conductance_S, degree=None)
+    points, area, gradient = _sampled(fields, body.thickness_m, places, inner, inner, _FADES)
     away = np.linalg.norm(points - places[:, None], axis=-1)
     outside = np.all(away > inner[:, None], axis=0) & (np.sum(away < outer, axis=0) > 1)
     points = points[outside]
