@@ -14,6 +14,7 @@ Loop = tuple[Point, ...]
 
 OUTLINES = ("disc", "rectangle", "polygon")
 MOST_POINTS = 2000  # Corners of an outline with its holes, at most.
+_PAIRS = 2**20  # Pairs of points and edges that are looked at together.
 # Chords of a quarter of a rounded corner, and of a round hole: they enclose the area of the arc, so that they lie as
 # much outside it as inside.
 _QUARTER, _ROUND = 24, 72
@@ -116,12 +117,16 @@ def corners_and_edges(outline: Outline) -> tuple[Array, Array]:
 
 def inside(points_m: Array, corners: Array, ends: Array) -> NDArray[np.bool_]:
     """Which points (..., 2) lie inside the closed polygons of these edges, holes left out: crossings to the right."""
-    x, y = points_m[..., 0], points_m[..., 1]
-    odd = np.zeros(x.shape, dtype=bool)
-    for (x_0, y_0), (x_1, y_1) in zip(corners.tolist(), ends.tolist(), strict=True):
-        if y_0 != y_1:
-            odd ^= ((y_0 > y) != (y_1 > y)) & (x < x_0 + (y - y_0) / (y_1 - y_0) * (x_1 - x_0))
-    return odd
+    rise = np.where(corners[:, 1] == ends[:, 1], 1.0, ends[:, 1] - corners[:, 1])
+    slope = (ends[:, 0] - corners[:, 0]) / rise
+    points = np.reshape(points_m, (-1, 2))
+    odd = np.empty(len(points), dtype=bool)
+    step = max(_PAIRS // len(corners), 1)
+    for first in range(0, len(points), step):
+        x, y = points[first:first + step, 0, None], points[first:first + step, 1, None]
+        across = (corners[:, 1] > y) != (ends[:, 1] > y)
+        odd[first:first + step] = np.sum(across & (x < corners[:, 0] + (y - corners[:, 1]) * slope), axis=1) % 2 == 1
+    return odd.reshape(points_m.shape[:-1])
 
 
 def edge_distance_m(outline: Outline, points_m: ArrayLike) -> Array:

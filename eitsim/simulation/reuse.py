@@ -112,14 +112,8 @@ def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch |
     table, reach = replace(table, rim=rim), float(rim.gaps[-1])
     if not several_edges(scene, punch):
         return near_rim_from(table, touch, scene.body, punch)
-    if not added_up(scene, punch, reach):
-        return None
-    return near_edges_from(table, touch, scene.body, punch, added_edges_cost(scene, punch, reach))
-
-
-def added_up(scene: Scene, punch: Punch, reach: float) -> bool:
-    """Whether what several edges within a reach, thicknesses, change may be added up, each found by itself."""
-    return not several_edges(scene, punch) or added_edges_cost(scene, punch, reach) <= RIM_SHARE * scene.accuracy.signal
+    cost = added_edges_cost(scene, punch, reach)
+    return near_edges_from(table, touch, scene.body, punch, cost) if cost <= RIM_SHARE * scene.accuracy.signal else None
 
 
 def decision(table: Table, touch: Touch, scene: Scene) -> Decision:

@@ -54,11 +54,12 @@ def _around(disc: ClippedDisc, points: Points, radius: Array, outline: OffsetOut
     share = np.linspace(0, 1, _WHOLE_TURN)
     turn = 2 * np.pi * share[:-1]
     place = radius[:, None, None] * np.column_stack([np.cos(turn), np.sin(turn)])
-    away = np.sqrt(squared_distance(place[..., None, :], outline.start, outline.end).min(axis=-1))
+    away = np.sqrt([squared_distance(circle[:, None], outline.start, outline.end).min(axis=1) for circle in place])
     near = inside(place, outline.start, outline.end) | (away < _OFF)
     met = int(np.argmin(near.any(axis=1))) or len(radius)  # circles of larger radii meet none
-    apart = np.abs((np.arange(len(turn)) - np.arange(len(turn))[:, None] + len(turn) // 2) % len(turn) - len(turn) // 2)
-    nearest = np.where(near[:met, None], apart, len(turn)).argmin(axis=-1)
+    step = np.arange(len(turn)) - np.arange(len(turn))[:, None]
+    between = np.minimum(step % len(turn), -step % len(turn))
+    nearest = np.where(near[:met, None], between, len(turn)).argmin(axis=-1)
     angle = turn[nearest]
     angle = np.column_stack([angle, angle[:, :1]])
     waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed), True), True)

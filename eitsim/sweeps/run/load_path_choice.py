@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from eitsim.mechanics.load_paths.build_law_family import build_family, with_rim
+from eitsim.mechanics.load_paths.build_rim_table import GRID
 from eitsim.mechanics.load_paths.build_table import Run
 from eitsim.mechanics.load_paths.law_family import Family, central_of, places_among
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis, reduced_basis
@@ -19,17 +20,8 @@ from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
 from eitsim.scene.scene import Punch, Scene
 from eitsim.simulation import reuse
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import near_rim, rim_refusal
-from eitsim.simulation.reuse import (
-    GRID,
-    RIM_SHARE,
-    TABLE_SHARE,
-    added_up,
-    deviation_of,
-    numbers_of,
-    shape_for,
-    table_for,
-)
+from eitsim.simulation.plan import added_edges_cost, near_rim, rim_refusal, several_edges
+from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, deviation_of, numbers_of, shape_for, table_for
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
@@ -198,7 +190,10 @@ def _tabled(scene: Scene, punch: Punch) -> bool:
     """Whether a touch near the rim, or an edge, is one that a table of changes can serve."""
     straight = not scene.body.has_outline or nearest_edge(
         scene.body.shape, (punch.x_m, punch.y_m)).disc_m == STRAIGHT_M
-    return straight and not rim_refusal(scene, punch) and added_up(scene, punch, GRID.gaps[-1])
+    if not straight or rim_refusal(scene, punch):
+        return False
+    return not several_edges(scene, punch) or (
+        added_edges_cost(scene, punch, GRID.gaps[-1]) <= RIM_SHARE * scene.accuracy.signal)
 
 
 def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:

@@ -43,7 +43,7 @@ def test_edges_of_a_polygon_couple_circles_as_the_rim_of_the_disc_does():
 
 @pytest.mark.slow
 def test_the_mesh_of_the_edges_converges_about_a_circle_that_touches_one():
-    """Halving what returns leaves less of the change of the impedance matrix than is stated."""
+    """The mesh leaves less than a third of what a rougher one does of the change of the impedance matrix."""
     body = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.03, 0.0, 0.006),))
     electrodes, circles = Electrodes(count=12, width_m=0.006), [(0.02 + 0.02j, 0.02)]
     tau = np.array([-0.5 * 0.16**m for m in range(1, ORDERS + 1)])
@@ -53,7 +53,7 @@ def test_the_mesh_of_the_edges_converges_about_a_circle_that_touches_one():
     known = on_finer(body, electrodes, circles, tau)
     stated = share * off(roughly, second) + left * off(first, second)
     print(f"{off(roughly, known):.1e} {off(first, known):.1e} {off(second, known):.1e}, stated {stated:.1e}")
-    assert off(second, known) < min(2e-4, 2 * stated)
+    assert off(second, known) < min(2e-4, off(roughly, known) / 3, 2 * stated)
     np.testing.assert_allclose(second, second.T, atol=1e-9 * np.abs(second).max())
 
 

@@ -1,4 +1,4 @@
-"""Scenes with an outline: solved whole where edges are far, refused by name near them and where only discs serve."""
+"""Scenes with an outline: solved far from edges and near one or several, refused by name where only discs serve."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_touch_far_from_edges_is_that_of_the_disc_of_the_area():
 
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.051, 0.031), (-0.03, 0.01)])
 def test_a_touch_near_a_corner_or_a_hole_is_solved_with_all_edges(x_m, y_m):
-    """The skin gives way more than with the nearest edge alone in the corner, and the readings follow."""
+    """The depth differs from that with the nearest edge alone by more than it is off, and the readings follow."""
     scene = replace(at(x_m, y_m), electrodes=replace(SCENE.electrodes, soft=True))
     assert rim_gap_m(SKIN, scene.punches[0]) < least_gap_m(SCENE)
     found = simulate(scene, CARD)
