@@ -9,6 +9,8 @@ part "bounds": medians of the least standard deviations over the whole disc of x
 readings chosen from the own drive or from any four electrodes; least: below this no choice of as many readings of the
 own drive has its mean variance over places, each over that of all readings, by the relaxation to weights from 0 to 1
 (its root, the mean of x, y and F).
+part "drives": these medians by drive, over the own drive's and in mm and N; over_own is the geometric mean of ratios
+over places and unknowns.
 part "retrained": root mean square errors of x0, y0, F of the method forward on unseen rows, trained on the chosen
 readings alone; bound: the ratio of the medians over the sweep's part of the disc, its diameters unknown.
 part "skins": mean distance of kernel ridge regression, trained on the first presses and tested on the last fifth in
@@ -35,7 +37,7 @@ from real_skins import REAL, SKINS, Case, recorded, rows_of
 import surrogate
 from eitsim.scene.scene import Scene
 from eitsim.sensors.layout.reading_choice import bounds, chosen
-from eitsim.sensors.layout.sensor_design import candidate_pairs, spread_before
+from eitsim.sensors.layout.sensor_design import OWN, candidate_pairs, design_sensor, spread_before
 from eitsim.sensors.layout.touch_slopes import TouchSlopes, reading_slopes, touch_slopes, untouched_V
 from eitsim.sensors.sensor_file import Sensor, pairs_of, read_sensor
 from matcal.card import MaterialCard, read_card
@@ -46,7 +48,7 @@ from surrogate.recordings.patterns import compressed, compression_scale, directi
 from surrogate.recordings.waves import EACH, draw_waves
 from touchcal.arrays import Array, Index
 
-PARTS = ("bounds", "retrained", "skins", "presses")
+PARTS = ("bounds", "drives", "retrained", "skins", "presses")
 NOISE_DB, KEPT = 80.0, quick((24, 32, 48, 64, 72, 96, 128), (32,))
 RETRAINED, WITHIN_M = quick((32, 72), (32,)), 0.045
 ON_SKINS, LABELS = 48, quick((100, 0), (100,))
@@ -97,6 +99,15 @@ def bound_rows(slopes: TouchSlopes, scene: Scene) -> Iterator[dict[str, object]]
                 {"least": least(own_by, count)} if what == "own" else {})
     for count in KEPT:
         yield rated("chance", own_by[:, rng.permutation(len(own))[:count]], whole)
+
+
+def drive_rows(scene: Scene, card: MaterialCard) -> Iterator[dict[str, object]]:
+    """Bounds by drive."""
+    drives = design_sensor(scene, card, noise_dB=NOISE_DB).drives
+    own = next(drive.median for drive in drives if drive.name == OWN)
+    for drive in drives:
+        yield {"part": "drives", "what": drive.name, "readings": drive.readings, "over_own": drive.over_own} | dict(
+            zip(("x", "y", "F", "x_mm", "y_mm", "F_N"), [*(drive.median / own), *drive.median], strict=True))
 
 
 def rated(what: str, by: Array, whole: Array) -> dict[str, object]:
@@ -238,6 +249,8 @@ def rows_of_part(part: str, card: MaterialCard, sweep: Path) -> Iterator[dict[st
     scene = Scene()
     if part == "bounds":
         return bound_rows(touch_slopes(scene, card), scene)
+    if part == "drives":
+        return drive_rows(scene, card)
     if part == "retrained":
         return retrained_rows(touch_slopes(scene, card, within_m=WITHIN_M), scene, read_samples(sweep))
     return skin_rows(card) if part == "skins" else press_rows()
