@@ -9,7 +9,7 @@ import pytest
 
 import eitsim
 import matcal
-from eitsim.simulation.plan import least_gap_m
+from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N, least_gap_m
 
 ROOT = Path(__file__).parents[1]
 # all but the first page of the site, whose links lead to what its build makes
@@ -78,3 +78,11 @@ def test_the_distances_to_keep_on_that_page_are_the_plans() -> None:
     found = re.search(r"default accuracy ([0-9.]+) thicknesses, ([0-9.]+) with\s`signal = 0.02`, ([0-9.]+) with", text)
     assert found is not None
     assert [float(one) for one in found.groups()] == [round(gap, 1) for gap in kept]
+
+
+def test_the_dipole_moments_on_their_page_are_the_plans() -> None:
+    text = (ROOT / "docs" / "explanation" / "what-is-left-out.md").read_text(encoding="utf-8")
+    assert f"at {', '.join(f'{force:g}' for force in DIPOLE_FORCES_N)} N |" in text
+    rows = {strain: re.search(rf'^\| `"{strain}"`.*\| ([-0-9., ]+) \|$', text, flags=re.MULTILINE) for strain in DIPOLE}
+    shown_on_page = {strain: row and tuple(map(float, row[1].split(","))) for strain, row in rows.items()}
+    assert shown_on_page == DIPOLE
