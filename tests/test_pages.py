@@ -86,3 +86,8 @@ def test_the_dipole_moments_on_their_page_are_the_plans() -> None:
     rows = {strain: re.search(rf'^\| `"{strain}"`.*\| ([-0-9., ]+) \|$', text, flags=re.MULTILINE) for strain in DIPOLE}
     shown_on_page = {strain: row and tuple(map(float, row[1].split(","))) for strain, row in rows.items()}
     assert shown_on_page == DIPOLE
+
+
+def test_the_distance_to_the_rim_on_its_page_is_the_plans() -> None:
+    text = (ROOT / "docs" / "how-to" / "simulate-touches.md").read_text(encoding="utf-8")
+    assert f"edge is nearer than {least_gap_m(eitsim.Scene()) * 1e3:.0f} mm to the rim" in text
