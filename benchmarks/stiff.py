@@ -1,6 +1,7 @@
 """Stiff and extreme cases of material and touch: what holds, what is lost, and what it cost.
 
 Run by `make bench`; writes results/stiff.csv beside this file. The electrical cases are in results/electrics_stiff.csv.
+depth_mm has eight digits, for laws and forces that are to give the same depth.
 """
 
 from __future__ import annotations
@@ -54,10 +55,11 @@ def touches() -> Iterator[dict[str, object]]:
             touch = solve_touch(law, Body(), punch)
             share = f"{100 * touch.fraction_non_elliptic:.2g} %" if touch.fraction_non_elliptic else "none"
             outcome = f"{touch.depth_m * 1e3:.4f} mm deep, {share} of the points not elliptic"
-            error = touch.depth_error
+            error, depth_mm = touch.depth_error, f"{touch.depth_m * 1e3:.8g}"
         except NotConverged as lost:
-            outcome, error = f"not converged: {lost}", np.nan
-        yield {"case": name, "outcome": outcome, "error": error, "cpu_s": time.process_time() - begun}
+            outcome, error, depth_mm = f"not converged: {lost}", np.nan, ""
+        yield {"case": name, "outcome": outcome, "error": error, "cpu_s": time.process_time() - begun,
+               "depth_mm": depth_mm}
 
 
 def main() -> None:
