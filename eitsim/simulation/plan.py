@@ -29,7 +29,7 @@ ONE_CARD = "one card, not its uncertainty"  # What scenes with one card leave ou
 # and 3 N, 20 mm and 2 N on a disc of 10 x 100 mm (benchmarks/rim.py). In-plane strains change more than the normal one.
 # Beyond the last point it decays with the last two points' rate.
 _GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
-_RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.029, 0.008]),
+_RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.031, 0.008]),
                "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
                "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
 # Parts of the requested signal error that neglecting the rim and solving touches separately may use up.
