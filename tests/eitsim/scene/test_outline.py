@@ -83,7 +83,7 @@ def test_the_tables_of_a_disc_know_no_outline():
 
 @pytest.mark.parametrize(("body", "said"), [
     ({"outline": "polygon", "points_mm": [[0, 0], [10, 10], [10, 0], [0, 10]]},
-     "points_mm in \\[body\\]: the edges from point 0 and from point 2"),
+     "points_mm in \\[body\\]: the edges from \\(0, 0\\) and from \\(10, 0\\) mm cross"),
     ({"outline": "polygon", "points_mm": [[0, 0], [10, 0], [5, 0], [5, 10]]}, "cross or touch"),
     ({"outline": "polygon", "points_mm": [[0, 0], [10, 0]]}, "three points"),
     ({"outline": "polygon", "points_mm": [[0, 0], [10, 0], [10, 0], [0, 10]]}, "given twice in a row"),
