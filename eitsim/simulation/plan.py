@@ -20,7 +20,7 @@ from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.validity import positive_from, unresolvable
-from matcal.card import MaterialCard, lacking
+from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 
 ONE_CARD = "one card, not its uncertainty"  # What scenes with one card leave out, whatever it is.
@@ -82,8 +82,7 @@ def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fals
     if (not refusal and scene.electrodes.kind == "line" and not scene.body.has_outline
             and material.card.conductivity is not None):
         refusal = unsolvable(scene.body, present(scene.electrodes), untouched_conductance(material.skin, scene.skin))
-    return Plan(tuple(_exactly(decisions) if exact else decisions),
-                refusal or _refusal(scene) or lacking(material.card, "conductivity", "the skin"))
+    return Plan(tuple(_exactly(decisions) if exact else decisions), refusal or _refusal(scene))
 
 
 def _exactly(decisions: Iterable[Decision]) -> Iterator[Decision]:
