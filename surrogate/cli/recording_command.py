@@ -55,7 +55,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
         return
     frames = read_recording(recording, kind=known.kind, readings=len(known.protocol.weights.reshape(-1,
                             known.electrodes.count)))
-    if not as_json:
+    if not as_json and len(given.touch) >= FEWEST:
         print("surrogate: the presses are learnt once for the model and once a split for its scores, which takes "
               "minutes.", file=sys.stderr)
     try:
