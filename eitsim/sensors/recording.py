@@ -61,7 +61,8 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     width = len(body[0][1]) - len(leading)
     if readings is not None and width != readings:
         raise InputFileError(path, f"{width} readings a frame, and the sensor's drive makes {readings}. Give the "
-                                   "sensor file that belongs to it, or correct its [drive].", line=body[0][0])
+                                   "recording or the sensor file that belong together, or correct [drive].",
+                             line=body[0][0])
     columns = {name: _column(path, body, place, name) for place, name in enumerate(leading) if name != "touch"}
     touch = ([touch_name(cells[leading.index("touch")]) for _, cells in body] if "touch" in leading
              else [""] * len(body))

@@ -42,8 +42,8 @@ def presses_of(recording: Recording) -> Presses:
     untouched, pressed = recording.untouched, touched(recording)
     if not pressed.any():
         raise InputFileError(recording.source, "no frame is touched: fill in the column touch. To read frames of which "
-                                               "that is not known, give them as a stream: surrogate predict MODEL - "
-                                               "< FRAMES.csv")
+                                               "that is not known, give the columns v_000 ... alone as a stream: "
+                                               "surrogate predict MODEL - < FRAMES.csv")
     rest = np.asarray(frames[untouched], float)
     signal, age = np.asarray(frames[pressed], float), np.zeros(int(pressed.sum()))
     following = _following(np.asarray(frames, float), recording.index)[pressed]
