@@ -52,7 +52,7 @@ def _dxf(path: Path) -> list[Array]:
         drawing = filemanagement.readfile(path)
     except (DXFError, OSError) as error:
         raise InputFileError(path, f"no DXF file that can be read ({error}).") from None
-    if drawing.units not in (units.InsertUnits.Unitless, units.MM):
+    if drawing.units not in (0, units.MM):  # 0: none is stated
         stated = f"{units.unit_name(drawing.units).lower()} ($INSUNITS {drawing.units})"
         raise InputFileError(path, f"it states {stated}, and lengths are read as mm. Save it in mm, or correct what it "
                                    "states.")
