@@ -139,9 +139,11 @@ def representative_scene(design: Design) -> Scene:
 def kept_from_edges(design: Design) -> str:
     """In words, how far from the edges of an outline touches stay whose place and gap are left to chance, and on which
     part of the skin that leaves; empty where none are."""
-    scene = representative_scene(design)
+    scene = next(valid_scenes(design, _TRIED), None)
+    if scene is None or not scene.body.has_outline:
+        return ""
     left = [(place, punch) for place, punch in zip(_layout(design).places, scene.punches, strict=False)
-            if scene.body.has_outline and place is not None and place.distribution is None and place.gap_mm is None]
+            if place is not None and place.distribution is None and place.gap_mm is None]
     if not left:
         return ""
     place, punch = left[0]
