@@ -62,15 +62,21 @@ class MaterialCard:
     file: Path | None = field(default=None, compare=False, repr=False)
 
 
+def lacking(card: MaterialCard, part: str, purpose: str) -> str:
+    """That a card lacks a part which something needs, and the `matcal fit` input that would give it; empty where it
+    has it."""
+    if getattr(card, part) is not None:
+        return ""
+    needs = {"hyperfoam": "a uniaxial or shear file", "prony": "a relaxation file",
+             "conductivity": "a conductivity file, or by hand in Python with matcal.Conductivity"}[part]
+    return f"card '{card.name}' has no {part}, which {purpose} needs. Add it with `matcal fit` and {needs}."
+
+
 def require(card: MaterialCard, part: str, purpose: str) -> Any:
-    """The card's `part`; ValueError naming it and the `matcal fit` input that would give it when it is absent."""
-    value = getattr(card, part)
-    if value is None:
-        needs = {"hyperfoam": "a uniaxial or shear file", "prony": "a relaxation file",
-                 "conductivity": "a conductivity file"}[part]
-        raise ValueError(f"card '{card.name}' has no {part}, which {purpose} needs. "
-                         f"Add it with `matcal fit` and {needs}.")
-    return value
+    """The card's `part`; ValueError, as `lacking` says it, when it is absent."""
+    if problem := lacking(card, part, purpose):
+        raise ValueError(problem)
+    return getattr(card, part)
 
 
 def with_moduli(card: MaterialCard, moduli: str) -> Hyperfoam:

@@ -33,6 +33,7 @@ from surrogate.data.sensor_ring import ring_of_design
 from surrogate.model.store import ARRAYS, DESCRIBED, DESCRIPTION, HASH
 from touchcal.errors import InputFileError
 from touchcal.json_file import digest
+from touchcal.toml_file import read_toml
 
 CARD = {"schema": 1, "name": "foam",
         "hyperfoam": {"mu_Pa": [14420.0, 16780.0, -21670.0], "alpha": [0.288, 4.249, 0.741], "nu": [0.0, 0.0, 0.0],
@@ -356,6 +357,15 @@ def test_text_that_is_no_document_is_refused_by_its_file(name: str, content: byt
         KINDS[name][0](folder / name)
     assert name in str(caught.value)
     assert "sys." not in str(caught.value)  # advice for programmers
+
+
+@pytest.mark.parametrize(("line", "said"), [("thickness_mm = 5,5", True), ("thickness_mm = -0,5  # thin", True),
+                                            ("names = [1,2", False), ("name = word", False)])
+def test_a_decimal_comma_is_named(line: str, said: bool, tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(f"[body]\n{line}\n")
+    with pytest.raises(InputFileError, match="not TOML") as caught:
+        read_toml(tmp_path / "scene.toml")
+    assert ("with a point, not a comma" in str(caught.value)) is said
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -34,7 +34,21 @@ def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
             rows = [[cell.strip() for cell in cells] for cells in csv.reader(file)]
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputFileError(path, f"not a text file ({error}). Expected a CSV of {what}.") from None
-    return [(number, cells) for number, cells in enumerate(rows, start=1) if any(cells)]
+    found = [(number, cells) for number, cells in enumerate(rows, start=1) if any(cells)]
+    check_commas(path, found)
+    return found
+
+
+def check_commas(path: Path, rows: Sequence[tuple[int, list[str]]]) -> None:
+    """InputFileError where the first of the rows of a CSV, with their lines, separates its cells otherwise."""
+    if rows and any(";" in cell or "\t" in cell for cell in rows[0][1]):
+        raise InputFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and "
+                                   "points in numbers.", line=rows[0][0])
+
+
+def too_wide(cells: int, expected: int) -> str:
+    """What may be wrong with a row of more cells than expected; empty for another."""
+    return " Write numbers with a point, not a comma." if cells > expected else ""
 
 
 def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "numbers",
@@ -47,7 +61,8 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
     width = columns or (len(rows[0][1]) if rows else 0)
     for number, cells in rows:
         if len(cells) != width:
-            raise InputFileError(path, f"{len(cells)} columns, expected {width} {what} a row.", line=number)
+            raise InputFileError(path, f"{len(cells)} columns, expected {width} {what} a row."
+                                       f"{too_wide(len(cells), width)}", line=number)
     names: tuple[str, ...] = ()
     if rows and _number(rows[0][1][0]) is None:
         names, rows = tuple(rows[0][1]), rows[1:]

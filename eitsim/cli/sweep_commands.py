@@ -63,6 +63,7 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     Example: eitsim sweep scenes.csv --scene scene.toml --card card.json --out sweep
     """
     from eitsim.cli.progress import in_words
+    from eitsim.sweeps.design.design import kept_from_edges
     from eitsim.sweeps.run.account import account_of, document, lines
     from eitsim.sweeps.run.scene_table import as_design
     from eitsim.sweeps.run.sweep import sweep as solve_design
@@ -92,7 +93,8 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
         by = counted(count, "worker") if scheduler is None else scheduler
         print(f"{out}: {counted(account.solved, 'scene')} finished in {spent:.1f} s on {by}, {account.kept} were "
               f"there; outcomes: {in_words(account.outcomes)}.")
-        print(account.method)
+        for line in filter(None, (account.method, kept_from_edges(rows))):
+            print(line)
         for name, message in sorted(account.reasons.items()):
             print(f"first \"{name}\": {message}")
         print("\n".join(lines(found)))

@@ -188,12 +188,17 @@ _IDLE = {
     "surface": {"contact_impedance_Ohm_m": "contact_impedance_Ohm_m", "angles_deg": "angles_rad",
                 "first_angle_deg": "first_angle_rad", "positions_mm": "positions_m", "shares": "shares"}}
 
+# what has an effect in the place of a key that has none
+_INSTEAD = {"contact_impedance_Ohm_m2": "contact_impedance_Ohm_m (impedance times length)",
+            "contact_impedance_Ohm_m": "contact_impedance_Ohm_m2 (impedance times area)"}
+
 
 def _check_kind(electrodes: Electrodes) -> None:
     """What another kind of electrode has is refused where it is given."""
     for key, name in _IDLE[electrodes.kind].items():
+        fix = f"give {_INSTEAD[key]}" if key in _INSTEAD else "leave it out"
         require(getattr(electrodes, name) == getattr(Electrodes, name), key,
-                f"has no effect with kind = \"{electrodes.kind}\"; leave it out")
+                f"has no effect with kind = \"{electrodes.kind}\"; {fix}")
 
 
 def require(ok: object, key: str, expected: str) -> None:

@@ -166,8 +166,9 @@ def check_outline(outline: Outline) -> None:
 
 
 def _check_rectangle(width: float, height: float, corner: float) -> None:
-    _require(0 < width <= _FARTHEST_M and 0 < height <= _FARTHEST_M, "width_mm and height_mm",
-             f"must be positive and at most {_FARTHEST_M:g} m")
+    for key, size in (("width_mm", width), ("height_mm", height)):
+        _require(0 < size <= _FARTHEST_M, key, f"must be positive and at most {_FARTHEST_M * 1e3:g}, got "
+                 f"{size * 1e3:g}")
     _require(0 <= corner <= min(width, height) / 2 * (1 + 1e-12), "corner_radius_mm",
              f"must be 0 to half of the shorter side, {min(width, height) * 500:g}, got {corner * 1e3:g}")
 
@@ -175,8 +176,8 @@ def _check_rectangle(width: float, height: float, corner: float) -> None:
 def _check_points(name: str, points: Point | Loop) -> None:
     kinds = [isinstance(part, tuple) for part in points] if isinstance(points, tuple) else []
     if name == "holes_mm" and not all(kinds or [False]):
-        _require(kinds == [False] * 3 and np.asarray(points[2:], dtype=float) > 0, name, "must hold circles [x, y, "
-                 "radius] and lists of points [x, y]")
+        _require(kinds == [False] * 3 and np.asarray(points[2:], dtype=float) > 0, name, "must be a list of circles "
+                 "[x, y, radius] of a positive radius and lists of points [x, y], as in [[20, 0, 4]]")
     else:
         _require(len(points) >= 3 and all(kinds) and {len(np.ravel(p)) for p in points} == {2}, name,
                  f"must hold three points [x, y] or more, got {len(points)}")
@@ -192,23 +193,26 @@ def _check_loops(outline: Outline) -> None:
     start, end = corners_and_edges(outline)
     size = float(np.ptp(parts[0], axis=0).max())
     own = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    first = np.cumsum([0, *map(len, parts)])
     for i, length in enumerate(np.linalg.norm(end - start, axis=1)):
-        _require(length > _TOUCHING * size, _key(own[i]), f"point {i - first[own[i]]} (from 0) is given twice in a row")
+        _require(length > _TOUCHING * size, _key(own[i]), f"the corner {_place(start[i])} mm is given twice in a row")
     for i in range(len(start)):
         near = touching(start[i], end[i], start[i + 1:], end[i + 1:], _TOUCHING * size)
         for j in i + 1 + np.flatnonzero(near):
             next_to = own[i] == own[j] and (j == i + 1 or j - i == len(parts[own[i]]) - 1)
             if next_to and not _folded(start, end, i, int(j)):
                 continue
-            a, b = i - first[own[i]], j - first[own[j]]
-            problem = (f"the edges from point {a} and from point {b} (from 0) cross or touch" if own[i] == own[j] else
+            problem = (f"the edges from {_place(start[i])} and from {_place(start[j])} mm cross or touch; give the "
+                       "corners in order along the edge" if own[i] == own[j] else
                        f"a hole touches {'the outline' if own[i] == 0 else 'another hole'}; leave skin between them")
             _require(False, _key(own[j]), problem)
     for k, hole in enumerate(parts[1:], 1):
         others = [part for m, part in enumerate(parts[1:], 1) if m != k]
         _require(_within(hole[0], parts[0]), "holes_mm", f"hole {k} lies outside the outline")
         _require(not any(_within(hole[0], other) for other in others), "holes_mm", f"hole {k} lies in another hole")
+
+
+def _place(point_m: Array) -> str:
+    return f"({point_m[0] * 1e3:g}, {point_m[1] * 1e3:g})"
 
 
 def _key(loop: int) -> str:

@@ -43,16 +43,20 @@ def _csv(path: Path) -> list[Array]:
 
 def _dxf(path: Path) -> list[Array]:
     try:
-        from ezdxf import filemanagement
+        from ezdxf import filemanagement, units
         from ezdxf import path as paths
         from ezdxf.lldxf.const import DXFError
     except ImportError:
         raise _missing("ezdxf", ".dxf") from None
     try:
-        space = filemanagement.readfile(path).modelspace()
+        drawing = filemanagement.readfile(path)
     except (DXFError, OSError) as error:
         raise InputFileError(path, f"no DXF file that can be read ({error}).") from None
-    curves = space.query("LINE ARC CIRCLE ELLIPSE LWPOLYLINE POLYLINE SPLINE")
+    if drawing.units not in (0, units.MM):  # 0: none is stated
+        stated = f"{units.unit_name(drawing.units).lower()} ($INSUNITS {drawing.units})"
+        raise InputFileError(path, f"it states {stated}, and lengths are read as mm. Save it in mm, or correct what it "
+                                   "states.")
+    curves = drawing.modelspace().query("LINE ARC CIRCLE ELLIPSE LWPOLYLINE POLYLINE SPLINE")
     return _joined(path, [np.array([[p.x, p.y] for p in paths.make_path(curve).flattening(_SAG_MM)])
                           for curve in curves])
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.sensors.recording import touch_name
 from touchcal.arrays import Array, Index
-from touchcal.csv_numbers import csv_rows
+from touchcal.csv_numbers import csv_rows, too_wide
 from touchcal.errors import InputFileError, unknown_key
 
 NAMES = ("x_mm", "y_mm", "d_mm", "F_N", "depth_mm", "z_mm")
@@ -67,8 +68,9 @@ def read_labels(path: Path | str) -> Labels:
     seen: dict[str, int] = {}
     for line, cells in rows[1:]:
         if len(cells) != len(header):
-            raise InputFileError(path, f"{len(cells)} columns, expected {len(header)} as in the header.", line=line)
-        name = cells[header.index(TOUCH)]
+            raise InputFileError(path, f"{len(cells)} columns, expected {len(header)} as in the header."
+                                       f"{too_wide(len(cells), len(header))}", line=line)
+        name = touch_name(cells[header.index(TOUCH)])
         if not name:
             raise InputFileError(path, "touch is empty; name each touch as the recording does.", line=line)
         if name in seen:

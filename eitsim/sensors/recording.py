@@ -61,9 +61,11 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     width = len(body[0][1]) - len(leading)
     if readings is not None and width != readings:
         raise InputFileError(path, f"{width} readings a frame, and the sensor's drive makes {readings}. Give the "
-                                   "sensor file that belongs to it, or correct its [drive].", line=body[0][0])
+                                   "recording or the sensor file that belong together, or correct [drive].",
+                             line=body[0][0])
     columns = {name: _column(path, body, place, name) for place, name in enumerate(leading) if name != "touch"}
-    touch = [cells[leading.index("touch")] for _, cells in body] if "touch" in leading else [""] * len(body)
+    touch = ([touch_name(cells[leading.index("touch")]) for _, cells in body] if "touch" in leading
+             else [""] * len(body))
     number = columns.get("index", np.arange(len(body), dtype=float))
     if odd := [row for row, value in zip(body, number, strict=True) if value % 1]:
         raise InputFileError(path, "index must hold whole numbers; call it time_s where it is a time.", line=odd[0][0])
@@ -84,6 +86,16 @@ def write_recording(recording: Recording, path: Path | str) -> None:
         file.write(text.getvalue().encode())
 
 
+def touch_name(cell: str) -> str:
+    """The name of a touch; a whole number is the same touch as 7, 7. and 7.0, as tables with empty cells write it.
+
+    >>> [touch_name(cell) for cell in ("7.0", "7", "a.0", "")]
+    ['7', '7', 'a.0', '']
+    """
+    whole, _, rest = cell.partition(".")
+    return whole if whole.isdecimal() and not rest.strip("0") else cell
+
+
 def check_kind(kind: object, where: str) -> None:
     """ValueError where a kind of readings is not one of KINDS; where: what held it."""
     if kind not in KINDS:
@@ -100,6 +112,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         raise InputFileError(path, f"not a text file ({error}). Expected a CSV of one row a frame.") from None
     if not rows:
         raise InputFileError(path, "the file is empty. Expected a CSV of one row a frame.")
+    csv_numbers.check_commas(path, rows)
     for line, cells in rows:
         if len(cells) != len(rows[0][1]):
             raise InputFileError(path, f"{len(cells)} columns, expected {len(rows[0][1])} as in line {rows[0][0]}. "

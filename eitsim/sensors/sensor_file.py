@@ -130,7 +130,11 @@ def read_pairs(path: Path, count: int) -> NDArray[np.intp]:
 def _with_pairs(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables, pairs in [drive] replaced by the currents and measurements that they stand for."""
     drive = tables.get("drive")
-    if not isinstance(drive, Mapping) or "pairs" not in drive:
+    if not isinstance(drive, Mapping):
+        return dict(tables)
+    if unknown := [key for key in drive if key not in (known := ("current_mA", "pairs", *_OTHER_DRIVES))]:
+        raise ValueError(unknown_key(unknown[0], known, "drive"))
+    if "pairs" not in drive:
         return dict(tables)
     if other := [key for key in _OTHER_DRIVES if key in drive]:
         raise ValueError(f"{other[0]} in [drive] has no effect with pairs; leave one of them out.")

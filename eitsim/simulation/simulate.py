@@ -20,7 +20,7 @@ from eitsim.simulation.plan import make_plan, together
 from eitsim.simulation.reuse import decision, scene_shape, served, table_for
 from eitsim.simulation.touches import fine_enough, held_touch, solved_touches
 from eitsim.simulation.validity import check_positive
-from matcal.card import MaterialCard, as_card
+from matcal.card import MaterialCard, as_card, lacking
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
@@ -108,7 +108,9 @@ def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: b
     >>> eitsim.plan(eitsim.Scene(punches=[eitsim.Punch(depth_m=0.002)]), card).refusal
     ''
     """
-    return make_plan(as_scene(scene), as_card(card), exact=exact)
+    card = as_card(card)
+    made = make_plan(as_scene(scene), card, exact=exact)
+    return replace(made, refusal=made.refusal or lacking(card, "conductivity", "the skin"))
 
 
 def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,

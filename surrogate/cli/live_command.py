@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from surrogate.recordings.trained.train_reader import TrainedReader
 
 INPUT_HELP = "- reads frames that a device writes, line by line, from standard input."
-REPLAY_HELP = "Recording or table of frames to show at its rate, or at 50 frames a second without a clock."
+REPLAY_HELP = "Recording or table of frames to show at its rate, or at --rate without a clock."
+RATE_HELP = "Frames a second of a recording without a clock; by default 50."
 SIMULATE_HELP = "Card of foam and skin: presses are answered by the simulator, from tables."
 DATA_HELP = "Data set whose design describes the sensor of --simulate."
 BASELINE_HELP = ("CSV of untouched frames, for --replay and -; else those that the recording marks, or the first 20 "
@@ -30,6 +31,7 @@ def live(model_folder: ModelFolder,
          frames: Annotated[str | None, typer.Argument(metavar="[-]", help=INPUT_HELP)] = None,
          port: Annotated[int, typer.Option(min=0, max=65535, help="Port of 127.0.0.1; 0 takes a free one.")] = 0,
          replay: Annotated[Path | None, typer.Option(help=REPLAY_HELP)] = None,
+         rate: Annotated[float | None, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = None,
          simulate: Annotated[Path | None, typer.Option(metavar="CARD", help=SIMULATE_HELP)] = None,
          data: Annotated[Path | None, typer.Option(help=DATA_HELP)] = None,
          scene: Annotated[Path | None, typer.Option(help="Scene that describes the sensor of --simulate.")] = None,
@@ -51,16 +53,18 @@ def live(model_folder: ModelFolder,
     _check_choice(frames, replay, simulate, data or scene)
     if export is not None:
         _check_export({"-": frames, "--replay": replay, "--simulate": simulate, "--baseline": baseline,
-                       "--noise-V": noise_v, "--port": port or None})
+                       "--noise-V": noise_v, "--port": port or None, "--rate": rate})
     elif baseline is not None and frames is None and replay is None:
         raise ValueError("--baseline gives the untouched frames of a recording (--replay) or a device (-); presses on "
                          "the page have their own. Leave it out.")
+    elif rate is not None and replay is None:
+        raise ValueError("--rate is that of a recording (--replay). Leave it out.")
     if is_reader(model_folder):
         if frames is None and replay is None:
-            raise ValueError(f"{model_folder} was trained on a recording: its skin cannot be simulated. Show frames of "
-                             "the device with -, or a recording with --replay.")
+            raise ValueError(f"{model_folder} was trained on a recording: its skin cannot be simulated or exported. "
+                             "Show frames of the device with -, or a recording with --replay.")
         check_installed()
-        serve(_frames_show(load_reader(model_folder), frames, replay, baseline, noise_v), port, _served)
+        serve(_frames_show(load_reader(model_folder), frames, replay, baseline, noise_v, rate), port, _served)
         return
     if export is not None:
         check_out(export, "--export")
@@ -69,7 +73,7 @@ def live(model_folder: ModelFolder,
         return
     check_installed()
     model = surrogate.load(model_folder)
-    serve(_frames_show(model, frames, replay, baseline, noise_v) if frames or replay
+    serve(_frames_show(model, frames, replay, baseline, noise_v, rate) if frames or replay
           else _pressed_show(model, simulate, data, scene, noise_v), port, _served)
 
 
@@ -95,13 +99,13 @@ def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None
 
 
 def _frames_show(model: Model | TrainedReader, frames: str | None, replay: Path | None, baseline: Path | None,
-                 noise_v: float | None) -> Show:
+                 noise_v: float | None, rate: float | None) -> Show:
     from surrogate.live.pictured import pictured
     from surrogate.live.shows import read_untouched, recorded_show, streamed_show
 
     untouched_V = None if baseline is None else read_untouched(baseline, pictured(model).readings)
     if replay is not None:
-        return recorded_show(model, replay, untouched_V, noise_v)
+        return recorded_show(model, replay, untouched_V, noise_v, rate)
     return streamed_show(model, open(sys.stdin.fileno(), "rb", closefd=False), untouched_V, noise_v)
 
 

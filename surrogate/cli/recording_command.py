@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,6 +55,9 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
         return
     frames = read_recording(recording, kind=known.kind, readings=len(known.protocol.weights.reshape(-1,
                             known.electrodes.count)))
+    if not as_json and len(given.touch) >= FEWEST:
+        print("surrogate: the presses are learnt once for the model and once a split for its scores, which takes "
+              "minutes.", file=sys.stderr)
     try:
         model = train_reader(frames, given, seed, workers, expectation)
     except NothingToRead:
@@ -154,4 +158,4 @@ def _print_trained(model: TrainedReader) -> None:
     print_table(table)
     for line in (*model.left_out, *choice(model.reader)):
         print(line)
-    print(f"fit {model.fit_s:.1f} CPU s on {model.presses} presses")
+    print(f"fit {model.fit_s:.1f} CPU s on {model.presses} presses, without the scores")

@@ -22,6 +22,7 @@ class Novelty:
     axes: Array  # (k, readings) orthonormal directions
     worst: float  # what they leave of the worst held-out direction
     mean: Array  # (readings,) mean direction, zero where signals point both ways
+    least: float  # least inner product of a direction with the mean one
     strongest_V: float  # norm of the strongest signal, V
 
 
@@ -32,9 +33,9 @@ def fit_novelty(ring: Ring, signal_V: Array) -> Novelty:
     unit = signal_V / size[:, None]
     axes = np.linalg.svd(unit[::2], full_matrices=False)[2][:MOST] if len(unit) >= 4 * MOST else reciprocal(ring).T
     mean = unit.mean(axis=0)
-    one_way = bool(np.all(unit @ mean > 0))
+    least = max(float((unit @ mean).min()), 0.0)
     return Novelty(axes, max(float(_left(axes, unit[1::2] if len(unit) > 1 else unit).max()), LEAST),
-                   mean if one_way else np.zeros_like(mean), float(size.max()))
+                   mean if least > 0 else np.zeros_like(mean), least, float(size.max()))
 
 
 def with_directions(novelty: Novelty, root: Array) -> Novelty:
@@ -46,16 +47,17 @@ def with_directions(novelty: Novelty, root: Array) -> Novelty:
 
 def one_column(novelty: Novelty, signal_V: Array, columns: Array, noise_V: float) -> tuple[Index, Array, Mask]:
     """Of columns (readings, k) the one (n,) that explains most of what the span leaves of signals (n, readings), its
-    factor, and whether it is clear of noise and explains EXPLAINED of what is more than expected in the squares."""
+    factor, and whether it is clear of noise and explains EXPLAINED of what is more than expected in the squares, where
+    anything is."""
     left, free = (rows - rows @ novelty.axes.T @ novelty.axes for rows in (signal_V, columns.T))
     size = np.maximum(np.sum(free**2, axis=1), np.finfo(float).tiny)
     along = left @ free.T
     best = np.argmax(along**2 / size, axis=1)
     factor = np.take_along_axis(along / size, best[:, None], axis=1)[:, 0]
     explained = factor**2 * size[best]
-    expected = expected_left(novelty, signal_V, noise_V)
-    clear = explained > (CLEAR * noise_V) ** 2
-    return best, factor, clear & (explained > EXPLAINED * (np.sum(left**2, axis=1) - expected**2))
+    more = np.sum(left**2, axis=1) - expected_left(novelty, signal_V, noise_V) ** 2
+    clear = (explained > (CLEAR * noise_V) ** 2) & (more > 0)
+    return best, factor, clear & (explained > EXPLAINED * more)
 
 
 def expected_left(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
@@ -82,9 +84,10 @@ def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
 
 
 def of_other_sign(novelty: Novelty, signal_V: Array, noise_V: float) -> Mask:
-    """(n,) whether signals (n, readings) point away from all trained ones, by more than noise may."""
-    along = signal_V @ novelty.mean
-    return along < -SURE * noise_V * np.linalg.norm(novelty.mean)
+    """(n,) whether signals (n, readings) point away from all trained ones as trained ones do when reversed, at least
+    half as much and by more than noise may: a touch elsewhere may be at a right angle to them."""
+    along, size = signal_V @ novelty.mean, np.linalg.norm(signal_V, axis=1)
+    return along < -np.maximum(SURE * noise_V * np.linalg.norm(novelty.mean), novelty.least / 2 * size)
 
 
 def _left(axes: Array, unit: Array) -> Array:

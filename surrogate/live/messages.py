@@ -27,21 +27,26 @@ def hello(model: TrainedModel | TrainedReader, limits: Limits | None, source: st
     skin = pictured(model)
     return {"source": source, "centre_mm": np.round(skin.centre_mm, 6).tolist(), "radius_mm": skin.radius_mm,
             "electrodes_rad": np.round(skin.electrodes_rad, 6).tolist(), "readings": skin.readings,
-            "values": list(skin.values), "limits": None if limits is None else asdict(limits),
+            "values": list(skin.values), "unit": skin.unit, "limits": None if limits is None else asdict(limits),
             "noise_mV": round(noise_V * 1e3, 6)}
 
 
-def frame(number: int, moment: Moment, found: Tracked, caution: str, spent_ms: float) -> str:
-    """One frame: its number, time, differences to the untouched frame in mV, the press that made it, what was read,
-    cautions, and what the server spent on it."""
-    true, values = moment.true, _numbers(found.value)
+def frame(number: int, moment: Moment, found: Tracked, hello: dict[str, Any], caution: str, spent_ms: float) -> str:
+    """One frame: its number, time, differences to the untouched frame in the unit that `hello` states, the press that
+    made it, what was read, cautions, and what the server spent on it."""
+    true, values, half = moment.true, _numbers(found.value), _numbers((found.below + found.above) / 2)
+    scale = 1e3 if hello["unit"] == "mV" else 1.0
+    for k, name in enumerate(hello["values"]):
+        if values and name not in VALUES and found.row is not None:  # further labels of a model of a recording
+            values[name], half[name] = (round(float(one), 6) for one in (found.row[3 * k],
+                                                                         found.row[3 * k + 2] - found.row[3 * k]))
     long_m, short_m, angle_rad = found.ellipse if values else (0.0, 0.0, 0.0)
     return json.dumps({
         "number": number, "time_s": round(moment.time_s, 4),
-        "difference_mV": [round(1e3 * value, 4) if math.isfinite(value) else None for value in found.signal_V.tolist()],
+        "difference": [round(scale * value, 4) if math.isfinite(value) else None for value in found.signal_V.tolist()],
         "true": None if true is None or true.force_N == 0 else {
             "x_mm": true.x_mm, "y_mm": true.y_mm, "d_mm": true.diameter_mm, "F_N": true.force_N},
-        "read": values or None, "half_width": _numbers((found.below + found.above) / 2),
+        "read": values or None, "half_width": half,
         "ellipse": None if not values else {"long_mm": round(1e3 * long_m, 4), "short_mm": round(1e3 * short_m, 4),
                                             "angle_rad": round(angle_rad, 4)},
         "state": _state(found), "flag": found.flag, "caution": caution, "note": moment.note,

@@ -60,9 +60,9 @@ def pressed_moments(skin: Skin, latest: Latest, seed: int = 0) -> Iterator[Momen
                      controls.sent_ms if new else None, answer.fields, answer.problem)
 
 
-def recorded_moments(volts: Array, time_s: Array | None) -> Iterator[Moment]:
-    """Frames (n, readings) at their times (n,), or at RATE_HZ; pauses are LONGEST_S at most."""
-    clock = np.arange(len(volts)) / RATE_HZ if time_s is None else time_s - time_s[0]
+def recorded_moments(volts: Array, time_s: Array | None, rate_hz: float = RATE_HZ) -> Iterator[Moment]:
+    """Frames (n, readings) at their times (n,), or so many a second; pauses are LONGEST_S at most."""
+    clock = np.arange(len(volts)) / rate_hz if time_s is None else time_s - time_s[0]
     pauses = np.minimum(np.diff(clock, prepend=clock[0]), LONGEST_S)
     start = time.perf_counter()
     for k, (frame, at) in enumerate(zip(volts, np.cumsum(pauses), strict=True), start=1):

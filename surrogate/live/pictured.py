@@ -20,7 +20,8 @@ class Pictured:
     radius_mm: float
     electrodes_rad: Array  # (n,) angles of the electrodes on its rim; none where they are not known
     readings: int
-    values: tuple[str, ...]  # what is read of a touch, as of messages.VALUES
+    values: tuple[str, ...]  # what is read of a touch: labels with their units
+    unit: str = "mV"  # of the readings as shown; "" where they are counts of a board
 
 
 def pictured(model: TrainedModel | TrainedReader) -> Pictured:
@@ -37,4 +38,5 @@ def pictured(model: TrainedModel | TrainedReader) -> Pictured:
     places = model.reader.place.direction.places
     centre = (places.min(axis=0) + places.max(axis=0)) / 2
     return Pictured(centre, float(np.linalg.norm(places - centre, axis=1).max()), np.zeros(0),
-                    model.reader.signals.channels, (*PLACE, *(one.name for one in model.reader.scalars)))
+                    model.reader.signals.channels, (*PLACE, *(one.name for one in model.reader.scalars)),
+                    "mV" if model.kind == "voltage" else "")

@@ -152,14 +152,15 @@ def _reading(show: Show, loop: asyncio.AbstractEventLoop, watchers: _Watchers) -
                 watchers.there.wait()
             number, at_s, begun = number + 1, moment.time_s, time.perf_counter()
             found = show.read(moment)
-            text = messages.frame(number, moment, found, " ".join(show.cautions), (time.perf_counter() - begun) * 1e3)
+            text = messages.frame(number, moment, found, show.hello, " ".join(show.cautions),
+                                  (time.perf_counter() - begun) * 1e3)
             loop.call_soon_threadsafe(watchers.tell, text)
         problem = "the input ended"
     except Exception as error:  # whatever the input holds, the page says it; a closed loop has nobody to say it to
         problem = f"stopped: {error}"
     none = np.full(4, np.nan)
     last = Tracked(at_s, UNREADABLE, none, np.zeros((4, 4)), none, none, np.zeros(0), np.nan, 0, "")
-    text = messages.frame(number + 1, Moment(at_s, np.zeros(0), note=problem), last, "", 0.0)
+    text = messages.frame(number + 1, Moment(at_s, np.zeros(0), note=problem), last, show.hello, "", 0.0)
     with contextlib.suppress(RuntimeError):
         while True:  # for those who open the page later, too
             loop.call_soon_threadsafe(watchers.tell, text)

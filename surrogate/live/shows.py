@@ -12,8 +12,9 @@ import numpy as np
 from eitsim.sensors.formats.open_file import open_recording
 from surrogate.data.frame_rows import read_lines
 from surrogate.live.controls import Controls, Latest, Limits
+from surrogate.live.marked_presses import marked_reader, marks_presses
 from surrogate.live.messages import hello
-from surrogate.live.moments import Moment, pressed_moments, recorded_moments, streamed_moments
+from surrogate.live.moments import RATE_HZ, Moment, pressed_moments, recorded_moments, streamed_moments
 from surrogate.live.pictured import pictured
 from surrogate.live.reading import reader_of
 from surrogate.live.serve import Show
@@ -36,15 +37,24 @@ def pressed_show(model: TrainedModel, skin: Skin, noise_V: float | None = None) 
 
 
 def recorded_show(model: TrainedModel | TrainedReader, path: Path, untouched_V: Array | None = None,
-                  noise_V: float | None = None) -> Show:
-    """A recording at its rate; its untouched frames are those given, else those that it names where it names touches,
-    else its first ones. InputFileError where it cannot be read."""
+                  noise_V: float | None = None, rate_hz: float | None = None) -> Show:
+    """A recording at its rate, or at this one where it has no clock.
+
+    A model of a recording reads presses that the recording marks as its table does. Else a tracker follows the frames;
+    the untouched ones are those given, else those that the recording marks, else its first ones. InputFileError where
+    it cannot be read; ValueError for a rate next to a clock.
+    """
     kind = model.kind if isinstance(model, TrainedReader) else "voltage"
     recording = open_recording(path, kind=kind, readings=pictured(model).readings)
+    if rate_hz is not None and recording.time_s is not None:
+        raise ValueError(f"{path} has a clock, time_s, so that --rate would have no effect. Leave it out.")
     frames = np.asarray(recording.readings, np.float64)
-    if untouched_V is None and (recording.touch != "").any() and recording.untouched.any():
+    moments, marked = recorded_moments(frames, recording.time_s, rate_hz or RATE_HZ), marks_presses(recording)
+    if marked and untouched_V is None and noise_V is None and isinstance(model, TrainedReader):
+        return Show(hello(model, None, "recorded"), moments, marked_reader(model, recording), [])
+    if untouched_V is None and marked and recording.untouched.any():
         untouched_V = frames[recording.untouched]
-    return _show(model, untouched_V, noise_V, recorded_moments(frames, recording.time_s), "recorded")
+    return _show(model, untouched_V, noise_V, moments, "recorded")
 
 
 def streamed_show(model: TrainedModel | TrainedReader, source: BufferedIOBase, untouched_V: Array | None = None,

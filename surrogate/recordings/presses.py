@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.recording import Recording
 from surrogate.recordings.baselines import in_order, tracked
-from touchcal.arrays import Array, Index
+from touchcal.arrays import Array, Index, Mask
 from touchcal.errors import InputFileError
 
 
@@ -28,30 +28,34 @@ class Presses:
     clocked: bool = False  # whether times are seconds, and not indices
 
 
+def touched(recording: Recording) -> Mask:
+    """(frames,) which frames of a recording are touched; all of differences."""
+    return np.ones(len(recording.touch), bool) if recording.kind == "difference" else recording.touch != ""
+
+
 def presses_of(recording: Recording) -> Presses:
     """The touched frames of a recording, each less the untouched frame tracked to its time; InputFileError where there
     is no untouched frame, no touched one, or a complex reading."""
     frames, time = recording.readings, in_order(recording.index, recording.time_s)
     if np.iscomplexobj(frames):
         raise InputFileError(recording.source, "complex readings; give their magnitudes or their real parts.")
-    untouched = recording.untouched
-    touched = ~untouched if recording.kind == "difference" else recording.touch != ""
-    if not touched.any():
+    untouched, pressed = recording.untouched, touched(recording)
+    if not pressed.any():
         raise InputFileError(recording.source, "no frame is touched: fill in the column touch. To read frames of which "
-                                               "that is not known, give them as a stream: surrogate predict MODEL - "
-                                               "< FRAMES.csv")
+                                               "that is not known, give the columns v_000 ... alone as a stream: "
+                                               "surrogate predict MODEL - < FRAMES.csv")
     rest = np.asarray(frames[untouched], float)
-    signal, age = np.asarray(frames[touched], float), np.zeros(int(touched.sum()))
-    following = _following(np.asarray(frames, float), recording.index)[touched]
+    signal, age = np.asarray(frames[pressed], float), np.zeros(int(pressed.sum()))
+    following = _following(np.asarray(frames, float), recording.index)[pressed]
     if recording.kind != "difference":
         if not untouched.any():
             raise InputFileError(recording.source, f"no frame is untouched, and the readings are of the kind "
                                                    f"{recording.kind}. Record untouched frames, their touch empty.")
-        used = touched | untouched
+        used = pressed | untouched
         baseline, age = tracked(np.asarray(frames[used], float), time[used], untouched[used])
         signal, following = signal - baseline, following - baseline
-    return Presses(recording.touch[touched], recording.index[touched], signal, following, age, rest, time[untouched],
-                   time[touched], recording.time_s is not None)
+    return Presses(recording.touch[pressed], recording.index[pressed], signal, following, age, rest, time[untouched],
+                   time[pressed], recording.time_s is not None)
 
 
 def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Labels]:

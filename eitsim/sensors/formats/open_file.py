@@ -25,5 +25,6 @@ def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     found = layout.read(path, kind)
     if readings is not None and found.readings.shape[1] != readings:
         raise InputFileError(path, f"{found.readings.shape[1]} readings a frame, and the sensor's drive makes "
-                                   f"{readings}. Give the sensor file that belongs to it, or correct its [drive].")
+                                   f"{readings}. Give the recording or the sensor file that belong together, or "
+                                   "correct [drive].")
     return found

@@ -11,6 +11,7 @@ from eitsim.scene.scene import Scene, scene_from, scene_keys
 from eitsim.scene.scene_files import with_files
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Material, material_from
+from eitsim.sweeps.design.outline_places import reached
 from eitsim.sweeps.design.sampling import FIXED, row_tables
 from eitsim.sweeps.design.variables import Layout, Variable, layout_of
 from eitsim.sweeps.measurement.instrument_table import as_table, measurement_from
@@ -133,6 +134,23 @@ def representative_scene(design: Design) -> Scene:
     """The first scene of a design that is right; ValueError says what is wrong with row 0 where none of many is."""
     found = next(valid_scenes(design, _TRIED), None)
     return scene_at(design, 0) if found is None else found
+
+
+def kept_from_edges(design: Design) -> str:
+    """In words, how far from the edges of an outline touches stay whose place and gap are left to chance, and on which
+    part of the skin that leaves; empty where none are."""
+    scene = next(valid_scenes(design, _TRIED), None)
+    if scene is None or not scene.body.has_outline:
+        return ""
+    left = [(place, punch) for place, punch in zip(_layout(design).places, scene.punches, strict=False)
+            if place is not None and place.distribution is None and place.gap_mm is None]
+    if not left:
+        return ""
+    place, punch = left[0]
+    gap_mm, share = reached(scene, 1e3 * punch.diameter_m, place.within_mm)
+    return (f"places: touches keep {gap_mm:.3g} mm from all edges, which a punch of {1e3 * punch.diameter_m:.3g} mm "
+            f"does on {100 * share:.2g} % of the skin; gap_mm of place in [punch] takes them nearer, where a touch is "
+            "solved in three dimensions")
 
 
 def most_touches(design: Design) -> int:

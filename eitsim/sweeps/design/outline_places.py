@@ -10,7 +10,7 @@ import numpy as np
 from eitsim.scene.outline import Outline, edge_distance_m, loops
 from eitsim.scene.scene import Scene, scene_from
 from eitsim.simulation.plan import least_gap_m
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 
 _CELLS = 256  # Cells along the longer side of the outline, in which the distance to the edges is known.
 _TABLES = ("body", "skin", "electrodes", "drive", "channels", "accuracy")
@@ -43,8 +43,7 @@ def on_outline(u: float, v: float, scene: Scene, diameter_mm: float, gap_mm: flo
     none."""
     x, y, side, distance = _cells(scene.body.shape)
     gap_m = least_gap_m(scene) if gap_mm is None else gap_mm / 1e3
-    corner = side / math.sqrt(2)
-    fits = (distance >= diameter_mm / 2e3 + gap_m + corner) & (np.hypot(x, y[:, None]) + corner <= within_mm / 1e3)
+    corner, fits = side / math.sqrt(2), _fitting(scene, diameter_mm, gap_m, within_mm)
     columns = np.cumsum(fits.sum(axis=0), dtype=float)
     if columns[-1] == 0:
         room = float(distance.max() - corner) * 1e3 - diameter_mm / 2
@@ -55,6 +54,20 @@ def on_outline(u: float, v: float, scene: Scene, diameter_mm: float, gap_mm: flo
     column, across = _chosen(u, columns)
     row, along = _chosen(v, np.cumsum(fits[:, column], dtype=float))
     return 1e3 * float(x[column] + side * (across - 0.5)), 1e3 * float(y[row] + side * (along - 0.5))
+
+
+def reached(scene: Scene, diameter_mm: float, within_mm: float) -> tuple[float, float]:
+    """How far a punch keeps from all edges where the plan solves it, mm, and the part of the skin where it does."""
+    gap_m = least_gap_m(scene)
+    fits = _fitting(scene, diameter_mm, gap_m, within_mm)
+    return 1e3 * gap_m, float(fits.sum() / np.sum(_cells(scene.body.shape)[3] > 0))
+
+
+def _fitting(scene: Scene, diameter_mm: float, gap_m: float, within_mm: float) -> Mask:
+    """(ny, nx) squares of the skin in which a punch finds room."""
+    x, y, side, distance = _cells(scene.body.shape)
+    corner = side / math.sqrt(2)
+    return (distance >= diameter_mm / 2e3 + gap_m + corner) & (np.hypot(x, y[:, None]) + corner <= within_mm / 1e3)
 
 
 def _chosen(u: float, cumulative: Array) -> tuple[int, float]:

@@ -13,6 +13,7 @@ from eitsim.sweeps.design.design import Design, design_from, read_design, with_s
 from eitsim.sweeps.design.sampling import row_tables
 from eitsim.sweeps.design.variables import SENSOR, layout_of
 from eitsim.sweeps.run.row_columns import OWN, key_column, numbered
+from touchcal.csv_numbers import check_commas
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 from touchcal.toml_file import read_toml
@@ -104,9 +105,7 @@ def _read(path: Path) -> _Cells:
         raise InputFileError(path, "it holds no scenes. Expected a header such as x_mm,y_mm,d_mm,F_N and one row a "
                                    "scene.")
     (line, header), *rows = found
-    if any(";" in cell or "\t" in cell for cell in header):
-        raise InputFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and "
-                                   "points in numbers.", line=line)
+    check_commas(path, found)
     columns = _columns(path, header, line)
     return _Cells(columns, tuple(_row(path, columns, row, line) for line, row in rows), tuple(n for n, _ in rows))
 

@@ -28,7 +28,7 @@ function connect(onHello, onFrame) {
     state = found && found.state;
     if (!found) for (let j = 0; j < signal.length; j++) untouched[j] += FORGETS * signal[j];
     onFrame({
-      number: ++number, time_s: (now - start) / 1e3, difference_mV: Array.from(signal, v => 1e3 * v),
+      number: ++number, time_s: (now - start) / 1e3, difference: Array.from(signal, v => 1e3 * v),
       true: !pressed ? null : { x_mm: controls.x_mm, y_mm: controls.y_mm, d_mm: controls.diameter_mm,
                                 F_N: controls.force_N },
       read: found && found.read, half_width: found ? found.half_width : {}, ellipse: found && found.ellipse,

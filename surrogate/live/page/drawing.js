@@ -121,7 +121,8 @@ function drawLines(canvas, frames, series, least) {
     for (const f of frames) {
       const v = one.value(f);
       if (v === null || v === undefined) { on = false; continue; }
-      if (on) c.lineTo(X(f.time_s), Y(v)); else c.moveTo(X(f.time_s), Y(v));
+      if (!on) c.moveTo(X(f.time_s) - 2, Y(v));  // a lone frame is a dash
+      c.lineTo(X(f.time_s), Y(v));
       on = true;
     }
     c.stroke();

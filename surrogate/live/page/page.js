@@ -7,7 +7,8 @@
     simulated: "simulated presses, answered by the simulator", recorded: "a recording, at its rate",
     learned: "simulated presses, answered by the model's own learned map", streamed: "frames from standard input",
     exported: "simulated presses: the model's learned map makes and reads them in this browser" };
-  const ROWS = { x: ["x_mm", 1, 2], y: ["y_mm", 1, 2], d: ["d_mm", 1, 2], F: ["F_N", 3, 3] };
+  const ROWS = { x: ["x_mm", 1, 2], y: ["y_mm", 1, 2], d: ["d_mm", 1, 2], F: ["F_N", 3, 3],
+                 depth: ["depth_mm", 2, 2], z: ["z_mm", 2, 2] };
   const SPOKEN_EVERY_MS = 1500, PLOTTED_EVERY_MS = 60;
   let hello = null, hands = null, frame = null, frames = [], arrivals = [], missed = 0;
   let drawn = null, stale = true, plotted = 0, spoken = 0;
@@ -19,7 +20,7 @@
     const again = hello !== null;
     hello = message;
     byId("source").textContent = SOURCES[hello.source];
-    byId("counted").textContent = hello.readings + " of them";
+    byId("counted").textContent = (hello.unit ? hello.unit : "as recorded") + ", " + hello.readings + " of them";
     for (const [row, [key]] of Object.entries(ROWS))
       byId("read-" + row).closest("tr").hidden = !hello.values.includes(key);
     byId("force-plot").closest("figure").hidden = !hello.values.includes("F_N");
@@ -41,7 +42,8 @@
   function lost() { byId("state").textContent = "the connection is closed; trying again"; }
 
   function words() {
-    return [frame.note && !frame.read ? "" : frame.state, frame.flag, frame.note].filter(Boolean).join("; ");
+    const said = !frame.note || frame.read || (hello.source === "recorded" && frame.state !== "unreadable");
+    return [said ? frame.state : "", frame.flag, frame.note].filter(Boolean).join("; ");
   }
 
   function write() {
@@ -61,8 +63,9 @@
     byId("shade").textContent = picture ? `${quantity}, at most ${picture.largest.toPrecision(2)}` : "";
     if (performance.now() - spoken > SPOKEN_EVERY_MS) {
       spoken = performance.now();
-      const said = frame.read ? `read x ${number(frame.read.x_mm, 0)}, y ${number(frame.read.y_mm, 0)} millimetres, ` +
-        `force ${number(frame.read.F_N, 1)} newtons` : "no touch read";
+      const force = frame.read && "F_N" in frame.read ? `, force ${number(frame.read.F_N, 1)} newtons` : "";
+      const said = frame.read ? `read x ${number(frame.read.x_mm, 0)}, y ${number(frame.read.y_mm, 0)} millimetres` +
+        force : "no touch read";
       if (byId("spoken").textContent !== said) byId("spoken").textContent = said;
     }
   }
@@ -74,7 +77,7 @@
     drawLines(byId("place-plot"), frames, [
       { value: truth("x_mm"), colour: "pressed" }, { value: truth("y_mm"), colour: "pressed", dash: [4, 3] },
       { value: read("x_mm"), colour: "read" }, { value: read("y_mm"), colour: "read", dash: [4, 3] }], 10);
-    drawBars(byId("bars"), frame.difference_mV);
+    drawBars(byId("bars"), frame.difference);
   }
 
   // The skin with every frame; numbers and plots, which nobody reads as fast, less often.

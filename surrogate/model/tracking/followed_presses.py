@@ -7,7 +7,7 @@ of that of second differences of readings of a touch. The filter takes out noise
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from surrogate.model.tracking.followed_reading import TOO_WEAK, Read, unread
 from surrogate.model.tracking.tracked import TOUCH
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.signals import WEAK
-from surrogate.recordings.trained.press_reader import PressReader, ScalarReading, read
+from surrogate.recordings.trained.press_reader import PressReader, PressReading, ScalarReading, read
 from surrogate.recordings.trained.reader_table import COORDINATES, OUTPUTS
 from surrogate.recordings.trained.train_reader import TrainedReader
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -111,19 +111,27 @@ class FollowedPresses:
         place = found.place
         assert place is not None
         self._place = begun(place.value[0]) if self._place is None else followed(self._place, place.value[0], step_s)
-        value, half, covariance = np.full(PARTS, np.nan), np.full(PARTS, np.nan), np.full((PARTS, PARTS), np.nan)
-        value[:2], half[:2] = self._place.mean * 1e-3, place.bounds.half_width[0] * 1e-3
-        for one in found.scalars:
-            if one.name in _SIZES:
-                part, unit = _SIZES[one.name]
-                value[part], half[part] = one.value[0] * unit, one.half_width[0] * unit
-        sd, correlation = half / normal(COVERAGE), place.bounds.correlation[0]
-        covariance[np.diag_indices(PARTS)] = sd**2
-        covariance[0, 1] = covariance[1, 0] = correlation * sd[0] * sd[1]
-        dead = np.isnan(volts)
-        flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[0])))
-        return Read(TOUCH, value, covariance, half, half, flag,
-                    row_of(self._place.mean, place.bounds.half_width[0], found.scalars))
+        return told(found, 0, self._place.mean, np.isnan(volts))
+
+
+def told(found: PressReading, k: int, place_mm: Array, dead: Mask) -> Read:
+    """What is read of frame k, whose channels `dead` read nothing, with this place (2,)."""
+    place = found.place
+    assert place is not None
+    width = place.bounds.half_width[k]
+    scalars = tuple(replace(one, value=one.value[[k]], half_width=one.half_width[[k]]) for one in found.scalars)
+    value, half, covariance = np.full(PARTS, np.nan), np.full(PARTS, np.nan), np.full((PARTS, PARTS), np.nan)
+    value[:2], half[:2] = place_mm * 1e-3, width * 1e-3
+    for one in scalars:
+        if one.name in _SIZES:
+            part, unit = _SIZES[one.name]
+            value[part], half[part] = one.value[0] * unit, one.half_width[0] * unit
+    sd, correlation = half / normal(COVERAGE), place.bounds.correlation[k]
+    covariance[np.diag_indices(PARTS)] = sd**2
+    covariance[0, 1] = covariance[1, 0] = correlation * sd[0] * sd[1]
+    flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[k])))
+    return Read(TOUCH, value, covariance, half, half, flag,
+                row_of(place_mm, width, scalars))
 
 
 def row_of(place: Array, half_width: Array, scalars: tuple[ScalarReading, ...]) -> Array:

@@ -7,7 +7,7 @@ import pandas as pd
 from eitsim.sensors.labels import PLACE
 from eitsim.sensors.recording import Recording
 from surrogate.data.outputs import lowest
-from surrogate.recordings.presses import presses_of
+from surrogate.recordings.presses import Presses, presses_of
 from surrogate.recordings.trained.press_reader import read
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
@@ -22,12 +22,7 @@ def read_touches(model: TrainedReader, recording: Recording) -> pd.DataFrame:
     place, x0_y0_correlation and x0_y0_ellipse90 make its 90 % ellipse, as surrogate.recordings.intervals says. The
     untouched frames of the recording are its tracked baseline. ValueError where the model knows the cost of age in
     seconds and the recording has no clock; of one that knows it in frames, the recording's clock is left out."""
-    clocked = model.reader.signals.clocked
-    if clocked and recording.time_s is None and recording.kind != "difference":
-        raise ValueError(f"{recording.source}: it has no column time_s, and the model was trained on a recording with "
-                         "one, so that the ages of untouched frames cannot be compared. Add time_s, or train on a "
-                         "recording without it.")
-    presses = presses_of(recording if clocked else replace(recording, time_s=None))
+    presses = presses_read(model, recording)
     found = read(model.reader, presses)
     named = bool((presses.name != "").any())
     table = pd.DataFrame({"touch": presses.name} if named else {"index": presses.index})
@@ -39,6 +34,16 @@ def read_touches(model: TrainedReader, recording: Recording) -> pd.DataFrame:
     for one in found.scalars:
         _add(table, one.name, one.value, one.half_width)
     return table.assign(flag=found.flag)
+
+
+def presses_read(model: TrainedReader, recording: Recording) -> Presses:
+    """The presses of a recording with ages as the model knows them; ValueError as of `read_touches`."""
+    clocked = model.reader.signals.clocked
+    if clocked and recording.time_s is None and recording.kind != "difference":
+        raise ValueError(f"{recording.source}: it has no column time_s, and the model was trained on a recording with "
+                         "one, so that the ages of untouched frames cannot be compared. Add time_s, or train on a "
+                         "recording without it.")
+    return presses_of(recording if clocked else replace(recording, time_s=None))
 
 
 def _add(table: pd.DataFrame, label: str, value: Array, half_width: Array) -> None:

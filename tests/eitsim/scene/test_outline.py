@@ -83,7 +83,7 @@ def test_the_tables_of_a_disc_know_no_outline():
 
 @pytest.mark.parametrize(("body", "said"), [
     ({"outline": "polygon", "points_mm": [[0, 0], [10, 10], [10, 0], [0, 10]]},
-     "points_mm in \\[body\\]: the edges from point 0 and from point 2"),
+     "points_mm in \\[body\\]: the edges from \\(0, 0\\) and from \\(10, 0\\) mm cross"),
     ({"outline": "polygon", "points_mm": [[0, 0], [10, 0], [5, 0], [5, 10]]}, "cross or touch"),
     ({"outline": "polygon", "points_mm": [[0, 0], [10, 0]]}, "three points"),
     ({"outline": "polygon", "points_mm": [[0, 0], [10, 0], [10, 0], [0, 10]]}, "given twice in a row"),
@@ -95,12 +95,15 @@ def test_the_tables_of_a_disc_know_no_outline():
     (SIZES | {"holes_mm": [[0, 0, 5], [8, 0, 5]]}, "a hole touches another hole"),
     (SIZES | {"holes_mm": [[0, 0, 15], [0, 0, 5]]}, "hole 2 lies in another hole"),
     (SIZES | {"holes_mm": [[90, 0, 5]]}, "hole 1 lies outside the outline"),
+    (SIZES | {"holes_mm": [[0, 0, -5]]}, "of a positive radius"),
+    (SIZES | {"holes_mm": [20, 0, 4]}, "\\[\\[20, 0, 4\\]\\]"),
+    ({"outline": "polygon", "points_mm": [[0, 10], [10, 0], [10, 10], [5, -9]]}, "the edges from \\(5, -9\\) and"),
     (SIZES | {"holes_mm": [[0, 0]]}, "circles \\[x, y, radius\\]"),
     (SIZES | {"radius_mm": 50}, "radius_mm in \\[body\\] has no effect with an outline"),
     (SIZES | {"points_mm": [[0, 0], [1, 0], [0, 1]]}, "points_mm in \\[body\\]: has no effect"),
     ({"width_mm": 50}, "width_mm in \\[body\\]: has no effect with outline = \"disc\""),
     ({"outline": "oval"}, "'oval' is unknown; known: disc, rectangle, polygon"),
-    (SIZES | {"width_mm": -3}, "width_mm and height_mm in \\[body\\]: must be positive"),
+    (SIZES | {"width_mm": -3}, "width_mm in \\[body\\]: must be positive"),
 ])
 def test_what_is_no_outline_is_refused_by_its_key(body, said):
     with pytest.raises(ValueError, match=said):

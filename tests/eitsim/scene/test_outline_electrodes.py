@@ -84,6 +84,7 @@ def test_missing_electrodes_leave_the_others_where_they_are():
     ({"count": 4, "shares": [0, 0.1]}, "shares in \\[electrodes\\]: must hold 4 numbers"),
     ({"count": 3}, "count in \\[electrodes\\]: must be 4 to 64"),
     ({"shape": "disc", "x_mm": [1]}, "x_mm in \\[electrodes\\]: has no effect with kind = \"line\""),
+    ({"contact_impedance_Ohm_m2": 1e-4}, "with kind = \"line\"; give contact_impedance_Ohm_m \\(impedance"),
     (FOUR | {"x_mm": [-58, 30, -30, 30]}, "electrode 0 \\(from 0\\) lies off the skin"),
     (FOUR | {"x_mm": [-90, 30, -30, 30]}, "electrode 0 \\(from 0\\) lies off the skin"),
     (FOUR | {"x_mm": [25, 30, -30, 30]}, "electrodes 0 and 1 \\(from 0\\) overlap"),

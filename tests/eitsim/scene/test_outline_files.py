@@ -29,7 +29,7 @@ def test_corners_of_a_csv_are_the_outline(tmp_path):
 
 
 def test_lines_and_arcs_of_a_dxf_are_joined_and_its_circles_are_holes(tmp_path):
-    drawing = ezdxf.new()
+    drawing = ezdxf.new(units=4)
     space = drawing.modelspace()
     space.add_line((0, 0), (60, 0))
     space.add_line((0, 40), (0, 0))
@@ -58,6 +58,18 @@ def test_user_units_of_an_svg_are_96_an_inch(tmp_path):
     (tmp_path / "skin.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="480" height="480">'
                                        '<path d="M 0 0 L 384 0 L 384 192 L 0 192 Z"/></svg>')
     assert area_m2(scene_of(tmp_path, "skin.svg").body) == pytest.approx(0.1016 * 0.0508, rel=1e-9)
+
+
+@pytest.mark.parametrize(("unit", "said"), [(1, "inches"), (6, "meters"), (4, None), (0, None)])
+def test_a_drawing_in_another_unit_than_mm_is_refused(tmp_path, unit, said):
+    drawing = ezdxf.new(units=unit)
+    drawing.modelspace().add_lwpolyline([(0, 0), (120, 0), (120, 80), (0, 80)], close=True)
+    drawing.saveas(tmp_path / "skin.dxf")
+    if said is None:
+        assert area_m2(scene_of(tmp_path, "skin.dxf").body) == pytest.approx(0.12 * 0.08)
+        return
+    with pytest.raises(InputFileError, match=rf"it states {said} \(\$INSUNITS {unit}\).* Save it in mm"):
+        scene_of(tmp_path, "skin.dxf")
 
 
 def test_the_edge_of_a_mesh_is_the_outline(tmp_path):

@@ -40,6 +40,11 @@ def test_without_header_all_columns_are_readings_of_untouched_frames(tmp_path: P
     assert found.untouched.all()
 
 
+def test_a_touch_that_a_table_wrote_as_a_decimal_number_is_that_number(tmp_path: Path) -> None:
+    found = read_recording(written(tmp_path, "touch,v_000\n,1\n0.0,2\n12.00,3\n1.50,4\nv1.0,5\n"))
+    assert found.touch.tolist() == ["", "0", "12", "1.50", "v1.0"]
+
+
 def test_frames_of_differences_are_never_untouched(tmp_path: Path) -> None:
     assert not read_recording(written(tmp_path, "v_000\n1\n2\n"), kind="difference").untouched.any()
 
@@ -52,6 +57,7 @@ def test_frames_of_differences_are_never_untouched(tmp_path: Path) -> None:
     ("v_000,v_002\n1,2\n", "line 1: the header names 'v_002' where reading 1"),
     ("v_000,v_000\n1,2\n", "line 1: the header names 'v_000' where reading 1"),
     ("touch,touch,v_000\na,b,2\n", "twice"),
+    ("v_000;v_001\n1,5;2\n", "line 1: its cells are separated by semicolons"),
     ("v_000,v_001\n1,2\n3\n", "line 3: 1 columns, expected 2"),
     ("v_000,v_001\n1,2\n3,inf\n", "line 3: reading 1 is 'inf'"),
     ("v_000,v_001\n1,nan\n", "line 2: reading 1 is 'nan'"),

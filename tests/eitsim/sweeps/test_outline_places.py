@@ -9,7 +9,7 @@ from eitsim.electrics.forward.gridded_fields import StoredFields, blank, inside,
 from eitsim.scene.outline import area_m2, edge_distance_m
 from eitsim.scene.scene import Body, scene_from
 from eitsim.simulation.plan import least_gap_m
-from eitsim.sweeps.design.design import design_from, scene_at
+from eitsim.sweeps.design.design import design_from, kept_from_edges, scene_at
 from eitsim.sweeps.design.outline_places import on_outline
 
 CORNERS = [[0, 0], [200, 0], [200, 80], [80, 80], [80, 200], [0, 200]]
@@ -37,6 +37,20 @@ def test_places_keep_the_gap_that_the_plan_solves_unless_one_is_given():
     assert keep <= gaps.min() < keep + 0.003
     rough = gaps_of(DESIGN | {"accuracy": {"signal": 0.1}}, 100)
     assert rough.min() < keep
+
+
+def test_it_is_said_how_far_from_edges_touches_keep_unless_a_gap_or_places_are_given():
+    """10 mm of a square of 40 mm with a punch of 2 mm: a square of 18 mm, less a square of 1/256 all around."""
+    square = {"outline": "rectangle", "width_mm": 40, "height_mm": 40, "thickness_mm": 10 / 4.1}
+    made = DESIGN | {"body": square, "electrodes": {"count": 8}, "punch": {"diameter_mm": 2, "force_N": 0.01}}
+    gap = 1e3 * least_gap_m(scene_from({"body": square, "electrodes": {"count": 8}}))
+    said = kept_from_edges(design_from(made))
+    assert f"touches keep {gap:.3g} mm from all edges" in said
+    share = float(said.partition("does on ")[2].partition(" %")[0])
+    assert share == pytest.approx(100 * ((38 - 2 * gap) / 40) ** 2, abs=1)
+    for place in ({"gap_mm": 4}, {"list": [[0, 0]]}):
+        assert kept_from_edges(design_from(made | {"punch": made["punch"] | {"place": place}})) == ""
+    assert kept_from_edges(design_from({"scenes": 2, "punch": {"force_N": 0.2}})) == ""
 
 
 def test_a_small_skin_has_its_own_electrodes():

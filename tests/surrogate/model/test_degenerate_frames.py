@@ -235,5 +235,8 @@ def test_frames_of_the_other_sign_are_told_with_the_likely_cause(
         assert all(OTHER_SIGN in flag for flag in flags)
         assert "2 of 2 frames" in sign_caution(flags)
         assert "untouched and a touched frame exchanged" in sign_caution(flags)
+    mean = predictors[method].novelty.mean  # a touch elsewhere, nearly at a right angle to the trained ones
+    across = signal[0] - 1.01 * (signal[0] @ mean) / (mean @ mean) * mean
+    assert OTHER_SIGN not in predict(predictors[method], untouched_V + across[None]).flag[0]
     rest = predict(predictors[method], untouched_V + np.vstack([signal, 1e-3 * NOISE_V * rng.normal(size=(20, 208))]))
     assert sign_caution(rest.flag) == ""

@@ -13,7 +13,7 @@ import pytest
 import surrogate
 from surrogate.data.frame_drift import by_gain, frame_drift
 from surrogate.data.samples import Samples
-from surrogate.learners.novelty import fit_novelty
+from surrogate.learners.novelty import fit_novelty, one_column
 from surrogate.model.drift_choice import drift_groups
 from touchcal.arrays import Array
 
@@ -81,6 +81,13 @@ def test_no_drift_leaves_answers_as_they_are(model: surrogate.Model, touches: tu
     plain, none = (model.predict(frames, noise_V=NOISE_V, gain_drift=gain) for gain in (0.0, 1e-12))
     values = ["x0_m", "y0_m", "F_N"]
     assert np.allclose(plain[values], none[values], rtol=1e-3, atol=1e-5)
+
+
+def test_no_gain_explains_a_signal_that_leaves_nothing_to_explain(model: surrogate.Model) -> None:
+    span = fit_novelty(model.ring, model.calibration.signal_V)
+    gain = frame_drift(model.ring, model.baseline_V, GAIN).gain
+    reversed_V = -model.calibration.signal_V  # strange by its sign alone
+    assert not one_column(span, reversed_V, gain, 0.0)[2].any()
 
 
 def test_the_channel_of_a_strange_frame_is_named(model: surrogate.Model, touches: tuple[Array, Array]) -> None:

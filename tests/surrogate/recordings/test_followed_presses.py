@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from eitsim.sensors.recording import Recording, read_recording, write_recording
 from surrogate.live.messages import frame
 from surrogate.live.pictured import pictured
-from surrogate.live.shows import streamed_show
+from surrogate.live.serve import Show
+from surrogate.live.shows import recorded_show, streamed_show
 from surrogate.model.tracking.followed_presses import begun, followed, row_of
 from surrogate.model.tracking.followed_reading import TOO_WEAK
 from surrogate.model.tracking.tracked import TOUCH, UNTOUCHED
@@ -18,6 +23,7 @@ from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import Tracker
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.trained.press_reader import ScalarReading
+from surrogate.recordings.trained.reader_table import read_touches
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
@@ -54,6 +60,12 @@ def stream(place: Array, noise: float) -> Array:
     return 1.0 + clean + noise * np.abs(signal).mean() * rng.standard_normal(clean.shape)
 
 
+def messages_of(show: Show) -> list[dict[str, Any]]:
+    """What the page is sent."""
+    return [json.loads(frame(k, moment, show.read(moment), show.hello, "", 0.0))
+            for k, moment in enumerate(show.moments)]
+
+
 def test_the_page_shows_what_a_model_of_a_recording_reads(model: TrainedReader) -> None:
     place = synthetic_places(np.random.default_rng(8), 3)
     lines = "".join(",".join(map(repr, frame.tolist())) + "\n" for frame in stream(place, 0.1))
@@ -62,11 +74,53 @@ def test_the_page_shows_what_a_model_of_a_recording_reads(model: TrainedReader) 
     assert show.hello["values"] == ["x_mm", "y_mm"]
     assert show.hello["electrodes_rad"] == []
     assert np.linalg.norm(place - skin.centre_mm, axis=1).max() < skin.radius_mm
-    sent = [json.loads(frame(k, moment, show.read(moment), "", 0.0)) for k, moment in enumerate(show.moments)]
+    sent = messages_of(show)
     read = sent[REST + 15]["read"]
     assert np.hypot(read["x_mm"] - place[0, 0], read["y_mm"] - place[0, 1]) < 0.1 * skin.radius_mm
     assert sent[REST - 2]["read"] is None
     assert sent[REST + 15]["ellipse"]["long_mm"] > 0
+
+
+def drifting(path: Path, place: Array) -> Path:
+    """A recording of presses at places (n, 2), an untouched frame before each, that drifts by twice a touch's signal
+    from one press to the next, so that presses are read only against the untouched frames next to them."""
+    signal = synthetic_signal(place, np.ones(len(place)))
+    way = np.random.default_rng(4).standard_normal(signal.shape[1]) * 2 * np.abs(signal).mean()
+    rest = 1.0 + np.arange(2 * len(place))[:, None] / 2 * way
+    frames = rest + np.where(np.arange(2 * len(place)) % 2, 1.0, 0.0)[:, None] * np.repeat(signal, 2, axis=0)
+    touch = np.array([name for k in range(len(place)) for name in ("", str(k))])
+    write_recording(Recording(frames, np.arange(len(frames)), None, touch, "voltage", path), path)
+    return path
+
+
+def test_presses_that_a_recording_marks_are_shown_as_its_table_has_them(with_forces: TrainedReader,
+                                                                        tmp_path: Path) -> None:
+    path = drifting(tmp_path / "frames.csv", synthetic_places(np.random.default_rng(8), 6))
+    table = read_touches(with_forces, read_recording(path))
+    show = recorded_show(with_forces, path, rate_hz=1000.0)
+    sent = messages_of(show)
+    assert [one["state"] for one in sent] == [UNTOUCHED, TOUCH] * 6
+    assert [one["time_s"] for one in sent[:3]] == [0.0, 0.001, 0.002]
+    read = [one["read"] for one in sent[1::2]]
+    for name, column in (("x_mm", "x0_mm"), ("y_mm", "y0_mm"), ("F_N", "F_N"), ("depth_mm", "depth_mm")):
+        np.testing.assert_allclose([one[name] for one in read], table[column], atol=2e-6)
+    np.testing.assert_allclose([one["half_width"]["depth_mm"] for one in sent[1::2]],
+                               table["depth_hi90_mm"] - table["depth_mm"], atol=2e-6)
+    assert sent[1]["difference"][0] == pytest.approx(1e3 * synthetic_signal(
+        synthetic_places(np.random.default_rng(8), 6)[:1], np.ones(1))[0, 0], rel=1e-3, abs=1e-3)
+
+
+def test_a_rate_next_to_a_clock_is_refused(model: TrainedReader, tmp_path: Path) -> None:
+    path = drifting(tmp_path / "frames.csv", synthetic_places(np.random.default_rng(8), 2))
+    recording = read_recording(path)
+    write_recording(replace(recording, time_s=np.arange(4.0)), path)
+    with pytest.raises(ValueError, match="has a clock, time_s, so that --rate would have no effect"):
+        recorded_show(model, path, rate_hz=2.0)
+
+
+def test_readings_of_a_board_have_no_unit(model: TrainedReader) -> None:
+    assert pictured(model).unit == "mV"
+    assert pictured(replace(model, kind="magnitude")).unit == ""
 
 
 def test_presses_are_found_and_read(model: TrainedReader) -> None:

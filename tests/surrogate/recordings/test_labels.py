@@ -26,6 +26,9 @@ def test_columns_in_any_order(tmp_path: Path) -> None:
     ("touch,x_mm,x_mm\na,1,2\n", "one of them twice"),
     ("touch,x_mm\na,1\n\na,2\n", "line 4: touch 'a' stands in line 2"),
     ("touch,x_mm\n,1\n", "line 2: touch is empty"), ("touch,x_mm\na,\n", "line 2: x_mm is ''"),
+    ("touch;x_mm\na;1,5\n", "line 1: its cells are separated by semicolons or tabs"),
+    ("touch,x_mm\na,1,5\n", "Write numbers with a point, not a comma"),
+    ("touch,x_mm\n7,1\n7.0,2\n", "line 3: touch '7' stands in line 2"),
     ("touch,x_mm\na,inf\n", "line 2: x_mm is 'inf'"), ("touch,x_mm\na,1,2\n", "line 2: 3 columns, expected 2")])
 def test_what_is_no_label_is_refused(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "touches.csv"
