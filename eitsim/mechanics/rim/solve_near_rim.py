@@ -79,9 +79,8 @@ class Resolution:
 
 
 ROUGH, COARSE, FINE = Resolution(8.0, 4, 10), Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)
-# Of single touches: half as far off in strains in plane as FINE, which tables take, for half as much time again.
-FINER = Resolution(4.0, 9, 18, widest=0.25, parts=4, inside=0.12)
-FULL_DISC = replace(FINER, element=3.0, out_to=np.inf)
+# Strains in plane are half as far off as by FINE: steep ones next to the punch, and where the foam's side is free.
+FULL_DISC = Resolution(3.0, 9, 18, np.inf, widest=0.25, parts=4, inside=0.12)
 Finenesses = tuple[Resolution | None, Resolution, Resolution]  # rough, coarse, fine; the first where it may serve
 
 
@@ -150,11 +149,11 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = Fa
         raise ValueError(f"{problem}.")
     edge = _edges(body, punch) if all_edges and body.has_outline else None
     if not whole:
-        return corrected(solve_touch(law, body, punch), law, body, punch, fine=FINER, edge=edge,
+        return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge,
                          rough=None if edge else ROUGH)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
-    return corrected(touch, law, body, punch, coarse=FINER, edge=edge,
-                     fine=replace(FULL_DISC, out_to=FINER.out_to) if body.has_outline else FULL_DISC)
+    return corrected(touch, law, body, punch, coarse=FINE, edge=edge,
+                     fine=replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC)
 
 
 def _edges(body: Body, punch: Punch) -> OffsetOutline:
