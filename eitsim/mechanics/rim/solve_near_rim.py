@@ -41,9 +41,9 @@ from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
 
-# Elements are halved along the radius from so far inside the punch's edge to so far outside it, thicknesses: there the
-# strain falls off steeply where the foam leaves the fillet, and the rim moves that place.
-_INSIDE, _OUTSIDE = 0.05, 0.2
+# Elements are split along the radius from inside the punch's edge to so far outside it, thicknesses: there the strain
+# falls off steeply where the foam leaves the fillet, and the rim moves that place.
+_OUTSIDE = 0.2
 # Lines closer than this are one, thicknesses.
 _NEAR = 1e-9
 # Least gap between the punch's edge and the rim, over the disc's radius: with less the rim cuts slivers off elements.
@@ -74,10 +74,13 @@ class Resolution:
     out_to: float = 5.0  # reference radius, thicknesses outside the punch's edge, at which the change ends
     # widest element up to there, thicknesses: the rim cuts elements anywhere, and what it changes decays over 0.7
     widest: float = 0.5
+    parts: int = 2  # into which elements about the punch's edge are split
+    inside: float = 0.05  # how far inside it, thicknesses
 
 
 ROUGH, COARSE, FINE = Resolution(8.0, 4, 10), Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)
-FULL_DISC = Resolution(3.0, 9, 18, np.inf)
+# Strains in plane are half as far off as by FINE: steep ones next to the punch, and where the foam's side is free.
+FULL_DISC = Resolution(3.0, 9, 18, np.inf, widest=0.25, parts=4, inside=0.12)
 Finenesses = tuple[Resolution | None, Resolution, Resolution]  # rough, coarse, fine; the first where it may serve
 
 
@@ -288,13 +291,14 @@ def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution) -> tu
 
 
 def _narrowed(model: IndentationProblem, fineness: Resolution) -> IndentationProblem:
-    """The problem with elements halved about the punch's edge, and none wider than the widest as far as the change
+    """The problem with elements split about the punch's edge, and none wider than the widest as far as the change
     reaches."""
     r, z = (lines[::model.grid.order] for lines in model.grid.lines)
     edge = model.punch.profile.radius
-    halved = (r[:-1] > edge - _INSIDE - _NEAR) & (r[1:] < edge + _OUTSIDE)
-    parts = [max(math.ceil((b - a) / fineness.widest), 2 if half else 1) if a < edge + fineness.out_to else 1
-             for (a, b), half in zip(itertools.pairwise(r), halved, strict=True)]
+    steep = (r[:-1] > edge - fineness.inside - _NEAR) & (r[1:] < edge + _OUTSIDE)
+    parts = [max(math.ceil((b - a) / fineness.widest), fineness.parts if split else 1)
+             if a < edge + fineness.out_to else 1
+             for (a, b), split in zip(itertools.pairwise(r), steep, strict=True)]
     r = np.concatenate([[0.0], *(a + (b - a) * np.arange(1, n + 1) / n
                                  for (a, b), n in zip(itertools.pairwise(r), parts, strict=True))])
     grid = tensor_grid(r, z, order=model.grid.order)
