@@ -128,13 +128,12 @@ def _clusters(scene: Scene) -> tuple[tuple[int, ...], ...]:
 
 def _together_problem(scene: Scene, group: Sequence[int]) -> str:
     """Why these touches cannot be solved together, without a full stop; empty where they can."""
-    if scene.body.has_outline:
-        return "touches near each other on outlines other than the disc are not solved yet"
+    edge = "an edge of the skin" if scene.body.has_outline else "the rim"
     for i in group:
         if near_rim(scene, scene.punches[i]):
             gap_mm = rim_gap_m(scene.body, scene.punches[i]) * 1e3
-            return (f"touch {i + 1} is also {gap_mm:.1f} mm from the rim, and near a "
-                    "neighbour and the rim at once is not built")
+            return (f"touch {i + 1} is also {gap_mm:.1f} mm from {edge}, and near a neighbour and {edge} at once is "
+                    "not built")
     return pair_problem(scene.body, [scene.punches[i] for i in group])
 
 

@@ -143,7 +143,7 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
     if method == "multipole" and not lines:
         raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
     clipped = changed and (not sensor.body.has_outline or any(
-        (touch.rim is not None and touch.rim.whole_turn)
+        (touch.rim is not None and (touch.rim.whole_turn or touch.rim.neighbour))
         or rings.admissible_radius(sensor.body, punch) <= touch.contact_radius_m for punch, touch in touches))
     if method == "multipole" and clipped:
         raise ValueError("method 'multipole' needs a contact that ends before the edge, a touch that is symmetric "

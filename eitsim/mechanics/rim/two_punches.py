@@ -103,11 +103,21 @@ def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punche
     rough = _settled(_frames(law, body, punches, coarse))
     found = _settled(_frames(law, body, punches, fine), rough)
     spent, out = (cpu_s() - started) / 2, []
-    for i, (touch, punch) in enumerate(zip(touches, punches, strict=True)):
-        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), body, punch)
+    disc, seen = _on_a_disc(body, punches)
+    for i, (touch, punch) in enumerate(zip(touches, seen, strict=True)):
+        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), disc, punch)
         out.append(replace(one, depth_error=one.depth_error + found.moved,
                            signal_errors=one.signal_errors + found.moved, cpu_s=touch.cpu_s + spent))
     return out[0], out[1]
+
+
+def _on_a_disc(body: Body, punches: Sequence[Punch]) -> tuple[Body, list[Punch]]:
+    """The disc on which errors of signals are found, and the punches there: those of an outline about its middle."""
+    if not body.has_outline:
+        return body, list(punches)
+    x, y = (sum(getattr(punch, axis) for punch in punches) / len(punches) for axis in ("x_m", "y_m"))
+    return (Body(radius_m=body.radius_m, thickness_m=body.thickness_m),
+            [replace(punch, x_m=punch.x_m - x, y_m=punch.y_m - y) for punch in punches])
 
 
 def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Resolution) -> tuple[_Frame, ...]:

@@ -56,6 +56,7 @@ def test_a_touch_far_from_edges_is_that_of_the_disc_of_the_area():
     assert document["scene"]["body"]["outline"] == "rectangle"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.051, 0.031), (-0.03, 0.01)])
 def test_a_touch_near_a_corner_or_a_hole_is_solved_with_all_edges(x_m, y_m):
     """The depth differs from that with the nearest edge alone by more than it is off, and the readings follow."""
@@ -73,6 +74,7 @@ def test_a_touch_near_a_corner_or_a_hole_is_solved_with_all_edges(x_m, y_m):
     assert found.error_estimate["signal"] < 0.15
 
 
+@pytest.mark.slow
 def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
     scene = at(0.01, 0.03)
     found = simulate(scene, CARD)
@@ -122,12 +124,37 @@ def test_a_punch_over_the_edge_is_refused(y_m):
     assert "mm further inwards" in refused
 
 
-def test_touches_near_each_other_are_refused_and_far_ones_solved():
-    pair = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.1))
-    near = make_plan(replace(SCENE, punches=pair), CARD).refusal
-    assert "touches near each other on outlines other than the disc are not solved yet" in near
+PAIR = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.1))
+
+
+def test_touches_near_each_other_are_refused_next_to_an_edge_and_far_ones_solved():
+    assert make_plan(replace(SCENE, punches=PAIR), CARD).refusal == ""
+    askew = tuple(replace(punch, x_m=punch.x_m - 0.006, y_m=0.03) for punch in PAIR)
+    refused = make_plan(replace(SCENE, punches=askew), CARD).refusal
+    assert "mm from an edge of the skin, and near a neighbour and an edge of the skin at once is not built" in refused
     far = (Punch(-0.005, 0.0, 0.008, force_N=0.1), Punch(0.03, 0.0, 0.008, force_N=0.1))
     assert make_plan(replace(SCENE, punches=far), CARD).refusal == ""
+
+
+@pytest.mark.slow
+def test_touches_near_each_other_on_a_polygon_of_400_corners_are_those_on_the_disc():
+    turn = 2 * np.pi * (np.arange(400) + 0.5) / 400
+    radius = 0.06 * np.sqrt(2 * np.pi / (400 * np.sin(2 * np.pi / 400)))
+    corners = radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    polygon = Body(thickness_m=0.005, outline="polygon", points_m=tuple((x, y) for x, y in corners.tolist()))
+    pair = (PAIR[0], Punch(0.010, 0.006, 0.010, force_N=0.2))
+    scene = Scene(Body(0.06, 0.005), pair, electrodes=Electrodes(count=16, width_m=0.008), accuracy=Accuracy(0.02))
+    disc, outlined = (simulate(replace(scene, body=body), CARD) for body in (scene.body, polygon))
+    for found in (disc, outlined):
+        assert found.outcome == "ok", found.message
+        assert all(touch.rim is not None and touch.rim.neighbour for touch in found.touches)
+    assert disc.readings is not None
+    assert outlined.readings is not None
+    for one, other in zip(disc.touches, outlined.touches, strict=True):
+        assert other.depth_m == pytest.approx(one.depth_m, rel=1e-9)
+        np.testing.assert_allclose(other.signal_errors, one.signal_errors, rtol=0.5)
+    missed = np.linalg.norm(outlined.readings.signal_V - disc.readings.signal_V)
+    assert missed < 1e-3 * np.linalg.norm(disc.readings.signal_V)
 
 
 def test_exact_says_that_edges_stay_left_out():
