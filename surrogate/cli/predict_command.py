@@ -240,7 +240,8 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
         _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
              f"punches these share; the likelihood is {whose}.")
     rows = []
-    ready = prepare(model, reference.volts, noise, dead, calibrate=seed is None)
+    with waiting("preparing the model"):
+        ready = prepare(model, reference.volts, noise, dead, calibrate=seed is None)
     for one in counted("frames")(ones(ready, frames)):
         if seed is not None:
             rows.append(posterior_row(model, simulator, one, noise, seed))
