@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +17,7 @@ import typer
 from touchcal.errors import NotConverged
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
 BAD_INPUT, NOT_CONVERGED = 2, 3
@@ -142,16 +144,45 @@ def print_table(table: Table) -> None:
     Console(width=max(Console().width, Measurement.get(wide, wide.options, table).maximum)).print(table)
 
 
+@cache
+def _terminal() -> Console:
+    """Standard error, the same console for all, so that what is counted stands below what it is part of."""
+    from rich.console import Console
+
+    return Console(stderr=True)
+
+
+@contextmanager
+def waiting(words: str) -> Iterator[None]:
+    """Shows on a terminal what is done meanwhile, and since when; silent in a pipe."""
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    with Progress(SpinnerColumn(), TextColumn(words), TimeElapsedColumn(), console=_terminal(),
+                  disable=not _terminal().is_terminal, transient=True) as sign:
+        sign.add_task(words, total=None)
+        yield
+
+
 @contextmanager
 def counter(total: int, label: str) -> Iterator[Callable[..., None]]:
     """A function that takes the number done so far, and words on it if there are any, and shows them on a terminal with
     the time left; silent in a pipe."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
     columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
                TextColumn("{task.fields[words]}"))
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+    with Progress(*columns, console=_terminal(), disable=not _terminal().is_terminal, transient=True) as bar:
         task = bar.add_task(label, total=total, words="")
         yield lambda done, words="": bar.update(task, completed=done, words=words)
+
+
+def counted(label: str) -> Callable[[Iterable[Any]], Iterator[Any]]:
+    """Goes through items and shows on a terminal how many are done."""
+    def each(items: Iterable[Any]) -> Iterator[Any]:
+        listed = list(items)
+        with counter(len(listed), label) as advance:
+            for done, item in enumerate(listed, start=1):
+                yield item
+                advance(done)
+
+    return each

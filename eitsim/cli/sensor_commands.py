@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +10,7 @@ import typer
 from eitsim.cli.sensor_design_command import design
 from eitsim.cli.sensor_fit_commands import correct, fit, predict
 from touchcal.errors import InputFileError
-from touchcal.terminal import JsonOption, application, print_json
+from touchcal.terminal import JsonOption, application, print_json, waiting
 
 app = application("Real sensors: their recordings, what the readings say of themselves, and models calibrated to them.")
 
@@ -34,8 +33,6 @@ def inspect(recording: Annotated[Path, typer.Argument(
 
     Example: eitsim sensor inspect frames.csv --sensor sensor.toml
     """
-    from rich.console import Console
-
     from eitsim.cli.display import show_inspection
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.inspection import inspect as inspected
@@ -50,8 +47,7 @@ def inspect(recording: Annotated[Path, typer.Argument(
         except ValueError as error:
             raise InputFileError(sensor, str(error)) from None
     frames = open_recording(recording, kind=known.kind if known else Sensor.kind, readings=readings)
-    console = Console(stderr=True)
-    with console.status("comparing orders of readings") if console.is_terminal else nullcontext():
+    with waiting("comparing orders of readings"):
         found = inspected(frames, known)
     if as_json:
         print_json(document(found))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from touchcal.terminal import JsonOption, check_apart, check_out, counter, print_json
+from touchcal.terminal import JsonOption, check_apart, check_out, counted, print_json
 from touchcal.whole_file import written
 
 
@@ -56,7 +55,7 @@ def design(sensors: Annotated[list[Path], typer.Argument(
         made[path] = design_sensor(scene, material, noise_dB=noise_db, noise_V=noise, readings=readings,
                                    candidates=candidates, unknown_diameter=unknown_diameter,
                                    within_m=None if within_mm is None else within_mm / 1e3, places=places,
-                                   each=_counted)
+                                   each=counted("touches"))
         noise = made[path].noise_V
     if out is not None:
         import numpy as np
@@ -70,12 +69,3 @@ def design(sensors: Annotated[list[Path], typer.Argument(
     show_designs(made)
     if out is not None:
         print(f"readings: {out} ({readings})")
-
-
-def _counted(items: Iterable[int]) -> Iterator[int]:
-    """Goes through items and shows on a terminal how many are done."""
-    listed = list(items)
-    with counter(len(listed), "touches") as advance:
-        for done, item in enumerate(listed, start=1):
-            yield item
-            advance(done)

@@ -11,7 +11,7 @@ import typer
 from eitsim.cli.sweep_commands import check_pdf
 from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
-from touchcal.terminal import JsonOption, check_apart, check_out, print_json
+from touchcal.terminal import JsonOption, check_apart, check_out, print_json, waiting
 
 
 def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV of one row a frame, touch empty in "
@@ -68,7 +68,8 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     if labels and pressed and card and material:
         _named(labels, lambda: held_label(pressed))
         _named(card, lambda: check_skin(material))
-    found = calibrate(known, frames, pressed, material)
+    with waiting("calibrating the sensor"):
+        found = calibrate(known, frames, pressed, material)
     skin_card = write_skin_card(found.skin, out).name if found.skin is not None else None
     removed = found.skin is None and remove_skin_card(out)
     document = calibration_document(found, skin_card)

@@ -1,12 +1,11 @@
 """`surrogate limit`: how well readings with white noise can tell a touch, whatever reads them."""
 
-from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from touchcal.terminal import JsonOption, check_apart, check_out, counter, numbers, print_json
+from touchcal.terminal import JsonOption, check_apart, check_out, counted, numbers, print_json, waiting
 
 DATA_HELP = "Data set: the least root mean square error over its touches."
 NOISE_HELP = "Noise levels in dB below the RMS of the baseline voltages, separated by commas."
@@ -77,8 +76,9 @@ def _of_scene(path: Path, card_path: Path, levels: list[float], material: bool, 
     card = read_card(card_path)
     spreads = {"known": known_material()} | ({"posterior": spread_of(card, card_path)} if material else {})
     scene = read_scene(path)
-    found = (over_disc(scene, card, spreads, levels, rim=rim, each=counted("touches")) if everywhere
-             else cramer_rao(scene, card, levels, spreads, rim=rim))
+    with waiting("solving the touch"):
+        found = (over_disc(scene, card, spreads, levels, rim=rim, each=counted("touches")) if everywhere
+                 else cramer_rao(scene, card, levels, spreads, rim=rim))
     return found.to_dict("records")
 
 
@@ -96,18 +96,6 @@ def _ends(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
                        "limit": value} for word, value in (("centre", each[0]), ("least", min(each)),
                                                            ("largest", max(each)))]
     return found
-
-
-def counted(label: str) -> Callable[[Iterable[Any]], Iterator[Any]]:
-    """Goes through items and shows on a terminal how many are done."""
-    def each(items: Iterable[Any]) -> Iterator[Any]:
-        listed = list(items)
-        with counter(len(listed), label) as advance:
-            for done, item in enumerate(listed, start=1):
-                yield item
-                advance(done)
-
-    return each
 
 
 def _print(rows: list[dict[str, Any]], title: str) -> None:

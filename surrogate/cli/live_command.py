@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from surrogate.cli.limit_command import counted
 from surrogate.cli.predict_command import ModelFolder, NoiseV
-from touchcal.terminal import check_out
+from touchcal.terminal import check_out, counted, waiting
 
 if TYPE_CHECKING:
     from surrogate.live.serve import Show
@@ -25,6 +24,8 @@ DATA_HELP = "Data set whose design describes the sensor of --simulate."
 BASELINE_HELP = ("CSV of untouched frames, for --replay and -; else those that the recording marks, or the first 20 "
                  "frames, with --noise-V the first one.")
 EXPORT_HELP = "Write the page as one file that presses and reads in the browser, without a server; forward models."
+
+STARTS = "preparing the page"  # what one waits for until there is an address
 
 
 def live(model_folder: ModelFolder,
@@ -64,7 +65,9 @@ def live(model_folder: ModelFolder,
             raise ValueError(f"{model_folder} was trained on a recording: its skin cannot be simulated or exported. "
                              "Show frames of the device with -, or a recording with --replay.")
         check_installed()
-        serve(_frames_show(load_reader(model_folder), frames, replay, baseline, noise_v, rate), port, _served)
+        with waiting(STARTS):
+            show = _frames_show(load_reader(model_folder), frames, replay, baseline, noise_v, rate)
+        serve(show, port, _served)
         return
     if export is not None:
         check_out(export, "--export")
@@ -73,8 +76,10 @@ def live(model_folder: ModelFolder,
         return
     check_installed()
     model = surrogate.load(model_folder)
-    serve(_frames_show(model, frames, replay, baseline, noise_v, rate) if frames or replay
-          else _pressed_show(model, simulate, data, scene, noise_v), port, _served)
+    with waiting(STARTS):
+        show = (_frames_show(model, frames, replay, baseline, noise_v, rate) if frames or replay
+                else _pressed_show(model, simulate, data, scene, noise_v))
+    serve(show, port, _served)
 
 
 def _served(address: str) -> None:

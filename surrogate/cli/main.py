@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from surrogate.cli.limit_command import counted, limit
+from surrogate.cli.limit_command import limit
 from surrogate.cli.live_command import live
 from surrogate.cli.predict_command import ModelFolder, predict
 from surrogate.cli.recording_command import train_recording
 from surrogate.learners.registry import METHODS, method_of
-from touchcal.terminal import JsonOption, SeedOption, application, check_out, numbers, print_json, run
+from touchcal.terminal import JsonOption, SeedOption, application, check_out, counted, numbers, print_json, run, waiting
 
 if TYPE_CHECKING:
     from surrogate.data.samples import Samples
@@ -85,10 +85,12 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     names, levels = chosen(outputs), _levels(noise_db)
     samples = _samples(folder)
     workers = workers or (_cores() if len(samples) >= 1000 else 1)
-    model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=counted("networks"),
-                            calibrate=calibrate, exact_signals=exact_signals)
+    with waiting("learning the touches"):
+        model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=counted("networks"),
+                                calibrate=calibrate, exact_signals=exact_signals)
     model.save(out)
-    result = surrogate.evaluate(model, samples, levels, most_trained=METHODS[model.method].most_scored)
+    with waiting("scoring the model, which calibrates its intervals"):
+        result = surrogate.evaluate(model, samples, levels, most_trained=METHODS[model.method].most_scored)
     store.save_evaluation(out, result.scores, result.predictions)
     if as_json:
         print_json({"model": out, "training": model.record["training"], **result.scores})
@@ -118,9 +120,10 @@ def evaluate(model_folder: ModelFolder,
 
     levels, model = _levels(noise_db), surrogate.load(model_folder)
     limits = read_limits(model_folder)
-    sets = {str(folder): with_limits(surrogate.evaluate(model, _samples(folder), levels, noise_reference,
-                                                        METHODS[model.method].most_scored).scores, limits)
-            for folder in folders}
+    with waiting("scoring the model"):
+        sets = {str(folder): with_limits(surrogate.evaluate(model, _samples(folder), levels, noise_reference,
+                                                            METHODS[model.method].most_scored).scores, limits)
+                for folder in folders}
     if not as_json:
         for name, scores in sets.items():
             if len(sets) > 1:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from surrogate.cli.limit_command import counted
 from surrogate.cli.recording_command import predict_recording
-from touchcal.terminal import JsonOption, SeedOption, check_apart, check_out, print_json
+from touchcal.terminal import JsonOption, SeedOption, check_apart, check_out, counted, print_json, waiting
 from touchcal.whole_file import written
 
 if TYPE_CHECKING:
@@ -111,7 +110,9 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
         if frames == "-":
             _track_stream(load_reader(model_folder), baseline, noise_v, out, rate)
             return
-        _written(predict_recording(model_folder, Path(frames)), model_folder, out, as_json)
+        with waiting("reading frames"):
+            table = predict_recording(model_folder, Path(frames))
+        _written(table, model_folder, out, as_json)
         return
     model = surrogate.load(model_folder)
     if held is not None and (direct or posterior or touches == 2):
@@ -190,7 +191,8 @@ def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, 
     from surrogate.model.predict import prepare, sign_caution, table_of
 
     _say_intervals(model, noise)
-    table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s, drift=drift), frames)
+    with waiting("reading frames"):
+        table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s, drift=drift), frames)
     if words := sign_caution(table["flag"].tolist()):
         _say(words)
     return table
@@ -238,7 +240,8 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
         _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
              f"punches these share; the likelihood is {whose}.")
     rows = []
-    ready = prepare(model, reference.volts, noise, dead, calibrate=seed is None)
+    with waiting("preparing the model"):
+        ready = prepare(model, reference.volts, noise, dead, calibrate=seed is None)
     for one in counted("frames")(ones(ready, frames)):
         if seed is not None:
             rows.append(posterior_row(model, simulator, one, noise, seed))

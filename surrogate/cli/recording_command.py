@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from touchcal.terminal import print_json, print_table
+from touchcal.terminal import print_json, print_table, waiting
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +59,8 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
         print("surrogate: the presses are learnt once for the model and once a split for its scores, which takes "
               "minutes.", file=sys.stderr)
     try:
-        model = train_reader(frames, given, seed, workers, expectation)
+        with waiting("learning the presses"):
+            model = train_reader(frames, given, seed, workers, expectation)
     except NothingToRead:
         _write_suggested(ahead, out)
         if not as_json:

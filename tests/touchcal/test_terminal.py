@@ -9,8 +9,9 @@ from importlib.metadata import version
 from typing import Any
 
 import pytest
+from rich.console import Console
 
-from touchcal.terminal import application, run
+from touchcal.terminal import application, counted, run, waiting
 
 
 def test_ctrl_c_is_answered_in_a_sentence(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -43,3 +44,20 @@ def test_a_program_says_its_version(capsys: pytest.CaptureFixture[str]) -> None:
         application("Help.")(args=["--version"], prog_name="program")
     assert end.value.code == 0
     assert capsys.readouterr().out == f"touchcal {version('touchcal')}\n"
+
+
+def _waited() -> None:
+    with waiting("learning"):
+        assert list(counted("networks")(range(3))) == [0, 1, 2]
+
+
+def test_what_takes_long_is_said_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch,
+                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    _waited()
+    assert capsys.readouterr() == ("", "")
+    terminal = Console(stderr=True, force_terminal=True, _environ={"TERM": "xterm", "COLUMNS": "100"})
+    monkeypatch.setattr("touchcal.terminal._terminal", lambda: terminal)
+    _waited()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.search("learning.*networks.*0/3", err, re.DOTALL)

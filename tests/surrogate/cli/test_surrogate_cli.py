@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.typing import NDArray
+from rich.console import Console
 
 from eitsim.scene.drive import voltage_columns
 from eitsim.sweeps.dataset.parquet import read_dataset, read_manifest, write_manifest, write_part
@@ -146,6 +147,18 @@ def test_several_sets_are_compared(call: Call, ridge: Path, few: Path, make_data
     rows = result["transfer"]["x0"]
     assert [(row["part"], row["set"]) for row in rows] == [("test", str(few)), ("all", str(other))]
     assert rows[1]["rmse_over_first"] == pytest.approx(rows[1]["rmse"] / rows[0]["rmse"])
+
+
+def test_training_shows_its_steps_on_a_terminal_alone(call: Call, sweep: Path, tmp_path: Path,
+                                                      monkeypatch: pytest.MonkeyPatch) -> None:
+    train = ("train", sweep, "--out", tmp_path / "m", "--method", "ridge", "--outputs", "y0,F", "--json")
+    assert call(*train)[::2] == (0, "")
+    terminal = Console(stderr=True, force_terminal=True, _environ={"TERM": "xterm", "COLUMNS": "100"})
+    monkeypatch.setattr("touchcal.terminal._terminal", lambda: terminal)
+    status, out, err = call(*train)
+    assert status == 0
+    assert json.loads(out)["method"] == "ridge"
+    assert 0 <= err.find("learning the touches") < err.find("scoring the model")
 
 
 @pytest.mark.parametrize(("method", "extra"), [("trainbr", ["--epochs", "20"]), ("gp", [])])
