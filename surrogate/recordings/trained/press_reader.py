@@ -148,7 +148,8 @@ def seen(signals: Signals, place: TouchReader | None, presses: Presses) -> Array
 
 
 def trained_on(reader: PressReader, presses: Presses) -> Mask:
-    """(n,) which presses are training ones: their signals are nodes of the kernel ridge regression."""
+    """(n,) which presses are training ones: their signals, against the same untouched frames, are nodes of
+    the kernel ridge regression."""
     ridge = reader.place.ridge if reader.place else reader.scalars[0].ridge
     return ridge.trained_on(seen(reader.signals, reader.place, presses))
 
