@@ -37,8 +37,8 @@ SUGGEST_HELP = ("Number of places to press next; they are printed and written to
                 "--out. Before the first press neither labels nor a recording are needed.")
 SCORED_HELP = ("Data sets that `eitsim sweep` wrote, or for a model of a recording recorded frames with --labels; "
                "several are compared.")
-EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate train`; one for each recording, in the same order. Presses "
-                    "of the training are recognised where the untouched frames around them are the same.")
+EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate train`; one for each recording, in the same order. "
+                    "Presses of the training are recognised where the untouched frames around them are the same.")
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
