@@ -13,7 +13,7 @@ import typer
 from surrogate.cli.limit_command import limit
 from surrogate.cli.live_command import live
 from surrogate.cli.predict_command import ModelFolder, predict
-from surrogate.cli.recording_command import train_recording
+from surrogate.cli.recording_command import evaluate_recordings, train_recording
 from surrogate.learners.registry import METHODS, method_of
 from touchcal.terminal import JsonOption, SeedOption, application, check_out, counted, numbers, print_json, run, waiting
 
@@ -35,6 +35,10 @@ SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrode
                   "recording's patterns is used in place of the sensitivity of a uniform disc.")
 SUGGEST_HELP = ("Number of places to press next; they are printed and written to suggested.csv in the folder of "
                 "--out. Before the first press neither labels nor a recording are needed.")
+SCORED_HELP = ("Data sets that `eitsim sweep` wrote, or for a model of a recording recorded frames with --labels; "
+               "several are compared.")
+EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate train`; one for each recording, in the same order. "
+                    "Presses of the training are recognised where the untouched frames around them are the same.")
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
@@ -102,28 +106,42 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
 
 @app.command()
 def evaluate(model_folder: ModelFolder,
-             folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Data sets that `eitsim sweep` "
-                                                                                  "wrote; several are compared.")],
+             folders: Annotated[list[Path], typer.Argument(metavar="DIR|RECORDING...", help=SCORED_HELP)],
+             labels: Annotated[list[Path] | None, typer.Option(help=EACH_LABELS_HELP)] = None,
              noise_db: Annotated[str, typer.Option(help="Noise levels in dB, separated by commas.")] = "",
              noise_reference: Annotated[str, typer.Option(help="What a level lies below: the RMS of the baseline "
                                                                "voltages, or of the signal.")] = "baseline",
              as_json: JsonOption = False) -> None:
-    """Score a model on data sets; rows it was trained on are listed separately. "in 50/90/95 %" is how many per cent of
-    the rows the intervals hold, "+-90 %" the median half width of the 90 % interval. Where `surrogate limit CARD --data
-    DIR --out MODEL_DIR/limits.csv` was run, the least possible errors under noise stand next to those of DIR.
+    """Score a model on data sets, or a model of a recording on recordings; rows it was trained on are listed
+    separately. "in 50/90/95 %" is how many per cent of the rows the intervals hold, "+-90 %" the median half width of
+    the 90 % interval. Where `surrogate limit CARD --data DIR --out MODEL_DIR/limits.csv` was run, the least possible
+    errors under noise stand next to those of DIR.
 
     Example: surrogate evaluate forward sweep other-mesh --noise-db 80,60,40 --json
+
+    Example: surrogate evaluate model frames.csv --labels kept_back.csv
     """
     import surrogate
     from surrogate.bounds.bound_files import read_limits, with_limits
     from surrogate.model.evaluate import transfer
+    from surrogate.recordings.trained.reader_store import is_reader
 
-    levels, model = _levels(noise_db), surrogate.load(model_folder)
-    limits = read_limits(model_folder)
-    with waiting("scoring the model"):
-        sets = {str(folder): with_limits(surrogate.evaluate(model, _samples(folder), levels, noise_reference,
-                                                            METHODS[model.method].most_scored).scores, limits)
-                for folder in folders}
+    levels = _levels(noise_db)
+    if is_reader(model_folder):
+        if levels or noise_reference != "baseline":
+            raise ValueError(f"{model_folder} was trained on a recording, which has its own noise. Leave out "
+                             "--noise-db and --noise-reference.")
+        with waiting("scoring the model"):
+            sets = evaluate_recordings(model_folder, folders, labels or [])
+    elif labels:
+        raise ValueError(f"--labels are those of a recording, and {model_folder} is a model of a sweep, which is "
+                         "scored on sweeps. Leave them out.")
+    else:
+        model, limits = surrogate.load(model_folder), read_limits(model_folder)
+        with waiting("scoring the model"):
+            sets = {str(folder): with_limits(surrogate.evaluate(model, _samples(folder), levels, noise_reference,
+                                                                METHODS[model.method].most_scored).scores, limits)
+                    for folder in folders}
     if not as_json:
         for name, scores in sets.items():
             if len(sets) > 1:
@@ -194,15 +212,21 @@ def _levels(text: str) -> list[float]:
 def _print_scores(result: Mapping[str, Any]) -> None:
     """Tables of the scores: training and unseen rows without noise, unseen rows under noise; --json has them
     all, and mean absolute errors."""
-    _print_table(f"{result['method']}, no noise", result["outputs"], ("train", "test", "new", "all"), {})
+    _print_table(f"{result['method']}, no noise added", result["outputs"], ("train", "test", "new", "all"), {})
     for level in result["noise"]:
         title = (f"{result['method']}, noise {level['db_below_baseline']:.1f} dB below the baseline,\n"
                  f"{level['db_below_signal']:.1f} dB below the signal")
         _print_table(title, level["outputs"], ("test", "new", "all"), level.get("limits", {}))
-    print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame; baseline RMS "
-          f"{result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
+    print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame")
     if result["scored"]:
         print(f"scored: {result['scored']}")
+    if "intervals" in result:
+        _print_of_sweep(result)
+
+
+def _print_of_sweep(result: Mapping[str, Any]) -> None:
+    """What is known of a data set and its model, and not of a recording."""
+    print(f"baseline RMS {result['baseline_rms_V']:.4g} V, signal RMS {result['signal_rms_V']:.4g} V")
     if result["force_sd"]:
         parts = ", ".join(f"{part} {value:.3g}" for part, value in result["force_sd"].items())
         print(f"standard deviation of the force, N, RMS before calibration, squares add up: {parts}")
@@ -259,7 +283,7 @@ def _print_transfer(table: Mapping[str, list[dict[str, Any]]]) -> None:
     from rich.table import Table
 
     shown = Table("output", "set", "rows", "RMSE", "over first", "in 50/90/95 %", "+-90 %", "n",
-                  title="transfer, no noise, unseen rows")
+                  title="transfer, no noise added, unseen rows")
     for name, rows in table.items():
         for s in rows:
             over = "-" if s["rmse_over_first"] is None else f"{s['rmse_over_first']:.3g}"
@@ -269,7 +293,8 @@ def _print_transfer(table: Mapping[str, list[dict[str, Any]]]) -> None:
 
 
 def _held(score: Mapping[str, Any]) -> str:
-    return "/".join(f"{100 * score[f'coverage_{level}']:.0f}" for level in (50, 90, 95))
+    held = [score[f"coverage_{level}"] for level in (50, 90, 95)]
+    return "/".join("-" if one is None else f"{100 * one:.0f}" for one in held)
 
 
 def _print_collapses(model: Model) -> None:

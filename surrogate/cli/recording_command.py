@@ -1,4 +1,4 @@
-"""`surrogate train` and `surrogate predict` on recordings: touches learnt from recorded presses."""
+"""`surrogate train`, `evaluate` and `predict` on recordings: touches learnt from recorded presses."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from touchcal.terminal import print_json, print_table, waiting
 if TYPE_CHECKING:
     import pandas as pd
 
+    from eitsim.sensors.recording import Recording
     from surrogate.recordings.suggestion.next_presses import NextPresses
     from surrogate.recordings.trained.train_reader import TrainedReader
 
@@ -125,12 +126,33 @@ def _print_suggested(ahead: NextPresses | None) -> None:
 
 def predict_recording(model_folder: Path, recording: Path) -> pd.DataFrame:
     """Read the touched frames of a recording."""
-    from eitsim.sensors.recording import read_recording
     from surrogate.recordings.trained import reader_store
     from surrogate.recordings.trained.reader_table import read_touches
 
     model = reader_store.load_reader(model_folder)
-    return read_touches(model, read_recording(recording, kind=model.kind, readings=model.reader.signals.channels))
+    return read_touches(model, _recorded(model, recording))
+
+
+def evaluate_recordings(model_folder: Path, recordings: list[Path], labels: list[Path]) -> dict[str, dict[str, Any]]:
+    """Scores of each recording by its name and that of its labels, which are in the same order."""
+    from eitsim.sensors.labels import read_labels
+    from surrogate.recordings.trained import reader_store
+    from surrogate.recordings.trained.reader_evaluation import evaluate_reader
+
+    if len(labels) != len(recordings):
+        raise ValueError(f"{model_folder} was trained on a recording, and is scored on labelled recordings: got "
+                         f"{len(labels)} files of labels for {', '.join(map(str, recordings))}. Give one --labels "
+                         "touches.csv for each, in the same order, with touch and any of x_mm, y_mm, d_mm, F_N, "
+                         "depth_mm, z_mm.")
+    model = reader_store.load_reader(model_folder)
+    return {f"{path}, {one}": evaluate_reader(model, _recorded(model, path), read_labels(one), str(one))
+            for path, one in zip(recordings, labels, strict=True)}
+
+
+def _recorded(model: TrainedReader, path: Path) -> Recording:
+    from eitsim.sensors.recording import read_recording
+
+    return read_recording(path, kind=model.kind, readings=model.reader.signals.channels)
 
 
 def _described(model: TrainedReader) -> dict[str, Any]:

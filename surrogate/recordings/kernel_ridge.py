@@ -11,12 +11,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from surrogate.recordings.patterns import compressed, compression_scale, direction
 from surrogate.statistics.gaussian_process import spread_evenly, squared_distance
-from touchcal.arrays import Array, Index
+from touchcal.arrays import Array, Index, Mask
 
 VIEWS = ("plain", "direction", "compressed")
 WIDTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  # c
 RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)  # added to the diagonal of the kernel
 MOST_SEARCHED = 600  # rows that settings are chosen on
+ROUNDING = 1e-9  # part of its norm by which a signal computed again may differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,12 @@ class KernelRidge:
         """(n, k) targets of signals (n, m)."""
         apart = squared_distance(_view(self.view, self.scale, signal), self.nodes)
         return self.mean + np.exp(-apart / self.width) @ self.weights
+
+    def trained_on(self, signal: Array) -> Mask:
+        """(n,) whether signals (n, m) are training signals, up to rounding."""
+        seen = _view(self.view, self.scale, signal)
+        nearest = self.nodes[squared_distance(seen, self.nodes).argmin(axis=1)]
+        return np.linalg.norm(seen - nearest, axis=1) <= ROUNDING * np.linalg.norm(nearest, axis=1)
 
 
 def fit(signal: Array, target: Array) -> KernelRidge:

@@ -22,7 +22,7 @@ from surrogate.recordings.signals import FEWEST, Signals, flags
 from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
 from surrogate.statistics.conformal import conformal_scale
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 
 SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
 Found = TypeVar("Found")
@@ -145,6 +145,13 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
 def seen(signals: Signals, place: TouchReader | None, presses: Presses) -> Array:
     """(n, m + late) signals of presses as families take them: directions of drift taken out."""
     return without(signals.drift, signals.whole(presses), place.projected if place else 0)
+
+
+def trained_on(reader: PressReader, presses: Presses) -> Mask:
+    """(n,) which presses are training ones: their signals, against the same untouched frames, are nodes of
+    the kernel ridge regression."""
+    ridge = reader.place.ridge if reader.place else reader.scalars[0].ridge
+    return ridge.trained_on(seen(reader.signals, reader.place, presses))
 
 
 def _tried(learn: Callable[[], Found], left_out: list[str]) -> Found | None:

@@ -273,6 +273,7 @@ def test_bad_input_is_told_plainly(call: Call, forward: Path, sweep: Path, make_
              (("train", sweep, "--out", out, "--outputs", "depth"), "output 'depth' is unknown"),
              (("evaluate", forward, sweep, "--noise-db", "60,loud"), "--noise-db: 'loud' is not a number"),
              (("evaluate", sweep, sweep), "not a model"),
+             (("evaluate", forward, sweep, "--labels", tmp_path / "none.csv"), "--labels are those of a recording"),
              (("predict", forward, tmp_path / "none.csv"), "none.csv: no such file")]
     for arguments, message in cases:
         status, printed, err = call(*arguments)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -183,6 +184,81 @@ def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: Pre
         reader_store.load_reader(tmp_path)
 
 
+@pytest.fixture
+def kept_back(reader: PressReader, presses: Pressed, tmp_path: Path) -> tuple[Path, Array]:
+    """A folder with a model, its 60 presses and 40 others in one recording, and labels of them all but the last; and
+    their places."""
+    reader_store.save_reader(TrainedReader(reader, "difference", 60, 0, (), 1.5), tmp_path / "model")
+    new, place = synthetic_presses(8, 40)
+    signal, place = np.vstack([presses[0].signal, new.signal]), np.vstack([presses[1], place])
+    frames = pd.DataFrame(signal, columns=[f"v_{k:03d}" for k in range(signal.shape[1])])
+    frames.insert(0, "touch", [f"t{k}" for k in range(100)])
+    frames.to_csv(tmp_path / "frames.csv", index=False)
+    pd.DataFrame({"touch": frames["touch"], "x_mm": place[:, 0], "y_mm": place[:, 1], "d_mm": 10.0}).iloc[:99].to_csv(
+        tmp_path / "touches.csv", index=False)
+    return tmp_path, place
+
+
+def test_presses_kept_back_are_scored_as_predict_reads_them_and_trained_ones_separately(
+        kept_back: tuple[Path, Array]) -> None:
+    folder, place = kept_back
+    model, frames, labels = (f"{folder}/{name}" for name in ("model", "frames.csv", "touches.csv"))
+    run = CliRunner()
+    found = run.invoke(app, ["evaluate", model, frames, "--labels", labels, "--json"])
+    assert found.exit_code == 0, found.output
+    scores = json.loads(found.stdout)
+    table = surrogate.read_touches(surrogate.load_reader(model), eitsim.read_recording(frames, kind="difference"))
+    assert {*scores["outputs"]} == {"x0", "y0"}
+    for axis, name in enumerate(("x0", "y0")):
+        for part, rows in (("train", slice(60)), ("new", slice(60, 99))):
+            one, target, read = scores["outputs"][name][part], place[rows, axis], table.iloc[rows]
+            error = read[f"{name}_mm"].to_numpy() - target
+            held = (target >= read[f"{name}_lo90_mm"]) & (target <= read[f"{name}_hi90_mm"])
+            assert (one["n"], one["unit"], one["coverage_50"]) == (len(target), "mm", None)
+            assert one["coverage_90"] == pytest.approx(held.mean())
+            assert one["mse"] == pytest.approx(np.mean(error**2))
+            assert one["mae"] == pytest.approx(np.abs(error).mean())
+            assert one["r2"] == pytest.approx(1 - np.mean(error**2) / target.var())
+    assert scores["predict_ms"] > 0
+    assert "does not read: d_mm" in scores["scored"]
+    shown = run.invoke(app, ["evaluate", model, frames, "--labels", labels])
+    cells = [row_of(line.split("│")[1:-1]) for line in shown.stdout.splitlines()]
+    one = scores["outputs"]["x0"]["new"]
+    assert ["x0", "new", f"{one['rmse']:.4g} mm", f"{one['r2']:.4f}", f"-/{100 * one['coverage_90']:.0f}/-",
+            f"{one['half_width_90']:.4g}", "39"] in cells
+
+
+def test_presses_that_cannot_be_read_are_left_out_of_the_scores_and_said(kept_back: tuple[Path, Array]) -> None:
+    folder, _ = kept_back
+    frames = pd.read_csv(folder / "frames.csv")
+    frames.iloc[70, 1:150] = np.nan
+    frames.iloc[60:].to_csv(folder / "frames.csv", index=False)
+    found = CliRunner().invoke(app, ["evaluate", f"{folder}/model", f"{folder}/frames.csv", "--labels",
+                                     f"{folder}/touches.csv", "--json"])
+    scores = json.loads(found.stdout)
+    assert {part: one["n"] for part, one in scores["outputs"]["x0"].items()} == {"all": 38}
+    assert "1 of 39 presses have no value and are left out; 1 of 39 presses are flagged" in scores["scored"]
+
+
+def test_what_cannot_be_scored_is_refused(kept_back: tuple[Path, Array]) -> None:
+    folder, _ = kept_back
+    (folder / "cm.csv").write_text("touch,x_cm\nt1,1\n")
+    (folder / "depth.csv").write_text("touch,depth_mm\nt1,1\n")
+    (folder / "others.csv").write_text("touch,x_mm\nother,1\n")
+    pd.read_csv(folder / "frames.csv").iloc[:, :100].to_csv(folder / "narrow.csv", index=False)
+    given = [folder / "frames.csv", "--labels", folder / "touches.csv"]
+    cases = [(given[:1], "got 0 files of labels for .*frames.csv. Give one --labels touches.csv for each"),
+             ([folder / "frames.csv", *given], "got 1 files of labels"),
+             ([*given[:2], folder / "cm.csv"], "cm.csv, line 1: unknown key 'x_cm'.*Did you mean 'x_mm'"),
+             ([*given[:2], folder / "depth.csv"], "depth.csv: its labels are depth_mm, and the model reads x_mm, y_mm"),
+             ([*given[:2], folder / "others.csv"], "others.csv: none of its 1 touches is one of the recording's"),
+             ([folder / "narrow.csv", *given[1:]], "narrow.csv, line 2: 99 readings a frame"),
+             ([*given, "--noise-db", "80"], "Leave out --noise-db")]
+    for words, message in cases:
+        refused = CliRunner().invoke(app, ["evaluate", f"{folder}/model", *map(str, words)])
+        assert re.search(message, str(refused.exception)), refused.exception
+
+
 def row_of(cells: Sequence[object]) -> list[str]:
     return [str(one).strip() for one in cells]
 
@@ -234,10 +310,8 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object, monkeypat
     for option in (["--touches", "2"], ["--scale-baseline", "no"], ["--rate", "20"], ["--seed", "3"]):
         refused = run.invoke(app, ["predict", f"{tmp_path}/model", f"{tmp_path}/frames.csv", *option])
         assert f"Leave out {option[0]}." in str(refused.exception)
-    for words in (["evaluate", f"{tmp_path}/model", f"{tmp_path}"],
-                  ["export", f"{tmp_path}/model", "--out", f"{tmp_path}/network.pt"]):
-        refused = run.invoke(app, words)
-        assert "a model of a recording: read it with `surrogate predict`" in str(refused.exception)
+    refused = run.invoke(app, ["export", f"{tmp_path}/model", "--out", f"{tmp_path}/network.pt"])
+    assert "a model of a recording: read it with `surrogate predict`" in str(refused.exception)
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
     assert isinstance(refused.exception, ValueError)
     assert "needs its labels and its sensor" in str(refused.exception)

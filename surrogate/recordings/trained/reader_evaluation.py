@@ -1,0 +1,67 @@
+"""Scores of a trained reader on labelled presses of a recording; those that it was trained on have scores of their
+own."""
+
+import time
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from eitsim.sensors.labels import PLACE, Labels, unit_of
+from eitsim.sensors.recording import Recording
+from surrogate.recordings.presses import labelled
+from surrogate.recordings.trained.press_reader import trained_on
+from surrogate.recordings.trained.reader_table import OUTPUTS, presses_read, read_touches
+from surrogate.recordings.trained.train_reader import TrainedReader
+from surrogate.statistics.metrics import COVERAGES, score
+from touchcal.arrays import Mask
+from touchcal.json_file import file_digest
+
+
+def evaluate_reader(model: TrainedReader, recording: Recording, labels: Labels, source: str) -> dict[str, Any]:
+    """Scores as JSON of what `read_touches` reads of the labelled presses, as `surrogate.evaluate` has them of a data
+    set; 50 and 95 % intervals, which readers have not, are None.
+
+    source: file of the labels. ValueError where no press is labelled or can be read, or no label is one that the model
+    reads.
+    """
+    begun = time.process_time()
+    table = read_touches(model, recording)
+    predict_ms = (time.process_time() - begun) / len(table) * 1e3
+    presses, known = labelled(presses_read(model, recording), labels, source)
+    table = table.loc[table["touch"].isin(known.touch.tolist())]
+    columns = {name: OUTPUTS.get(name, name) for name in known.names if OUTPUTS.get(name, name) in table}
+    if not columns:
+        reads = [*(PLACE if model.reader.place else ()), *(one.name for one in model.reader.scalars)]
+        raise ValueError(f"{source}: its labels are {', '.join(known.names)}, and the model reads {', '.join(reads)}. "
+                         "Give one or more of these.")
+    sound = table.loc[:, [*columns.values()]].notna().to_numpy().all(axis=1)
+    if not sound.any():
+        raise ValueError(f"{recording.source}: no labelled press can be read; the first has {table['flag'].iloc[0]}.")
+    seen = trained_on(model.reader, presses)
+    part = np.where(seen, "train", "new" if seen.any() else "all")
+    outputs: dict[str, dict[str, Any]] = {}
+    for name, column in columns.items():
+        stem, _, unit = column.rpartition("_")
+        value = table[column].to_numpy()
+        half = np.tile(table[f"{stem}_hi90_{unit}"].to_numpy() - value, (len(COVERAGES), 1))
+        target = known.values[:, known.names.index(name)]
+        outputs[stem] = {one: asdict(score(target[rows], value[rows], half[:, rows], half[:, rows], unit_of(name)))
+                         | {"coverage_50": None, "coverage_95": None}
+                         for one in ("train", "new", "all") if (rows := sound & (part == one)).any()}
+    return {"method": "recording", "dataset": {"sha256": file_digest(recording.source), "rows": len(sound)},
+            "scored": _scored_words(sound, [flag for flag in table["flag"] if flag],
+                                    [name for name in known.names if name not in columns]),
+            "fit_s": model.fit_s, "predict_ms": predict_ms, "outputs": outputs, "noise": []}
+
+
+def _scored_words(sound: Mask, flags: list[str], unread: list[str]) -> str:
+    """What to know of the scores; empty where there is nothing."""
+    words = []
+    if not sound.all():
+        words.append(f"{np.sum(~sound)} of {len(sound)} presses have no value and are left out")
+    if flags:
+        words.append(f"{len(flags)} of {len(sound)} presses are flagged, the first: {flags[0]}")
+    if unread:
+        words.append(f"labels that the model does not read: {', '.join(unread)}")
+    return "; ".join(words)
