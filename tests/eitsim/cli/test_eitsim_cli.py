@@ -115,6 +115,7 @@ def test_a_hopeless_touch_saves_what_was_reached_with_status_3(command: Command,
     assert result["residuals"]
 
 
+@pytest.mark.slow
 def test_an_exact_run_writes_the_fields(command: Command, folder: Path) -> None:
     done = command("eitsim", "run", "scene.toml", "--exact", "--out", "result.json", "--fields", "fields.vtu",
                    cwd=folder)

@@ -54,6 +54,7 @@ def test_two_touches_are_those_of_the_disc_together():
     assert np.linalg.norm(found - disc) < 1e-3 * np.linalg.norm(disc)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("x_m", "y_m", "conductor"), [(0.09, 0.045, False), (0.03, 0.02, True)])
 def test_rings_on_an_l_with_a_hole_and_a_mesh_agree_within_their_estimates(x_m, y_m, conductor):
     """Far from all edges, and, conducting, two punches away from two of them."""

@@ -227,6 +227,7 @@ def test_named_columns_may_come_in_any_order(call: Call, ridge: Path, synthetic:
     assert np.allclose(one, other)
 
 
+@pytest.mark.slow
 def test_odd_frames_are_flagged(call: Call, forward: Path, synthetic: Synthetic, untouched_V: Array,
                                 tmp_path: Path) -> None:
     _, signal = synthetic(3, 53)

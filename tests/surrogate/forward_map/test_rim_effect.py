@@ -131,6 +131,7 @@ def test_the_whole_signal_is_learned_where_the_series_only_hides_it(ring: Ring, 
         assert rim_correction.fit(ring, learned.field, rows, signal).replaces == replaces
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_signal_where_the_whole_is_learned(
         whole: forward_map.ForwardMap, ring: Ring, synthetic: Synthetic, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a map that was made to learn the whole near the rim, by central differences."""

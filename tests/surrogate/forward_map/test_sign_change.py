@@ -96,6 +96,7 @@ def rows(samples: Samples, summed: Sum) -> Samples:
                    target=np.column_stack([touch, more.target[:, 4:]]), signal_V=signal)
 
 
+@pytest.mark.slow
 def test_a_sweep_trains_reads_touches_better_than_ridge_and_its_intervals_hold(rows: Samples, summed: Sum) -> None:
     def error(model: Model, touch: Array, signal: Array) -> tuple[Array, float]:
         found = predict(prepare(model, model.baseline_V), model.baseline_V + signal)

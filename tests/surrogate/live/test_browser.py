@@ -31,6 +31,7 @@ def test_a_mouse_press_is_read_as_predict_reads_it(page: Any, address: str, live
     assert page.browser.get_log("browser") == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_V", [5e-6, 3e-5])
 def test_the_noise_to_begin_with_is_the_one_given(page: Any, start: Callable[..., Any], live_folder: Any,
                                                   noise_V: float) -> None:

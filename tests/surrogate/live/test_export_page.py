@@ -65,6 +65,7 @@ def test_a_request_would_be_refused(page: Any, live_model: surrogate.Model, tmp_
     assert any("Content Security Policy" in one["message"] for one in page.browser.get_log("browser"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
 def test_unseen_touches_are_read_as_predict_reads_them(
         page: Any, live_model: surrogate.Model, synthetic: Callable[..., Any], tmp_path: Path, noise: float) -> None:

@@ -120,6 +120,7 @@ def test_a_frame_equal_to_the_baseline_has_no_touch(predictors: dict[str, Predic
         assert np.isnan(found.value).all()
 
 
+@pytest.mark.slow
 def test_a_dead_channel_is_left_out_of_an_inversion(predictors: dict[str, Predictor], synthetic: Synthetic,
                                                     untouched_V: Array) -> None:
     touch, signal = synthetic(10, 73)
@@ -173,6 +174,7 @@ def test_the_map_beside_a_dead_electrode_is_the_whole_map_without_its_readings(f
     assert np.allclose(kept.jacobian, whole.jacobian[:, ~dead], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_channel_that_is_dead_in_the_baseline_is_dead_in_every_frame(forward: Model, synthetic: Synthetic,
                                                                        untouched_V: Array) -> None:
     baseline = np.where(np.arange(208) == 7, 0.0, untouched_V)

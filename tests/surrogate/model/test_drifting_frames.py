@@ -105,6 +105,7 @@ def test_other_methods_say_that_they_know_no_drift(samples: Samples, touches: tu
         ridge.predict(ridge.baseline_V + touches[1], gain_drift=GAIN)
 
 
+@pytest.mark.slow
 def test_the_command_counts_drift(model: surrogate.Model, touches: tuple[Array, Array], tmp_path: Path,
                                   command: Callable[..., CompletedProcess[str]]) -> None:
     model.save(tmp_path / "model")

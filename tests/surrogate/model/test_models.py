@@ -63,6 +63,7 @@ def test_intervals_of_a_slow_method_are_calibrated_once(models: dict[str, Model]
     assert len(worked_out) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_one_seed_gives_one_model(models: dict[str, Model], samples: Samples, method: str) -> None:
     again = train(samples, method, NAMES, 1, epochs=EPOCHS.get(method))
@@ -70,6 +71,7 @@ def test_one_seed_gives_one_model(models: dict[str, Model], samples: Samples, me
     assert np.array_equal(estimate(again, rows).value, estimate(models[method], rows).value)
 
 
+@pytest.mark.slow
 def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples: Samples) -> None:
     scores = {method: evaluate(model, samples).scores for method, model in models.items()}
     rmse = {method: {name: s["outputs"][name]["test"]["rmse"] for name in NAMES} for method, s in scores.items()}
@@ -96,6 +98,7 @@ def test_all_eight_outputs_of_the_forward_method(samples: Samples) -> None:
     assert len(found.predictions) == 8 * 200
 
 
+@pytest.mark.slow
 def test_noise_grows_the_error_and_the_intervals_follow(models: dict[str, Model], samples: Samples) -> None:
     scores = evaluate(models["forward"], samples, [100, 80], most_trained=20).scores
     quiet, loud = ({name: parts["test"] for name, parts in level["outputs"].items()} for level in scores["noise"])
@@ -194,6 +197,7 @@ def test_what_cannot_be_trained_is_refused(samples: Samples) -> None:
         train(take(samples, np.arange(8)), "ridge")
 
 
+@pytest.mark.slow
 def test_degenerate_rows(samples: Samples) -> None:
     doubled = take(samples, np.repeat(np.arange(40), 2))
     assert np.all(np.isfinite(estimate(train(doubled, "forward", NAMES, 0), doubled.signal_V).value))

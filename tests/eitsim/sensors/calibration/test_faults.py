@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from eitsim.scene.drive import Drive
 from eitsim.scene.electrodes import Electrodes
@@ -50,6 +51,7 @@ def test_a_dead_electrode_is_named_and_its_drives_are_left_out() -> None:
     assert max(found.by_electrode) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_channel_that_no_model_explains_is_left_out() -> None:
     """The amplifier of electrode 5 gives what it likes; without that electrode the others are explained."""
     volts = frame(2)
@@ -62,6 +64,7 @@ def test_a_channel_that_no_model_explains_is_left_out() -> None:
     assert found.fit.misfit < 3e-4 * np.sqrt(np.mean(volts**2))
 
 
+@pytest.mark.slow
 def test_a_sensor_without_faults_leaves_nothing_out() -> None:
     found = calibrate(SENSOR, recording(frame(4)))
     assert (found.left_out, found.dead) == ({}, ())
