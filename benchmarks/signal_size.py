@@ -2,10 +2,10 @@
 
 Table 1's foam under flat punches at three places and forces, and two near the rim (gaps of 10 and 23 mm), whose
 readings take the mesh; the skin's law is the synthetic one of the other
-benchmarks. Signal: 2-norm of the 208 dV over that of the untouched voltages in dB, and the largest |dV|; beside it the
+benchmarks. Signal: 2-norm of the 208 dV over that of the untouched voltages in dB, and the largest |dV|; with the
 electrics' own estimate of its relative error. Run by `make bench`, which pins threads; writes results/signal_size.csv
-beside this file. results/signal_peaks.csv: where the strain through the thickness drives the skin, the force up to 2 N,
-in steps of 0.05 N, whose signal has the largest amplitude in the middle of the disc, and the least force whose
+next to this file. results/signal_peaks.csv: where the strain through the thickness drives the skin, the force up to
+2 N, in steps of 0.05 N, whose signal has the largest amplitude in the middle of the disc, and the least force whose
 amplitude is that of 2 N or more.
 """
 

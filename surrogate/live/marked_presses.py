@@ -8,7 +8,7 @@ import numpy as np
 
 from eitsim.sensors.recording import Recording
 from surrogate.live.moments import Moment
-from surrogate.model.tracking.followed_presses import told
+from surrogate.model.tracking.followed_presses import read_of
 from surrogate.model.tracking.followed_reading import Read, unread
 from surrogate.model.tracking.tracked import UNTOUCHED, Tracked
 from surrogate.recordings.presses import touched
@@ -30,7 +30,7 @@ def marked_reader(model: TrainedReader, recording: Recording) -> Callable[[Momen
     found = read(model.reader, presses)
     place = found.place
     assert place is not None
-    each = iter([(told(found, k, place.value[k], np.isnan(signal)), signal)
+    each = iter([(read_of(found, k, place.value[k], np.isnan(signal)), signal)
                  for k, signal in enumerate(presses.signal)])
     nothing = unread(UNTOUCHED, ""), np.zeros(presses.signal.shape[1])
     frames = iter([next(each) if one else nothing for one in touched(recording)])

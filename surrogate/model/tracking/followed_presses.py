@@ -111,10 +111,10 @@ class FollowedPresses:
         place = found.place
         assert place is not None
         self._place = begun(place.value[0]) if self._place is None else followed(self._place, place.value[0], step_s)
-        return told(found, 0, self._place.mean, np.isnan(volts))
+        return read_of(found, 0, self._place.mean, np.isnan(volts))
 
 
-def told(found: PressReading, k: int, place_mm: Array, dead: Mask) -> Read:
+def read_of(found: PressReading, k: int, place_mm: Array, dead: Mask) -> Read:
     """What is read of frame k, whose channels `dead` read nothing, with this place (2,)."""
     place = found.place
     assert place is not None
