@@ -24,12 +24,12 @@ def of_law(law: Hyperfoam, strain: Array, held: NDArray[np.bool_]) -> Array:
     """(n, K) second Piola-Kirchhoff stress of a law at strains (n,), cut at the K levels that are held; its sum is the
     law's own."""
     sign = _sign(strain)
-    knots = np.r_[0.0, _levels(sign * strain, held)[:-1]]
-    ends = np.r_[knots[1:], np.inf]
-    pieces = [_stress(law, sign * np.clip(sign * strain, low if k else -np.inf, high))
-              - (_stress(law, np.array([sign * low])) if k else 0.0)
-              for k, (low, high) in enumerate(zip(knots, ends, strict=True))]
-    return np.stack(pieces, axis=1)
+    travel = sign * strain
+    levels = _levels(travel, held)[:-1]
+    pieces = [_stress(law, sign * np.minimum(travel, high)) for high in np.r_[levels, np.inf]]
+    above = [np.where(travel > low, piece - _stress(law, np.array([sign * low])), 0.0)
+             for low, piece in zip(levels, pieces[1:], strict=True)]
+    return np.stack([pieces[0], *above], axis=1)
 
 
 def of_ramp(strain: Array, held: NDArray[np.bool_], samples: NDArray[np.intp]) -> tuple[Array, bool]:
