@@ -172,6 +172,7 @@ def test_rows_equal_a_run_with_a_card_made_of_their_draw(card: Path, tmp_path: P
     assert {*PARAMETERS, "fraction_non_elliptic"} <= set(table.columns)
 
 
+@pytest.mark.slow
 def test_rows_do_not_depend_on_workers_or_stops_and_the_count_may_grow(card: Path, tmp_path: Path) -> None:
     account(card, tmp_path / "a", 2)
     assert account(card, tmp_path / "a", 6, workers=2).kept == 2
@@ -200,6 +201,7 @@ def test_what_emulated_load_paths_cost_is_among_what_is_left_out(card: Path, str
     assert "3 cards drawn from the posterior" in without
 
 
+@pytest.mark.slow
 def test_skins_drawn_for_one_foam_share_its_load_paths_and_so_do_foams_that_differ_in_stiffness_alone(
         card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path / "cache"))

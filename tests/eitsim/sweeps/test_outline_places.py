@@ -61,6 +61,7 @@ def test_a_small_skin_has_its_own_electrodes():
     assert gaps.min() >= 0.003
 
 
+@pytest.mark.slow
 def test_places_are_uniform_over_what_is_left():
     """Shares of a fine grid of both numbers in four parts of the skin are those of their areas."""
     scene = scene_from({"body": BODY})

@@ -57,6 +57,7 @@ def account(design: Design, card: Path, folder: Path, workers: int = 1) -> Accou
     return last
 
 
+@pytest.mark.slow
 def test_a_continued_sweep_equals_one_in_a_go_on_any_number_of_workers(card: Path, tmp_path: Path) -> None:
     assert account(design_from(RAW, 3), card, tmp_path / "a").solved == 3
     first = read_dataset(tmp_path / "a").table

@@ -87,6 +87,7 @@ def test_a_folder_keeps_to_its_method(card: Path, tmp_path: Path) -> None:
     assert account(card, tmp_path / "a", 2).kept == 1
 
 
+@pytest.mark.slow
 def test_exact_rows_are_told(card: Path, tmp_path: Path) -> None:
     assert "every touch solved exactly" in account(card, tmp_path / "a", 1, exact=True).method
     assert read_manifest(tmp_path / "a")["method"]["exact"] is True

@@ -73,6 +73,7 @@ def test_a_law_that_is_stable_anyway_is_left_as_it_is() -> None:
     assert held.optimum.cost < 1e-8
 
 
+@pytest.mark.slow
 def test_terms_with_their_own_nu_are_held_too() -> None:
     found = fit(both_modes(), poisson=(0.0, 0.1, 0.0), thorough=False, stable="drucker", stable_range=(0.4, 1.5))
     assert holds("drucker", found.law, triples((np.log(0.4), np.log(1.5)), 17))

@@ -138,6 +138,7 @@ def sampled_with_series():
     return sample(found.fit, found.uncertainty, found.prony, None, seed=2)
 
 
+@pytest.mark.slow
 def test_relaxation_alone_is_sampled() -> None:
     time_s = np.r_[0.0, 0.5, 1.0, 1 + np.geomspace(0.05, 100, 80)]
     strain, series = -0.5 * np.minimum(time_s, 1.0), Prony([0.2, 0.1], [1.5, 25.0])
@@ -214,6 +215,7 @@ def test_mu_0_and_stress_bands_cover_the_truth_and_agree_with_the_linearised(fit
         assert np.max((high - low) / np.abs(truth)) < 0.1
 
 
+@pytest.mark.slow
 def test_short_chains_are_refused_and_carry_what_they_reached(fitted, monkeypatch) -> None:
     monkeypatch.setattr(ensembles, "MOST_STEPS", 200)
     monkeypatch.setattr(ensembles, "CHUNK", 200)

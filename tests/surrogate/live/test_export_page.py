@@ -32,6 +32,7 @@ def differs_mm(page: Any, model: surrogate.Model, signal_V: np.ndarray, noise_V:
     return float(np.hypot(*(read - 1e3 * found.to_numpy()).T).max())
 
 
+@pytest.mark.slow
 def test_one_file_presses_and_reads_without_a_network(page: Any, live_model: surrogate.Model, tmp_path: Path) -> None:
     export_page(live_model, tmp_path / "page.html")
     assert (tmp_path / "page.html").stat().st_size < MOST_BYTES

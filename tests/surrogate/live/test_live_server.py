@@ -121,6 +121,7 @@ def test_five_thousand_malformed_messages_do_not_end_the_server(address: str) ->
         pressed(socket, PRESS | {"x_mm": -5.0})
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_it_without_a_traceback(start: Start, live_folder: Path) -> None:
     process, address = start(live_folder)
     with connected(address) as socket:

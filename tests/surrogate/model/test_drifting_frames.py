@@ -45,6 +45,7 @@ def place_error(table: pd.DataFrame, touch: Array) -> Array:
     return np.hypot(table["x0_m"] * 1e3 - touch[:, 0], table["y0_m"] * 1e3 - touch[:, 1]).to_numpy()
 
 
+@pytest.mark.slow
 def test_a_counted_drift_costs_little_and_intervals_hold(model: surrogate.Model,
                                                          touches: tuple[Array, Array]) -> None:
     touch, signal = touches

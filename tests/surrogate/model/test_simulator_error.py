@@ -33,6 +33,7 @@ def held(model: Model, samples: Samples) -> tuple[float, float]:
             float(np.median(found.half_width[:, 1])))
 
 
+@pytest.mark.slow
 def test_the_simulators_own_error_is_in_the_intervals(samples: Samples) -> None:
     """Without it forces that a simulator one per cent off stands for lie outside their intervals."""
     assert held(learned(samples, 0.0, "forward"), samples)[0] < 0.6
@@ -52,6 +53,7 @@ def test_the_error_is_that_of_the_training_rows(samples: Samples, make_dataset: 
     assert learned(samples, ERROR, "forward").record["training"]["simulator_error"] == pytest.approx(ERROR)
 
 
+@pytest.mark.slow
 def test_signals_may_be_taken_for_exact(samples: Samples) -> None:
     stated = replace(samples, signal_sd=np.full(len(samples), ERROR))
     assert train(stated, "forward", "F", 1, exact_signals=True).record["training"]["simulator_error"] == 0

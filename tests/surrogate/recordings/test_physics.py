@@ -64,6 +64,7 @@ def test_a_pose_puts_electrode_0_at_1_and_places_outside_on_the_rim() -> None:
     np.testing.assert_allclose(other.on_disc(there), np.conj(found), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_templates_go_on_from_physics_and_read_better_from_few_presses(
         synthetic: Callable[..., tuple[Array, Array]]) -> None:
     signal, place = labelled_presses(synthetic, 15, 2)
@@ -75,6 +76,7 @@ def test_templates_go_on_from_physics_and_read_better_from_few_presses(
     assert miss[1] < 0.8 * miss[0]
 
 
+@pytest.mark.slow
 def test_physics_that_does_not_explain_the_presses_is_not_used(synthetic: Callable[..., tuple[Array, Array]]) -> None:
     signal, place = labelled_presses(synthetic, 15, 2)
     other = Expectation(DiscSensitivity(SENSOR.protocol), 100.0, np.random.default_rng(4).permutation(signal.shape[1]))

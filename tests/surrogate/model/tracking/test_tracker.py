@@ -70,6 +70,7 @@ def test_the_first_frame_of_a_touch_is_read_as_alone(model: Model, press: Callab
     assert np.allclose(now.value, alone[["x0_m", "y0_m", "d_m", "F_N"]].to_numpy()[0], rtol=2e-4, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_touches_elsewhere_without_a_pause_are_read_as_alone(model: Model, spots: Spots, untouched_V: Array) -> None:
     touch = np.array([[0.0, 30, 12, 1.0], [-30, -10, 16, 0.6], [25, -25, 11, 1.5], [5, 5, 14, 0.9]])
     frames = untouched_V + spots(touch, *punch(touch[:, 2], touch[:, 3]))
@@ -96,6 +97,7 @@ def test_a_sliding_press_is_found_followed_held_and_let_go(model: Model, press: 
     assert 0.8 < np.mean(held) < 0.99
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_the_map_does_not_average_out(model: Model, press: Callable[..., Array],
                                                          untouched_V: Array) -> None:
     """The place of a held press is no surer after 300 frames than the exact frame makes it; its diameter is surer than
