@@ -139,11 +139,16 @@ def on_skin(forward: ForwardMap, place_mm: Array) -> Array:
     """Places (n, 2) pulled back to the training touches and a margin about them."""
     ring, reach = forward.ring, forward.bounds[1, 0] + MARGIN_MM
     if ring.sheet is not None:
-        return _from_edges(forward, ring.sheet, place_mm, max(
-            ring.radius_mm - reach, EDGE * ring.sheet.line_mm))
+        return _from_edges(forward, ring.sheet, place_mm, least_from_edges_mm(forward))
     limit = min(reach, RIM * ring.radius_mm)
     radius = np.hypot(place_mm[:, 0], place_mm[:, 1])
     return place_mm * np.minimum(1.0, limit / np.maximum(radius, 1e-12))[:, None]
+
+
+def least_from_edges_mm(forward: ForwardMap) -> float:
+    """Distance to the edges of a skin with an outline inside which no place is sought, mm."""
+    assert forward.ring.sheet is not None
+    return max(forward.ring.radius_mm - float(forward.bounds[1, 0]) - MARGIN_MM, EDGE * forward.ring.sheet.line_mm)
 
 
 def _from_edges(forward: ForwardMap, sheet: Sheet, place_mm: Array, least_mm: float) -> Array:
