@@ -90,7 +90,8 @@ def test_the_learned_skin_answers_a_row_of_its_training(live_model: surrogate.Mo
 
 def test_what_may_be_pressed_is_what_was_trained(live_model: surrogate.Model) -> None:
     limits, target = limits_of(live_model), live_model.calibration.target
-    assert np.hypot(*target[:, :2].T).max() <= limits.reach_mm <= 100
+    assert np.hypot(*target[:, :2].T).max() <= 100 - limits.gap_mm <= 100
+    assert limits.start_mm == (0.0, 0.0)
     assert limits.force_N == live_model.trained.highest[3]
     assert list(limits.diameters_mm) == sorted(limits.diameters_mm)
     assert limits.diameters_mm[-1] == pytest.approx(live_model.trained.highest[2])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from eitsim.sensors.recording import Recording, read_recording, write_recording
+from surrogate.live.edges import Circle
 from surrogate.live.messages import frame
 from surrogate.live.pictured import pictured
 from surrogate.live.serve import Show
@@ -72,11 +73,13 @@ def test_the_page_shows_what_a_model_of_a_recording_reads(model: TrainedReader) 
     show = streamed_show(model, io.BufferedReader(io.BytesIO(lines.encode())))  # type: ignore[arg-type]
     skin = pictured(model)
     assert show.hello["values"] == ["x_mm", "y_mm"]
-    assert show.hello["electrodes_rad"] == []
-    assert np.linalg.norm(place - skin.centre_mm, axis=1).max() < skin.radius_mm
+    assert show.hello["skin"]["electrodes"] == []
+    edge = skin.edges
+    assert isinstance(edge, Circle)
+    assert np.linalg.norm(place - edge.centre_mm, axis=1).max() < edge.radius_mm
     sent = messages_of(show)
     read = sent[REST + 15]["read"]
-    assert np.hypot(read["x_mm"] - place[0, 0], read["y_mm"] - place[0, 1]) < 0.1 * skin.radius_mm
+    assert np.hypot(read["x_mm"] - place[0, 0], read["y_mm"] - place[0, 1]) < 0.1 * edge.radius_mm
     assert sent[REST - 2]["read"] is None
     assert sent[REST + 15]["ellipse"]["long_mm"] > 0
 
