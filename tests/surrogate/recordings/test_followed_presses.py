@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eitsim.scene.scene import Body, Electrodes
 from eitsim.sensors.recording import Recording, read_recording, write_recording
+from surrogate.data.skin_from_above import skin_of
 from surrogate.live.edges import Circle
 from surrogate.live.messages import frame
 from surrogate.live.pictured import pictured
@@ -24,6 +26,7 @@ from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import Tracker
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.trained.press_reader import ScalarReading
+from surrogate.recordings.trained.reader_store import load_reader, save_reader
 from surrogate.recordings.trained.reader_table import read_touches
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
@@ -65,6 +68,20 @@ def messages_of(show: Show) -> list[dict[str, Any]]:
     """What the page is sent."""
     return [json.loads(frame(k, moment, show.read(moment), show.hello, "", 0.0))
             for k, moment in enumerate(show.moments)]
+
+
+@pytest.mark.parametrize("kind", ["line", "surface"])
+def test_the_page_draws_the_outline_of_the_sensor_where_the_model_knows_it(model: TrainedReader, tmp_path: Path,
+                                                                           kind: str) -> None:
+    body = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.005),))
+    patches = {"x_m": (-0.02, 0.0, -0.02, 0.0), "y_m": (-0.02, -0.02, 0.02, 0.02)} if kind == "surface" else {}
+    electrodes = Electrodes(kind=kind, count=4, width_m=0.008, **patches)
+    save_reader(replace(model, skin=skin_of(body.shape, electrodes)), tmp_path)
+    skin = pictured(load_reader(tmp_path)).document()
+    assert (len(skin["loops_mm"]), len(skin["electrodes"]), skin["circle_mm"]) == (2, 4, None)
+    assert skin["box_mm"] == [-60, -40, 60, 40]
+    save_reader(model, tmp_path)
+    assert load_reader(tmp_path).skin is None
 
 
 def test_the_page_shows_what_a_model_of_a_recording_reads(model: TrainedReader) -> None:
