@@ -8,7 +8,7 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
-from surrogate.live.edges import Edges, Place
+from surrogate.data.skin_edges import Edges, Place
 
 MOST_BYTES = 1024  # longest message that is read
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from eitsim.sensors.labels import PLACE
 from surrogate.data.sensor_ring import Ring
+from surrogate.data.skin_edges import Circle, Edges, Polygons
 from surrogate.data.skin_from_above import SkinFromAbove, skin_of_sheet
-from surrogate.live.edges import Circle, Edges, Polygons
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
+from surrogate.data.skin_edges import Circle, Polygons
 from surrogate.live.controls import MOST_BYTES, Controls, Latest, Limits, controls_of
-from surrogate.live.edges import Circle, Polygons
 
 REACH_MM = 45.0
 LIMITS = Limits(Circle((0.0, 0.0), 100.0), 100.0 - REACH_MM, (0.0, 0.0), (10.0, 12.0, 14.0), 2.0, 2.0, 1.0)

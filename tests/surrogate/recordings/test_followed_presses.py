@@ -13,8 +13,8 @@ import pytest
 
 from eitsim.scene.scene import Body, Electrodes
 from eitsim.sensors.recording import Recording, read_recording, write_recording
+from surrogate.data.skin_edges import Circle
 from surrogate.data.skin_from_above import skin_of
-from surrogate.live.edges import Circle
 from surrogate.live.messages import frame
 from surrogate.live.pictured import pictured
 from surrogate.live.serve import Show

@@ -1,4 +1,4 @@
-"""The edges of a skin that is pressed on the page: a circle, or closed polygons."""
+"""The edges of a skin as presses know them: a circle, or closed polygons."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Edges(Protocol):
         ...
 
     def document(self) -> dict[str, Any]:
-        """The edges and the box (x, y, x, y) about them, as the page draws them."""
+        """The edges and the box (x, y, x, y) about them, as a page draws them."""
         ...
 
 
