@@ -58,7 +58,8 @@ def places(model: surrogate.Model) -> list[Controls]:
 
 def row_of(case: str, folder: Path) -> dict[str, Any]:
     body, electrodes = CASES[case]
-    punch = PUNCH | ({"place": {"within_mm": WITHIN_MM}} if case == "disc" else {})  # others keep from edges by themselves
+    # others keep from edges by themselves
+    punch = PUNCH | ({"place": {"within_mm": WITHIN_MM}} if case == "disc" else {})
     tables = {"seed": 5, "body": body, "electrodes": electrodes, "punch": punch, "accuracy": {"signal": 0.02}}
     eitsim.sweep(design_from(tables, ROWS), CARD, folder / "sweep", reuse=True)
     matcal.write_card(CARD, folder / "card.json")
