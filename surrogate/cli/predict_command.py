@@ -222,6 +222,9 @@ def _simulator(model: Model, card: Path, data: Path | None, scene: Path | None, 
     check_baseline(untouched_of(simulator), reference.volts)
     if not simulator.spread.parameters:
         _say(f"{card} has no posterior, so the material is taken as exact.")
+    elif model.ring.sheet is not None:
+        _say("what the card's posterior leaves open does not count: sensitivities by the material are not built for "
+             "skins with an outline.")
     return simulator
 
 
@@ -235,7 +238,9 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
 
     learner_of(model)
     if seed is not None:
+        exact = model.ring.sheet is not None
         whose = ("the learned map's, its error counted, the material the model's" if simulator is None else
+                 "the simulator's, the material exact" if exact else
                  "the simulator's, with what the card's posterior leaves open")
         _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
              f"punches these share; the likelihood is {whose}.")

@@ -28,6 +28,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
     from eitsim.sensors.calibration.calibration_file import read_described_sensor
     from eitsim.sensors.labels import PLACE, places_of, read_labels
     from eitsim.sensors.recording import read_recording
+    from surrogate.data.skin_from_above import skin_of
     from surrogate.recordings.physics.expectation import expectation_of
     from surrogate.recordings.signals import FEWEST
     from surrogate.recordings.suggestion.next_presses import next_presses
@@ -68,7 +69,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
             _print_suggested(ahead)
         raise
     if expectation is None:
-        model = replace(model, left_out=(*model.left_out, NO_DISC))
+        model = replace(model, left_out=(*model.left_out, NO_DISC), skin=skin_of(known.body.shape, known.electrodes))
     reader_store.save_reader(model, out)
     _write_suggested(ahead, out)
     if as_json:

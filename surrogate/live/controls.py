@@ -8,6 +8,8 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
+from surrogate.data.skin_edges import Edges, Place
+
 MOST_BYTES = 1024  # longest message that is read
 
 
@@ -24,11 +26,13 @@ class Controls:
     sent_ms: float = 0.0  # the browser's clock when it sent this, which comes back with the answer
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Limits:
     """What may be pressed."""
 
-    reach_mm: float  # largest distance of the punch's axis from the centre
+    edges: Edges  # of the skin
+    gap_mm: float  # least distance of the punch's axis from them
+    start_mm: Place  # of the first press
     diameters_mm: tuple[float, ...]
     # largest force, noise and drift
     force_N: float
@@ -65,13 +69,13 @@ def float_of(value: float) -> float:
 
 
 def within(controls: Controls, limits: Limits) -> Controls:
-    """Controls pulled within limits; the nearest diameter there is."""
-    far = math.hypot(controls.x_mm, controls.y_mm)
-    scale = min(1.0, limits.reach_mm / far) if far > 0 else 1.0
+    """Controls pulled within limits; the nearest diameter there is; no force where the edges refuse the press."""
+    place = limits.edges.held((controls.x_mm, controls.y_mm), limits.gap_mm)
+    diameter = min(limits.diameters_mm, key=lambda d: abs(d - controls.diameter_mm))
+    force = min(max(controls.force_N, 0.0), limits.force_N)
     return replace(
-        controls, x_mm=controls.x_mm * scale, y_mm=controls.y_mm * scale,
-        diameter_mm=min(limits.diameters_mm, key=lambda d: abs(d - controls.diameter_mm)),
-        force_N=min(max(controls.force_N, 0.0), limits.force_N),
+        controls, x_mm=place[0], y_mm=place[1], diameter_mm=diameter,
+        force_N=0.0 if limits.edges.refuses(place, diameter, limits.gap_mm) else force,
         noise_mV=min(max(controls.noise_mV, 0.0), limits.noise_mV),
         drift_mV_per_min=min(max(controls.drift_mV_per_min, 0.0), limits.drift_mV_per_min))
 

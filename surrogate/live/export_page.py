@@ -12,8 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_zone
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_discrepancy
-from surrogate.forward_map.inversion.multipole_location import MARGIN, MARGIN_MM, RIM, spiral
+from surrogate.forward_map.forward_map import ForwardMap, strength_discrepancy
+from surrogate.forward_map.inversion.multipole_location import (
+    BACK,
+    MARGIN,
+    MARGIN_MM,
+    RIM,
+    least_from_edges_mm,
+    spiral,
+)
 from surrogate.live.messages import hello
 from surrogate.live.serve import PAGE
 from surrogate.live.skins import forward_of, limits_of, usual_noise_V
@@ -28,7 +35,7 @@ MOST_BYTES = 5_000_000  # largest file that is written
 CANDIDATES, SAMPLED = 400, 64
 _POLICY = ("default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
            "form-action 'none'")
-_SCRIPTS = ("drawing.js", "press.js", "learned_map.js", "browser_skin.js", "page.js")
+_SCRIPTS = ("skin.js", "drawing.js", "press.js", "learned_map.js", "browser_skin.js", "page.js")
 
 
 def export_page(model: TrainedModel, path: Path | str) -> None:
@@ -45,7 +52,7 @@ def export_page(model: TrainedModel, path: Path | str) -> None:
     Raises
     ------
     ValueError
-        For another method or other outputs, a skin with an outline, or where the map is too large.
+        For another method or other outputs, or where the map is too large.
 
     Examples
     --------
@@ -67,9 +74,11 @@ def document(model: TrainedModel) -> dict[str, Any]:
     unknown = np.column_stack([places, np.tile(forward.mean[2:], (SAMPLED, 1))])
     k, scale = [model.names.index(name) for name in ("x0", "y0", "d", "F")], interval_scale(model)
     return {
-        "ring": {"radius_mm": ring.radius_mm, "angle_rad": _packed(ring.angle_rad), "copies": float(ring.copies)} | {
+        "ring": {"radius_mm": ring.radius_mm, "origin_mm": ring.origin_mm.tolist(),
+                 "angle_rad": _packed(ring.angle_rad), "copies": float(ring.copies)} | {
             name: getattr(ring, name).tolist() for name in ("source", "sink", "read", "ground")},
-        "field": _packed(forward.field), "orders": multipole_series.ORDERS, "interior": INTERIOR,
+        "sheet": _sheet(forward),
+        "field": _packed(forward.field), "orders": multipole_series.ORDERS, "interior": forward.interior,
         "size": {"centre": _packed(forward.size.centre), "weights": _packed(forward.size.weights)},
         "strengths": [_process(one) for one in forward.strengths],
         "strength_sd": np.median(strength_discrepancy(forward, unknown), axis=0).tolist(),
@@ -82,6 +91,16 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "interval": np.maximum(scale.factor[:, k], normal(COVERAGE)).tolist(),
         "unsure_from": np.minimum(scale.edge[k], np.finfo(float).max).tolist(),
         "normal": normal(COVERAGE), "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
+
+
+def _sheet(forward: ForwardMap) -> dict[str, Any] | None:
+    """Poles of the fields of a skin with an outline, and how far from its edges touches are sought, mm."""
+    sheet = forward.ring.sheet
+    if sheet is None:
+        return None
+    return {"pole": _packed(sheet.pole.view(np.float64)),
+            "strength": _packed(np.ascontiguousarray(sheet.strength).view(np.float64)),
+            "least_mm": least_from_edges_mm(forward), "back": BACK}
 
 
 def _process(process: GaussianProcess) -> dict[str, Any]:
@@ -118,5 +137,5 @@ def _whole(data: str) -> str:
     text = text.replace('<link rel="stylesheet" href="page.css">', f"<style>\n{style}</style>")
     scripts = "\n".join(f"<script>\n{(PAGE / name).read_text(encoding='utf-8')}</script>" for name in _SCRIPTS)
     within = f'<script type="application/json" id="learned">{data}</script>\n{scripts}'
-    return re.sub(r'<script src="drawing.js">.*<script src="page.js"></script>', lambda _: within, text,
+    return re.sub(r'<script src="skin.js">.*<script src="page.js"></script>', lambda _: within, text,
                   flags=re.DOTALL)

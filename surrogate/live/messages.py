@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,13 @@ def hello(model: TrainedModel | TrainedReader, limits: Limits | None, source: st
     """The sensor, what may be pressed, the noise to begin with, and where the readings come from: "simulated",
     "learned", "recorded", "streamed" or "exported"."""
     skin = pictured(model)
-    return {"source": source, "centre_mm": np.round(skin.centre_mm, 6).tolist(), "radius_mm": skin.radius_mm,
-            "electrodes_rad": np.round(skin.electrodes_rad, 6).tolist(), "readings": skin.readings,
-            "values": list(skin.values), "unit": skin.unit, "limits": None if limits is None else asdict(limits),
+    return {"source": source, "skin": skin.document(), "readings": skin.readings,
+            "values": list(skin.values), "unit": skin.unit, "limits": None if limits is None else _limits(limits),
             "noise_mV": round(noise_V * 1e3, 6)}
+
+
+def _limits(limits: Limits) -> dict[str, Any]:
+    return {field.name: getattr(limits, field.name) for field in fields(limits) if field.name != "edges"}
 
 
 def frame(number: int, moment: Moment, found: Tracked, hello: dict[str, Any], caution: str, spent_ms: float) -> str:

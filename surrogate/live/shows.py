@@ -30,9 +30,12 @@ def pressed_show(model: TrainedModel, skin: Skin, noise_V: float | None = None) 
     limits = limits_of(model)
     noise = usual_noise_V(model) if noise_V is None else noise_V
     limits = replace(limits, noise_mV=max(limits.noise_mV, noise * 1e3))
-    latest = Latest(Controls(0.0, 0.0, limits.diameters_mm[len(limits.diameters_mm) // 2], noise_mV=noise * 1e3))
+    diameter = limits.diameters_mm[len(limits.diameters_mm) // 2]
+    latest = Latest(Controls(*limits.start_mm, diameter, noise_mV=noise * 1e3))
     source = "learned" if isinstance(skin, LearnedSkin) else "simulated"
-    skin.pressed(replace(latest.wait(0.0)[0], force_N=limits.force_N / 2))  # what is compiled at the first press
+    first = skin.pressed(replace(latest.wait(0.0)[0], force_N=limits.force_N / 2))
+    read = reader_of(model, skin.baseline_V, noise, [])
+    read(Moment(0.0, skin.baseline_V + first.signal_V))  # what is compiled and tabled at the first press
     return _show(model, skin.baseline_V, noise, pressed_moments(skin, latest), source, limits, latest)
 
 

@@ -23,11 +23,12 @@ from matcal.card import read_card
 from matcal.laws.conductivity import conductivity
 from surrogate.bounds.dataset_bound import example_of
 from surrogate.data.baseline_frame import OTHER_BASELINE, relative_difference
-from surrogate.data.sensor_ring import ring_of, same_ring
+from surrogate.data.sensor_ring import radial, ring_of, same_ring
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
 from surrogate.live.controls import Controls, Limits
+from surrogate.live.pictured import edges_of
 from surrogate.model.trained import TrainedModel
 from touchcal.arrays import Array
 
@@ -91,8 +92,9 @@ class SimulatedSkin:
         scene = replace(self.scene, punches=(punch,))
         nothing = np.zeros_like(self.baseline_V)
         if served(self.table, self.material.law, scene)[0] is None:
-            return Pressed(nothing, {}, "no stored load path serves this press: it is too close to the rim, too "
-                                        "light or too deep")
+            edge = "an edge" if scene.body.has_outline else "the rim"
+            return Pressed(nothing, {}, f"no stored load path serves this press: it is too close to {edge}, too light "
+                                        "or too deep")
         found = solve_scene(scene, self.material, table=self.table)
         if found.readings is None:
             return Pressed(nothing, {}, f"not simulated ({found.outcome}): {found.message}")
@@ -180,11 +182,25 @@ def limits_of(model: TrainedModel) -> Limits:
                          "all.")
     k = {name: model.names.index(name) for name in ("x0", "y0", "d", "F")}
     lowest, highest = model.trained.lowest, model.trained.highest
-    places = model.calibration.target[:, [k["x0"], k["y0"]]]
-    reach = max(float(np.hypot(*places.T).max()), *(float(abs(end[k[n]])) for end in (lowest, highest)
-                                                    for n in ("x0", "y0")))
     noise = 1e3 * MOST_OF_USUAL * usual_noise_V(model)
     d = known_diameters(model)
     d = d if len(d) else np.linspace(lowest[k["d"]], highest[k["d"]], CHOICE)
-    return Limits(min(reach, model.ring.radius_mm), tuple(np.round(d, 6).tolist()), float(highest[k["F"]]), noise,
-                  noise)
+    edges, gap = edges_of(model.ring), _gap_mm(model)
+    inner = edges.middle_mm
+    if edges.refuses(inner, float(d.max()), gap):
+        inner = (float(model.ring.origin_mm[0]), float(model.ring.origin_mm[1]))
+    return Limits(edges, gap, inner, tuple(np.round(d, 6).tolist()), float(highest[k["F"]]), noise, noise)
+
+
+def _gap_mm(model: TrainedModel) -> float:
+    """Least distance of trained touches to the edges; of a disc by the calibrating ones and the range of each
+    coordinate, of a skin with an outline by those that taught a map, else by the calibrating ones."""
+    ring = model.ring
+    if ring.sheet is not None and isinstance(model.learner, TouchInversion):
+        return ring.radius_mm - float(model.learner.forward.bounds[1, 0])
+    k = [model.names.index(name) for name in ("x0", "y0")]
+    places = model.calibration.target[:, k]
+    if ring.sheet is not None:
+        return max(float(ring.radius_mm * (1 - radial(ring, places).max())), 0.0)
+    ends = np.abs([model.trained.lowest[k], model.trained.highest[k]]).max()
+    return max(ring.radius_mm - max(float(np.hypot(*places.T).max()), float(ends)), 0.0)

@@ -15,8 +15,10 @@ import numpy as np
 
 from matcal.posterior.ensembles import Derived, run_ensembles
 from surrogate.bounds.fisher_information import Prior
+from surrogate.data.sensor_ring import radial
 from surrogate.forward_map.forward_map import ForwardMap, linearise, noise_floor, signal_size
 from surrogate.forward_map.inversion.invert import invert
+from surrogate.forward_map.inversion.multipole_location import pulled, sought
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown
 from surrogate.single_frame import branches, diameter_profile, likelihood_emulator
 from surrogate.single_frame.branches import Branches
@@ -82,8 +84,8 @@ class _Frame:
 
     def allowed(self, unknown: Array, margin: float) -> Mask:
         """Which touches (n, 4) are in the prior's range, or outside it by up to this part."""
-        x, y, d, force = to_touch(unknown, self.forward.p0).T
-        inside = np.hypot(x, y) <= self.forward.ring.radius_mm * 0.97
+        _, _, d, force = to_touch(unknown, self.forward.p0).T
+        inside = sought(self.forward, unknown)
         for values, (low, high) in ((d, self.prior.d_mm), (force, self.prior.force_N)):
             inside &= (values >= low - margin * (high - low)) & (values <= high + margin * (high - low))
         return inside & (unknown[:, 3] > 0)
@@ -101,11 +103,8 @@ class Draws:
 
 
 def prior_of(forward: ForwardMap) -> Prior:
-    """Uniform over the ranges of diameter and force of the training touches, and where the punch fits; ValueError
-    where these share one diameter or force, or the skin has an outline."""
-    if forward.ring.sheet is not None:
-        raise ValueError("the posterior's prior of the place is built for discs, and this model's skin has an outline. "
-                         "Predict without --posterior.")
+    """Uniform over the ranges of diameter and force of the training touches, and where the punch fits, on a skin with
+    an outline no nearer to its edges than the training touches; ValueError where these share one diameter or force."""
     (_, d_low, f_low), (reach, d_high, f_high) = forward.bounds
     for name, low, high in (("d", d_low, d_high), ("F", f_low, f_high)):
         if not low < high:
@@ -207,7 +206,7 @@ def _ridge(frame: _Frame, centre: Array) -> tuple[Ridge, Branches]:
 
     def within(unknown: Array) -> Array:
         out = unknown.copy()
-        out[:, :2] *= np.minimum(1, prior.reach_mm(prior.d_mm[0]) / np.maximum(np.hypot(*out[:, :2].T), 1e-9))[:, None]
+        out[:, :2] = pulled(forward, out[:, :2], float(prior.reach_mm(prior.d_mm[0])))
         out[:, 3] = np.clip(out[:, 3], *load(out[:, 2]))
         return out
 
@@ -229,8 +228,9 @@ def _density(log_prior: Callable[[Array], Array], made: Emulator) -> Callable[[A
 
 def log_prior(forward: ForwardMap, prior: Prior, unknown: Array) -> Array:
     """(n,) log density, but for a constant, in (x, y, log d, g) of touches uniform in (x, y, d, F)."""
-    x, y, d, force = to_touch(unknown, forward.p0).T
-    inside = ((np.hypot(x, y) <= prior.reach_mm(d)) & (d >= prior.d_mm[0]) & (d <= prior.d_mm[1])
+    _, _, d, force = to_touch(unknown, forward.p0).T
+    far = forward.ring.radius_mm * radial(forward.ring, unknown)  # from the centre of a disc
+    inside = ((far <= prior.reach_mm(d)) & (d >= prior.d_mm[0]) & (d <= prior.d_mm[1])
               & (force >= prior.force_N[0]) & (force <= prior.force_N[1]))
     out = np.full(len(unknown), -np.inf)
     out[inside] = np.log(d[inside] * force[inside] / np.tanh(unknown[inside, 3]))

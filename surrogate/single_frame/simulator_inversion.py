@@ -1,7 +1,8 @@
 """One touch from one frame with the simulator itself as the forward map: Levenberg-Marquardt on whitened residuals.
 
 Unknowns are (x, y, log d, load g) under the Gaussian prior of a learned map's training touches. Derivatives are the
-simulator's adjoint ones at the start and follow by secants (Broyden, Math. Comp. 19 (1965) 577): one scene a step.
+simulator's adjoint ones at the start, on a skin with an outline those of the learned map, and follow by secants
+(Broyden, Math. Comp. 19 (1965) 577): one scene a step.
 """
 
 import time
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from surrogate.bounds.fisher_information import Slopes
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.inversion.multipole_location import on_range
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
@@ -61,7 +63,7 @@ def direct(simulator: Simulator, forward: ForwardMap, signal_V: Array, noise_V: 
     known_d: whether the start's diameter is that of the punch.
     """
     begun = time.process_time()
-    first, slopes = solved(simulator, start), slopes_at(simulator, start)
+    first, slopes = solved(simulator, start), _slopes(simulator, forward, start)
     unknowns = unknowns_of(first, slopes, noise_V)
     whiten = unknowns.whitening
     state = (to_unknown(start[None], forward.p0)[0] - forward.mean) / forward.sd
@@ -88,6 +90,16 @@ def direct(simulator: Simulator, forward: ForwardMap, signal_V: Array, noise_V: 
     return Direct(_touch(forward, end.state), _covariance(end.jacobian, to_mm) * max(misfit, 1.0),
                   _covariance(own, to_mm), misfit, left, signal_V + left, unknowns, by_state @ np.linalg.inv(to_mm),
                   first.error_estimate, end.solves + 1, time.process_time() - begun, end.close)
+
+
+def _slopes(simulator: Simulator, forward: ForwardMap, touch: Array) -> Slopes:
+    """Derivatives at a touch (4,); on a skin with an outline the learned map's by the touch, and none by the
+    material."""
+    if forward.ring.sheet is None:
+        return slopes_at(simulator, touch)
+    here = to_unknown(touch[None], forward.p0)
+    by_touch = linearise(forward, here).jacobian[0] @ np.linalg.inv(touch_slope(here, forward.p0)[0])
+    return Slopes(by_touch, np.zeros((len(by_touch), 0)))
 
 
 def _descend(residual_at: Callable[[Array], Array], within: Callable[[Array], Array], state: Array, residual: Array,

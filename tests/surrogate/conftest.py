@@ -1,4 +1,5 @@
-"""Synthetic touches: the exact response of a disc with a circular spot stands in for a simulated sweep."""
+"""Synthetic touches: the exact response of a disc with a circular spot stands in for a simulated sweep; on a rectangle
+exact multipoles of its fields do."""
 
 from __future__ import annotations
 
@@ -10,16 +11,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import surrogate
+from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.scene.drive import voltage_columns
+from eitsim.scene.scene import Body, Electrodes, Scene
 from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples
-from surrogate.data.sensor_ring import Ring, ring_of_design
+from surrogate.data.sensor_ring import Ring, place, radial, ring_of, ring_of_design
+from surrogate.forward_map import multipole_series
 
 Array = NDArray[np.float64]
 
 RADIUS_MM, SHEET_S, CURRENT_A, TERMS = 100.0, 6e-4, 5e-3, 200
 RING = ring_of_design({})
+RECTANGLE = Scene(Body(outline="rectangle", width_m=0.15, height_m=0.1, thickness_m=0.005),
+                  electrodes=Electrodes(count=16, width_m=0.008))
+RECTANGLE_ROWS, NEAR = 90, 0.65  # rows on the rectangle; radius from which an edge counts as near
 
 
 def spot(d_mm: Array, force_N: Array) -> tuple[Array, Array]:
@@ -142,3 +150,49 @@ def samples(sweep: Path) -> Samples:
     found = read_samples(sweep)
     assert found.target.shape == (200, len(outputs.ALL))
     return found
+
+
+@pytest.fixture(scope="session")
+def rectangle() -> Scene:
+    """A skin with an outline."""
+    return RECTANGLE
+
+
+@pytest.fixture(scope="session")
+def rectangle_ring() -> Ring:
+    return ring_of(RECTANGLE)
+
+
+@pytest.fixture(scope="session")
+def rectangle_signal(rectangle_ring: Ring) -> Callable[[Array], Array]:
+    """(n, 4) touches on the rectangle -> (n, readings) signals, V, of spots that shunt a part of the field of a circle
+    of the punch's diameter."""
+    def signals(touch: Array) -> Array:
+        contrast = 0.4 * touch[:, 3] / (touch[:, 3] + 0.3)
+        order = np.arange(1, multipole_series.ORDERS + 1)
+        radius = touch[:, 2, None] / 2 / rectangle_ring.radius_mm
+        strength = -1e-2 * contrast[:, None] * radius ** (2 * order) / np.array([1, 2, 12, 144, 2880])
+        fields = multipole_series.patterns(rectangle_ring, rectangle_ring.modes, place(rectangle_ring, touch))
+        return multipole_series.combined(multipole_series.basis(*fields), strength)
+    return signals
+
+
+@pytest.fixture(scope="session")
+def rectangle_samples(rectangle_ring: Ring, rectangle_signal: Callable[[Array], Array]) -> Samples:
+    """Rows over the whole rectangle; signals of those near an edge are not multipoles."""
+    rng, rest = np.random.default_rng(4), untouched_readings(RECTANGLE, SHEET_S)
+    rows, number = RECTANGLE_ROWS, np.arange(RECTANGLE_ROWS)
+    touch = np.column_stack([rng.uniform(-65, 65, rows), rng.uniform(-40, 40, rows), rng.uniform(8, 12, rows),
+                             rng.uniform(0.1, 1.0, rows)])
+    near = radial(rectangle_ring, touch) > NEAR
+    signal = rectangle_signal(touch)
+    signal[near] *= 1 + 0.3 * np.sin(np.arange(signal.shape[1]))
+    return Samples(rectangle_ring, number, number, signal, np.tile(rest, (rows, 1)),
+                   np.column_stack([touch, rng.uniform(1, 2, (rows, 4))]), np.full(rows, -1), np.empty((rows, 0)),
+                   np.zeros(rows), number.astype(np.uint64), near)
+
+
+@pytest.fixture(scope="session")
+def rectangle_model(rectangle_samples: Samples) -> surrogate.Model:
+    """A forward model of the rectangle."""
+    return surrogate.train(rectangle_samples, outputs="x0,y0,d,F", seed=1)

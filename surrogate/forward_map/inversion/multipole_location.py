@@ -7,13 +7,13 @@ import numpy as np
 
 from surrogate.data import outlined_sheet
 from surrogate.data.outlined_sheet import Sheet
-from surrogate.data.sensor_ring import Ring
+from surrogate.data.sensor_ring import Ring, radial
 from surrogate.forward_map import multipole_series
 from surrogate.forward_map.forward_map import ForwardMap, series_basis
 from surrogate.forward_map.forward_map import place as scaled_place
 from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, no_drift, of, white, whitened
 from surrogate.statistics.levenberg_marquardt import minimise
-from touchcal.arrays import Array, Index
+from touchcal.arrays import Array, Index, Mask
 
 # Candidate places, how many of the best go on, the orders that these are matched by, and the steps that each is given.
 CANDIDATES, PLACES, MATCHED, STEPS = 400, 2, 2, 15
@@ -137,13 +137,33 @@ def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, mean: Array,
 
 def on_skin(forward: ForwardMap, place_mm: Array) -> Array:
     """Places (n, 2) pulled back to the training touches and a margin about them."""
-    ring, reach = forward.ring, forward.bounds[1, 0] + MARGIN_MM
+    ring = forward.ring
     if ring.sheet is not None:
-        return _from_edges(forward, ring.sheet, place_mm, max(
-            ring.radius_mm - reach, EDGE * ring.sheet.line_mm))
-    limit = min(reach, RIM * ring.radius_mm)
+        return pulled(forward, place_mm, ring.radius_mm - least_from_edges_mm(forward))
+    return pulled(forward, place_mm, min(float(forward.bounds[1, 0]) + MARGIN_MM, RIM * ring.radius_mm))
+
+
+def pulled(forward: ForwardMap, place_mm: Array, reach_mm: float) -> Array:
+    """Places (n, 2), mm, pulled back to this distance from the centre of a disc; on a skin with an outline from the
+    edges to as much less than the largest one."""
+    ring = forward.ring
+    if ring.sheet is not None:
+        return _from_edges(forward, ring.sheet, place_mm, ring.radius_mm - reach_mm)
     radius = np.hypot(place_mm[:, 0], place_mm[:, 1])
-    return place_mm * np.minimum(1.0, limit / np.maximum(radius, 1e-12))[:, None]
+    return place_mm * np.minimum(1.0, reach_mm / np.maximum(radius, 1e-12))[:, None]
+
+
+def sought(forward: ForwardMap, touch: Array) -> Mask:
+    """(n,) whether touches (n, ...) that begin with x and y in mm lie where the fields are those of the map."""
+    sheet = forward.ring.sheet
+    nearest = RIM if sheet is None else 1 - EDGE * sheet.line_mm / forward.ring.radius_mm
+    return radial(forward.ring, touch) <= nearest
+
+
+def least_from_edges_mm(forward: ForwardMap) -> float:
+    """Distance to the edges of a skin with an outline inside which no place is sought, mm."""
+    assert forward.ring.sheet is not None
+    return max(forward.ring.radius_mm - float(forward.bounds[1, 0]) - MARGIN_MM, EDGE * forward.ring.sheet.line_mm)
 
 
 def _from_edges(forward: ForwardMap, sheet: Sheet, place_mm: Array, least_mm: float) -> Array:

@@ -126,25 +126,11 @@ def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, s
         state = trial
         if np.all(bent < ENOUGH * np.hypot(white, unsure.noise_V)):
             break
-    weighed = _weighed(before, innovation - _times(slope, update.step), update.whole, unsure.noise_V)
+    weighed = _weighed(before, innovation - _times(slope, update.step), update, unsure.noise_V)
     return _fewer(replace(weighed, mean=state, covariance=update.covariance, shared=update.shared,
                           anchor=state if start is not None else before.anchor,
                           since=state[best(before)] if not before.frames else weighed.since,
                           misfit=update.cost / innovation.shape[1]))
-
-
-def _weighed(before: Followed, left: Array, whole: Array, noise_V: float) -> Followed:
-    """With the probabilities by what one more frame left (k, m), of innovations of covariance (k, m, m): large along
-    what the touch may have moved by, where little is left."""
-    gone = np.linalg.norm((before.mean[best(before)] - before.since) / RENEWED)
-    again = left.shape[1] != before.left.shape[1] or gone > 1
-    log_before, frames = (before.log_weight, 0) if again else (before.log_before, before.frames)
-    mean = left if not frames else before.left + (left - before.left) / (frames + 1)
-    averaged = whole - noise_V**2 * frames / (frames + 1) * np.eye(left.shape[1])
-    cost = np.sum(mean * np.linalg.solve(averaged, mean[..., None])[..., 0], axis=1)
-    log_weight = log_before - 0.5 * (cost + np.linalg.slogdet(averaged)[1])
-    return replace(before, log_weight=log_weight - np.logaddexp.reduce(log_weight), log_before=log_before,
-                   left=mean, frames=frames + 1, since=before.mean[best(before)] if again else before.since)
 
 
 def _with_force(forward: ForwardMap, mean: Array, touch: Array) -> Array:
@@ -159,26 +145,58 @@ class _Update:
     covariance: Array  # (k, 4, 4)
     shared: Array  # (k, 4, constants)
     cost: Array  # (k,) squared innovation over its covariance
-    whole: Array  # (k, m, m) that covariance
+    onto: Array  # (k, m, r) orthonormal readings that the touch and errors other than white ones reach
+    whole: Array  # (k, r, r) covariance of the innovation along these
+    elsewhere_V2: Array  # (k,) its variance, V^2, along every other
+
+
+def _weighed(before: Followed, left: Array, update: _Update, noise_V: float) -> Followed:
+    """With the probabilities by what one more frame left (k, m), of innovations of an update's covariance: large along
+    what the touch may have moved by, where little is left."""
+    gone = np.linalg.norm((before.mean[best(before)] - before.since) / RENEWED)
+    again = left.shape[1] != before.left.shape[1] or gone > 1
+    log_before, frames = (before.log_weight, 0) if again else (before.log_before, before.frames)
+    mean = left if not frames else before.left + (left - before.left) / (frames + 1)
+    fewer = noise_V**2 * frames / (frames + 1)  # of the noise that a mean has not
+    averaged = update.whole - fewer * np.eye(update.whole.shape[-1])
+    along, rest = _parts(update.onto, mean)
+    elsewhere_V2 = update.elsewhere_V2 - fewer
+    cost = np.sum(along * np.linalg.solve(averaged, along[..., None])[..., 0], axis=1) + rest / elsewhere_V2
+    log_size = np.linalg.slogdet(averaged)[1] + (left.shape[1] - along.shape[1]) * np.log(elsewhere_V2)
+    log_weight = log_before - 0.5 * (cost + log_size)
+    return replace(before, log_weight=log_weight - np.logaddexp.reduce(log_weight), log_before=log_before,
+                   left=mean, frames=frames + 1, since=before.mean[best(before)] if again else before.since)
 
 
 def _update(before: Followed, slope: Array, white: Array, alike: Array, innovation: Array, unsure: Unsure) -> _Update:
     """The consider filter's update by m readings of these slopes (k, m, 4), whose errors are white constants of
-    standard deviations (k,) and `alike` (k, m, rest) times the others."""
+    standard deviations (k,) and `alike` (k, m, rest) times the others; solved along the few readings that anything but
+    white errors reaches."""
     own, others = np.flatnonzero(unsure.kept), np.s_[len(unsure.kept):]
     scaled = white[:, None, None]
     by_constants = scaled * (before.shared[:, :, own] @ unsure.axes) + before.shared[:, :, others] @ _turned(alike)
+    onto = np.asarray(np.linalg.qr(np.concatenate([slope, _turned(by_constants), alike], axis=2))[0], np.float64)
+    slope, alike, by_constants = _turned(onto) @ slope, _turned(onto) @ alike, by_constants @ onto
     across = before.covariance @ _turned(slope) + by_constants
     whole = slope @ across + _turned(slope @ by_constants) + alike @ _turned(alike)
     whole += (scaled**2 + unsure.noise_V**2) * np.eye(slope.shape[1])
-    solved = np.linalg.solve(whole, np.concatenate([_turned(across), innovation[..., None]], axis=2))
+    along, rest = _parts(onto, innovation)
+    solved = np.linalg.solve(whole, np.concatenate([_turned(across), along[..., None]], axis=2))
     gain = _turned(np.asarray(solved[..., :4], np.float64))
     covariance = before.covariance - gain @ _turned(across)
     shared = before.shared - gain @ (slope @ before.shared)
-    shared[:, :, own] -= scaled * (gain @ unsure.axes.T)
+    shared[:, :, own] -= scaled * (gain @ _turned(onto) @ unsure.axes.T)
     shared[:, :, others] -= gain @ alike
-    return _Update(_times(gain, innovation), (covariance + _turned(covariance)) / 2, shared,
-                   np.sum(innovation * solved[..., 4], axis=1), whole)
+    elsewhere_V2 = white**2 + unsure.noise_V**2
+    return _Update(_times(gain, along), (covariance + _turned(covariance)) / 2, shared,
+                   np.sum(along * solved[..., 4], axis=1) + rest / elsewhere_V2, onto, whole,
+                   elsewhere_V2)
+
+
+def _parts(onto: Array, readings: Array) -> tuple[Array, Array]:
+    """Readings (k, m) along orthonormal ones (k, m, r), and the squares (k,) of what is left."""
+    along = _times(_turned(onto), readings)
+    return along, np.sum((readings - _times(onto, along)) ** 2, axis=1)
 
 
 def _turned(matrix: Array) -> Array:

@@ -5,7 +5,7 @@ const FRAME_MS = 20, FORGETS = 0.05; // part of each untouched frame in the trac
 
 function connect(onHello, onFrame) {
   const { hello, map: given } = JSON.parse(document.getElementById("learned").textContent);
-  const map = learnedMap(given), slope = Array.from({ length: map.readings }, normal);
+  const map = learnedMap(given, edgeOf(hello.skin)), slope = Array.from({ length: map.readings }, normal);
   let controls = null, isNew = false, number = 0, state = null, before = performance.now();
   const start = before, drift = new Float64Array(map.readings), untouched = new Float64Array(map.readings);
   window.learned = map;

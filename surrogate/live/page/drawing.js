@@ -26,9 +26,6 @@ function cleared(canvas) {
   return { context, width: box.width, height: box.height };
 }
 
-// Pixels per mm of a skin of this radius, electrodes and their numbers around it.
-function skinScale(width, radius_mm) { return width / 2 / (radius_mm * 1.13); }
-
 function rgb(colour) { return [1, 3, 5].map(i => parseInt(colour.slice(i, i + 2), 16)).join(","); }
 
 // A field about a punch, as opaque as it is strong.
@@ -42,38 +39,52 @@ function shaded(c, field, x, y, reach, colour) {
   c.fill();
 }
 
-function drawSkin(canvas, hello, frame, cursor, field) {
-  const colour = colours(), { context: c, width } = cleared(canvas);
-  const scale = skinScale(width, hello.radius_mm), radius = hello.radius_mm * scale;
-  const [middleX, middleY] = hello.centre_mm;
-  const X = x => width / 2 + (x - middleX) * scale, Y = y => width / 2 - (y - middleY) * scale;
+// The band along the edges in which no touch is known.
+function unknownBand(c, edge, view, gap_mm, colour) {
+  c.save();
+  c.beginPath(); edge.trace(c, view.X, view.Y, view.scale);
+  c.clip("evenodd");
+  c.strokeStyle = colour.soft; c.globalAlpha = 0.13; c.lineWidth = 2 * gap_mm * view.scale; c.lineJoin = "round";
+  c.stroke();
+  c.restore();
+}
+
+function drawSkin(canvas, { hello, edge, picture }, frame, cursor, field) {
+  const colour = colours(), { context: c, width, height } = cleared(canvas), view = viewOf(picture, width);
+  const { X, Y, scale } = view, limits = hello.limits;
   const circle = (x, y, r) => { c.beginPath(); c.arc(X(x), Y(y), Math.max(r * scale, 0), 0, 2 * Math.PI); };
-  circle(middleX, middleY, hello.radius_mm);
-  c.fillStyle = colour.skin; c.fill();
+  const outline = () => { c.beginPath(); edge.trace(c, X, Y, scale); };
+  outline();
+  c.fillStyle = colour.skin; c.fill("evenodd");
   const fields = frame && frame.fields, truth = frame && frame.true;
   if (truth && fields && fields[field]) {
-    c.save(); c.clip();
+    c.save(); c.clip("evenodd");
     shaded(c, fields[field], X(truth.x_mm), Y(truth.y_mm), fields.reach_mm * scale, colour);
     c.restore();
   }
   c.strokeStyle = colour.line; c.lineWidth = 1;
-  circle(middleX, middleY, hello.radius_mm); c.stroke();
-  for (const r of [0.25, 0.5, 0.75]) { circle(middleX, middleY, r * hello.radius_mm); c.globalAlpha = 0.5; c.stroke(); }
-  c.globalAlpha = 1;
-  if (hello.limits && hello.limits.reach_mm < hello.radius_mm - 1) {
-    c.setLineDash([2, 5]); c.strokeStyle = colour.soft; circle(0, 0, hello.limits.reach_mm); c.stroke();
-    c.setLineDash([]);
-  }
+  outline(); c.stroke();
+  if (hello.skin.circle_mm) {
+    const [x, y, radius] = hello.skin.circle_mm;
+    for (const r of [0.25, 0.5, 0.75]) { circle(x, y, r * radius); c.globalAlpha = 0.5; c.stroke(); }
+    c.globalAlpha = 1;
+    if (limits && limits.gap_mm > 1) {
+      c.setLineDash([2, 5]); c.strokeStyle = colour.soft; circle(x, y, radius - limits.gap_mm); c.stroke();
+      c.setLineDash([]);
+    }
+  } else if (limits) unknownBand(c, edge, view, limits.gap_mm, colour);
   c.fillStyle = colour.soft; c.strokeStyle = colour.ink; c.lineWidth = 4;
   c.font = "11px system-ui, sans-serif"; c.textAlign = "center"; c.textBaseline = "middle";
-  hello.electrodes_rad.forEach((angle, k) => {
-    c.beginPath(); c.arc(width / 2, width / 2, radius, -angle - 0.05, -angle + 0.05); c.stroke();
-    const out = hello.radius_mm * 1.075;
-    c.fillText(k, X(out * Math.cos(angle)), Y(out * Math.sin(angle)));
+  hello.skin.electrodes.forEach(({ along_mm: along, label_mm: label }, k) => {
+    c.beginPath();
+    along.forEach(([x, y], i) => { if (i) c.lineTo(X(x), Y(y)); else c.moveTo(X(x), Y(y)); });
+    c.stroke();
+    c.fillText(k, X(label[0]), Y(label[1]));
   });
   c.lineWidth = 1.5; c.strokeStyle = colour.soft;
-  c.beginPath(); c.moveTo(8, width - 10); c.lineTo(8 + 20 * scale, width - 10); c.stroke();
-  c.textAlign = "left"; c.fillText("20 mm", 8, width - 20);
+  c.beginPath(); c.moveTo(8, height - 10); c.lineTo(8 + 20 * scale, height - 10); c.stroke();
+  c.textAlign = "left";
+  if (hello.skin.circle_mm) c.fillText("20 mm", 8, height - 20); else c.fillText("20 mm", 14 + 20 * scale, height - 10);
   if (cursor) {
     c.setLineDash([3, 3]); circle(cursor.x_mm, cursor.y_mm, cursor.diameter_mm / 2); c.stroke(); c.setLineDash([]);
   }

@@ -1,13 +1,14 @@
 "use strict";
 // The learned map from a touch (x, y, log d, g) to its signal, and its inversion by Levenberg-Marquardt: the same sums
-// as surrogate/forward_map in the program that wrote this page, by one touch at a time.
+// as surrogate/forward_map in the program that wrote this page, by one touch at a time, on a skin of these edges.
 
-function learnedMap(given) {
+function learnedMap(given, edge) {
   const unpack = one => {
     const bytes = Uint8Array.from(atob(one.base64), c => c.charCodeAt(0));
     return Float64Array.from(one.kind === "<f4" ? new Float32Array(bytes.buffer) : new Float64Array(bytes.buffer));
   };
   const ring = given.ring, angle = unpack(ring.angle_rad), electrodes = angle.length, readings = ring.read.length;
+  const sheet = given.sheet && { pole: unpack(given.sheet.pole), strength: unpack(given.sheet.strength) };
   const field = unpack(given.field), orders = given.orders, rim = given.rim;
   const size = { centre: unpack(given.size.centre), weights: unpack(given.size.weights) };
   const processes = given.strengths.map(s => Object.fromEntries(Object.entries(s).map(([k, v]) => [k, unpack(v)])));
@@ -15,8 +16,8 @@ function learnedMap(given) {
   const metal = rim && { ...rim.metal, nodes: unpack(rim.metal.nodes), lengths: unpack(rim.metal.lengths),
                          weights: unpack(rim.metal.weights), directions: unpack(rim.metal.directions) };
 
-  // Coefficient of z^s in the n-th derivative of an electrode's field.
-  const coefficients = Array.from({ length: orders }, (_, k) => {
+  // Coefficient of z^s in the n-th derivative of an electrode's field on a disc.
+  const coefficients = Array.from({ length: sheet ? 0 : orders }, (_, k) => {
     const n = k + 1, out = new Float64Array(field.length - n + 1);
     for (let s = 0; s < out.length; s++) {
       let falling = 1;
@@ -26,8 +27,8 @@ function learnedMap(given) {
     return out;
   });
 
-  // Derivatives of the electrodes' fields at z: real and imaginary parts [order][electrode].
-  function fieldsAt(zx, zy) {
+  // Derivatives of the electrodes' fields at z, real and imaginary parts [order][electrode]: of a disc by their series.
+  function seriesAt(zx, zy) {
     const real = [], imaginary = [];
     for (let k = 0; k < orders; k++) {
       real.push(new Float64Array(electrodes));
@@ -48,6 +49,40 @@ function learnedMap(given) {
     return { real, imaginary };
   }
 
+  // Of a skin with an outline by their poles w on the edges: k! sum_w strength / (w - z)^(k + 1).
+  function polesAt(zx, zy) {
+    const real = Array.from({ length: orders }, () => new Float64Array(electrodes));
+    const imaginary = Array.from({ length: orders }, () => new Float64Array(electrodes)), { pole, strength } = sheet;
+    for (let p = 0; p < pole.length / 2; p++) {
+      const wx = pole[2 * p] - zx, wy = pole[2 * p + 1] - zy, square = wx * wx + wy * wy;
+      const kx = wx / square, ky = -wy / square;
+      let a = 1, b = 0;
+      for (let k = 0; k < orders; k++) {
+        const by = k || 1, re = real[k], im = imaginary[k];
+        [a, b] = [by * (a * kx - b * ky), by * (a * ky + b * kx)];
+        for (let e = 0, at = 2 * p * electrodes; e < electrodes; e++, at += 2) {
+          re[e] += a * strength[at] - b * strength[at + 1];
+          im[e] += a * strength[at + 1] + b * strength[at];
+        }
+      }
+    }
+    return { real, imaginary };
+  }
+
+  const scaledPlace = (x, y) => [(x - ring.origin_mm[0]) / ring.radius_mm, (y - ring.origin_mm[1]) / ring.radius_mm];
+
+  // How near a place is to the edge: |z| on a disc, else 1 less the distance over the largest one.
+  const radial = (x, y) => sheet ? 1 - edge.distance([x, y]).away / ring.radius_mm : Math.hypot(...scaledPlace(x, y));
+
+  let last = { x: NaN, y: NaN };
+
+  // Fields at a place, mm; those of the last one are kept, since touches at one place follow each other.
+  function fieldsAt(x, y) {
+    if (x !== last.x || y !== last.y)
+      last = { x, y, f: (sheet ? polesAt : seriesAt)(...scaledPlace(x, y)) };
+    return last.f;
+  }
+
   function share(radius, zone) {
     const t = Math.min(Math.max((radius - zone[0]) / (zone[1] - zone[0]), 0), 1);
     return t * t * (3 - 2 * t);
@@ -55,7 +90,7 @@ function learnedMap(given) {
 
   // The series' basis [order][reading].
   function basisOf(f, radius) {
-    const high = 1 - share(radius, given.high_end), out = [];
+    const high = sheet ? 1 : 1 - share(radius, given.high_end), out = [];
     for (let k = 0; k < orders; k++) {
       const a = f.real[k], b = f.imaginary[k], column = new Float64Array(readings);
       const part = k < given.kept_orders ? 1 : high;
@@ -94,8 +129,8 @@ function learnedMap(given) {
 
   // Signal, basis, and size of the strengths at a touch; `shape` is the size as a signal's norm, V.
   function at(u) {
-    const [x, y, logD, g] = u, zx = x / ring.radius_mm, zy = y / ring.radius_mm, radius = Math.hypot(zx, zy);
-    const f = fieldsAt(zx, zy), basis = basisOf(f, radius);
+    const [x, y, logD, g] = u, [zx, zy] = scaledPlace(x, y), radius = radial(x, y);
+    const f = fieldsAt(x, y), basis = basisOf(f, radius);
     const input = new Array(inputs).fill(0);
     input[0] = logD; input[1] = g; input[2] = Math.min(radius, given.interior) ** 2;
     const strength = sizeAt(input) * force(logD, g), signal = new Float64Array(readings), dipole = norm(basis[0]);
@@ -206,14 +241,36 @@ function learnedMap(given) {
     return Math.hypot(noise_V, floor * Math.sqrt(ring.copies) * here.shape, 1e-15);
   }
 
+  // A place pulled back to the training touches and a margin about them.
+  function onDisc(x, y) {
+    const limit = Math.min(given.bounds[1][0] + given.margin_mm, given.most_radius * ring.radius_mm);
+    const far = Math.hypot(x, y), pull = far > limit ? limit / far : 1;
+    return [x * pull, y * pull];
+  }
+
+  // The same on a skin with an outline: at right angles to the nearest edge; where two edges are in each other's way
+  // the nearest of the candidates.
+  function fromEdges(x, y) {
+    const { least_mm: least, back } = given.sheet, start = [x, y];
+    let at = start;
+    for (let k = 0; k < back; k++) {
+      const { away, slope } = edge.distance(at), by = Math.max(least - away, 0);
+      if (by) at = [at[0] + by * slope[0], at[1] + by * slope[1]];
+    }
+    if (edge.distance(at).away >= 0.999 * least) return at;
+    candidates = candidates || planes();
+    const far = c => Math.hypot(c.x - start[0], c.y - start[1]);
+    const best = candidates.reduce((one, other) => far(other) < far(one) ? other : one);
+    return [best.x, best.y];
+  }
+
   function held(u) {
     const [x, y, logD, g] = u, [low, high] = given.bounds;
-    const limit = Math.min(high[0] + given.margin_mm, given.most_radius * ring.radius_mm), far = Math.hypot(x, y);
-    const pull = far > limit ? limit / far : 1, clip = (v, a, b) => Math.min(Math.max(v, a), b);
+    const clip = (v, a, b) => Math.min(Math.max(v, a), b);
     const log = clip(logD, Math.log(low[1]) - given.margin, Math.log(high[1]) + given.margin);
     const area = Math.exp(2 * log) * given.p0;
-    return [x * pull, y * pull, log, clip(g, Math.asinh(low[2] * Math.exp(-given.margin) / area),
-                                          Math.asinh(high[2] * Math.exp(given.margin) / area))];
+    return [...(sheet ? fromEdges : onDisc)(x, y), log, clip(g, Math.asinh(low[2] * Math.exp(-given.margin) / area),
+                                                             Math.asinh(high[2] * Math.exp(given.margin) / area))];
   }
 
   const states = 4 + orders, toUnknown = s => held(given.mean.map((m, i) => m + given.sd[i] * s[i]));
@@ -295,8 +352,7 @@ function learnedMap(given) {
   function planes() {
     const places = unpack(given.candidates), out = [];
     for (let k = 0; k < places.length / 2; k++) {
-      const zx = places[2 * k] / ring.radius_mm, zy = places[2 * k + 1] / ring.radius_mm;
-      const [a, b] = basisOf(fieldsAt(zx, zy), 0), first = norm(a);
+      const [a, b] = basisOf(fieldsAt(places[2 * k], places[2 * k + 1]), 0), first = norm(a);
       const one = a.map(v => v / first), along = b.reduce((sum, v, j) => sum + v * one[j], 0);
       const rest = b.map((v, j) => v - along * one[j]), second = norm(rest);
       out.push({ x: places[2 * k], y: places[2 * k + 1], one, two: rest.map(v => v / second) });

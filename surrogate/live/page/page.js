@@ -10,7 +10,7 @@
   const ROWS = { x: ["x_mm", 1, 2], y: ["y_mm", 1, 2], d: ["d_mm", 1, 2], F: ["F_N", 3, 3],
                  depth: ["depth_mm", 2, 2], z: ["z_mm", 2, 2] };
   const SPOKEN_EVERY_MS = 1500, PLOTTED_EVERY_MS = 60;
-  let hello = null, hands = null, frame = null, frames = [], arrivals = [], missed = 0;
+  let hello = null, shownSkin = null, hands = null, frame = null, frames = [], arrivals = [], missed = 0;
   let drawn = null, stale = true, plotted = 0, spoken = 0;
   const latencies = [];
 
@@ -25,9 +25,12 @@
       byId("read-" + row).closest("tr").hidden = !hello.values.includes(key);
     byId("force-plot").closest("figure").hidden = !hello.values.includes("F_N");
     byId("shown-field").hidden = hello.source !== "simulated";
-    byId("reach").hidden = !hello.limits || hello.limits.reach_mm > hello.radius_mm - 1;
+    shownSkin = { hello, edge: edgeOf(hello.skin), picture: pictureOf(hello.skin) };
+    byId("skin").style.setProperty("--aspect", shownSkin.picture.wide / shownSkin.picture.tall);
+    byId("reach").hidden = !hello.limits || (hello.skin.circle_mm && hello.limits.gap_mm < 1);
+    byId("reach").textContent = hello.skin.circle_mm ? "dotted: what was trained" : "grey: " + NEAR_EDGE;
     document.body.classList.toggle("shown-only", !hello.limits);
-    if (hello.limits && !again) hands = pressing(hello, send);
+    if (hello.limits && !again) hands = pressing(shownSkin, send);
   }
 
   function take(message) {
@@ -43,7 +46,9 @@
 
   function words() {
     const said = !frame.note || frame.read || (hello.source === "recorded" && frame.state !== "unreadable");
-    return [said ? frame.state : "", frame.flag, frame.note].filter(Boolean).join("; ");
+    const refused = hands ? hands.refusal() : "";
+    return [said ? frame.state : "", frame.flag, frame.note, refused && "not pressed: " + refused].filter(Boolean)
+      .join("; ");
   }
 
   function write() {
@@ -86,7 +91,7 @@
     if (!hello) return;
     const moved = hands ? hands.tick(now) : false;
     if (frame === drawn && !moved && !stale) return;
-    drawSkin(byId("skin"), hello, frame, hands && hands.cursor(), byId("field").value);
+    drawSkin(byId("skin"), shownSkin, frame, hands && hands.cursor(), byId("field").value);
     for (const one of frames.filter(f => !f.seen)) {
       one.seen = true;
       if (one.answers_ms !== null) latencies.push(performance.now() - one.answers_ms);
@@ -104,6 +109,6 @@
   addEventListener("resize", redraw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   const send = connect(greet, take, lost);
-  window.shown = () => ({ frame, missed, latencies, count: frame ? frame.number : 0 });
+  window.shown = () => ({ frame, missed, latencies, skin: shownSkin, count: frame ? frame.number : 0 });
   requestAnimationFrame(draw);
 })();

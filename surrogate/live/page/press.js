@@ -3,9 +3,9 @@
 
 const MOVE_MM = 1, FAR_MM = 5, FORCE_STEP_N = 0.05, GROWS_IN_S = 4, SENT_EVERY_MS = 12;
 
-function pressing(hello, send) {
+function pressing({ hello, edge, picture }, send) {
   const byId = id => document.getElementById(id), canvas = byId("skin"), limits = hello.limits;
-  const place = { x_mm: 0, y_mm: 0 };
+  const place = { x_mm: limits.start_mm[0], y_mm: limits.start_mm[1] };
   let moved = true, down = false, held = false, grown = 0, last = performance.now(), sent = 0, waits = false;
 
   byId("force").max = Math.floor(limits.force_N / FORCE_STEP_N) * FORCE_STEP_N;
@@ -25,6 +25,11 @@ function pressing(hello, send) {
 
   function cursor() { return { ...place, diameter_mm: Number(byId("diameter").value) }; }
 
+  // Why what is pressed is not pressed, if anything is.
+  function refusal() {
+    return down ? edge.refusal([place.x_mm, place.y_mm], cursor().diameter_mm, limits.gap_mm) : "";
+  }
+
   function changed() {
     moved = true;
     byId("force-now").value = force().toFixed(2);
@@ -34,19 +39,15 @@ function pressing(hello, send) {
     waits = now - sent < SENT_EVERY_MS;
     if (waits) return;
     sent = now;
-    send({ ...cursor(), force_N: down ? force() : 0, noise_mV: Number(byId("noise").value),
+    send({ ...cursor(), force_N: down && !refusal() ? force() : 0, noise_mV: Number(byId("noise").value),
            drift_mV_per_min: Number(byId("drift").value), sent_ms: now });
   }
 
-  function moveTo(x, y) {
-    const far = Math.hypot(x, y), pull = far > limits.reach_mm ? limits.reach_mm / far : 1;
-    place.x_mm = x * pull;
-    place.y_mm = y * pull;
-  }
+  function moveTo(x, y) { [place.x_mm, place.y_mm] = edge.held([x, y], limits.gap_mm); }
 
   function pointed(event) {
-    const box = canvas.getBoundingClientRect(), scale = skinScale(box.width, hello.radius_mm);
-    moveTo((event.clientX - box.left - box.width / 2) / scale, (box.height / 2 - event.clientY + box.top) / scale);
+    const box = canvas.getBoundingClientRect(), view = viewOf(picture, box.width);
+    moveTo(...view.place(event.clientX - box.left, event.clientY - box.top));
   }
 
   function lift() { down = held = false; grown = 0; changed(); }
@@ -102,5 +103,5 @@ function pressing(hello, send) {
   }
 
   changed();
-  return { cursor, tick };
+  return { cursor, refusal, tick };
 }

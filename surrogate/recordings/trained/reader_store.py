@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from surrogate.data.skin_from_above import SkinFromAbove
 from surrogate.recordings.trained.press_reader import PressReader
 from surrogate.recordings.trained.reader_scores import Tested
 from surrogate.recordings.trained.train_reader import TrainedReader
@@ -16,7 +17,7 @@ from touchcal.json_file import digest, file_digest, read_json, write_json
 from touchcal.whole_file import written
 
 METHOD, SCHEMA = "recording", 3
-DESCRIPTION, ARRAYS, PART, TESTED = "model.json", "arrays.npz", "reader", "tested"
+DESCRIPTION, ARRAYS, PART, TESTED, SKIN = "model.json", "arrays.npz", "reader", "tested", "skin"
 _HASH, _DESCRIBED = "arrays_sha256", "description_sha256"
 _RETRAIN = "A model is the folder that `surrogate train --out` writes; train it again."
 _COUNT = Number(0, 1e15, whole=True)
@@ -33,7 +34,7 @@ def save_reader(model: TrainedReader, folder: Path) -> None:
                             "scores": [asdict(one.score) for one in model.tested]}
     with written(folder / ARRAYS) as file:
         np.savez_compressed(file, allow_pickle=False, **dict(flat(model.reader, PART)),
-                            **dict(flat(model.tested, TESTED)),
+                            **dict(flat(model.tested, TESTED)), **dict(flat(model.skin, SKIN)),
                             **{_DESCRIBED: np.array(digest(text))})
     write_json(text | {_HASH: file_digest(folder / ARRAYS)}, folder / DESCRIPTION)
 
@@ -63,7 +64,7 @@ def load_reader(folder: Path | str) -> TrainedReader:
             raise ValueError(f"{DESCRIPTION} was changed")
         return TrainedReader(rebuilt(PressReader, PART, arrays), text["kind"], text["presses"], text["seed"],
                              rebuilt(tuple[Tested, ...], TESTED, arrays), text["fit_s"],
-                             tuple(text["left_out"]))
+                             tuple(text["left_out"]), rebuilt(SkinFromAbove | None, SKIN, arrays))
     except (LookupError, TypeError, ValueError) as error:
         raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "
                                      f"({error}). Train the model again.") from None

@@ -9,6 +9,7 @@ import numpy as np
 from eitsim.sensors.labels import Labels, labels_of, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.data.dead_readings import too_many
+from surrogate.data.skin_from_above import SkinFromAbove
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.presses import Presses, labelled, presses_of, taken
@@ -32,6 +33,7 @@ class TrainedReader:
     tested: tuple[Tested, ...]  # by readers of four fifths, a split after the other; none where these are too few
     fit_s: float  # CPU time of the reader, s
     left_out: tuple[str, ...] = ()  # which presses are not used and which splits not tested, and why, a sentence each
+    skin: SkinFromAbove | None = None  # the sensor's, where that has an outline
 
 
 def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,

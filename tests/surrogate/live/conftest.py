@@ -18,7 +18,9 @@ import pytest
 import surrogate
 
 WIDTH, HEIGHT = 1280, 800
-CANVAS_PER_RADIUS = 2 * 1.13  # width of the skin's canvas over the disc's radius
+# Where a place, mm, is on the canvas of the skin, from its middle, pixels.
+PIXEL = """const b = document.getElementById('skin').getBoundingClientRect(), v = viewOf(shown().skin.picture, b.width);
+return [v.X(arguments[0]) - b.width / 2, v.Y(arguments[1]) - b.height / 2];"""
 
 
 @pytest.fixture(scope="session")
@@ -32,6 +34,14 @@ def live_folder(live_model: surrogate.Model, tmp_path_factory: pytest.TempPathFa
     """Its folder."""
     folder = tmp_path_factory.mktemp("live") / "model"
     live_model.save(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def rectangle_folder(rectangle_model: surrogate.Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a forward model of a rectangle."""
+    folder = tmp_path_factory.mktemp("live") / "rectangle"
+    rectangle_model.save(folder)
     return folder
 
 
@@ -67,7 +77,7 @@ def address(start: Start, live_folder: Path) -> str:
 
 @dataclass(frozen=True)
 class Page:
-    """A page in a browser, as one handles it; the disc has a radius of 100 mm."""
+    """A page in a browser, as one handles it."""
 
     browser: Any
 
@@ -101,11 +111,13 @@ class Page:
         """Press the mouse at a place, and hold it."""
         from selenium.webdriver.common.action_chains import ActionChains
 
-        canvas = self.element("skin")
-        scale = canvas.rect["width"] / CANVAS_PER_RADIUS / 100
         hand = ActionChains(self.browser, duration=0)
-        hand.move_to_element_with_offset(canvas, round(x_mm * scale), round(-y_mm * scale)).click_and_hold().perform()
+        self.move(hand, x_mm, y_mm).click_and_hold().perform()
         return hand
+
+    def move(self, hand: Any, x_mm: float, y_mm: float) -> Any:
+        """What a hand does, and then a way to a place."""
+        return hand.move_to_element_with_offset(self.element("skin"), *map(round, self.run(PIXEL, x_mm, y_mm)))
 
     def keys(self, *names: str) -> None:
         """Press keys one after the other."""

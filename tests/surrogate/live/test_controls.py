@@ -6,15 +6,18 @@ import json
 import math
 import threading
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
+from surrogate.data.skin_edges import Circle, Polygons
 from surrogate.live.controls import MOST_BYTES, Controls, Latest, Limits, controls_of
 
-LIMITS = Limits(45.0, (10.0, 12.0, 14.0), 2.0, 2.0, 1.0)
+REACH_MM = 45.0
+LIMITS = Limits(Circle((0.0, 0.0), 100.0), 100.0 - REACH_MM, (0.0, 0.0), (10.0, 12.0, 14.0), 2.0, 2.0, 1.0)
 PRESS = Controls(3.0, -4.0, 12.0, 1.5, 0.2, 0.1, 17.0)
 
 
@@ -30,6 +33,14 @@ def test_controls_are_pulled_within_the_limits() -> None:
     found = controls_of(text_of(x_mm=300.0, y_mm=-400.0, diameter_mm=13.4, force_N=1e9, noise_mV=-1), LIMITS)
     assert (found.x_mm, found.y_mm) == pytest.approx((27.0, -36.0))
     assert (found.diameter_mm, found.force_N, found.noise_mV) == (14.0, 2.0, 0.0)
+
+
+def test_a_press_near_an_edge_of_an_outline_has_no_force() -> None:
+    square = Polygons((np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0]]),))
+    limits = replace(LIMITS, edges=square, gap_mm=15.0)
+    assert [controls_of(text_of(x_mm=20.0, y_mm=y), limits).force_N for y in (20.0, 15.0, 14.9, 39.0, -3.0)] == [
+        1.5, 1.5, 0.0, 0.0, 0.0]
+    assert controls_of(text_of(x_mm=-30.0, y_mm=99.0), limits).x_mm == 0.0
 
 
 @pytest.mark.parametrize("text", [
@@ -52,7 +63,7 @@ def test_any_text_is_controls_within_the_limits_or_refused(text: str) -> None:
         found = controls_of(text, LIMITS)
     except ValueError:
         return
-    assert math.hypot(found.x_mm, found.y_mm) <= LIMITS.reach_mm * (1 + 1e-9)
+    assert math.hypot(found.x_mm, found.y_mm) <= REACH_MM * (1 + 1e-9)
     assert found.diameter_mm in LIMITS.diameters_mm
     assert 0 <= found.force_N <= LIMITS.force_N
 

@@ -55,6 +55,25 @@ def test_a_press_is_answered_as_the_simulator_answers(skin: SimulatedSkin) -> No
     assert 0.01 < found.fields["strain"]["largest"] < 1
 
 
+@pytest.mark.slow
+def test_a_press_on_a_rectangle_is_answered_as_the_simulator_answers() -> None:
+    scene = replace(SCENE, body=replace(SCENE.body, outline="rectangle", width_m=0.2, height_m=0.15),
+                    electrodes=eitsim.Electrodes(count=8, width_m=0.02))
+    material, kind = material_of(scene, CARD), eitsim.Punch(diameter_m=0.014)
+    table = build(shape_of(CARD.hyperfoam, scene.body, kind), depths=(0.055, 0.075, 0.1))
+    skin = SimulatedSkin(scene, material, table,
+                         untouched_readings(scene, untouched_conductance(material.skin, scene.skin)))
+    found = skin.pressed(Controls(-20.0, 12.0, 14.0, 0.3))
+    punch = eitsim.Punch(x_m=-0.02, y_m=0.012, diameter_m=0.014, force_N=0.3)
+    solved = eitsim.simulate(replace(scene, punches=(punch,)), CARD)
+    assert solved.readings is not None
+    signal = solved.readings.signal_V.ravel()
+    assert found.problem == ""
+    assert np.linalg.norm(found.signal_V - signal) < 0.01 * np.linalg.norm(signal)
+    assert set(FIELDS) < set(found.fields)
+    assert "too close to an edge" in skin.pressed(Controls(0.0, 60.0, 14.0, 0.3)).problem
+
+
 @pytest.mark.parametrize(("press", "why"), [((0.0, 0.0, 14.0, 40.0), "too deep"),
                                             ((92.0, 0.0, 14.0, 0.3), "rim"), ((0.0, 0.0, 14.0, 0.01), "light")])
 def test_a_press_that_no_table_serves_is_named_at_once(skin: SimulatedSkin, press: tuple[float, ...], why: str) -> None:
@@ -90,7 +109,8 @@ def test_the_learned_skin_answers_a_row_of_its_training(live_model: surrogate.Mo
 
 def test_what_may_be_pressed_is_what_was_trained(live_model: surrogate.Model) -> None:
     limits, target = limits_of(live_model), live_model.calibration.target
-    assert np.hypot(*target[:, :2].T).max() <= limits.reach_mm <= 100
+    assert np.hypot(*target[:, :2].T).max() <= 100 - limits.gap_mm <= 100
+    assert limits.start_mm == (0.0, 0.0)
     assert limits.force_N == live_model.trained.highest[3]
     assert list(limits.diameters_mm) == sorted(limits.diameters_mm)
     assert limits.diameters_mm[-1] == pytest.approx(live_model.trained.highest[2])

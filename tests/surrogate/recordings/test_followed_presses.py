@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eitsim.scene.scene import Body, Electrodes
 from eitsim.sensors.recording import Recording, read_recording, write_recording
+from surrogate.data.skin_edges import Circle
+from surrogate.data.skin_from_above import skin_of
 from surrogate.live.messages import frame
 from surrogate.live.pictured import pictured
 from surrogate.live.serve import Show
@@ -23,6 +26,7 @@ from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import Tracker
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.trained.press_reader import ScalarReading
+from surrogate.recordings.trained.reader_store import load_reader, save_reader
 from surrogate.recordings.trained.reader_table import read_touches
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
@@ -66,17 +70,33 @@ def messages_of(show: Show) -> list[dict[str, Any]]:
             for k, moment in enumerate(show.moments)]
 
 
+@pytest.mark.parametrize("kind", ["line", "surface"])
+def test_the_page_draws_the_outline_of_the_sensor_where_the_model_knows_it(model: TrainedReader, tmp_path: Path,
+                                                                           kind: str) -> None:
+    body = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.005),))
+    patches = {"x_m": (-0.02, 0.0, -0.02, 0.0), "y_m": (-0.02, -0.02, 0.02, 0.02)} if kind == "surface" else {}
+    electrodes = Electrodes(kind=kind, count=4, width_m=0.008, **patches)
+    save_reader(replace(model, skin=skin_of(body.shape, electrodes)), tmp_path)
+    skin = pictured(load_reader(tmp_path)).document()
+    assert (len(skin["loops_mm"]), len(skin["electrodes"]), skin["circle_mm"]) == (2, 4, None)
+    assert skin["box_mm"] == [-60, -40, 60, 40]
+    save_reader(model, tmp_path)
+    assert load_reader(tmp_path).skin is None
+
+
 def test_the_page_shows_what_a_model_of_a_recording_reads(model: TrainedReader) -> None:
     place = synthetic_places(np.random.default_rng(8), 3)
     lines = "".join(",".join(map(repr, frame.tolist())) + "\n" for frame in stream(place, 0.1))
     show = streamed_show(model, io.BufferedReader(io.BytesIO(lines.encode())))  # type: ignore[arg-type]
     skin = pictured(model)
     assert show.hello["values"] == ["x_mm", "y_mm"]
-    assert show.hello["electrodes_rad"] == []
-    assert np.linalg.norm(place - skin.centre_mm, axis=1).max() < skin.radius_mm
+    assert show.hello["skin"]["electrodes"] == []
+    edge = skin.edges
+    assert isinstance(edge, Circle)
+    assert np.linalg.norm(place - edge.centre_mm, axis=1).max() < edge.radius_mm
     sent = messages_of(show)
     read = sent[REST + 15]["read"]
-    assert np.hypot(read["x_mm"] - place[0, 0], read["y_mm"] - place[0, 1]) < 0.1 * skin.radius_mm
+    assert np.hypot(read["x_mm"] - place[0, 0], read["y_mm"] - place[0, 1]) < 0.1 * edge.radius_mm
     assert sent[REST - 2]["read"] is None
     assert sent[REST + 15]["ellipse"]["long_mm"] > 0
 

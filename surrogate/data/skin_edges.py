@@ -1,0 +1,106 @@
+"""The edges of a skin as presses know them: a circle, or closed polygons."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from eitsim.scene.outline import inside, squared_distance
+from touchcal.arrays import Array
+
+Place = tuple[float, float]  # x, y, mm
+SLACK_MM = 1e-3  # rounding of places and edges that a press is not refused for
+
+
+class Edges(Protocol):
+    """What is asked of the edges of a skin; places in mm."""
+
+    @property
+    def middle_mm(self) -> Place:
+        """The middle of the box about the skin."""
+        ...
+
+    def held(self, place: Place, gap_mm: float) -> Place:
+        """The place that is pressed instead of another one."""
+        ...
+
+    def refuses(self, place: Place, diameter_mm: float, gap_mm: float) -> bool:
+        """Whether a punch whose axis must keep this distance from the edges may not be pressed there."""
+        ...
+
+    def document(self) -> dict[str, Any]:
+        """The edges and the box (x, y, x, y) about them, as a page draws them."""
+        ...
+
+
+@dataclass(frozen=True)
+class Circle:
+    """The edge of a disc: presses outside the allowed radius are pulled onto it, so that none is refused."""
+
+    centre_mm: Place
+    radius_mm: float
+
+    @property
+    def middle_mm(self) -> Place:
+        """The centre."""
+        return self.centre_mm
+
+    def held(self, place: Place, gap_mm: float) -> Place:
+        """The place, pulled towards the centre."""
+        x, y = (place[k] - self.centre_mm[k] for k in (0, 1))
+        reach, far = self.radius_mm - gap_mm, math.hypot(x, y)
+        pull = min(1.0, reach / far) if far > 0 else 1.0
+        return self.centre_mm[0] + x * pull, self.centre_mm[1] + y * pull
+
+    def refuses(self, place: Place, diameter_mm: float, gap_mm: float) -> bool:
+        """Never."""
+        return False
+
+    def document(self) -> dict[str, Any]:
+        """As of Edges."""
+        (x, y), r = self.centre_mm, self.radius_mm
+        return {"circle_mm": [x, y, r], "loops_mm": [], "box_mm": [x - r, y - r, x + r, y + r]}
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """The outer edge and the holes of a skin with an outline: presses are refused where no touch is known."""
+
+    loops_mm: tuple[Array, ...]  # corners (n, 2) of the outer edge, then of every hole
+
+    def _ends(self) -> tuple[Array, Array]:
+        return np.vstack(self.loops_mm), np.vstack([np.roll(loop, -1, axis=0) for loop in self.loops_mm])
+
+    def _box(self) -> tuple[Array, Array]:
+        return self.loops_mm[0].min(axis=0), self.loops_mm[0].max(axis=0)
+
+    def distance_mm(self, place: Place) -> float:
+        """Distance of a place to the nearest edge, negative off the skin."""
+        at, (start, end) = np.array(place), self._ends()
+        away = float(np.sqrt(squared_distance(at, start, end).min()))
+        return away if inside(at, start, end) else -away
+
+    @property
+    def middle_mm(self) -> Place:
+        """As of Edges."""
+        x, y = np.mean(self._box(), axis=0).tolist()
+        return x, y
+
+    def held(self, place: Place, gap_mm: float) -> Place:
+        """The place, pulled into the box about the skin."""
+        x, y = np.clip(place, *self._box()).tolist()
+        return x, y
+
+    def refuses(self, place: Place, diameter_mm: float, gap_mm: float) -> bool:
+        """Whether the punch does not lie on the skin, or nearer to an edge than the model knows."""
+        return self.distance_mm(place) < max(gap_mm, diameter_mm / 2) - SLACK_MM
+
+    def document(self) -> dict[str, Any]:
+        """As of Edges."""
+        low, high = self._box()
+        return {"circle_mm": None, "loops_mm": [np.round(loop, 4).tolist() for loop in self.loops_mm],
+                "box_mm": np.round([*low, *high], 4).tolist()}
+
