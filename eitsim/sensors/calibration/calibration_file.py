@@ -167,7 +167,7 @@ def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]], m
         raise ValueError(f"'{min(odd)}' in parameters is {state}. Fit the sensor again.")
     state = np.array([parameters[one]["value"] for one in instrument.names]) / instrument.units
     sd = np.array([parameters[one]["sd"] for one in instrument.names]) / instrument.units
-    calibrated = CalibratedSensor(sensor, instrument, state, misfit, sd)
+    calibrated = CalibratedSensor(sensor, instrument.around(state), state, misfit, sd)
     calibrated.readings()
     return calibrated
 

@@ -193,7 +193,8 @@ class _Whitened:
         if (key := white.tobytes()) not in self.latest:
             there = np.isfinite(self.frame.volts)
             try:
-                model, change = derivatives(self.instrument, self.frame.asked, self.state(white))
+                groups = [group for group, own in self.instrument.places.items() if self.free[own].any()]
+                model, change = derivatives(self.instrument, self.frame.asked, self.state(white), groups)
             except ValueError:  # electrodes overlap
                 return np.full(there.sum(), np.inf), np.empty((there.sum(), len(white)))
             sign = np.ones(model.shape) if self.frame.signed else np.sign(model)

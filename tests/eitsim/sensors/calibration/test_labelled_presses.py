@@ -152,7 +152,7 @@ def test_a_press_that_others_place_off_the_disc_is_named() -> None:
     labelled[2] = [0.038, 0.038]
     assert 2 not in np.linspace(0, 149, 100).astype(int)
     with pytest.raises(ValueError, match=r"the press at 38, 38 mm lies .* mm from the sensor's middle"):
-        placement(labelled, signal, shape, SENSOR.body.radius_m)
+        placement(labelled, signal, shape, SENSOR.body)
 
 
 def test_a_refused_model_is_written_for_changes_and_read_as_a_sensor(
