@@ -343,8 +343,7 @@ def _on_parts_of_edges(mesh: SkinMesh, covered: Array) -> tuple[Array, Array]:
     points, weights = get_quadrature(_KINDS[mesh.element][2](), 4)
     share = np.diff(covered, axis=1)
     value, slope = edge_functions(mesh.element, covered[:, :1] + share * points)
-    along = np.einsum("eqi,eix->eqx", slope, mesh.nodes_m[mesh.under])
-    return value, share * weights * np.linalg.norm(along, axis=-1)
+    return value, share * weights * np.linalg.norm(slope @ mesh.nodes_m[mesh.under], axis=-1)
 
 
 def edge_functions(element: str, at: Array) -> tuple[Array, Array]:

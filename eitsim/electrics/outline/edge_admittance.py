@@ -55,6 +55,16 @@ class SlidingMesh:
     part_m: Array  # (parts, 2) arc lengths of the ends of the parts from the middles of their electrodes
     length_m: float  # length of the outer edge
 
+    @cached_property
+    def psi(self) -> Array:
+        """(modes, cells, q) modes of the sheet where the mesh needs its conductance."""
+        return sheet_modes(self.body, quadrature_points(self.mesh))
+
+    @cached_property
+    def psi_of_slopes(self) -> Array:
+        """(modes, cells, q) the same where derivatives by them are summed."""
+        return sheet_modes(self.body, quadrature_points(self.mesh, degree=_DEGREE))
+
 
 @dataclass(frozen=True, eq=False)
 class EdgeAdmittance:
@@ -96,9 +106,8 @@ class EdgeAdmittance:
     @cached_property
     def by_sheet(self) -> Array:
         """(modes, N, N) S; by each mode of ln of the sheet conductance (`uneven_sheet`)."""
-        body, mesh = self.sliding.body, self.mesh
+        mesh, psi = self.mesh, self.sliding.psi_of_slopes
         gradient, area = gradients(mesh, self.potential_Ohm[:len(mesh.nodes_m)], degree=_DEGREE)
-        psi = sheet_modes(body, quadrature_points(mesh, degree=_DEGREE))
         weight = self.conductance_S * area * np.exp(np.tensordot(self.modes, psi, 1)) * psi
         flat = gradient.reshape(-1, mesh.count)
         return self._changed(-np.stack([flat.T @ (np.repeat(one.ravel(), 2)[:, None] * flat) for one in weight]))
@@ -167,7 +176,7 @@ def edge_admittance(sliding: SlidingMesh, electrodes: Electrodes, conductance_S:
     mesh = replace(sliding.mesh, covered=np.clip((ends[under] - first) / (last - first), 0, 1))
     mode, sheet = np.zeros(len(MODES)) if modes is None else modes, np.full(len(mesh.cells), conductance_S)
     if mode.any():
-        sheet = conductance_S * np.exp(np.tensordot(mode, sheet_modes(sliding.body, quadrature_points(mesh)), 1))
+        sheet = conductance_S * np.exp(np.tensordot(mode, sliding.psi, 1))
     potential = potentials(mesh, sheet, contact_impedances(electrodes), order=sliding.order)
     return EdgeAdmittance(sliding, mesh, electrodes, conductance_S, mode, ends, potential)
 
