@@ -59,7 +59,8 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
                          "touches": "touches: readings of one pair change together",
                          "nothing": "nothing"}[one.decided_by]
     if np.isfinite(one.unexplained):
-        yield "unexplained", f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous {_body(found)}"
+        yield "unexplained", (f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous "
+                              f"{_body(found)}")
     if found.sensor is not None:
         yield "sensor file", {True: "agrees with the readings", False: "contradicted by the readings",
                               None: f"not contradicted: one of {len(one.plausible)} orders that the readings allow"
@@ -114,8 +115,8 @@ def questions(found: Inspection) -> Iterator[str]:
             yield ("Which currents are driven and what is read? No common order makes "
                    f"{found.recording.readings.shape[1]} readings. Give a sensor file with [drive] pairs.")
         else:
-            yield (f"Which order do the readings have? Neither a {_body(found)} nor touches say it. {FEWEST} touches at many "
-                   "places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
+            yield (f"Which order do the readings have? Neither a {_body(found)} nor touches say it. {FEWEST} touches at "
+                   "many places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
     elif len(one.plausible) > 1 and found.sensor is not None and found.agrees is None:
         yield (f"Is [drive] of the sensor file right? {counted(len(one.plausible) - 1, 'other order')} would make "
                "these readings as well; the board's manual or firmware says it.")

@@ -28,7 +28,8 @@ _NEAR, _MOST_NEAR, _MOST = 0.25, 512, 64
 # are what fits best.
 _ANGLE, _SHEET, _CHANNEL, _CONTACT, _SHAPE, _OWN = 0.02, 0.1, 0.01, 0.3, 0.1, 20.0
 _WIDER = 0.3  # of the logarithm of all widths on a skin with an outline
-_AT_ONCE = 1024  # orders on such a skin that are compared at once
+# Orders on such a skin that are compared at once, and of how many readings, about, at first.
+_AT_ONCE, _FEW = 1024, 100
 _FACTOR = 3.0  # standard deviation of the frame's size over the disc's, both r.m.s. 1
 _NOISES, _SCALES = np.geomspace(1e-4, 1.0, 17), (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
 
@@ -109,14 +110,10 @@ def _on_skin(profile: Array, orders: Sequence[Order], skin: OutlinedSkin, signed
     ways = [(way, turn) for way in (1, -1) for turn in range(skin.count)]
     placed = [one if way is None else replace(one, placed=way) for one in orders
               for way in (ways if one.placed is None else [None])]
-    losses, signs = np.full(len(placed), np.inf), np.zeros(len(placed), dtype=np.intp)
-    for first in range(0, len(placed), _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
-        pairs = np.array([on_body(one.pairs, one.placed or (1, 0), skin.count) for one in placed[some]])
-        for z in skin.impedances:
-            loss, sign = _loss(profile, read_between(z, pairs), signed)
-            signs[some] = np.where(loss < losses[some], sign, signs[some])
-            losses[some] = np.minimum(loss, losses[some])
+    few = slice(None, None, 1 + len(profile) // _FEW)
+    losses, _ = _compared_on_skin(profile, placed, skin, signed, few)
+    placed = [placed[k] for k in np.argsort(losses, kind="stable")[:2 * _MOST_NEAR]]
+    losses, signs = _compared_on_skin(profile, placed, skin, signed)
     ranked = [k for k in np.argsort(losses, kind="stable")[:_MOST_NEAR]
               if losses[k] < losses.min() + _NEAR * len(profile)]
     best: dict[bytes, Account] = {}
@@ -152,6 +149,20 @@ def canonical(pairs: Index, count: int, signed: bool) -> bytes:
             form[:, 4] *= form[0, 4] if signed else 1
             found.append(form.astype(np.int16).tobytes())
     return min(found)
+
+
+def _compared_on_skin(profile: Array, orders: Sequence[Order], skin: OutlinedSkin, signed: bool,
+                      readings: slice = slice(None)) -> tuple[Array, Index]:
+    """As `_compared`, by some of the readings."""
+    losses, signs = np.full(len(orders), np.inf), np.zeros(len(orders), dtype=np.intp)
+    for first in range(0, len(orders), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        pairs = np.array([on_body(one.pairs[readings], one.placed or (1, 0), skin.count) for one in orders[some]])
+        for z in skin.impedances:
+            loss, sign = _loss(profile[readings], read_between(z, pairs), signed)
+            signs[some] = np.where(loss < losses[some], sign, signs[some])
+            losses[some] = np.minimum(loss, losses[some])
+    return losses, signs
 
 
 def _compared(profile: Array, orders: Sequence[Order], signed: bool) -> tuple[Array, Index]:

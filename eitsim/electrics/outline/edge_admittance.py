@@ -3,8 +3,8 @@
 Electrodes end anywhere on the edges of one mesh, which is made once for given places of them and is fine wherever they
 may end. So readings depend smoothly on where they lie, and derivatives are those of the model on this mesh: with
 a(u, v) = int S grad u . grad v + 1/z int (u - U)(v - V) an end that moves by ds along the edge adds
-(u - U)(v - V) ds / z there. Ends that lie inside triangles make readings of electrodes of 10 mm wrong by some 1e-4,
-2-norm; at the places that the mesh is made for they lie at its nodes.
+(u - U)(v - V) ds / z there. Ends that lie inside triangles make readings wrong by some 2e-4, 2-norm; at the places
+that the mesh is made for they lie at its nodes.
 """
 
 from dataclasses import dataclass, replace
@@ -35,10 +35,12 @@ from eitsim.scene.electrodes import contact_impedances, widths
 from eitsim.scene.outline_electrodes import arcs_of, edge_starts, places_along, stretches_along
 from eitsim.scene.scene import Body, Electrodes
 
-# How far an electrode's ends may move from their places in the mesh, m and over its width, and how fine it is where they
-# may lie, over the narrowest electrode's width; how much longer its triangles' sides grow away from there.
-_SLIDES_M, _WIDENS, _FINE, _GROWTH = 3e-3, 0.3, 1 / 32, 0.7
-ROUGHLY, CLOSELY = 6e-4, 2e-5  # Estimated errors of the readings on the mesh, electrodes where it is made for them.
+# How far an electrode's ends may move from their places in the mesh, m and over its width, and how much longer its
+# triangles' sides grow away from where they may lie.
+_SLIDES_M, _WIDENS, _GROWTH = 3e-3, 0.3, 0.7
+# Meshes by the estimated error of the readings, electrodes where they are made for them, and by how fine they are where
+# electrodes may end, over the narrowest one's width.
+ROUGHLY, CLOSELY = (2e-3, 1 / 20), (2e-5, 1 / 32)
 _ON_EDGE = 1e-9  # Distance from the edge, over its length, of points that lie on it.
 _DEGREE = 2  # Of the quadrature of derivatives by the sheet's modes.
 
@@ -137,14 +139,16 @@ class EdgeAdmittance:
 
 
 @lru_cache(maxsize=4)
-def sliding_mesh(body: Body, electrodes: Electrodes, conductance_S: float, error: float = ROUGHLY) -> SlidingMesh:
-    """The mesh for electrodes near given ones, at whose places the readings are known to about a relative error, on a
-    skin of about sheet conductance S, S; NotConverged as `solve_untouched`."""
+def sliding_mesh(body: Body, electrodes: Electrodes, conductance_S: float,
+                 kind: tuple[float, float] = ROUGHLY) -> SlidingMesh:
+    """The mesh, ROUGHLY or CLOSELY, for electrodes near given ones on a skin of about sheet conductance S, S;
+    NotConverged as `solve_untouched`."""
+    error, fineness = kind
     known = next(mesh for mesh, left in solve_untouched(body.shape, electrodes, conductance_S, error).history
                  if left <= error)
     length, middle = edge_starts(body)[-1], stretches_along(body, electrodes).mean(axis=1)
     width = widths(electrodes)
-    moves, fine = _SLIDES_M + _WIDENS * width, _FINE * float(width.min())
+    moves, fine = _SLIDES_M + _WIDENS * width, fineness * float(width.min())
     ends = KDTree(places_along(body, np.concatenate([
         np.arange(at + side * half - move, at + side * half + move, fine / 2)
         for at, half, move in zip(middle, width / 2, np.minimum(moves, width), strict=True) for side in (-1, 1)])))

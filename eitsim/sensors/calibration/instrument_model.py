@@ -199,8 +199,8 @@ def _edge(instrument: Instrument, state: Array) -> RimAdmittance | EdgeAdmittanc
     conductance, modes = float(np.exp(state[places["conductance"]][0])), state[places["sheet"]]
     if not body.has_outline:
         return rim_admittance(body, electrodes, conductance, modes)
-    made_for, error = (instrument.meshed_for, CLOSELY) if instrument.meshed_for else (instrument.electrodes, ROUGHLY)
-    return edge_admittance(sliding_mesh(body, made_for, instrument.start_conductance_S, error), electrodes,
+    made_for, kind = (instrument.meshed_for, CLOSELY) if instrument.meshed_for else (instrument.electrodes, ROUGHLY)
+    return edge_admittance(sliding_mesh(body, made_for, instrument.start_conductance_S, kind), electrodes,
                            conductance, modes)
 
 
