@@ -63,8 +63,9 @@ def with_calibrated(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     body = tables.get("body")
     for key, value in body.items() if isinstance(body, Mapping) else ():
         if key != "thickness_mm" and value != (known := own["body"].get(key)):
-            raise ValueError(f"{key} in [body] must be that of the calibrated sensor" + (
-                f", {known!r:.80}" if known is not None else ", which has none") + f", got {value!r:.80}; leave it out.")
+            own_value = f", {known!r:.80}" if known is not None else ", which has none"
+            raise ValueError(f"{key} in [body] must be that of the calibrated sensor{own_value}, got {value!r:.80}; "
+                             "leave it out.")
     if (card := own.pop("card", None)) is not None:
         own["card"] = (Path(name).parent / card).as_posix()
     return {**own, **tables, **{key: own[key] for key in ("electrodes", "channels")},

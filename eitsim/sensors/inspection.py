@@ -12,9 +12,16 @@ from eitsim.sensors import reading_checks
 from eitsim.sensors.companions import FEWEST, in_step, late_readings
 from eitsim.sensors.conventions import MEAN, counts_for
 from eitsim.sensors.identification import CERTAIN, Identified, has_sign, identified
+from eitsim.sensors.outlined_skin import OutlinedSkin, outlined_skin
 from eitsim.sensors.reading_checks import Apart
-from eitsim.sensors.outlined_skin import outlined_skin
-from eitsim.sensors.recognition import Order, canonical, orders_of_conventions, orders_of_sensor
+from eitsim.sensors.recognition import (
+    Order,
+    canonical,
+    exchanged,
+    numberings,
+    orders_of_conventions,
+    orders_of_sensor,
+)
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor, pairs_of
 from touchcal.arrays import Array, Complex, Index, Mask
@@ -105,7 +112,8 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
                                           ) if pairs is not None and count else ()
     return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead), tuple(lost),
                       np.flatnonzero(late), reading_checks.noise(untouched), reading_checks.drift(untouched), *compared,
-                      placements=_placements(sensor, profile) if sensor and profile is not None and agrees else ())
+                      placements=_placements(sensor, known, profile, skin, found.swapped, signed=kind == "voltage")
+                      if sensor and known is not None and profile is not None and agrees else ())
 
 
 def in_phase(readings: Array | Complex) -> Array:
@@ -166,14 +174,28 @@ def _compared(values: Array, pairs: Index, sensor: Sensor | None, *, signed: boo
         reading_checks.repeats, reading_checks.source_against_sink, reading_checks.reciprocity))
 
 
-def _placements(sensor: Sensor, profile: Array) -> tuple[tuple[int, int], ...]:
-    """Ways and turns by which electrodes may be numbered on the body, which on a disc only electrodes of unequal
-    places, widths or contacts tell; of a skin with an outline those that fit as well are its symmetries."""
-    if not sensor.body.has_outline and identical(sensor.electrodes):
+def _placements(sensor: Sensor, pairs: Index, profile: Array, skin: OutlinedSkin | None,
+                swapped: tuple[int, int] | None, *, signed: bool) -> tuple[tuple[int, int], ...]:
+    """Ways and turns by which electrodes may be numbered on the body, the likeliest first, which on a disc only
+    electrodes of unequal places, widths or contacts tell; on a skin with an outline those that fit as well are its
+    symmetries."""
+    if skin is not None:
+        order = Order(skin.count, pairs)
+        likelihood = numberings(profile, exchanged(order, *swapped) if swapped else order, skin, signed=signed)
+    elif identical(sensor.electrodes):
         return ()
+    else:
+        likelihood = _numberings_on_disc(sensor, profile)
+    best = max(likelihood.values())
+    return tuple(sorted((way for way, log in likelihood.items() if log >= best - CERTAIN),
+                        key=lambda way: -likelihood[way]))
+
+
+def _numberings_on_disc(sensor: Sensor, profile: Array) -> dict[tuple[int, int], float]:
+    """Way and turn of the electrodes -> log likelihood of a frame, of the sensor as its file describes it."""
     count, kept = sensor.electrodes.count, np.isfinite(profile)
     z = among_all(sensor.electrodes, untouched_impedance(sensor.body, present(sensor.electrodes), 1.0))
-    missed = {}
+    found = {}
     for way in (1, -1):
         for turn in range(count):
             to = (way * np.arange(count) + turn) % count
@@ -182,6 +204,5 @@ def _placements(sensor: Sensor, profile: Array) -> tuple[tuple[int, int], ...]:
                 model = np.abs(model)
             both = kept & np.isfinite(model)
             rest = profile[both] - model[both] * (profile[both] @ model[both]) / (model[both] @ model[both])
-            missed[way, turn] = len(rest) / 2 * np.log(np.mean(rest**2))
-    likely = sorted(missed, key=lambda key: missed[key])
-    return tuple(way for way in likely if missed[way] <= missed[likely[0]] + CERTAIN)
+            found[way, turn] = -len(rest) / 2 * float(np.log(np.mean(rest**2)))
+    return found

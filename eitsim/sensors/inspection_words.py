@@ -115,8 +115,8 @@ def questions(found: Inspection) -> Iterator[str]:
             yield ("Which currents are driven and what is read? No common order makes "
                    f"{found.recording.readings.shape[1]} readings. Give a sensor file with [drive] pairs.")
         else:
-            yield (f"Which order do the readings have? Neither a {_body(found)} nor touches say it. {FEWEST} touches at "
-                   "many places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
+            yield (f"Which order do the readings have? Neither a {_body(found)} nor touches say it. {FEWEST} touches "
+                   "at many places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
     elif len(one.plausible) > 1 and found.sensor is not None and found.agrees is None:
         yield (f"Is [drive] of the sensor file right? {counted(len(one.plausible) - 1, 'other order')} would make "
                "these readings as well; the board's manual or firmware says it.")

@@ -105,6 +105,15 @@ def account_of(profile: Array, order: Order, *, signed: bool) -> Account:
     return _account(profile, order, int(signs[0]))
 
 
+def numberings(profile: Array, order: Order, skin: OutlinedSkin, *, signed: bool) -> dict[tuple[int, int], float]:
+    """Way and turn of electrodes on a skin with an outline -> log likelihood of an order's account so of a frame."""
+    profile = profile / np.sqrt(np.nanmean(profile**2))
+    placed = [replace(order, placed=(way, turn)) for way in (1, -1) for turn in range(skin.count)]
+    _, signs = _compared_on_skin(profile, placed, skin, signed)
+    return {one.placed or (1, 0): _account(profile, one, int(sign), skin).log_likelihood
+            for one, sign in zip(placed, signs, strict=True)}
+
+
 def _on_skin(profile: Array, orders: Sequence[Order], skin: OutlinedSkin, signed: bool) -> list[Account]:
     """As `accounts`, of orders whose electrodes are numbered in any way on a skin with an outline, or as they say."""
     ways = [(way, turn) for way in (1, -1) for turn in range(skin.count)]

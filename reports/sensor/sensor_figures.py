@@ -118,9 +118,11 @@ def _ring(sensor: Scene, offset_mm: Array, value: Array, norm: Normalize, colour
     mean = 0.0 if sensor.body.has_outline else np.mean(offset_mm)
     palette = matplotlib.colormaps[colours]
     _draw_skin(axes, sensor.body)
-    for k, (path, each) in enumerate(zip(_paths_mm(sensor, 9 * (offset_mm - mean)), value, strict=True)):
+    shift = 9 * (offset_mm - mean)
+    for path, each in zip(_paths_mm(sensor, shift), value, strict=True):
         axes.plot(*path.T, solid_capstyle="butt", lw=5, color=palette(norm(each)))
-        axes.text(*_middles_mm(sensor, 0.13, 9 * (offset_mm - mean))[k], str(k), ha="center", va="center", fontsize=6)
+    for k, (x, y) in enumerate(_middles_mm(sensor, 0.13, shift).tolist()):
+        axes.text(x, y, str(k), ha="center", va="center", fontsize=6)
     figure.colorbar(ScalarMappable(norm, palette), ax=axes, shrink=0.8, label=words)
     return figure
 

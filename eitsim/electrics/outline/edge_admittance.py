@@ -85,7 +85,7 @@ class EdgeAdmittance:
     def admittance_S(self) -> Array:
         """(N, N), S; rows and columns sum to zero."""
         z = centred(self.mesh, self.potential_Ohm)[-self.mesh.count:]
-        return np.linalg.pinv((z + z.T) / 2, hermitian=True)
+        return np.asarray(np.linalg.pinv((z + z.T) / 2, hermitian=True), dtype=float)
 
     @cached_property
     def by_layer(self) -> Array:

@@ -52,7 +52,8 @@ def test_its_derivatives_are_those_of_differences() -> None:
     at, step, k = edge_admittance(sliding, here, SHEET_S, modes), 1e-4, 3
 
     def changed(way: float, **more: float) -> np.ndarray:
-        z, place, width = (list(one) for one in (here.contact_impedance_Ohm_m, here.positions_m, here.width_m))
+        z, place, width = (np.array(one).tolist() for one in (here.contact_impedance_Ohm_m, here.positions_m,
+                                                               here.width_m))
         z[k] += way * more.get("z", 0.0)
         place[k] += way * more.get("place", 0.0)
         width[k] *= np.exp(way * more.get("width", 0.0))
