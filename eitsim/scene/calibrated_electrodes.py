@@ -8,16 +8,12 @@ left out scatter in size counts as an error of all signals. A file that names an
 missed by before the fit, since the smaller error is that of the fitted card.
 """
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline import Outline, check_outline
-from eitsim.scene.outline_electrodes import along_edge
 from touchcal.arrays import Array
 from touchcal.document import Keys, Number
 from touchcal.errors import InputFileError
@@ -30,12 +26,10 @@ NAMES = {"conductance": "ln_conductance_S", "contacts": "ln_contact_impedance_Oh
 SCHEMA = 2
 _FIX = "A calibrated sensor is the JSON that `eitsim sensor fit` writes."
 _LENGTHS = (Number(), [Number()])
-_BODY = Keys({}, {"radius_mm": Number(1e-3), "outline": str, "width_mm": Number(), "height_mm": Number(),
-                  "corner_radius_mm": Number(), "points_mm": [[Number()]], "holes_mm": [list]})
+_BODY = Keys({}, {"radius_mm": Number(1e-3), "outline": str})
 _SENSOR = Keys({"body": _BODY, "skin": dict, "drive": dict, "electrodes": Keys({
     "kind": str, "count": Number(4, 64, whole=True), "width_mm": _LENGTHS}, {
-    "first_angle_deg": Number(), "angles_deg": [Number()], "shares": [Number()], "positions_mm": [Number()],
-    "soft": bool})})
+    "first_angle_deg": Number(), "angles_deg": [Number()], "positions_mm": [Number()], "soft": bool})})
 _SKIN = Keys({"card": (str, None), "size_error": Number(0, 10)}, {
     "of_card": dict, "count": Number(1, whole=True), "left_out": [str], "too_deep": [str], "odd": [str], "kept": [str],
     "centre_mm": [Number()], "turn_deg": Number(), "mirrored": bool, "unexplained": {str: Number(0)},
@@ -116,9 +110,10 @@ def _electrodes(sensor: Mapping[str, Any], values: Mapping[str, float]) -> dict[
     design = sensor["electrodes"]
     count, first, angles = design["count"], design.get("first_angle_deg", 0.0), design.get("angles_deg", [])
     offset = _each("positions", count, values)
-    if (outline := _outline(sensor["body"])).outline != "disc":
-        place = {"first_angle_deg": 0.0 if angles else first,
-                 "positions_mm": (1e3 * along_edge(outline, _along(design)) + offset).tolist()}
+    if sensor["body"].get("outline", "disc") != "disc":
+        if len(along := design.get("positions_mm", [])) != count:
+            raise ValueError(f"positions_mm in sensor.electrodes must hold {count} numbers, got {len(along)}. {_FIX}")
+        place = {"first_angle_deg": first, "positions_mm": (np.array(along) + offset).tolist()}
     elif angles or offset.any():
         even = angles or first + 360 / count * np.arange(count)
         place = {"angles_deg": (even + np.degrees(offset / sensor["body"]["radius_mm"])).tolist()}
@@ -128,28 +123,6 @@ def _electrodes(sensor: Mapping[str, Any], values: Mapping[str, float]) -> dict[
     contact = np.exp(_each("contacts", count, values))
     return {"kind": design["kind"], "count": count, **place, "width_mm": width.tolist(),
             "contact_impedance_Ohm_m": contact.tolist(), "soft": design.get("soft", False)}
-
-
-def _outline(body: Mapping[str, Any]) -> Outline:
-    """The outline of a table [body]; ValueError where it can be none."""
-    lengths = {key: body.get(f"{key}_mm") for key in ("width", "height", "corner_radius")}
-    points, holes = (_metres(body.get(key, [])) for key in ("points_mm", "holes_mm"))
-    found = Outline(outline=body.get("outline", "disc"), points_m=points, holes_m=holes, **{
-        f"{key}_m": None if value is None else 1e-3 * value for key, value in lengths.items()})
-    check_outline(found)
-    return found
-
-
-def _metres(lengths_mm: Any) -> Any:
-    return tuple(map(_metres, lengths_mm)) if isinstance(lengths_mm, list) else 1e-3 * lengths_mm
-
-
-def _along(design: Mapping[str, Any]) -> Electrodes:
-    """The electrodes of a table [electrodes], as far as it says where they lie along an edge."""
-    return Electrodes(count=design["count"], width_m=_metres(design["width_mm"]), shares=design.get("shares", ()),
-                      positions_m=_metres(design.get("positions_mm", [])),
-                      first_angle_rad=math.radians(design.get("first_angle_deg", 0.0)),
-                      angles_rad=np.radians(design.get("angles_deg", [])).tolist())
 
 
 def _channels(count: int, values: Mapping[str, float]) -> dict[str, list[float]]:

@@ -1,8 +1,10 @@
 """Electrodes on a skin with an outline: stretches of its outer edge, or patches anywhere on its surface."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from eitsim.scene.electrodes import SHAPES, TOUCHING, Electrodes, check_sizes, lengths, require, turns, widths
 from eitsim.scene.outline import (
@@ -91,8 +93,13 @@ def stretches_along(outline: Outline, electrodes: Electrodes) -> Array:
 def along_edge(outline: Outline, electrodes: Electrodes) -> Array:
     """Middles (count,) of line electrodes as `positions_m` gives them: arc lengths from the direction of
     `first_angle_rad`, m."""
-    first = 0.0 if electrodes.angles_rad else electrodes.first_angle_rad
-    return stretches_along(outline, electrodes).mean(axis=1) - arc_at(outline, first)
+    return stretches_along(outline, electrodes).mean(axis=1) - arc_at(outline, electrodes.first_angle_rad)
+
+
+def with_positions(outline: Outline, electrodes: Electrodes, offset_m: ArrayLike = 0.0) -> Electrodes:
+    """Line electrodes given by `positions_m`, each further along the edge by an offset (count,), m."""
+    positions = along_edge(outline, electrodes) + np.asarray(offset_m, dtype=float)
+    return replace(electrodes, angles_rad=(), shares=(), positions_m=tuple(positions.tolist()))
 
 
 def patch_loops(electrodes: Electrodes) -> list[Array]:

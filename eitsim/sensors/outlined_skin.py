@@ -13,7 +13,6 @@ from eitsim.electrics.outline.edge_admittance import edge_admittance, sliding_me
 from eitsim.scene.electrodes import IMPEDANCES, contact_impedances, there
 from eitsim.scene.outline_electrodes import edge_starts
 from eitsim.scene.scene import Body, Electrodes
-from eitsim.sensors.conventions import MEAN
 from touchcal.arrays import Array, Index
 
 _SHEET_S = 1.0  # conductance of the sheet: an order and a size leave readings of a homogeneous one the same
@@ -63,14 +62,15 @@ def _on_unit_sheet(electrodes: Electrodes) -> Electrodes:
 
 
 def on_body(pairs: Index, placed: tuple[int, int], count: int) -> Index:
-    """Pairs as the sensor file counts electrodes, where electrode k of the readings is its electrode way k + turn."""
+    """Pairs as the sensor file counts electrodes, where electrode k of the readings is its electrode way k + turn; -1
+    stays the mean of all."""
     way, turn = placed
-    return np.where(pairs == MEAN, MEAN, (way * pairs + turn) % count)
+    return np.where(pairs < 0, pairs, (way * pairs + turn) % count)
 
 
 def read_between(impedance: Array, pairs: Index) -> Array:
     """(...,) readings of an impedance matrix (..., N, N) by pairs (..., 4), for 1 A."""
-    padded = np.pad(impedance, ((0, 1), (0, 1)))  # MEAN, which is the last, reads 0 V
+    padded = np.pad(impedance, ((0, 1), (0, 1)))  # the mean of all, -1, which is the last, reads 0 V
     source, sink, plus, minus = np.moveaxis(pairs, -1, 0)
     return padded[source, plus] - padded[source, minus] - padded[sink, plus] + padded[sink, minus]
 

@@ -19,7 +19,7 @@ from eitsim.scene.calibrated_electrodes import NAMES
 from eitsim.scene.channels import Channels, sinks
 from eitsim.scene.drive import Protocol
 from eitsim.scene.electrodes import contact_impedances, middles, widths
-from eitsim.scene.outline_electrodes import along_edge
+from eitsim.scene.outline_electrodes import with_positions
 from eitsim.scene.scene import Body, Electrodes
 from touchcal.arrays import Array
 
@@ -120,9 +120,7 @@ class Instrument:
         design, wider = self.electrodes, state[self.places["width"]] + state[self.places["widths"]]
         offset = state[self.places["positions"]]
         if self.body.has_outline:
-            first = 0.0 if design.angles_rad else design.first_angle_rad
-            design = replace(design, angles_rad=(), shares=(), first_angle_rad=first,
-                             positions_m=tuple((along_edge(self.body, design) + offset).tolist()))
+            design = with_positions(self.body, design, offset)
         else:
             design = replace(design, angles_rad=tuple(middles(design) + offset / self.body.radius_m))
         return replace(design, width_m=tuple(widths(design) * np.exp(wider)),
