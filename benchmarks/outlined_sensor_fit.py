@@ -78,9 +78,9 @@ def rows() -> Iterator[dict[str, Any]]:
 def main() -> None:
     """Write the table and print its summary."""
     table = written(rows(), "outlined_sensor_fit")
-    for (name, count, noise), own in table.groupby(["case", "electrodes", "noise_dB"]):
-        print(f"{name}, {count} electrodes, {noise:g} dB: {own['inside_95'].sum()} of {own['parameters'].sum()} inside "
-              f"95 %; {own['cpu_s'].max():.1f} s of CPU time")
+    for case, own in table.groupby(["case", "electrodes", "noise_dB"]):
+        inside, count, spent = own["inside_95"].sum(), own["parameters"].sum(), own["cpu_s"].max()
+        print(f"{case}: {inside} of {count} inside 95 %; {spent:.1f} s of CPU time")
 
 
 if __name__ == "__main__":
