@@ -64,7 +64,7 @@ def test_its_derivatives_are_those_of_differences() -> None:
     for found, unit, key in ((at.by_layer[k], SHEET_S / RECTANGLE.radius_m, "z"),
                              (at.by_angle[k], 1 / RECTANGLE.radius_m, "place"), (at.by_width[k], 1.0, "width"),
                              (at.by_sheet[4], 1.0, "mode")):
-        size = step * (1e-1 if key == "place" else 1.0)
+        size = step * (1e-2 if key == "place" else 1.0)
         expected = (changed(1.0, **{key: size}) - changed(-1.0, **{key: size})) / (2 * size)
         np.testing.assert_allclose(unit * found, expected, atol=2e-4 * np.abs(expected).max(), err_msg=key)
 
