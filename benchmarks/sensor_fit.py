@@ -78,9 +78,8 @@ def hidden(seed: int, counts: tuple[int, ...] = (8, 16)) -> Hidden:
     return Hidden(sensor, truth, recording)
 
 
-def rows_of(seed: int) -> Iterator[dict[str, Any]]:
+def rows_of(one: Hidden, seed: int) -> Iterator[dict[str, Any]]:
     """One row for each group of parameters of a hidden sensor."""
-    one = hidden(seed)
     begun = time.process_time()
     found = calibrate(one.sensor, one.recording)
     spent = time.process_time() - begun
@@ -100,7 +99,7 @@ def rows_of(seed: int) -> Iterator[dict[str, Any]]:
 
 def main() -> None:
     """Write the table and print its summary."""
-    table = written((row for seed in range(quick(SENSORS, 3)) for row in rows_of(seed)), "sensor_fit")
+    table = written((row for seed in range(quick(SENSORS, 3)) for row in rows_of(hidden(seed), seed)), "sensor_fit")
     for group in GROUPS:
         own = table[table["group"] == group]
         print(f"{group}: {own['inside_95'].sum() / own['parameters'].sum():.3f} inside 95 %")

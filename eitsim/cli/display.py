@@ -176,7 +176,8 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
     if (presses := document["presses"]) is not None:
         one, left = document["parameters"]["ln_moment_mm2"], presses["unexplained"]
         x, y = presses["centre_mm"]
-        print(f"the sensor's centre lies at {x:.4g}, {y:.4g} mm in the labels, which are turned by "
+        middle = "centre" if "outline" not in document["sensor"]["body"] else "origin"
+        print(f"the sensor's {middle} lies at {x:.4g}, {y:.4g} mm in the labels, which are turned by "
               f"{presses['turn_deg']:.3g} deg" + (" and mirrored" if presses["mirrored"] else ""))
         print(f"{presses['count']} labelled presses: ln of the moment in mm2 {one['value']:.3g} +- {one['sd']:.2g}; "
               f"{_percent(left['size']['held_out'])} of presses that were not fitted stay unexplained"

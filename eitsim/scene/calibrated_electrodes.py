@@ -26,9 +26,10 @@ NAMES = {"conductance": "ln_conductance_S", "contacts": "ln_contact_impedance_Oh
 SCHEMA = 2
 _FIX = "A calibrated sensor is the JSON that `eitsim sensor fit` writes."
 _LENGTHS = (Number(), [Number()])
-_SENSOR = Keys({"body": Keys({"radius_mm": Number(1e-3)}), "skin": dict, "drive": dict, "electrodes": Keys({
+_BODY = Keys({}, {"radius_mm": Number(1e-3), "outline": str})
+_SENSOR = Keys({"body": _BODY, "skin": dict, "drive": dict, "electrodes": Keys({
     "kind": str, "count": Number(4, 64, whole=True), "width_mm": _LENGTHS}, {
-    "first_angle_deg": Number(), "angles_deg": [Number()], "soft": bool})})
+    "first_angle_deg": Number(), "angles_deg": [Number()], "positions_mm": [Number()], "soft": bool})})
 _SKIN = Keys({"card": (str, None), "size_error": Number(0, 10)}, {
     "of_card": dict, "count": Number(1, whole=True), "left_out": [str], "too_deep": [str], "odd": [str], "kept": [str],
     "centre_mm": [Number()], "turn_deg": Number(), "mirrored": bool, "unexplained": {str: Number(0)},
@@ -53,10 +54,12 @@ def with_calibrated(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise ValueError(f"calibrated in [electrodes] must be the name of a file, got {name!r:.80}.")
     other = tables.get("card")
     own = calibrated_tables(folder / name, folder / other if isinstance(other, str) else None)
-    body, radius = tables.get("body"), own["body"]["radius_mm"]
-    if isinstance(body, Mapping) and body.get("radius_mm", radius) != radius:
-        raise ValueError(f"radius_mm in [body] must be that of the calibrated sensor, {radius:g}, got "
-                         f"{body['radius_mm']!r:.80}; leave it out.")
+    body = tables.get("body")
+    for key, value in body.items() if isinstance(body, Mapping) else ():
+        if key != "thickness_mm" and value != (known := own["body"].get(key)):
+            own_value = f", {known!r:.80}" if known is not None else ", which has none"
+            raise ValueError(f"{key} in [body] must be that of the calibrated sensor{own_value}, got {value!r:.80}; "
+                             "leave it out.")
     if (card := own.pop("card", None)) is not None:
         own["card"] = (Path(name).parent / card).as_posix()
     return {**own, **tables, **{key: own[key] for key in ("electrodes", "channels")},
@@ -68,6 +71,9 @@ def read_fitted(path: Path) -> dict[str, Any]:
     raw = read_json(path, "a calibrated sensor", _FIX, _SHAPE)
     if raw["schema"] != SCHEMA:
         raise InputFileError(path, f"schema {raw['schema']} is not {SCHEMA}, which is read here. Fit the sensor again.")
+    body = raw["sensor"]["body"]
+    if body.get("outline", "disc") == "disc" and "radius_mm" not in body:
+        raise InputFileError(path, f"the key 'radius_mm' is missing in sensor.body. {_FIX}")
     return raw
 
 
@@ -104,7 +110,11 @@ def _electrodes(sensor: Mapping[str, Any], values: Mapping[str, float]) -> dict[
     design = sensor["electrodes"]
     count, first, angles = design["count"], design.get("first_angle_deg", 0.0), design.get("angles_deg", [])
     offset = _each("positions", count, values)
-    if angles or offset.any():
+    if sensor["body"].get("outline", "disc") != "disc":
+        if len(along := design.get("positions_mm", [])) != count:
+            raise ValueError(f"positions_mm in sensor.electrodes must hold {count} numbers, got {len(along)}. {_FIX}")
+        place = {"first_angle_deg": first, "positions_mm": (np.array(along) + offset).tolist()}
+    elif angles or offset.any():
         even = angles or first + 360 / count * np.arange(count)
         place = {"angles_deg": (even + np.degrees(offset / sensor["body"]["radius_mm"])).tolist()}
     else:

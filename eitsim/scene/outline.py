@@ -109,6 +109,18 @@ def centroid_m(outline: Outline) -> Array:
     return (cross @ (loop + after)) / (3 * cross.sum())
 
 
+def moments_m(outline: Outline) -> tuple[Array, Array]:
+    """Centroid (2,), m, of an outline but the disc, without its holes, and the means (2, 2), m^2, of the products of
+    coordinates about it."""
+    start, end = corners_and_edges(outline)
+    cross = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
+    middle = cross @ (start + end) / (3 * cross.sum())
+    products = sum(one[:, :, None] * other[:, None] for one in (start, end) for other in (start, end))
+    products = products + start[:, :, None] * start[:, None] + end[:, :, None] * end[:, None]
+    second = np.tensordot(cross, products, 1) / (12 * cross.sum())
+    return middle, second - np.outer(middle, middle)
+
+
 def corners_and_edges(outline: Outline) -> tuple[Array, Array]:
     """Starts and ends (n, 2), m, of all edges, those of the outer edge first."""
     parts = loops(outline)

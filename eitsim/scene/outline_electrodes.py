@@ -1,8 +1,10 @@
 """Electrodes on a skin with an outline: stretches of its outer edge, or patches anywhere on its surface."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from eitsim.scene.electrodes import SHAPES, TOUCHING, Electrodes, check_sizes, lengths, require, turns, widths
 from eitsim.scene.outline import (
@@ -32,6 +34,18 @@ def places_along(outline: Outline, arc_m: Array) -> Array:
     loop, starts = loops(outline)[0], edge_starts(outline)
     closed, arc = np.vstack([loop, loop[:1]]), np.mod(arc_m, starts[-1])
     return np.stack([np.interp(arc, starts, closed[:, i]) for i in (0, 1)], axis=-1)
+
+
+def arcs_of(outline: Outline, points_m: Array) -> tuple[Array, Array]:
+    """Arc lengths (n,), m, of the outer edge's points next to points (n, 2), and the distances (n,) to them, m."""
+    start = loops(outline)[0]
+    along = np.roll(start, -1, axis=0) - start
+    squared = np.sum(along**2, axis=1)
+    way = np.clip(np.sum((points_m[:, None] - start) * along, axis=-1) / squared, 0, 1)
+    away = np.linalg.norm(points_m[:, None] - start - way[..., None] * along, axis=-1)
+    nearest = away.argmin(axis=1)
+    own = np.arange(len(points_m)), nearest
+    return edge_starts(outline)[nearest] + way[own] * np.sqrt(squared[nearest]), away[own]
 
 
 def arc_at(outline: Outline, angle_rad: float) -> float:
@@ -74,6 +88,18 @@ def stretches_along(outline: Outline, electrodes: Electrodes) -> Array:
             f"electrodes {order[k]} and {order[(k + 1) % len(order)]} (from 0) overlap by {-gaps[k] * 1e3:.3g} mm of "
             f"the outline's {whole * 1e3:.4g}; place them further from each other or make them narrower")
     return ends
+
+
+def along_edge(outline: Outline, electrodes: Electrodes) -> Array:
+    """Middles (count,) of line electrodes as `positions_m` gives them: arc lengths from the direction of
+    `first_angle_rad`, m."""
+    return stretches_along(outline, electrodes).mean(axis=1) - arc_at(outline, electrodes.first_angle_rad)
+
+
+def with_positions(outline: Outline, electrodes: Electrodes, offset_m: ArrayLike = 0.0) -> Electrodes:
+    """Line electrodes given by `positions_m`, each further along the edge by an offset (count,), m."""
+    positions = along_edge(outline, electrodes) + np.asarray(offset_m, dtype=float)
+    return replace(electrodes, angles_rad=(), shares=(), positions_m=tuple(positions.tolist()))
 
 
 def patch_loops(electrodes: Electrodes) -> list[Array]:

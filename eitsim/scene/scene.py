@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from eitsim.scene.channels import Channels, sinks
 from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, as_tuples, protocol
 from eitsim.scene.electrodes import IMPEDANCES, PLACES, Electrodes, check, unread
@@ -14,6 +16,7 @@ from eitsim.scene.outline_electrodes import check_on_outline
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import PROFILES
 from eitsim.scene.scene_files import with_files
+from touchcal.arrays import Array
 from touchcal.document import is_number
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
@@ -206,9 +209,15 @@ def profile_of(punch: Punch, unit_m: float = 1.0) -> Profile:
 def rim_gap_m(body: Body, punch: Punch) -> float:
     """Distance from the punch's edge to the rim, or to the nearest edge or hole of an outline, m; negative where it
     overhangs."""
+    return float(from_edge_m(body, np.array([punch.x_m, punch.y_m]))) - punch.diameter_m / 2
+
+
+def from_edge_m(body: Body, points_m: Array) -> Array:
+    """Distance (...) of points (..., 2) to the rim, or to the nearest edge or hole of an outline, m; negative
+    outside."""
     if body.has_outline:
-        return float(edge_distance_m(body, (punch.x_m, punch.y_m))) - punch.diameter_m / 2
-    return body.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
+        return edge_distance_m(body, points_m)
+    return body.radius_m - np.hypot(points_m[..., 0], points_m[..., 1])
 
 
 def scene_keys() -> dict[str, tuple[str, ...]]:

@@ -9,6 +9,7 @@ import numpy as np
 from eitsim.sensors.companions import FEWEST, LIKELY, supports
 from eitsim.sensors.conventions import MEAN, pattern_name, predicted
 from eitsim.sensors.disc_field import ring_kernel
+from eitsim.sensors.outlined_skin import OutlinedSkin
 from eitsim.sensors.recognition import Account, Order, accounts, exchanged, unordered
 from touchcal.arrays import Array, Index
 
@@ -26,9 +27,9 @@ class Identified:
     """What is known of the order of readings."""
 
     plausible: tuple[Order, ...]  # orders that the data do not exclude, the likeliest first; empty where none is known
-    decided_by: str  # "disc", "touches" or "nothing"
+    decided_by: str  # "disc" or, with an outline, "skin"; "touches" or "nothing"
     sign: str  # "positive", "negative", "magnitude", "either" (magnitudes look the same) or "unknown"
-    unexplained: float  # 2-norm of what an imperfect homogeneous disc misses over that of the frame; NaN without one
+    unexplained: float  # 2-norm of what an imperfect homogeneous body misses over that of the frame; NaN without one
     swapped: tuple[int, int] | None = None  # electrodes, as the order counts them, that look exchanged
 
     @property
@@ -72,21 +73,22 @@ def words_of(order: Order) -> dict[str, str]:
 
 
 def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *, kind: str,
-               expected: Index | None = None) -> Identified:
+               expected: Index | None = None, skin: OutlinedSkin | None = None) -> Identified:
     """The orders that may have made an untouched frame (readings,), or signals (frames, readings) of touches.
 
     kind: "voltage", "magnitude", or "difference", whose signals have no untouched frame. An imperfect homogeneous disc
     decides where it explains the frame, and better than one number for all readings does, otherwise the touches where
-    there are enough. expected: pairs of the order that a sensor file describes.
+    there are enough. expected: pairs of the order that a sensor file describes; skin: where that has an outline, the
+    homogeneous skin in the disc's place.
     """
     if not orders:
         return Identified((), "nothing", _sign_alone(kind), np.nan)
     unexplained, sign = np.nan, _sign_alone(kind)
     if profile is not None:
-        fit, found = _fit_of_kind(profile, orders, kind)
+        fit, found = _fit_of_kind(profile, orders, kind, skin)
         unexplained = fit.unexplained
         if unexplained < EXPLAINED and fit.log_likelihood > unordered(profile) + CERTAIN:
-            return Identified(fit.orders, "disc", found, unexplained, fit.swapped)
+            return Identified(fit.orders, "disc" if skin is None else "skin", found, unexplained, fit.swapped)
     if len(signals) >= FEWEST:
         likely = supports(signals, orders, expected)
         least = max(likely[0].log_likelihood, LIKELY) - LIKELY if likely else 0.0
@@ -111,23 +113,23 @@ class _Fit:
     swapped: tuple[int, int] | None = None
 
 
-def _fit_of_kind(profile: Array, orders: Sequence[Order], kind: str) -> tuple[_Fit, str]:
+def _fit_of_kind(profile: Array, orders: Sequence[Order], kind: str, skin: OutlinedSkin | None) -> tuple[_Fit, str]:
     """The fit of a frame and its sign; of one without negative readings the better with and without sign."""
     if kind == "magnitude":
-        return _fit(profile, orders, signed=False), "magnitude"
-    fit = _fit(profile, orders, signed=True)
+        return _fit(profile, orders, skin, signed=False), "magnitude"
+    fit = _fit(profile, orders, skin, signed=True)
     if has_sign(profile):
         return fit, {1: "positive", -1: "negative"}[fit.sign]
-    sizes = _fit(profile, orders, signed=False)
+    sizes = _fit(profile, orders, skin, signed=False)
     return (sizes, "magnitude") if sizes.log_likelihood > fit.log_likelihood + CERTAIN else (fit, "either")
 
 
-def _fit(profile: Array, orders: Sequence[Order], *, signed: bool) -> _Fit:
+def _fit(profile: Array, orders: Sequence[Order], skin: OutlinedSkin | None, *, signed: bool) -> _Fit:
     """The likeliest orders, with two leads exchanged where that alone makes one of them much better."""
-    best = accounts(profile, orders, signed=signed)
+    best = accounts(profile, orders, signed=signed, skin=skin)
     first = best[0]
     if _WELL < first.unexplained < _HOPELESS:
-        tried = sorted((new for one in best[:_TRIED] for new in _exchanges(profile, one)),
+        tried = sorted((new for one in best[:_TRIED] for new in _exchanges(profile, one, skin)),
                        key=lambda each: -each[0].log_likelihood)
         (new, order, leads), rest = tried[0], tried[1:]
         if (new.log_likelihood > first.log_likelihood + CERTAIN and new.unexplained < first.unexplained * _BETTER
@@ -137,12 +139,14 @@ def _fit(profile: Array, orders: Sequence[Order], *, signed: bool) -> _Fit:
     return _Fit(kept, first.log_likelihood, first.unexplained, first.sign)
 
 
-def _exchanges(profile: Array, one: Account) -> list[tuple[Account, Order, tuple[int, int]]]:
+def _exchanges(profile: Array, one: Account,
+               skin: OutlinedSkin | None) -> list[tuple[Account, Order, tuple[int, int]]]:
     """Accounts of an order with the leads of two electrodes exchanged, the order, and these electrodes."""
     leads = list(itertools.combinations(range(one.order.count), 2))
     orders = [exchanged(one.order, *ends) for ends in leads]
-    of = {id(order): ends for order, ends in zip(orders, leads, strict=True)}
-    return [(new, one.order, of[id(new.order)]) for new in accounts(profile, orders, signed=one.sign != 0)]
+    of = {order.pairs.tobytes(): ends for order, ends in zip(orders, leads, strict=True)}
+    return [(new, one.order, of[new.order.pairs.tobytes()])
+            for new in accounts(profile, orders, signed=one.sign != 0, skin=skin)]
 
 
 def has_sign(profile: Array) -> bool:

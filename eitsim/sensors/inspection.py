@@ -12,8 +12,16 @@ from eitsim.sensors import reading_checks
 from eitsim.sensors.companions import FEWEST, in_step, late_readings
 from eitsim.sensors.conventions import MEAN, counts_for
 from eitsim.sensors.identification import CERTAIN, Identified, has_sign, identified
+from eitsim.sensors.outlined_skin import OutlinedSkin, outlined_skin
 from eitsim.sensors.reading_checks import Apart
-from eitsim.sensors.recognition import Order, canonical, orders_of_conventions, orders_of_sensor
+from eitsim.sensors.recognition import (
+    Order,
+    canonical,
+    exchanged,
+    numberings,
+    orders_of_conventions,
+    orders_of_sensor,
+)
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor, pairs_of
 from touchcal.arrays import Array, Complex, Index, Mask
@@ -40,16 +48,23 @@ class Inspection:
     repeat: Apart | None  # patterns driven twice in a frame
     source_against_sink: Apart | None  # patterns with source and sink exchanged
     reciprocity: Apart | None  # readings with drive and measurement exchanged
-    placed: tuple[int, int] | None  # way and turn of the electrodes on the sensor's body; None where open
+    # ways and turns of the electrodes on the sensor's body that fit the frame as well as the best; empty where none is
+    # likelier than the others
+    placements: tuple[tuple[int, int], ...]
+
+    @property
+    def placed(self) -> tuple[int, int] | None:
+        """Way and turn of the electrodes on the sensor's body; None where open."""
+        return self.placements[0] if len(self.placements) == 1 else None
 
 
 def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     """The order of a recording's readings, their sign, faults and noise, by symmetry, by reciprocity and, where it
-    explains them, by a homogeneous disc.
+    explains them, by a homogeneous disc, or the skin of a sensor with an outline.
 
     sensor: what is known of it; its drive is compared with what the readings look like. ValueError where it makes
-    another number of readings than a frame has, or no differences of two voltages, or has an outline; where every
-    reading is dead, or a magnitude is negative.
+    another number of readings than a frame has, or no differences of two voltages, or has an outline and electrodes
+    without contact; where every reading is dead, or a magnitude is negative.
 
     Examples
     --------
@@ -63,9 +78,6 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     >>> found.electrodes, found.identified.words()["pattern"], found.identified.sign
     (16, 'adjacent', 'positive')
     """
-    if sensor and sensor.body.has_outline:
-        raise ValueError("the order and the sign of readings are judged by those of an even ring on a disc, which does "
-                         "not serve a skin with an outline; inspect the recording without the sensor file.")
     values = in_phase(recording.readings)
     kind = sensor.kind if sensor else _kind(recording, values)
     known = pairs_of(sensor) if sensor else None
@@ -85,7 +97,9 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     signals = in_step(signals, late)
     profile = None if kind == "difference" else reading_checks.mean_frame(untouched if rows.any() else live)
     counts = (sensor.electrodes.count,) if sensor else counts_for(values.shape[1])
-    found = identified(profile, signals, _orders(values.shape[1], counts, known), kind=kind, expected=known)
+    skin = outlined_skin(sensor.body, sensor.electrodes) if sensor and sensor.body.has_outline and (
+        profile is not None) else None
+    found = identified(profile, signals, _orders(values.shape[1], counts, known), kind=kind, expected=known, skin=skin)
     agrees = _agrees(found, known, counts[0]) if known is not None else None
     kind = "magnitude" if kind == "voltage" and found.sign == "magnitude" else kind
     pairs = known if known is not None else found.order.pairs if found.order else None
@@ -98,7 +112,8 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
                                           ) if pairs is not None and count else ()
     return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead), tuple(lost),
                       np.flatnonzero(late), reading_checks.noise(untouched), reading_checks.drift(untouched), *compared,
-                      placed=_placed(sensor, profile) if sensor and profile is not None and agrees else None)
+                      placements=_placements(sensor, known, profile, skin, found.swapped, signed=kind == "voltage")
+                      if sensor and known is not None and profile is not None and agrees else ())
 
 
 def in_phase(readings: Array | Complex) -> Array:
@@ -159,14 +174,28 @@ def _compared(values: Array, pairs: Index, sensor: Sensor | None, *, signed: boo
         reading_checks.repeats, reading_checks.source_against_sink, reading_checks.reciprocity))
 
 
-def _placed(sensor: Sensor, profile: Array) -> tuple[int, int] | None:
-    """Way and turn by which electrodes are numbered on the body, which only electrodes of unequal places, widths or
-    contacts tell; None where no renumbering is likelier than all others."""
-    if identical(sensor.electrodes):
-        return None
+def _placements(sensor: Sensor, pairs: Index, profile: Array, skin: OutlinedSkin | None,
+                swapped: tuple[int, int] | None, *, signed: bool) -> tuple[tuple[int, int], ...]:
+    """Ways and turns by which electrodes may be numbered on the body, the likeliest first, which on a disc only
+    electrodes of unequal places, widths or contacts tell; on a skin with an outline those that fit as well are its
+    symmetries."""
+    if skin is not None:
+        order = Order(skin.count, pairs)
+        likelihood = numberings(profile, exchanged(order, *swapped) if swapped else order, skin, signed=signed)
+    elif identical(sensor.electrodes):
+        return ()
+    else:
+        likelihood = _numberings_on_disc(sensor, profile)
+    best = max(likelihood.values())
+    return tuple(sorted((way for way, log in likelihood.items() if log >= best - CERTAIN),
+                        key=lambda way: -likelihood[way]))
+
+
+def _numberings_on_disc(sensor: Sensor, profile: Array) -> dict[tuple[int, int], float]:
+    """Way and turn of the electrodes -> log likelihood of a frame, of the sensor as its file describes it."""
     count, kept = sensor.electrodes.count, np.isfinite(profile)
     z = among_all(sensor.electrodes, untouched_impedance(sensor.body, present(sensor.electrodes), 1.0))
-    missed = {}
+    found = {}
     for way in (1, -1):
         for turn in range(count):
             to = (way * np.arange(count) + turn) % count
@@ -175,6 +204,5 @@ def _placed(sensor: Sensor, profile: Array) -> tuple[int, int] | None:
                 model = np.abs(model)
             both = kept & np.isfinite(model)
             rest = profile[both] - model[both] * (profile[both] @ model[both]) / (model[both] @ model[both])
-            missed[way, turn] = len(rest) / 2 * np.log(np.mean(rest**2))
-    best, second = sorted(missed, key=lambda key: missed[key])[:2]
-    return best if missed[second] - missed[best] > CERTAIN else None
+            found[way, turn] = -len(rest) / 2 * float(np.log(np.mean(rest**2)))
+    return found

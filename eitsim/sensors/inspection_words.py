@@ -35,6 +35,7 @@ def document(found: Inspection) -> dict[str, Any]:
             "plausible_orders": [words_of(each) for each in one.plausible],
             "pairs": order.pairs.tolist() if order else None,
             "agrees_with_sensor": found.agrees,
+            "placements": [{"way": way, "turn": turn} for way, turn in found.placements],
             "placed_on_body": dict(zip(("way", "turn"), found.placed, strict=True)) if found.placed else None,
             "swapped_electrodes": list(one.swapped) if one.swapped else None,
             "dead_readings": found.dead_readings.tolist(), "dead_electrodes": list(found.dead_electrodes),
@@ -54,10 +55,12 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
     for name in ("pattern", "order", "turn", "direction"):
         yield _ROWS.get(name, name), words[name] or "not decided"
     yield "sign", _SIGNS.get(one.sign, "not decided")
-    yield "decided by", {"disc": "a homogeneous disc", "touches": "touches: readings of one pair change together",
+    yield "decided by", {"disc": "a homogeneous disc", "skin": "a homogeneous skin of the sensor file's outline",
+                         "touches": "touches: readings of one pair change together",
                          "nothing": "nothing"}[one.decided_by]
     if np.isfinite(one.unexplained):
-        yield "unexplained", f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous disc"
+        yield "unexplained", (f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous "
+                              f"{_body(found)}")
     if found.sensor is not None:
         yield "sensor file", {True: "agrees with the readings", False: "contradicted by the readings",
                               None: f"not contradicted: one of {len(one.plausible)} orders that the readings allow"
@@ -90,8 +93,11 @@ def cautions(found: Inspection) -> Iterator[str]:
     if found.kind != "difference" and not found.recording.untouched.any():
         yield "No frame is untouched: the mean of all stands for it. Leave touch empty where nothing touches."
     if one.unexplained > EXPLAINED:
-        yield ("No homogeneous disc explains the untouched frame: the best order leaves "
+        yield (f"No homogeneous {_body(found)} explains the untouched frame: the best order leaves "
                f"{percent(one.unexplained)}. Use changes only; an absolute model is not to be trusted.")
+    if found.placements and (1, 0) not in found.placements:
+        yield ("Electrodes do not lie on the skin as the sensor file says: the untouched frame fits them best "
+               f"{_placements(found)}. Correct first_angle_deg or the outline, or number the readings otherwise.")
     for apart, what in ((found.source_against_sink, "source and sink"), (found.reciprocity, "drive and measurement")):
         if apart is not None and apart.most > _SAID:
             yield (f"Readings with {what} exchanged are {_range(apart)} from each other, which a linear, reciprocal, "
@@ -109,8 +115,8 @@ def questions(found: Inspection) -> Iterator[str]:
             yield ("Which currents are driven and what is read? No common order makes "
                    f"{found.recording.readings.shape[1]} readings. Give a sensor file with [drive] pairs.")
         else:
-            yield (f"Which order do the readings have? Neither a disc nor touches say it. {FEWEST} touches at many "
-                   "places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
+            yield (f"Which order do the readings have? Neither a {_body(found)} nor touches say it. {FEWEST} touches "
+                   "at many places, an untouched frame before each, may. Or give a sensor file with [drive] pairs.")
     elif len(one.plausible) > 1 and found.sensor is not None and found.agrees is None:
         yield (f"Is [drive] of the sensor file right? {counted(len(one.plausible) - 1, 'other order')} would make "
                "these readings as well; the board's manual or firmware says it.")
@@ -126,7 +132,9 @@ def questions(found: Inspection) -> Iterator[str]:
                "Are readings plus less minus or the other way round? Without their order that is open.")
     if found.kind == "difference" and found.sensor is None:
         yield "Are these touched less untouched frames? Their signs look so. Say kind in [readings] of a sensor file."
-    if found.placed is None and (found.sensor is None or identical(found.sensor.electrodes)):
+    if _outlined(found):
+        yield from _on_skin(found)
+    elif found.placed is None and (found.sensor is None or identical(found.sensor.electrodes)):
         yield ("Where on the body is electrode 0, and which way round do they count, seen from the touched side? An "
                "even ring looks the same from every electrode and in a mirror; press next to electrode 0, then 1.")
     elif found.placed is None:
@@ -136,6 +144,32 @@ def questions(found: Inspection) -> Iterator[str]:
         way = "the same way round" if found.placed[0] == 1 else "the other way round"
         yield (f"Is electrode 0 of the readings electrode {found.placed[1]} of the sensor file, counting {way}? Its "
                "unequal electrodes fit the frame best so.")
+
+
+def _on_skin(found: Inspection) -> Iterator[str]:
+    """Where electrodes lie on a skin with an outline."""
+    if len(found.placements) > 1 and (1, 0) in found.placements:
+        yield (f"Is electrode 0 of the readings that of the sensor file? {counted(len(found.placements), 'numbering')} "
+               f"fit the untouched frame, {_placements(found)}, since the skin looks the same so; press next to "
+               "electrode 0, then 1.")
+    elif not found.placements:
+        yield ("Do the electrodes lie on the skin as the sensor file says? The untouched frame does not tell; press "
+               "next to electrode 0, then electrode 1.")
+
+
+def _placements(found: Inspection) -> str:
+    """Ways to number the electrodes on the body, in words."""
+    ways = [f"with electrode 0 at electrode {turn} of the file, counting {'the same' if way == 1 else 'the other'} way "
+            "round" for way, turn in found.placements[:_MOST_NAMED]]
+    return ", or ".join(ways) + (" and others" if len(found.placements) > _MOST_NAMED else "")
+
+
+def _outlined(found: Inspection) -> bool:
+    return found.sensor is not None and found.sensor.body.has_outline
+
+
+def _body(found: Inspection) -> str:
+    return "skin of that outline" if _outlined(found) else "disc"
 
 
 def _range(apart: Apart) -> str:

@@ -1,4 +1,5 @@
-"""Which order of readings a frame follows: each is compared with a homogeneous disc, the nearest with imperfect ones.
+"""Which order of readings a frame follows: each is compared with a homogeneous disc, the nearest with imperfect ones;
+where the skin has an outline, with that skin, electrode 0 of the readings being any of its electrodes.
 
 A symmetric disc cannot tell orders that differ by a turn or a mirror of some patterns. Imperfections of a real one can:
 displaced electrodes, an uneven sheet and unequal channels make the same few numbers of a wrong order a worse account.
@@ -13,6 +14,7 @@ import numpy as np
 
 from eitsim.sensors.conventions import MEAN, Convention, conventions, forms, predicted
 from eitsim.sensors.disc_field import disc_points, pair_fields, ring_kernel, turned
+from eitsim.sensors.outlined_skin import OutlinedSkin, changes, on_body, read_between
 from touchcal.arrays import Array, Index
 
 # First comparison: widths of electrodes over their spacing, contact impedances (sheet of 1 S), and the error of such a
@@ -25,6 +27,9 @@ _NEAR, _MOST_NEAR, _MOST = 0.25, 512, 64
 # spacing, of the sheet's waves, of channels' gains, of contacts; and of the kernel's steps. The noise and that scale
 # are what fits best.
 _ANGLE, _SHEET, _CHANNEL, _CONTACT, _SHAPE, _OWN = 0.02, 0.1, 0.01, 0.3, 0.1, 20.0
+_WIDER = 0.3  # of the logarithm of all widths on a skin with an outline
+# Orders on such a skin that are compared at once, and of how many readings, about, at first.
+_AT_ONCE, _FEW = 1024, 100
 _FACTOR = 3.0  # standard deviation of the frame's size over the disc's, both r.m.s. 1
 _NOISES, _SCALES = np.geomspace(1e-4, 1.0, 17), (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
 
@@ -39,6 +44,8 @@ class Order:
     # of a sensor's own: way and turn by which its drive, electrodes renumbered, moves against what is read; (1, 0) as
     # described
     moved: tuple[int, int] | None = None
+    # way and turn by which electrodes are numbered on a skin with an outline; None where that is open
+    placed: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +75,17 @@ def orders_of_sensor(pairs: Index, count: int) -> list[Order]:
             for way in (1, -1) for turn in range(count)]
 
 
-def accounts(profile: Array, orders: Sequence[Order], *, signed: bool) -> list[Account]:
+def accounts(profile: Array, orders: Sequence[Order], *, signed: bool,
+             skin: OutlinedSkin | None = None) -> list[Account]:
     """The orders that may have made an untouched frame (readings,), the likeliest first, one of each set that no ring
     can tell.
 
-    signed: whether readings have a sign. NaN is a dead channel.
+    signed: whether readings have a sign. NaN is a dead channel. skin: what they are compared with in the place of a
+    disc, electrodes numbered in every way.
     """
     profile = profile / np.sqrt(np.nanmean(profile**2))
+    if skin is not None:
+        return _on_skin(profile, orders, skin, signed)
     losses, signs = _compared(profile, orders, signed)
     ranked = [k for k in np.argsort(losses, kind="stable")[:_MOST_NEAR]
               if losses[k] < losses.min() + _NEAR * len(profile)]
@@ -92,6 +103,35 @@ def account_of(profile: Array, order: Order, *, signed: bool) -> Account:
     profile = profile / np.sqrt(np.nanmean(profile**2))
     _, signs = _compared(profile, [order], signed)
     return _account(profile, order, int(signs[0]))
+
+
+def numberings(profile: Array, order: Order, skin: OutlinedSkin, *, signed: bool) -> dict[tuple[int, int], float]:
+    """Way and turn of electrodes on a skin with an outline -> log likelihood of an order's account so of a frame."""
+    profile = profile / np.sqrt(np.nanmean(profile**2))
+    placed = [replace(order, placed=(way, turn)) for way in (1, -1) for turn in range(skin.count)]
+    _, signs = _compared_on_skin(profile, placed, skin, signed)
+    return {one.placed or (1, 0): _account(profile, one, int(sign), skin).log_likelihood
+            for one, sign in zip(placed, signs, strict=True)}
+
+
+def _on_skin(profile: Array, orders: Sequence[Order], skin: OutlinedSkin, signed: bool) -> list[Account]:
+    """As `accounts`, of orders whose electrodes are numbered in any way on a skin with an outline, or as they say."""
+    ways = [(way, turn) for way in (1, -1) for turn in range(skin.count)]
+    placed = [one if way is None else replace(one, placed=way) for one in orders
+              for way in (ways if one.placed is None else [None])]
+    few = slice(None, None, 1 + len(profile) // _FEW)
+    losses, _ = _compared_on_skin(profile, placed, skin, signed, few)
+    placed = [placed[k] for k in np.argsort(losses, kind="stable")[:2 * _MOST_NEAR]]
+    losses, signs = _compared_on_skin(profile, placed, skin, signed)
+    ranked = [k for k in np.argsort(losses, kind="stable")[:_MOST_NEAR]
+              if losses[k] < losses.min() + _NEAR * len(profile)]
+    best: dict[bytes, Account] = {}
+    for k in ranked[:2 * _MOST]:
+        one = _account(profile, placed[k], int(signs[k]), skin)
+        key = canonical(one.order.pairs, skin.count, signed)
+        if key not in best or one.log_likelihood > best[key].log_likelihood:
+            best[key] = one
+    return sorted(best.values(), key=lambda one: -one.log_likelihood)
 
 
 def unordered(profile: Array) -> float:
@@ -118,6 +158,20 @@ def canonical(pairs: Index, count: int, signed: bool) -> bytes:
             form[:, 4] *= form[0, 4] if signed else 1
             found.append(form.astype(np.int16).tobytes())
     return min(found)
+
+
+def _compared_on_skin(profile: Array, orders: Sequence[Order], skin: OutlinedSkin, signed: bool,
+                      readings: slice = slice(None)) -> tuple[Array, Index]:
+    """As `_compared`, by some of the readings."""
+    losses, signs = np.full(len(orders), np.inf), np.zeros(len(orders), dtype=np.intp)
+    for first in range(0, len(orders), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        pairs = np.array([on_body(one.pairs[readings], one.placed or (1, 0), skin.count) for one in orders[some]])
+        for z in skin.impedances:
+            loss, sign = _loss(profile[readings], read_between(z, pairs), signed)
+            signs[some] = np.where(loss < losses[some], sign, signs[some])
+            losses[some] = np.minimum(loss, losses[some])
+    return losses, signs
 
 
 def _compared(profile: Array, orders: Sequence[Order], signed: bool) -> tuple[Array, Index]:
@@ -183,10 +237,11 @@ def _loss(profile: Array, model: Array, signed: bool) -> tuple[Array, Index]:
     return np.sum((_DEGREES + 1) / 2 * np.log1p(((profile - model) / sd) ** 2 / _DEGREES) + np.log(sd), axis=1), way
 
 
-def _account(profile: Array, order: Order, sign: int) -> Account:
+def _account(profile: Array, order: Order, sign: int, skin: OutlinedSkin | None = None) -> Account:
     kept = np.isfinite(profile)
     value = sign * profile[kept] if sign else np.abs(profile[kept])
-    fixed, imperfect = _linear(order.count, order.pairs[kept], sign)
+    fixed, imperfect = _linear(order.count, order.pairs[kept], sign) if skin is None else _linear_on_skin(
+        skin, on_body(order.pairs[kept], order.placed or (1, 0), order.count), sign)
     columns = np.column_stack([fixed, imperfect])
     gram, along = columns.T @ columns, columns.T @ value
     log, left = max(_evidence(value, gram, along, np.repeat([1.0, scale], [fixed.shape[1], imperfect.shape[1]]))
@@ -229,6 +284,17 @@ def _linear(count: int, pairs: Index, sign: int) -> tuple[Array, Array]:
     imperfect = [_ANGLE * 2 * np.pi / count * moved, _SHEET * _by_sheet(pairs, count), _CONTACT * drive * read,
                  _CHANNEL * value[:, None] * unit[pairs[:, 2]]]
     return flip * np.column_stack([_FACTOR * value, shape]), flip * np.column_stack(imperfect)
+
+
+def _linear_on_skin(skin: OutlinedSkin, pairs: Index, sign: int) -> tuple[Array, Array]:
+    """As `_linear`, of a skin with an outline; the shape is that by all widths and all contacts."""
+    unit, (value, width, place, sheet) = np.eye(skin.count), changes(skin, pairs)
+    drive = unit[pairs[:, 0]] - unit[pairs[:, 1]]
+    both = drive * (unit[pairs[:, 2]] - np.where((pairs[:, 3] == MEAN)[:, None], 0.0, unit[pairs[:, 3]]))
+    flip = (np.sign(value)[:, None] if sign == 0 else 1.0) / np.sqrt(np.mean(value**2))
+    fixed = [_FACTOR * value, _WIDER * width, _OWN * _CONTACT * both.sum(axis=1)]
+    imperfect = [_ANGLE * place, _SHEET * sheet, _CONTACT * both, _CHANNEL * value[:, None] * unit[pairs[:, 2]]]
+    return flip * np.column_stack(fixed), flip * np.column_stack(imperfect)
 
 
 def _by_sheet(pairs: Index, count: int) -> Array:

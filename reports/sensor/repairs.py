@@ -16,7 +16,7 @@ _SURE = 1.96  # standard deviations of a 95 % interval
 _CHANNEL = {"gains": ("the gain of channel {k} is {value} of the mean: check its amplifier and its lead", 1.0),
             "currents": ("the current from electrode {k} is {value} of the mean: check the source and its lead", 1.0),
             "leaks": ("electrode {k} leaks {value} uS to ground: insulate and dry its lead", 0.0),
-            "positions": ("electrode {k} lies {value} mm from where the sensor file puts it along the rim: measure it",
+            "positions": ("electrode {k} lies {value} mm from where the sensor file puts it along the edge: measure it",
                           0.0)}
 
 

@@ -14,16 +14,19 @@ from matplotlib.ticker import MaxNLocator
 
 from eitsim.electrics.cem.uneven_sheet import sheet_modes
 from eitsim.scene.electrodes import arcs, contact_impedances
-from eitsim.scene.scene import Scene
+from eitsim.scene.outline import loops
+from eitsim.scene.outline_electrodes import places_along, stretches_along
+from eitsim.scene.scene import Body, Scene, from_edge_m
 from reports.document import style
 from reports.document.numerals import number, percent
 from reports.document.page import ReportFigure
+from reports.touch.outline_figure import edge_path_mm, outlined_skin, outwards
 from touchcal.arrays import Array
 
 
 def electrodes(sensor: Scene, offset_mm: Array) -> ReportFigure:
     """The electrodes of a calibrated scene from above, coloured by contact impedance; offset_mm (N,) is how far along
-    the rim each lies from where its sensor file puts it."""
+    the edge each lies from where its sensor file puts it."""
     impedance = contact_impedances(sensor.electrodes)
     low, high = float(impedance.min()), float(impedance.max())
     figure = _ring(sensor, offset_mm, impedance, LogNorm(low, max(high, 1.01 * low)), style.SEQUENTIAL,
@@ -42,10 +45,8 @@ def channels(sensor: Scene, offset_mm: Array) -> ReportFigure:
     most = max(float(np.abs(gains).max()), 1e-3)
     figure = _ring(sensor, offset_mm, gains, Normalize(-most, most), style.DIVERGING, "Gain less the mean (%)")
     axes, radius, largest = figure.axes[0], sensor.body.radius_m * 1e3, max(float(np.abs(leaks).max()), 1e-9)
-    for (start, stop), leak in zip(arcs(sensor.body.radius_m, sensor.electrodes), leaks, strict=True):
-        middle = (start + stop) / 2
-        axes.add_patch(Circle((0.8 * radius * np.cos(middle), 0.8 * radius * np.sin(middle)),
-                              0.06 * radius * np.sqrt(abs(leak) / largest), lw=0.8, edgecolor=style.INK,
+    for (x, y), leak in zip(_middles_mm(sensor, -0.2, np.zeros(len(leaks))).tolist(), leaks, strict=True):
+        axes.add_patch(Circle((x, y), 0.06 * radius * np.sqrt(abs(leak) / largest), lw=0.8, edgecolor=style.INK,
                               facecolor=style.GREY if leak < 0 else "none"))
     caption = (f"Gains of the channels against ground, off their mean by at most {number(most, 2)} %. Circles inside: "
                f"leaks to ground by area, the largest {number(largest, 2)} uS; filled ones came out negative, which no "
@@ -94,38 +95,67 @@ def residuals(document: Mapping[str, Any]) -> ReportFigure:
 
 def _draw_sheet(axes: Axes, sensor: Scene) -> str:
     """Lines of equal sheet conductance, and the sentence on them."""
-    radius, modes = sensor.body.radius_m * 1e3, sensor.channels.sheet_modes
+    body, modes = sensor.body, sensor.channels.sheet_modes
     if not any(modes):
         return "The sheet is taken as even."
-    side = np.linspace(-1, 1, 101)
-    points = np.stack(np.meshgrid(side, side), axis=-1)
-    change = 100 * np.tensordot(np.array(modes), sheet_modes(points), 1)
-    change[np.hypot(points[..., 0], points[..., 1]) > 1] = np.nan
-    lines = axes.contour(radius * side, radius * side, change, 7, colors=style.GREY, linewidths=0.6)
+    low, high = np.array([[-1.0, -1.0], [1.0, 1.0]]) * body.radius_m
+    if body.has_outline:
+        low, high = loops(body)[0].min(axis=0), loops(body)[0].max(axis=0)
+    x, y = np.linspace(low, high, 101).T
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    change = 100 * np.tensordot(np.array(modes), sheet_modes(body, points), 1)
+    change[from_edge_m(body, points) < 0] = np.nan
+    lines = axes.contour(1e3 * x, 1e3 * y, change, 7, colors=style.GREY, linewidths=0.6)
     axes.clabel(lines, fmt="%g", fontsize=6)
     return (f"Lines: ln of the sheet conductance, off its mean by {number(float(np.nanmin(change)), 2)} to "
             f"{number(float(np.nanmax(change)), 2)} %.")
 
 
 def _ring(sensor: Scene, offset_mm: Array, value: Array, norm: Normalize, colours: str, words: str) -> Any:
-    radius = sensor.body.radius_m * 1e3
     figure = style.sheet(76, style.HALF_WIDTH_MM)
     axes = figure.subplots()
     axes.grid(False)
-    axes.add_patch(Circle((0, 0), radius, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
-    ends = arcs(sensor.body.radius_m, sensor.electrodes)
-    shift = 9 * (offset_mm - np.mean(offset_mm)) / radius
+    mean = 0.0 if sensor.body.has_outline else np.mean(offset_mm)
     palette = matplotlib.colormaps[colours]
-    for k, ((start, stop), each, moved) in enumerate(zip(ends, value, shift, strict=True)):
-        arc = np.linspace(start, stop, 9) + moved
-        axes.plot(radius * np.cos(arc), radius * np.sin(arc), solid_capstyle="butt", lw=5, color=palette(norm(each)))
-        axes.text(1.13 * radius * np.cos(arc[4]), 1.13 * radius * np.sin(arc[4]), str(k), ha="center", va="center",
-                  fontsize=6)
-    axes.set_aspect("equal")
-    axes.set_xlim(-1.22 * radius, 1.22 * radius)
-    axes.set_ylim(-1.22 * radius, 1.22 * radius)
-    style.label(axes, "x (mm)", "y (mm)")
+    _draw_skin(axes, sensor.body)
+    shift = 9 * (offset_mm - mean)
+    for path, each in zip(_paths_mm(sensor, shift), value, strict=True):
+        axes.plot(*path.T, solid_capstyle="butt", lw=5, color=palette(norm(each)))
+    for k, (x, y) in enumerate(_middles_mm(sensor, 0.13, shift).tolist()):
+        axes.text(x, y, str(k), ha="center", va="center", fontsize=6)
     figure.colorbar(ScalarMappable(norm, palette), ax=axes, shrink=0.8, label=words)
     return figure
 
 
+def _draw_skin(axes: Axes, body: Body) -> None:
+    """The skin from above, to scale."""
+    if body.has_outline:
+        outlined_skin(axes, body)
+        return
+    radius = body.radius_m * 1e3
+    axes.add_patch(Circle((0, 0), radius, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
+    axes.set_aspect("equal")
+    axes.set_xlim(-1.22 * radius, 1.22 * radius)
+    axes.set_ylim(-1.22 * radius, 1.22 * radius)
+    style.label(axes, "x (mm)", "y (mm)")
+
+
+def _paths_mm(sensor: Scene, shift_mm: Array) -> list[Array]:
+    """(n, 2) the stretch of the edge under each electrode, shifted along it."""
+    body = sensor.body
+    if body.has_outline:
+        ends = stretches_along(body, sensor.electrodes) + 1e-3 * shift_mm[:, None]
+        return [edge_path_mm(body, first, last) for first, last in ends.tolist()]
+    angles = [np.linspace(start, stop, 9) for start, stop in
+              arcs(body.radius_m, sensor.electrodes) + 1e-3 * shift_mm[:, None] / body.radius_m]
+    return [1e3 * body.radius_m * np.column_stack([np.cos(one), np.sin(one)]) for one in angles]
+
+
+def _middles_mm(sensor: Scene, out: float, shift_mm: Array) -> Array:
+    """(N, 2) the electrodes' middles shifted along the edge, and outwards by so much of the body's radius."""
+    body = sensor.body
+    if body.has_outline:
+        ends = stretches_along(body, sensor.electrodes) + 1e-3 * shift_mm[:, None]
+        return 1e3 * (places_along(body, ends.mean(axis=1)) + out * body.radius_m * outwards(body, ends))
+    angle = arcs(body.radius_m, sensor.electrodes).mean(axis=1) + 1e-3 * shift_mm / body.radius_m
+    return 1e3 * (1 + out) * body.radius_m * np.column_stack([np.cos(angle), np.sin(angle)])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from eitsim.scene.calibrated_electrodes import NAMES, calibrated_tables, read_fitted
+from eitsim.scene.outline import area_m2
 from eitsim.scene.scene import scene_from
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent
@@ -21,7 +22,7 @@ PRESSES: Limits = (0.3, 0.7)  # part of the signals of presses that were not fit
 _TESTS = {"repeats": "same drive twice", "source_against_sink": "source and sink exchanged",
           "reciprocity": "drive and measurement exchanged", "superposition": "drives that add up"}
 _GROUPS = {"conductance": "ln of sheet conductance (S)", "contacts": "ln of contact impedance (Ω m)",
-           "width": "ln of width over design (–)", "positions": "place along the rim (mm)", "gains": "gain (–)",
+           "width": "ln of width over design (–)", "positions": "place along the edge (mm)", "gains": "gain (–)",
            "currents": "current over nominal (–)", "leaks": "leak to ground (uS)",
            "sheet": "mode of ln of sheet conductance (–)", "widths": "ln of one width over the others (–)"}
 _OF_PRESSES = {"ln_moment_mm2": "ln of a press's moment (mm²)", "reading_gain": "gain of a reading (–)",
@@ -51,8 +52,11 @@ def report(path: Path) -> Report:
     absent |= {name: f"Not there: {document['reason']}" for name in ("parameters", "freed", "tests")
                if name not in tables}
     sensor = document["sensor"]
-    subtitle = (f"{sensor['electrodes']['count']} electrodes on a disc of radius "
-                f"{number(sensor['body']['radius_mm'])} mm; {counted(document['untouched_frames'], 'untouched frame')}")
+    body = scene_from({"body": sensor["body"]}).body
+    skin = (f"along the edge of a skin of {number(1e6 * area_m2(body))} mm²" if body.has_outline else
+            f"on a disc of radius {number(sensor['body']['radius_mm'])} mm")
+    subtitle = (f"{sensor['electrodes']['count']} electrodes {skin}; "
+                f"{counted(document['untouched_frames'], 'untouched frame')}")
     footer = provenance.footer([provenance.source(path)], "seed 0: halves of the drives and starts")
     return Report("sensor", "Calibrated sensor", subtitle, footer, _findings(document), plates, tables, absent,
                   {"repairs": repairs(document), "left_out": _LEFT_OUT}, _cautions(document),

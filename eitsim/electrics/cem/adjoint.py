@@ -43,10 +43,9 @@ def impedance_by_contact(mesh: SkinMesh, potential: Array, contact_impedance: Ar
     patches. The contact impedance is one number or (N,), one an electrode."""
     z = np.broadcast_to(np.asarray(contact_impedance, dtype=float), mesh.count)[mesh.electrode]
     local = potential[np.column_stack([mesh.under, len(mesh.nodes_m) + mesh.electrode])]
-    energy = np.einsum("eik,eij,ejl->ekl", local, contacts(mesh) / z[:, None, None]**2, local, optimize=True)
-    out = np.zeros((mesh.count,) * 3)
-    np.add.at(out, mesh.electrode, energy)
-    return out
+    tied = contacts(mesh) / z[:, None, None]**2 @ local
+    own = [mesh.electrode == k for k in range(mesh.count)]
+    return np.stack([np.tensordot(local[part], tied[part], ((0, 1), (0, 1))) for part in own])
 
 
 def readings_by(drive: Drive, impedance_by: Array) -> Array:

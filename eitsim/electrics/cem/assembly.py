@@ -40,6 +40,9 @@ class SkinMesh:
     electrode: Indices  # (parts,) the electrode each of them lies under, from 0
     count: int  # how many electrodes
     element: str = "P1"  # one of ELEMENTS
+    # (parts, 2) where on each edge its electrode starts and ends, from 0 at its first node to 1 at its second; None: at
+    # its nodes
+    covered: Array | None = None
 
     def __post_init__(self) -> None:
         if self.element not in ELEMENTS:
@@ -319,18 +322,37 @@ def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Arra
 def contacts(mesh: SkinMesh) -> Array:
     """Local matrices (parts, m + 1, m + 1) of int (v - V)(u - U) over what lies under electrodes, m nodes a part, the
     electrode's own potential last; m under lines, m^2 under patches."""
+    if mesh.covered is not None:
+        return _joined(*_on_parts_of_edges(mesh, mesh.covered))
     return _joined(*(_on_cells(mesh, mesh.under) if mesh.under.shape[1] == mesh.cells.shape[1] else _on_edges(mesh)))
 
 
 def _joined(value: Array, measure: Array) -> Array:
-    value = np.column_stack([value, -np.ones(len(value))])
-    return np.einsum("eq,qi,qj->eij", measure, value, value)
+    value = np.concatenate([value, np.full((*value.shape[:-1], 1), -1.0)], axis=-1)
+    return np.einsum("eq,qi,qj->eij" if value.ndim == 2 else "eq,eqi,eqj->eij", measure, value, value)
 
 
 def _on_edges(mesh: SkinMesh) -> tuple[Array, Array]:
     """Nodal functions (q, m) at quadrature points of edges, and the lengths (parts, q) that these stand for."""
     value, slope, weights = _reference_edge(mesh.element)
     return value, weights * np.linalg.norm(slope @ mesh.nodes_m[mesh.under], axis=-1)
+
+
+def _on_parts_of_edges(mesh: SkinMesh, covered: Array) -> tuple[Array, Array]:
+    """As `_on_edges`, of the parts (parts, 2) of edges that electrodes cover: functions (parts, q, m), lengths."""
+    points, weights = get_quadrature(_KINDS[mesh.element][2](), 4)
+    share = np.diff(covered, axis=1)
+    value, slope = edge_functions(mesh.element, covered[:, :1] + share * points)
+    return value, share * weights * np.linalg.norm(slope @ mesh.nodes_m[mesh.under], axis=-1)
+
+
+def edge_functions(element: str, at: Array) -> tuple[Array, Array]:
+    """Nodal functions (..., m) of an element's edge, and their slopes, at places (...) from 0 to 1 along it."""
+    kind = _KINDS[element][2]()
+    basis = [kind.lbasis(at.reshape(1, -1), i) for i in range(len(kind.doflocs))]
+    value, slope = (np.stack([np.broadcast_to(part, at.size) for part in parts], axis=1)
+                    for parts in ([b[0] for b in basis], [b[1][0] for b in basis]))
+    return value.reshape(*at.shape, -1), slope.reshape(*at.shape, -1)
 
 
 @lru_cache(maxsize=len(ELEMENTS))

@@ -12,16 +12,25 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse import csr_array
 
+from eitsim.scene.outline import moments_m
+from eitsim.scene.scene import Body
 from touchcal.arrays import Array
 
 # psi = r^p cos(q theta) or r^p sin(q theta), r over the radius, less its mean: (p, q, whether it is the sine)
 MODES = ((1, 1, False), (1, 1, True), (2, 2, False), (2, 2, True), (2, 0, False))
 
 
-def sheet_modes(points: Array) -> Array:
-    """(modes, ...) psi at points (..., 2) over the radius."""
+def sheet_modes(body: Body, points_m: Array) -> Array:
+    """(modes, ...) psi at points (..., 2), m, of a skin; with an outline r is from its centroid, over the radius of the
+    disc of its area, and the means are its own."""
+    points, means = points_m / body.radius_m, [_mean(p, q) for p, q, _ in MODES]
+    if body.has_outline:
+        middle, second = moments_m(body)
+        (xx, xy), (_, yy) = second / body.radius_m**2
+        points, means = (points_m - middle) / body.radius_m, [0.0, 0.0, xx - yy, 2 * xy, xx + yy]
     r, angle = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
-    return np.stack([r**p * (np.sin if sine else np.cos)(q * angle) - _mean(p, q) for p, q, sine in MODES])
+    return np.stack([r**p * (np.sin if sine else np.cos)(q * angle) - mean
+                     for (p, q, sine), mean in zip(MODES, means, strict=True)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,9 +94,11 @@ def pixels(radius_m: float, rings: int = RINGS) -> Pixels:
     return Pixels(nodes, triangles, nodes[triangles].mean(axis=1), np.abs(area), Body(radius_m=radius_m))
 
 
-def outline_pixels(body: Body) -> Pixels:
-    """A skin with an outline in about as many triangles as a disc."""
-    even = area_m2(body) / (6 * RINGS**2) * _LARGEST
+def pixels_of(body: Body, rings: int = RINGS) -> Pixels:
+    """A skin in some 6 rings^2 triangles of nearly one size."""
+    if not body.has_outline:
+        return pixels(body.radius_m, rings)
+    even = area_m2(body) / (6 * rings**2) * _LARGEST
     found = refined(triangulated(body), lambda mesh: np.full(len(mesh.cells), even))
     return Pixels(found.corners_m, found.cells, found.centres_m, found.area_m2, body)
 
@@ -108,7 +110,7 @@ def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array,
 
     ValueError where the readings have another count, or no conductance fits them.
     """
-    mosaic, resistance = outline_pixels(body) if body.has_outline else pixels(body.radius_m), 1 / _FIRST_S
+    mosaic, resistance = pixels_of(body), 1 / _FIRST_S
     mesh, passed = _fine(body, present(electrodes)), channels or Channels()
     if passed.conductance_S:
         resistance = 1 / passed.conductance_S[0]
@@ -136,10 +138,10 @@ def pixel_signals(body: Body, electrodes: Electrodes, drive: Drive, channels: Ch
     mesh = _fine(body, present(electrodes))
     points = quadrature_points(mesh)
     modes = np.array(channels.sheet_modes or (0.0,) * len(MODES))
-    sheet = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(points / body.radius_m), 1))
+    sheet = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(body, points), 1))
     potential = potentials(mesh, sheet[..., None, None] * np.eye(2), contact_impedances(present(electrodes)))
     by_pixel = impedance_by_conductance(mesh, potential, _places(points, mosaic))
-    here = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(mosaic.centre_m / body.radius_m), 1))
+    here = channels.conductance_S[0] * np.exp(np.tensordot(modes, sheet_modes(body, mosaic.centre_m), 1))
     by_pixel = here[:, None, None] * by_pixel
     summed = by_pixel if weight is None else np.tensordot(weight, by_pixel, 1)
     return _by(drive, electrodes, channels, _ends(mesh, potential), summed)

@@ -125,7 +125,7 @@ def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float,
 
 def edges_of(mesh: SkinMesh, contact_impedance: Array) -> Edges:
     """The edges of a P2 mesh whose line electrodes have contact impedances (N,), Ohm m."""
-    sides = _sides(mesh)
+    sides = edge_sides(mesh)
     points, weight = get_quadrature(ElementLineP2(), _DEGREE)
     basis = [ElementLineP2().lbasis(points, i) for i in range(3)]
     shape = np.stack([np.broadcast_to(one[0], weight.shape) for one in basis], axis=1)
@@ -147,7 +147,7 @@ def edges_of(mesh: SkinMesh, contact_impedance: Array) -> Edges:
                  value.multiply(held[:, None]).tocsr() - held_by)
 
 
-def _sides(mesh: SkinMesh) -> Indices:
+def edge_sides(mesh: SkinMesh) -> Indices:
     """Nodes (n, 3) of the sides that one triangle has, both ends and the middle, the skin on their left."""
     side = np.concatenate([mesh.cells[:, nodes] for nodes in _SIDES])
     _, first, times = np.unique(side[:, 2], return_index=True, return_counts=True)

@@ -9,6 +9,7 @@ from eitsim.electrics.forward.small_touch import signal_by_touch
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.scene.channels import Channels, channel_readings, sinks
 from eitsim.scene.drive import Protocol
+from eitsim.scene.scene import from_edge_m
 from eitsim.sensors.calibration.faults import dead_electrodes, left_by_electrode, suspect, unexplained, without
 from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
 from eitsim.sensors.calibration.labelled_presses import Presses, SignalSize, labelled_presses, signal_size
@@ -17,7 +18,7 @@ from eitsim.sensors.calibration.placement import Placement, placement
 from eitsim.sensors.calibration.skin_errors import errors_of_instrument
 from eitsim.sensors.calibration.skin_fit import FEWEST, SkinFit, fit_skin
 from eitsim.sensors.calibration.skin_law import SkinPresses, check_skin, held_label, skin_presses
-from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit_best, random_starts, staged
+from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit, fit_best, random_starts, staged
 from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame, noise
 from eitsim.sensors.recording import Recording
@@ -119,8 +120,8 @@ def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
     if reason := no_ohmmeter(tests):
         return Calibration(sensor, count, tests, reason, dead=dead, left_out=left_out)
     instrument = Instrument(sensor.body, sensor.electrodes, sources(frame.asked), _FIRST_CONDUCTANCE)
-    instrument = _of_size(instrument, frame)
-    stages, kept, found = _fitted(instrument, frame, seed)
+    roughly = _of_size(instrument, frame)
+    stages, kept, found, instrument = _fitted(roughly, frame, seed)
     by_electrode = left_by_electrode(frame, voltages(instrument, frame.asked, found.state))
     if (odd := suspect(by_electrode)) is not None:
         others = without(frame, [odd])
@@ -128,7 +129,7 @@ def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
         if why := unexplained(found.misfit, alone.misfit):
             left_out, frame = {**left_out, odd: why}, others
             _check_left(frame)
-            stages, kept, found = _fitted(instrument, frame, seed)
+            stages, kept, found, instrument = _fitted(roughly, frame, seed)
             by_electrode = left_by_electrode(frame, voltages(instrument, frame.asked, found.state))
     left = stages[kept[-1]].held_out
     reason = "" if left <= MOST_UNEXPLAINED else (
@@ -137,10 +138,14 @@ def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
     return Calibration(sensor, count, tests, reason, stages, kept, instrument, found, dead, left_out, by_electrode)
 
 
-def _fitted(instrument: Instrument, frame: Untouched, seed: int) -> tuple[dict[str, Stage], tuple[str, ...], Fit]:
-    """Stages on half of the drives, what they keep, and its fit to all."""
+def _fitted(instrument: Instrument, frame: Untouched,
+            seed: int) -> tuple[dict[str, Stage], tuple[str, ...], Fit, Instrument]:
+    """Stages on half of the drives, what they keep, its fit to all, and the instrument of that, whose mesh, where it
+    has one, is made for the electrodes that were found."""
     stages, kept, half = staged(instrument, frame, seed)
-    return stages, kept, fit_best(instrument, frame, kept, random_starts(instrument, kept, half.state, seed))
+    found = fit_best(instrument, frame, kept, random_starts(instrument, kept, half.state, seed))
+    closely = instrument.around(found.state)
+    return stages, kept, found if closely is instrument else fit(closely, frame, kept, found.state), closely
 
 
 def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
@@ -158,7 +163,7 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
         def shape_of(places_m: Array) -> Array:
             return 1e-6 * (sign * signal_by_touch(sensor.body, electrodes, sheet, channels, asked, places_m))[:, there]
 
-        lies = placement(presses.place_m, presses.signal[:, there], shape_of, sensor.body.radius_m)
+        lies = placement(presses.place_m, presses.signal[:, there], shape_of, sensor.body)
         return signal_size(presses, there, shape_of(lies.placed(presses.place_m)), lies, seed,
                            gains=bool(found.reason))
 
@@ -189,7 +194,7 @@ def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCa
         return float(np.mean(left**2)), held, lies
 
     ways = [found.size.lies]
-    if ways[0] != Placement() and np.hypot(*presses.place_m.T).max() < sensor.body.radius_m:
+    if ways[0] != Placement() and from_edge_m(sensor.body, presses.place_m).min() > 0:
         ways.append(Placement())  # small touches, by which the labels were placed, are less than the whole model
     _, held, lies = min(map(pressed, ways), key=lambda one: one[0])
     if len(held.rows) < FEWEST:
@@ -238,8 +243,6 @@ def _check_left(frame: Untouched) -> None:
 
 def check_electrodes(sensor: Sensor) -> None:
     """ValueError where the instrument model is not built for a sensor's body or electrodes."""
-    if sensor.body.has_outline:
-        raise ValueError("the instrument model is built for discs, not for skins with an outline in [body].")
     if sensor.electrodes.kind != "line" or sensor.electrodes.missing:
         raise ValueError("the instrument model is built for line electrodes which all have contact; leave kind and "
                          "missing out of [electrodes], and drives and readings of dead electrodes out of [drive].")
@@ -265,4 +268,4 @@ def _of_size(instrument: Instrument, frame: Untouched) -> Instrument:
     where = frame.off_driven
     size = np.linalg.norm(voltages(instrument, frame.asked, instrument.prior_mean)[where])
     conductance = instrument.start_conductance_S * float(size / np.linalg.norm(frame.volts[where]))
-    return Instrument(instrument.body, instrument.electrodes, instrument.sources, conductance)
+    return replace(instrument, start_conductance_S=conductance)

@@ -1,7 +1,7 @@
 """A calibration as JSON, and the calibrated sensor that is read back from it."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from eitsim.scene.calibrated_electrodes import SCHEMA, read_fitted
 from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
+from eitsim.scene.outline_electrodes import with_positions
 from eitsim.scene.scene import scene_tables
 from eitsim.sensors.calibration.calibrate import Calibration, FittedSkin, check_electrodes, untouched_readings
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
@@ -167,11 +168,14 @@ def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]], m
         raise ValueError(f"'{min(odd)}' in parameters is {state}. Fit the sensor again.")
     state = np.array([parameters[one]["value"] for one in instrument.names]) / instrument.units
     sd = np.array([parameters[one]["sd"] for one in instrument.names]) / instrument.units
-    calibrated = CalibratedSensor(sensor, instrument, state, misfit, sd)
+    calibrated = CalibratedSensor(sensor, instrument.around(state), state, misfit, sd)
     calibrated.readings()
     return calibrated
 
 
 def _sensor_tables(sensor: Sensor) -> dict[str, Any]:
-    tables = scene_tables(sensor.scene)
+    scene = sensor.scene
+    if sensor.body.has_outline and sensor.electrodes.kind == "line":  # offsets of single ones are added to these
+        scene = replace(scene, electrodes=with_positions(sensor.body, sensor.electrodes))
+    tables = scene_tables(scene)
     return {name: tables[name] for name in TABLES if name in tables} | {"readings": {"kind": sensor.kind}}

@@ -1,7 +1,7 @@
 """Frames of a calibrated sensor as the sensor of its file would read them, so that models of that one serve.
 
 A small touch at x changes the readings of the real sensor by J_r(x) and those of the ideal one by J_i(x), for a unit of
-its size. M = 1 + (J_i - J_r) J_r' (J_r J_r' + n^2)^-1, means over pixels of the disc, n the noise of a change, is the
+its size. M = 1 + (J_i - J_r) J_r' (J_r J_r' + n^2)^-1, means over pixels of the skin, n the noise of a change, is the
 least-squares map from one to the other that leaves alone what lies in the noise: V_ideal = V0_ideal + M (V - V0). What
 it misses, also of sensors that the calibration may have missed, is the covariance of its error (Bayesian approximation
 error).
@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.electrics.forward.untouched import untouched_impedance
-from eitsim.electrics.imaging.gauss_newton import pixel_signals, pixels
+from eitsim.electrics.imaging.gauss_newton import pixel_signals, pixels_of
 from eitsim.scene.channels import Channels, channel_readings
 from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.scene import from_edge_m
 from eitsim.sensors.calibration.calibration_file import CalibratedSensor
 from eitsim.sensors.reading_checks import dead_readings
 from eitsim.sensors.recording import Recording
@@ -23,7 +24,7 @@ from eitsim.sensors.sensor_file import Sensor
 from touchcal.arrays import Array, Mask
 from touchcal.errors import InputFileError
 
-_INSIDE = 0.9  # part of the radius within which touches lie
+_FROM_EDGE = 0.1  # part of the radius, of the disc of its area with an outline, that touches keep from the edge
 _DRAWS = 4  # of sensors that the calibration may have missed
 _RINGS = 12  # of pixels; one is as large as a touch's usual moment, 36 mm^2 of a disc of 100 mm
 
@@ -62,8 +63,8 @@ def ideal_signals(calibrated: CalibratedSensor) -> Array:
 
 
 def _signals(sensor: Sensor, electrodes: Electrodes, channels: Channels) -> Array:
-    mosaic = pixels(sensor.body.radius_m, _RINGS)
-    inside = np.hypot(*mosaic.centre_m.T) < _INSIDE * sensor.body.radius_m
+    mosaic = pixels_of(sensor.body, _RINGS)
+    inside = from_edge_m(sensor.body, mosaic.centre_m) > _FROM_EDGE * sensor.body.radius_m
     return pixel_signals(sensor.body, electrodes, sensor.drive, channels, mosaic)[:, inside]
 
 

@@ -6,7 +6,7 @@ electrode model, of an uneven sheet as `uneven_sheet` has it. Gains g are agains
 drive reaches its differences through unequal gains; c are the sources' true currents over the nominal ones.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,10 +14,12 @@ import numpy as np
 
 from eitsim.electrics.cem.boundary_integral import RimAdmittance, rim_admittance
 from eitsim.electrics.cem.uneven_sheet import MODES
+from eitsim.electrics.outline.edge_admittance import CLOSELY, ROUGHLY, EdgeAdmittance, edge_admittance, sliding_mesh
 from eitsim.scene.calibrated_electrodes import NAMES
 from eitsim.scene.channels import Channels, sinks
 from eitsim.scene.drive import Protocol
 from eitsim.scene.electrodes import contact_impedances, middles, widths
+from eitsim.scene.outline_electrodes import with_positions
 from eitsim.scene.scene import Body, Electrodes
 from touchcal.arrays import Array
 
@@ -48,6 +50,9 @@ GROUPS = {
 }
 
 
+_OF_BODY = ("conductance", "contacts", "width", "positions", "sheet", "widths")  # groups that its admittance depends on
+
+
 @dataclass(frozen=True)
 class Instrument:
     """What is held while parameters are fitted: the body, the electrodes by design, and which of them drive."""
@@ -56,6 +61,8 @@ class Instrument:
     electrodes: Electrodes
     sources: tuple[int, ...]  # electrodes that some drive takes as a source, from 0
     start_conductance_S: float  # about which the prior of the conductance lies
+    # on a skin with an outline: electrodes for which the mesh is made; None: roughly for those by design
+    meshed_for: Electrodes | None = None
 
     def numbers(self, group: str) -> tuple[int, ...]:
         """The electrodes that a group's parameters belong to; (0,) for one of the whole sensor."""
@@ -98,10 +105,12 @@ class Instrument:
         return self._each([one.prior_sd for one in GROUPS.values()])
 
     def gauged(self, change: Array) -> Array:
-        """Changes of states (..., p) without what no reading determines: the turn of the ring, a common gain or
-        current."""
+        """Changes of states (..., p) without what no reading determines: the turn of the ring on a disc, a common gain
+        or current."""
         out = np.array(change)
         for group in (name for name, one in GROUPS.items() if one.gauge):
+            if group == "positions" and self.body.has_outline:
+                continue
             own = self.places[group]
             out[..., own] -= out[..., own].mean(axis=-1, keepdims=True)
         return out
@@ -109,9 +118,17 @@ class Instrument:
     def built(self, state: Array) -> Electrodes:
         """The electrodes of a state."""
         design, wider = self.electrodes, state[self.places["width"]] + state[self.places["widths"]]
-        return replace(design, angles_rad=tuple(middles(design) + state[self.places["positions"]] / self.body.radius_m),
-                       width_m=tuple(widths(design) * np.exp(wider)),
+        offset = state[self.places["positions"]]
+        if self.body.has_outline:
+            design = with_positions(self.body, design, offset)
+        else:
+            design = replace(design, angles_rad=tuple(middles(design) + offset / self.body.radius_m))
+        return replace(design, width_m=tuple(widths(design) * np.exp(wider)),
                        contact_impedance_Ohm_m=tuple(np.exp(state[self.places["contacts"]])))
+
+    def around(self, state: Array) -> "Instrument":
+        """The same, its mesh made closely for the electrodes of a state; on a disc, which has none, itself."""
+        return replace(self, meshed_for=self.built(state)) if self.body.has_outline else self
 
     def channels(self, state: Array) -> Channels:
         """The channels of a state, its sheet conductance among them."""
@@ -133,7 +150,7 @@ def sources(asked: Protocol) -> tuple[int, ...]:
 
 def voltages(instrument: Instrument, asked: Protocol, state: Array) -> Array:
     """Readings (patterns, readings), V, of a state (p,); ValueError where its electrodes overlap."""
-    return instrument_readings(instrument, asked, state, _rim(instrument, state).admittance_S)
+    return instrument_readings(instrument, asked, state, _edge(instrument, state).admittance_S)
 
 
 def instrument_readings(instrument: Instrument, asked: Protocol, state: Array, admittance_S: Array) -> Array:
@@ -142,18 +159,16 @@ def instrument_readings(instrument: Instrument, asked: Protocol, state: Array, a
     return (asked.weights @ (state[instrument.places["gains"]] * potential)[..., None])[..., 0]
 
 
-def derivatives(instrument: Instrument, asked: Protocol, state: Array) -> tuple[Array, Array]:
-    """Readings (patterns, readings), V, of a state (p,) and their derivatives (patterns, readings, p)."""
-    rim, places = _rim(instrument, state), instrument.places
-    potential, transfer = _grounded(instrument, asked, state, rim.admittance_S)
+def derivatives(instrument: Instrument, asked: Protocol, state: Array,
+                groups: Collection[str] = tuple(GROUPS)) -> tuple[Array, Array]:
+    """Readings (patterns, readings), V, of a state (p,) and their derivatives (patterns, readings, p) by parameters of
+    some groups; 0 by others of the body."""
+    edge, places = _edge(instrument, state), instrument.places
+    potential, transfer = _grounded(instrument, asked, state, edge.admittance_S)
     gain = state[places["gains"]]
-    layers = np.exp(state[places["conductance"]] + state[places["contacts"]]) / instrument.body.radius_m
-    by_contact = layers[:, None, None] * rim.by_layer
-    by_rim = {"conductance": (rim.admittance_S + by_contact.sum(axis=0))[None], "contacts": by_contact,
-              "width": rim.by_width.sum(axis=0)[None], "widths": rim.by_width, "sheet": rim.by_sheet,
-              "positions": rim.by_angle / instrument.body.radius_m}
     change = np.zeros((*potential.shape, instrument.size))
-    for group, by_state in by_rim.items():
+    for group in (name for name in _OF_BODY if name in groups):
+        by_state = _by_group(instrument, state, edge, group)
         change[..., places[group]] = -transfer @ np.einsum("pij,dj->dip", by_state, potential)
     change[..., places["leaks"]] = -transfer * potential[:, None, :]
     driven = np.array(instrument.sources)
@@ -163,10 +178,28 @@ def derivatives(instrument: Instrument, asked: Protocol, state: Array) -> tuple[
     return (asked.weights @ (gain * potential)[..., None])[..., 0], asked.weights @ change
 
 
-def _rim(instrument: Instrument, state: Array) -> RimAdmittance:
-    places = instrument.places
-    return rim_admittance(instrument.body, instrument.built(state), float(np.exp(state[places["conductance"]][0])),
-                          state[places["sheet"]])
+def _by_group(instrument: Instrument, state: Array, edge: RimAdmittance | EdgeAdmittance, group: str) -> Array:
+    """(parameters, N, N) derivatives of the admittance by those of one group of the body."""
+    if group in ("conductance", "contacts"):
+        layer = np.exp(state[instrument.places["conductance"]] + state[instrument.places["contacts"]])
+        by_contact = layer[:, None, None] / instrument.body.radius_m * edge.by_layer
+        return by_contact if group == "contacts" else (edge.admittance_S + by_contact.sum(axis=0))[None]
+    if group == "positions":
+        return edge.by_angle / instrument.body.radius_m
+    if group == "sheet":
+        return edge.by_sheet
+    return edge.by_width if group == "widths" else edge.by_width.sum(axis=0)[None]
+
+
+def _edge(instrument: Instrument, state: Array) -> RimAdmittance | EdgeAdmittance:
+    """The admittance of a state's electrodes, by an integral along the rim of a disc, else by a mesh of the skin."""
+    body, electrodes, places = instrument.body, instrument.built(state), instrument.places
+    conductance, modes = float(np.exp(state[places["conductance"]][0])), state[places["sheet"]]
+    if not body.has_outline:
+        return rim_admittance(body, electrodes, conductance, modes)
+    made_for, kind = (instrument.meshed_for, CLOSELY) if instrument.meshed_for else (instrument.electrodes, ROUGHLY)
+    return edge_admittance(sliding_mesh(body, made_for, instrument.start_conductance_S, kind), electrodes,
+                           conductance, modes)
 
 
 def _grounded(instrument: Instrument, asked: Protocol, state: Array, admittance: Array) -> tuple[Array, Array]:

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
+from eitsim.scene.outline import loops
+from eitsim.scene.scene import Body, from_edge_m
 from touchcal.arrays import Array
 
-_INSIDE = 0.97  # part of the radius within which all places must lie
+_FROM_EDGE = 0.03  # part of the radius that all places must keep from the rim of a disc
 _TURNS = 64
 _MOST = 100  # presses that the search takes, spread evenly
 # A frame of labels that is that of the sensor file is kept unless another leaves less than this part of what it leaves.
@@ -30,48 +32,61 @@ class Placement:
         return np.column_stack([point.real, point.imag])
 
 
-def placement(places_m: Array, signal: Array, shape_of: Callable[[Array], Array], radius_m: float) -> Placement:
+def placement(places_m: Array, signal: Array, shape_of: Callable[[Array], Array], body: Body) -> Placement:
     """The placement of labelled presses that leaves least of their signals (k, m); shape_of: places (k, 2), m -> (k, m)
     what small touches there change.
 
-    The labels' own frame is kept where all places lie inside the disc and no other explains the signals clearly better.
-    ValueError where the places do not fit into the disc.
+    The labels' own frame is kept where all places lie on the skin and no other explains the signals clearly better.
+    ValueError where the places do not fit on the skin.
     """
-    rows = np.unique(np.linspace(0, len(places_m) - 1, _MOST).astype(int))
+    rows, radius_m = np.unique(np.linspace(0, len(places_m) - 1, _MOST).astype(int)), body.radius_m
     places, seen = places_m[rows], signal[rows]
-    middle = (places_m.min(axis=0) + places_m.max(axis=0)) / 2
+    middle, target = _middle(places_m), _middle(loops(body)[0]) if body.has_outline else np.zeros(2)
     reach = float(np.hypot(*(places_m - middle).T).max())
-    if reach > _INSIDE * radius_m:
+    if not body.has_outline and reach > (1 - _FROM_EDGE) * radius_m:
         raise ValueError(f"places reach {reach * 1e3:.3g} mm from the middle of their range, and radius_mm in [body] "
                          f"is {radius_m * 1e3:g}; correct one of them.")
 
     def left(one: Placement) -> float:
         at = one.placed(places)
-        if np.hypot(*at.T).max() > radius_m:
+        if from_edge_m(body, at).min() < 0:
             return np.inf
         shape = shape_of(at)
         size = np.sum(seen * shape, axis=1) / np.sum(shape**2, axis=1)
         return float(np.sum((seen - size[:, None] * shape) ** 2) / np.sum(seen**2))
 
-    centre = (float(middle[0]), float(middle[1]))
-    turned = [Placement(centre, 2 * np.pi * k / _TURNS, mirrored) for mirrored in (False, True) for k in range(_TURNS)]
-    best = min(turned, key=left)
+    turned = [_about(middle, target, 2 * np.pi * k / _TURNS, mirrored) for mirrored in (False, True)
+              for k in range(_TURNS)]
+    own = Placement()
+    best = min([*turned, own] if body.has_outline else turned, key=left)
+    if not np.isfinite(left(best)):
+        raise ValueError("the labelled places do not fit on the skin, however they are turned; correct them, or the "
+                         "outline in [body].")
 
     def moved(change: Array) -> Placement:
-        return Placement((centre[0] + 0.1 * radius_m * change[0], centre[1] + 0.1 * radius_m * change[1]),
+        return Placement((best.centre_m[0] + 0.1 * radius_m * change[0], best.centre_m[1] + 0.1 * radius_m * change[1]),
                          best.turn_rad + change[2] * np.pi / _TURNS, best.mirrored)
 
     found = moved(minimize(lambda change: left(moved(change)), np.zeros(3), method="Nelder-Mead",
                            options={"initial_simplex": np.vstack([np.zeros(3), np.eye(3)]), "xatol": 1e-2,
                                     "fatol": 1e-6, "maxfev": 200}).x)
-    own = Placement()
-    inside = np.hypot(*own.placed(places_m).T).max() <= _INSIDE * radius_m
+    inside = from_edge_m(body, own.placed(places_m)).min() >= (0 if body.has_outline else _FROM_EDGE * radius_m)
     if inside and left(found) > _CLEARLY * left(own):
         return own
-    away = np.hypot(*found.placed(places_m).T)
-    if away.max() > radius_m:
-        x, y = 1e3 * places_m[int(np.argmax(away))]
-        raise ValueError(f"the press at {x:.4g}, {y:.4g} mm lies {away.max() * 1e3:.3g} mm from the sensor's "
-                         f"middle, where the others place it, and radius_mm in [body] is {radius_m * 1e3:g}; correct "
-                         "its label.")
+    within = from_edge_m(body, found.placed(places_m))
+    if within.min() < 0:
+        x, y = 1e3 * places_m[int(np.argmin(within))]
+        raise ValueError(f"the press at {x:.4g}, {y:.4g} mm lies {-within.min() * 1e3:.3g} mm off the skin, where the "
+                         "others place it; correct its label, or the size of the skin in [body].")
     return found
+
+
+def _middle(points: Array) -> Array:
+    return (points.min(axis=0) + points.max(axis=0)) / 2
+
+
+def _about(middle: Array, target: Array, turn: float, mirrored: bool) -> Placement:
+    """The placement of such a turn and direction that puts one point, m, at another."""
+    away = (target @ np.array([1.0, 1j])) * np.exp(-1j * turn)
+    away = np.conj(away) if mirrored else away
+    return Placement((float(middle[0] - away.real), float(middle[1] - away.imag)), turn, mirrored)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eitsim.electrics.imaging.gauss_newton import pixel_signals, pixels
+from eitsim.electrics.imaging.gauss_newton import pixel_signals, pixels_of
 from eitsim.scene.scene import Scene
 from eitsim.sensors.calibration.instrument_model import Instrument
 from eitsim.sensors.calibration.stages import Fit
@@ -24,7 +24,7 @@ _REACH = 0.5  # of a press's change of conductance, one standard deviation, over
 def errors_of_instrument(instrument: Instrument, fit: Fit, scene: Scene, signal: Array, seed: int) -> Array:
     """(draws, k, m) V what states that the calibration may have missed add to the signals (k, m) of a scene's punches
     on its even sheet."""
-    mosaic = pixels(scene.body.radius_m, _RINGS)
+    mosaic = pixels_of(scene.body, _RINGS)
     place = np.array([[punch.x_m, punch.y_m] for punch in scene.punches])
     reach = _REACH * np.array([punch.diameter_m for punch in scene.punches])
     away = np.sum((mosaic.centre_m - place[:, None]) ** 2, axis=2)

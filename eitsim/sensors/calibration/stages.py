@@ -21,6 +21,7 @@ _TOLERANCE, _STEPS = 1e-6, 30  # relative change of the squared misfit that ends
 # Starts of the contacts, in prior standard deviations of all together; random starts of the whole fit.
 _CONTACT_STARTS, _RANDOM_STARTS = (-1.0, 0.0, 1.0), 2
 _CLEARLY = 2.0  # standard errors by which drives that were not fitted may get worse
+_MATTERS = 0.05  # part of what is left of those drives by which it must grow at least
 _RUINED = 4.0  # times that what is left of those drives may grow, whatever its scatter over them
 _DRIVEN = 1e-9  # share of a pattern's largest current below which an electrode carries none
 
@@ -95,12 +96,13 @@ def unexplained(instrument: Instrument, frame: Untouched, state: Array) -> float
 
 
 def harms(asked: Protocol, before: Array, after: Array) -> bool:
-    """Whether what is left of patterns (patterns,) grows by more than twice the standard error of its sum over drives,
-    by anything at all where there is one drive; or to more than four times, which one ruined drive makes, whose own
-    scatter hides it from the standard error."""
+    """Whether what is left of patterns (patterns,) grows by more than twice the standard error of its sum over drives
+    and by more than a twentieth; or to more than four times, which one ruined drive makes, whose own scatter hides it
+    from the standard error."""
     worse = np.bincount(drives(asked), after - before)
     scatter = float(np.std(worse, ddof=1) * np.sqrt(len(worse))) if len(worse) > 1 else 0.0
-    return float(worse.sum()) > _CLEARLY * scatter or float(after.sum()) > _RUINED * float(before.sum())
+    total = float(before.sum())
+    return float(worse.sum()) > max(_CLEARLY * scatter, _MATTERS * total) or float(after.sum()) > _RUINED * total
 
 
 def staged(instrument: Instrument, frame: Untouched, seed: int) -> tuple[dict[str, Stage], tuple[str, ...], Fit]:
@@ -193,7 +195,8 @@ class _Whitened:
         if (key := white.tobytes()) not in self.latest:
             there = np.isfinite(self.frame.volts)
             try:
-                model, change = derivatives(self.instrument, self.frame.asked, self.state(white))
+                groups = [group for group, own in self.instrument.places.items() if self.free[own].any()]
+                model, change = derivatives(self.instrument, self.frame.asked, self.state(white), groups)
             except ValueError:  # electrodes overlap
                 return np.full(there.sum(), np.inf), np.empty((there.sum(), len(white)))
             sign = np.ones(model.shape) if self.frame.signed else np.sign(model)

@@ -26,7 +26,7 @@ def by_elements(modes: np.ndarray) -> np.ndarray:
     angles, electrode = rim_angles(Body(), RING, 5)
     radii = 0.1 * np.concatenate([np.linspace(0, 0.8, 13)[:-1], 1 - np.geomspace(0.2, 2e-3, 12), [1.0]])
     mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, COUNT)
-    sheet = SHEET_S * np.exp(np.tensordot(modes, sheet_modes(quadrature_points(mesh) / 0.1), 1))
+    sheet = SHEET_S * np.exp(np.tensordot(modes, sheet_modes(Body(), quadrature_points(mesh)), 1))
     found = potentials(mesh, sheet[..., None, None] * np.eye(2), contact_impedances(RING))
     return centred(mesh, found)[len(mesh.nodes_m):]
 

@@ -175,6 +175,7 @@ def test_a_stage_does_harm_where_most_drives_get_worse_and_not_where_some_do() -
     before, scatter = np.ones(len(asked.currents_A)), 0.1 * rng.standard_normal(len(asked.currents_A))
     assert harms(asked, before, before + 0.1 + scatter)
     assert not harms(asked, before, before - 0.1 + scatter)
+    assert not harms(asked, before, before + 0.02 + 0.01 * scatter)  # clearly worse, but by too little to matter
     assert not harms(asked, before, before + scatter - scatter.mean())
 
 

@@ -151,8 +151,8 @@ def test_a_press_that_others_place_off_the_disc_is_named() -> None:
     signal, labelled = shape(places), places - [0.055, 0.0]
     labelled[2] = [0.038, 0.038]
     assert 2 not in np.linspace(0, 149, 100).astype(int)
-    with pytest.raises(ValueError, match=r"the press at 38, 38 mm lies .* mm from the sensor's middle"):
-        placement(labelled, signal, shape, SENSOR.body.radius_m)
+    with pytest.raises(ValueError, match=r"the press at 38, 38 mm lies .* mm off the skin"):
+        placement(labelled, signal, shape, SENSOR.body)
 
 
 def test_a_refused_model_is_written_for_changes_and_read_as_a_sensor(

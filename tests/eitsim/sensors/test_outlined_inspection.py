@@ -1,0 +1,131 @@
+"""`sensor inspect` with a skin that has an outline: order, numbering on the body, exchanged leads, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.scene.drive import Drive, read_out
+from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.outline_electrodes import along_edge
+from eitsim.scene.scene import Body, Scene
+from eitsim.sensors.inspection import Inspection, inspect
+from eitsim.sensors.inspection_words import cautions, document, questions, rows
+from eitsim.sensors.outlined_skin import on_body, outlined_skin, read_between
+from eitsim.sensors.recognition import canonical
+from eitsim.sensors.recording import Recording
+from eitsim.sensors.sensor_file import Sensor, pairs_of
+
+COUNT, SHEET_S = 16, 8e-4
+RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+# an L whose hole is off its line of symmetry
+UNEVEN = Body(outline="polygon", points_m=((-0.06, -0.06), (0.06, -0.06), (0.06, 0.0), (0.0, 0.0), (0.0, 0.06),
+                                           (-0.06, 0.06)), holes_m=((-0.015, -0.04, 0.01),))
+
+
+def described(body: Body, drive: Drive | None = None) -> Sensor:
+    scene = Scene(body=body, electrodes=Electrodes(count=COUNT), drive=drive or Drive())
+    return Sensor(scene.body, scene.skin, scene.electrodes, scene.drive)
+
+
+@lru_cache(maxsize=4)
+def impedance(body: Body) -> np.ndarray:
+    """Of electrodes displaced by 0.5 mm whose contacts are off by 30 %."""
+    rng, design = np.random.default_rng(3), described(body).electrodes
+    real = replace(design, shares=(), positions_m=tuple(along_edge(body, design) + 5e-4 * rng.standard_normal(COUNT)),
+                   contact_impedance_Ohm_m=tuple(np.exp(0.3 * rng.standard_normal(COUNT))))
+    return solve_untouched(body.shape, real, SHEET_S).impedance_Ohm
+
+
+def inspected(body: Body, numbered: np.ndarray | None = None, drive: Drive | None = None,
+              own: Drive | None = None, roll: int = 0) -> Inspection:
+    """Of a drive's readings with noise 60 dB below, electrode k of them being number numbered[k] on the body, and
+    beginning so many readings later than that drive says; own: that of the sensor file."""
+    rng, to = np.random.default_rng(5), np.arange(COUNT) if numbered is None else numbered
+    clean = read_out(drive or Drive(), impedance(body)[np.ix_(to, to)])
+    clean = np.roll(clean, roll, axis=1).ravel()
+    frames = clean + 1e-3 * np.sqrt(np.mean(clean**2)) * rng.standard_normal((5, clean.size))
+    return inspect(Recording(frames, np.arange(5), None, np.array([""] * 5), "voltage", Path("frames.csv")),
+                   described(body, own))
+
+
+def test_a_rectangle_s_order_is_confirmed_and_its_symmetries_are_asked() -> None:
+    found = inspected(RECTANGLE)
+    assert found.identified.decided_by == "skin"
+    assert found.agrees is True
+    assert found.identified.unexplained < 2e-3
+    assert set(found.placements) == {(1, 0), (1, 8), (-1, 0), (-1, 8)}
+    assert found.placed is None
+    assert any("4 numberings fit the untouched frame" in one for one in questions(found))
+    assert not list(cautions(found))
+    assert dict(rows(found))["decided by"] == "a homogeneous skin of the sensor file's outline"
+
+
+def test_reciprocity_is_checked() -> None:
+    drive = Drive(reading="differential")
+    found = inspected(RECTANGLE, drive=drive, own=drive)
+    assert found.agrees is True
+    assert 0 < document(found)["reciprocity"]["together"] < 0.01
+
+
+def test_a_skin_without_symmetries_says_which_electrode_is_which() -> None:
+    found = inspected(UNEVEN)
+    assert found.agrees is True
+    assert found.placed == (1, 0)
+    assert not list(questions(found))
+
+
+def test_a_mirrored_outline_is_named() -> None:
+    """Electrode 0 of the readings is the file's electrode 3, and they count the other way round."""
+    found = inspected(UNEVEN, (3 - np.arange(COUNT)) % COUNT)
+    assert found.agrees is True
+    assert found.placed == (-1, 3)
+    (said,) = cautions(found)
+    assert "with electrode 0 at electrode 3 of the file, counting the other way round" in said
+    assert document(found)["placed_on_body"] == {"way": -1, "turn": 3}
+
+
+@pytest.mark.parametrize("case", [{"drive": Drive(pattern="skip-1")}, {"roll": 4}])
+def test_another_order_than_the_sensor_file_s_contradicts_it(case: dict) -> None:
+    found = inspected(RECTANGLE, **case)
+    assert found.agrees is False
+    order = found.identified.order
+    assert order is not None
+    if "drive" in case:
+        true = pairs_of(described(RECTANGLE, case["drive"]))
+        assert canonical(order.pairs, COUNT, True) == canonical(true, COUNT, True)
+    assert "The readings contradict [drive] of the sensor file" in next(cautions(found))
+
+
+def test_exchanged_leads_are_named() -> None:
+    leads = np.arange(COUNT)
+    leads[[3, 4]] = 4, 3
+    assert inspected(UNEVEN, leads).identified.swapped == (3, 4)
+
+
+def test_electrodes_on_the_surface_are_inspected_too() -> None:
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(-0.045, 0.045, 4), np.linspace(-0.025, 0.03, 3)))
+    scene = Scene(body=RECTANGLE, electrodes=Electrodes(
+        kind="surface", count=12, x_m=tuple(x), y_m=tuple(y), width_m=0.006, contact_impedance_Ohm_m2=1e-4))
+    one = Sensor(scene.body, scene.skin, scene.electrodes, scene.drive)
+    clean = read_out(one.drive, solve_untouched(RECTANGLE.shape, one.electrodes, SHEET_S).impedance_Ohm).ravel()
+    found = inspect(Recording(clean[None], np.array([0]), None, np.array([""]), "voltage", Path("frames.csv")), one)
+    assert found.agrees is True
+    assert (1, 0) in found.placements
+
+
+def test_readings_of_a_numbering_are_those_of_the_impedance_matrix_so_numbered() -> None:
+    z, pairs = impedance(UNEVEN), pairs_of(described(UNEVEN))
+    to = (2 - np.arange(COUNT)) % COUNT
+    expected = read_out(Drive(current_A=1.0), z[np.ix_(to, to)]).ravel()
+    np.testing.assert_allclose(read_between(z, on_body(pairs, (-1, 2), COUNT)), expected, atol=1e-9 * np.abs(z).max())
+
+
+def test_electrodes_without_contact_are_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="leave missing out of"):
+        outlined_skin(RECTANGLE, replace(described(RECTANGLE).electrodes, missing=(2,)))
