@@ -25,6 +25,9 @@ Circle = tuple[complex, float]
 
 FULL = 0.9  # Part of their reach over which the rings carry the whole change of conductance.
 
+# Growth of a harmonic from the circle outwards up to which it counts in what comes back: of 16 at 1.2 times the radius.
+_GROWN = 20.0
+
 
 def ring_share(radius_m: Array, reach_m: float) -> Array:
     """Part of the change of conductance that the rings carry: 1, falling smoothly to 0 at their reach."""
@@ -142,11 +145,13 @@ def impedance_change(coupling: Coupling, conductance_S: float, scattering: Array
 
 
 def scattered_gradient(found: Scattered, circle: Circle, points_m: Array) -> Array:
-    """Gradients (n, 2, N), V/m, of what one circle sends out and gets back, at points (n, 2)."""
+    """Gradients (n, 2, N), V/m, of what one circle sends out and gets back, at points (n, 2); outside the circle of
+    what comes back only harmonics that have grown by _GROWN at most, since their series converges nowhere far."""
     centre, reach = circle
-    place = (points_m @ np.array([1, 1j]) - centre) / reach
+    place = (points_m @ np.array([1, 1j]) - centre)[:, None] / reach
     m = np.arange(1, len(found.outgoing) + 1)
-    slope = (place[:, None] ** (m - 1) * m) @ found.returned - (place[:, None] ** -(m + 1) * m) @ found.outgoing.conj()
+    back = np.where(np.abs(place) ** m <= _GROWN, place ** (m - 1) * m, 0)
+    slope = back @ found.returned - (place ** -(m + 1) * m) @ found.outgoing.conj()
     return np.stack([slope.real, -slope.imag], axis=1) / reach
 
 

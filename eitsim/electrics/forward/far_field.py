@@ -30,9 +30,9 @@ _DEGREE = 2
 # so many thicknesses, the last that applies; near an edge the rings leave out more.
 _FADES = ((8.0, 1.0),)
 _NEAR_AN_EDGE = (*_FADES, (3.0, 1 / 3))
-# What rings send out counts so many of their reaches from the punch: the series of what comes back converges no further
-# than the punch's image in the edge.
-_SEEN = 1.2
+# What rings send out and get back counts so many of their reaches from the punch, and where an edge is near and they
+# leave out more: the series of what comes back converges no further than the punch's image in the edge.
+_SEEN, _SEEN_NEAR_AN_EDGE = 1.2, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +105,14 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     The second order, taken near the rings alone, lies between 0 and twice this, which a disc of small change has.
     """
     place = np.array([punch.x_m, punch.y_m])
-    known_to, fades = (FIELDS, _FADES) if touch.rim is None else (READINGS, _NEAR_AN_EDGE)
+    known_to, fades, seen = ((FIELDS, _FADES, _SEEN) if touch.rim is None
+                             else (READINGS, _NEAR_AN_EDGE, _SEEN_NEAR_AN_EDGE))
     points, area, field = _sampled(_untouched(body, electrodes, conductance_S, known_to), body.thickness_m, place[None],
                                    np.array([FULL * reach_m]), np.array([touch.contact_radius_m]), fades)
     radius = np.linalg.norm(points - place, axis=1)
     change = sheet_conductance(points, punch, touch, skin, law) - conductance_S * np.eye(2)
     change *= (1 - ring_share(radius, reach_m))[:, None, None]
-    near = np.flatnonzero((radius > FULL * reach_m) & (radius < _SEEN * reach_m))
+    near = np.flatnonzero((radius > FULL * reach_m) & (radius < seen * reach_m))
     if rings is not None:
         field[near] += scattered_gradient(rings, (position(punch), reach_m), points[near])
     second = _first_order(area[near], field[near], change[near] @ change[near] / (-2 * conductance_S))

@@ -11,8 +11,8 @@ import numpy as np
 from eitsim.electrics.cem import ring_scattering as rings
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
+from eitsim.electrics.cem.coupled_scattering import coupled_scattering
 from eitsim.electrics.cem.floating_electrodes import floating
-from eitsim.electrics.cem.mirrored_scattering import mirrored_scattering
 from eitsim.electrics.cem.ring_scattering import Coupling, position
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.untouched import untouched_impedance
@@ -103,10 +103,11 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     (measured on pairs with gaps of 2 to 55 mm: a fifth of either, or less), and MISSED; for "mesh" UNHALVED and the
     change by the coarser mesh times LEFT, as halved meshes are nested and cover the same cells, or LEFT_CUT where the
     rim cuts the contact: near the cut no line of the mesh follows its end. A mesh is halved again where MARGIN times
-    its estimate exceeds `signal`. With an outline, "multipole" adds what is left over the changes by coarser meshes of
-    the edges (`edge_responses`) for the harmonics around the rim; "mesh", between line electrodes,
-    UNHALVED and what is left over the change from a coarser mesh where errors fall with the square of the number of
-    nodes. No estimate holds what interpolation between the touch's own samples costs.
+    its estimate exceeds `signal`. With an outline, "multipole" adds as squares MISSED, the change by half as many rings
+    over 15, what is left over the changes by coarser meshes of the edges (`edge_responses`), what harmonics would add
+    as a geometric series, and the second order outside the rings; "mesh", between line electrodes, UNHALVED and what is
+    left over the change from a coarser mesh where errors fall with the square of the number of nodes. No estimate holds
+    what interpolation between the touch's own samples costs.
 
     MISSED, UNHALVED and LEFT are no bounds. UNHALVED and LEFT were fitted to the even ones of 200 random touches: 93 of
     these 100 estimates lie within a factor of 3 of the error and 85 cover it, 90 and 78 of the odd ones; at one touch
@@ -114,10 +115,9 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     of which touch is off more: its rank correlation with the error is 0.28. LEFT_CUT is what two touches among them
     need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
 
-    A touch that the rim of a disc, or several edges of a skin with an outline, change is not axisymmetric and takes the
-    mesh, as patch electrodes do, and those on the surface of such a skin; near one edge of an outline its circle
-    scatters every harmonic into others (`mirrored_scattering`). How far the estimates of outlines are off:
-    benchmarks/outline_touches.py.
+    A touch that the rim of a disc, or a neighbour, changes is not axisymmetric and takes the mesh, as patch electrodes
+    do, and those on the surface of a skin with an outline; near edges of an outline its circle scatters every harmonic
+    into others (`coupled_scattering`). How far the estimates of outlines are off: benchmarks/outline_touches.py.
 
     ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
@@ -143,11 +143,11 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
     if method == "multipole" and not lines:
         raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
     clipped = changed and (not sensor.body.has_outline or any(
-        (touch.rim is not None and (touch.rim.whole_turn or touch.rim.neighbour))
+        (touch.rim is not None and touch.rim.neighbour)
         or rings.admissible_radius(sensor.body, punch) <= touch.contact_radius_m for punch, touch in touches))
     if method == "multipole" and clipped:
-        raise ValueError("method 'multipole' needs a contact that ends before the edge, a touch that is symmetric "
-                         "about a line, and near the rim of a disc an axisymmetric one; use 'mesh' or 'auto'.")
+        raise ValueError("method 'multipole' needs a contact that ends before the edge, no neighbour that changes "
+                         "it, and near the rim of a disc an axisymmetric one; use 'mesh' or 'auto'.")
     if method != "mesh" and not clipped and lines:
         change = _by_multipole(sensor, touches, signal)
         yield change
@@ -164,12 +164,12 @@ class _Circles:
     reach_m: Sequence[float]
     coupling: Coupling
     varied: Sequence[tuple[Coupling, float]]  # more roughly, and what is left over the change by it
-    mirrored: Sequence[Array | None]  # what touches that an edge changes scatter; None of others
+    coupled: Sequence[Array | None]  # what touches that edges change scatter; None of others
     sign: float  # 1 where their change counts, -1 where it is taken away
 
 
 def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
-    """Rings are cut until they no longer matter; then the harmonics, or the mesh of the edges, are varied once."""
+    """Rings are cut until they no longer matter; then the harmonics, and the meshes of the edges, are varied once."""
     rooms = [rings.admissible_radius(sensor.body, punch) for punch, _ in touches]
     circles = _circles(sensor, touches, rooms)
     rough, own = (_scatterings(sensor, circles, parts) for parts in PARTS[:2])
@@ -181,15 +181,35 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
         coarse, fine = fine, _changed(sensor, circles, own)
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
-    error = MISSED + _difference(sensor, fine, coarse) / 15
-    for k, (_, left) in enumerate(circles[0].varied):
-        varied = [replace(one, coupling=one.varied[k][0]) for one in circles]
-        error += left * _difference(sensor, fine, _changed(sensor, varied, own, 3 * ORDERS // 4))
     outside, unsure = _outside(sensor, touches, rooms, circles, own)
-    error += _difference(sensor, fine, fine + unsure)
+    cut, strain = _difference(sensor, fine, coarse) / 15, _difference(sensor, fine, fine + unsure)
+    if sensor.body.has_outline:
+        error = math.hypot(MISSED, cut, strain, *_varied(sensor, circles, own, fine),
+                           _series_left(sensor, circles, own, fine))
+    else:
+        error = MISSED + cut + sum(_varied(sensor, circles, own, fine, 3 * ORDERS // 4)) + strain
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
     rest = (fine - coarse) / 3
     return _Change(fine + rest + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
+
+
+def _varied(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequence[Array], change: Array,
+            orders: int = ORDERS) -> list[float]:
+    """What is left of each change by what is known more roughly of the edges or the rim, and by fewer harmonics."""
+    found = []
+    for k, (_, left) in enumerate(circles[0].varied):
+        varied = [replace(one, coupling=one.varied[k][0]) for one in circles]
+        found.append(left * _difference(sensor, change, _changed(sensor, varied, scatterings, orders)))
+    return found
+
+
+def _series_left(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequence[Array], change: Array) -> float:
+    """What harmonics above ORDERS would change, as a geometric series of the changes by the third quarter of them and
+    by the last, which leaves no more than the last."""
+    half, most = (_changed(sensor, circles, scatterings, orders) for orders in (ORDERS // 2, 3 * ORDERS // 4))
+    before, last = _difference(sensor, change, change + most - half), _difference(sensor, change, most)
+    ratio = last / before if 2 * last < before else 0.5
+    return last * ratio / (1 - ratio)
 
 
 def _outside(sensor: _Sensor, touches: Touches, rooms: Sequence[float], circles: Sequence[_Circles],
@@ -218,7 +238,7 @@ def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float]) -> list[
         if room > own:
             found += [((touch,), [room], 1.0), ((touch,), [own], -1.0)]
     return [_Circles(some, reach, *_couplings(sensor, some, reach), [
-        None if touch.rim is None else mirrored_scattering(punch, touch, sensor.skin, sensor.law, own, ORDERS)
+        None if touch.rim is None else coupled_scattering(punch, touch, sensor.skin, sensor.law, own, ORDERS)
         for (punch, touch), own in zip(some, reach, strict=True)], sign) for some, reach, sign in found]
 
 
@@ -249,7 +269,7 @@ def _scatterings(sensor: _Sensor, circles: Sequence[_Circles], parts: int) -> li
     """What the touches in each set of circles scatter together, rings cut in parts where they are axisymmetric."""
     return [rings.together([
         rings.scattering(punch, touch, sensor.skin, sensor.law, reach, ORDERS, parts) if known is None else known
-        for (punch, touch), reach, known in zip(one.touches, one.reach_m, one.mirrored, strict=True)], ORDERS)
+        for (punch, touch), reach, known in zip(one.touches, one.reach_m, one.coupled, strict=True)], ORDERS)
         for one in circles]
 
 

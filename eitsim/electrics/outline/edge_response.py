@@ -24,7 +24,7 @@ from eitsim.electrics.outline.touch_mesh import EVEN
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh
 from eitsim.numerics.conductor_elimination import solve
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.outline import Outline, corners_and_edges
+from eitsim.scene.outline import Outline, corners_and_edges, loops
 from eitsim.scene.scene import Electrodes
 
 _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
@@ -76,7 +76,8 @@ def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: floa
     coarser one, even along edges, halved; varied by what arrives on a coarser one, and by what returns on its own
     before it was halved.
 
-    Errors fall with the square of the number of nodes of adapted meshes, with the square of the size of halved ones.
+    Errors fall with the square of the number of nodes of adapted meshes, with a power of the size of halved ones that
+    the sharpest corner of the outline determines (`order_of_halving`).
     """
     history, z = solve_untouched(outline, electrodes, conductance_S).history, contact_impedances(electrodes)
     rough, exact, known = (next(mesh for mesh, error in history if error <= enough)
@@ -90,7 +91,18 @@ def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: floa
     share = (len(rough.cells) / len(exact.cells)) ** 2
     arrives = replace(found, arriving=coarse.arriving, potential_V=coarse.potential_V, driving_V=coarse.driving_V)
     returns = replace(found, returning=coarse.returning, response_Ohm=coarse.response_Ohm)
-    return found, ((arrives, share / (1 - share)), (returns, 1 / 3))
+    return found, ((arrives, share / (1 - share)), (returns, 1 / (2 ** order_of_halving(outline) - 1)))
+
+
+def order_of_halving(outline: Outline) -> float:
+    """Power of the size of even triangles by which errors of a smooth functional of the potential fall: 2, or twice
+    pi/w of the largest angle w of the skin at its corners, about which the potential goes as r^(pi/w)."""
+    largest = np.pi
+    for corners in loops(outline):
+        edge = np.roll(corners, -1, axis=0) - corners
+        along = edge[:, 0] + 1j * edge[:, 1]
+        largest = max(largest, np.pi - float(np.angle(along / np.roll(along, 1)).min()))
+    return 2 * np.pi / largest
 
 
 def _around_m(outline: Outline) -> float:

@@ -17,6 +17,7 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
 _SIDE = 2.0  # Length of triangles along the outermost circle, at least, over the fillet radius, of rings not thinner.
+_SAME = 1e-4  # Radii closer than this share of the outermost one are one.
 _THINNER = 4  # Rings are so many times thinner than those of a mesh of quadrilaterals (`template`), unless given.
 
 
@@ -40,15 +41,18 @@ class _Circle:
 
 
 def outlined_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches: Touches,
-                  known_to: float = FIELDS, thinner: int = _THINNER) -> SkinMesh:
+                  known_to: float = FIELDS, thinner: int = _THINNER, at_samples: bool = False) -> SkinMesh:
     """P2 mesh with circles at the punches' edges, the starts of their fillets and the ends of contact, in rings about
     each punch as far as half the way to the nearest edge; `touch_mesh` where an electrode on the surface lies there.
 
     Outside, its triangles are as small as those on which the readings of the untouched skin are known to such a
-    relative error; middle nodes lie at a quarter of the way from the ends of line electrodes. ValueError where punches
-    reach an edge, or contacts each other.
+    relative error; middle nodes lie at a quarter of the way from the ends of line electrodes. Rings end at the samples
+    of the touch, and of what edges change of it, too where it is asked for. ValueError where punches reach an edge, or
+    contacts each other.
     """
     circles = [_circle(punch, touch, gap, thinner) for punch, touch, gap in within_edges(body, touches)]
+    if at_samples:
+        circles = [_at_samples(circle, touch) for circle, (_, touch) in zip(circles, touches, strict=True)]
     if electrodes.kind == "surface" and any(_meets(circle, loop) for circle in circles
                                             for loop in patch_loops(electrodes)):
         return touch_mesh(body, electrodes, conductance_S, touches)
@@ -73,6 +77,14 @@ def _circle(punch: Punch, touch: Touch, gap: float, thinner: int) -> _Circle:
     radii = centred_radii(punch, touch, gap, thinner, 1, LEAN.steepest)
     around = 2 * np.pi * radii[-1] / (LEAN.stretched * max(np.diff(radii)[-3:].max(), _SIDE * punch.fillet_m / thinner))
     return _Circle(np.array([punch.x_m, punch.y_m]), radii, max(LEAN.sectors, int(np.ceil(around))))
+
+
+def _at_samples(circle: _Circle, touch: Touch) -> _Circle:
+    """The circle with rings that end at the touch's samples too; ends that all but coincide are one."""
+    edges = touch.rim.radius_m if touch.rim is not None else np.empty(0)
+    ends, last = np.concatenate([circle.radii_m, touch.radius_m, edges]), circle.radii_m[-1]
+    ends = np.unique(np.append(ends[(ends >= 0) & (ends < (1 - _SAME) * last)], last))
+    return replace(circle, radii_m=ends[np.append(True, np.diff(ends) > _SAME * last)])
 
 
 def _meets(circle: _Circle, loop: Array) -> bool:

@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 from eitsim.electrics.cem.assembly import Array, SkinMesh
 from eitsim.electrics.mesh.graded_mesh import LEAN, Touches
 from eitsim.electrics.mesh.ring_mesh import FARTHEST, centred_radii, contact_lines
-from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh, triangulated
 from eitsim.scene.outline import circle, edge_distance_m
 from eitsim.scene.results import Touch
@@ -55,7 +55,7 @@ def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m
 
 def base_triangles(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS) -> Triangles:
     """Triangles on which the readings of the untouched skin are known to such a relative error."""
-    history = solve_untouched(body.shape, electrodes, conductance_S).history
+    history = solve_untouched(body.shape, electrodes, conductance_S, min(known_to, READINGS)).history
     return next(mesh for mesh, error in history if error <= known_to)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,8 @@ from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.ring_scattering import Coupling, impedance_change, on_disc
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
-from eitsim.electrics.outline.edge_response import coupling, edge_responses, response_on
-from eitsim.electrics.outline.triangles import skin_mesh
+from eitsim.electrics.outline.edge_response import coupling, edge_responses, order_of_halving, response_on
+from eitsim.electrics.outline.triangles import refined, skin_mesh, triangulated
 from eitsim.scene.drive import as_tuples
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.scene import Body, Electrodes, Scene
@@ -71,3 +73,26 @@ def test_a_circle_of_any_size_about_a_scatterer_has_its_change(reach):
     one, other = (impedance_change(coupling(response, [(0.01 + 0.005j, r)], ORDERS), S,
                                    np.array(-0.6 * (0.01 / r) ** (2 * m), float)) for r in (reach, 0.025))
     np.testing.assert_allclose(one, other, atol=1e-10 * np.abs(other).max())
+
+
+L = Body(outline="polygon", points_m=((0, 0), (0.12, 0), (0.12, 0.05), (0.05, 0.05), (0.05, 0.12), (0, 0.12)))
+
+
+@pytest.mark.parametrize(("body", "order"), [
+    (Body(outline="rectangle", width_m=0.12, height_m=0.08), 2.0), (POLYGON, 2.0), (L, 4 / 3),
+    (Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=(((0.0, 0.0), (0.02, 0.0), (0.0, 0.02)),)), 8 / 7)])
+def test_the_sharpest_corner_gives_the_order_of_halving(body, order):
+    assert order_of_halving(body.shape) == pytest.approx(order, rel=1e-12)
+
+
+def test_even_meshes_of_an_l_converge_as_its_corner_asks():
+    """What comes back to a circle, on a mesh and halved once and twice: the changes fall as the order says."""
+    lines = Scene(L, electrodes=Electrodes(count=8, width_m=0.006)).electrodes
+    z, circle = contact_impedances(lines), [(0.035 + 0.035j, 0.018)]
+    meshes = [skin_mesh(refined(triangulated(L, lines), lambda one: np.full(len(one.cells), 2e-5)), lines)]
+    for _ in range(2):
+        meshes.append(uniform_refinement(meshes[-1]))
+    found = [coupling(response_on(meshes[0], mesh, S, z), circle, ORDERS).same for mesh in meshes]
+    first, second = (np.linalg.norm(fine - coarse) for coarse, fine in itertools.pairwise(found))
+    print(f"{first / second:.2f}, {2 ** order_of_halving(L.shape):.2f}")
+    assert first / second == pytest.approx(2 ** order_of_halving(L.shape), rel=0.25)

@@ -64,6 +64,18 @@ def test_rings_have_lines_at_the_edge_of_the_punch_and_the_start_of_its_fillet()
         assert np.sum(np.abs(away - line) < 1e-12) >= 24
 
 
+def test_rings_end_at_the_samples_where_that_is_asked_for() -> None:
+    """As far as the rings go."""
+    punch, touch = Punch(0.03, 0.02), pressed()
+    plain, found = (outlined_mesh(RECTANGLE, LINES, 6e-4, ((punch, touch),), at_samples=on) for on in (False, True))
+    away = np.hypot(*(found.nodes_m - [0.03, 0.02]).T)
+    assert all(np.sum(np.abs(away - radius) < 1e-9) >= 24 for radius in touch.radius_m[1:60])
+    assert len(found.nodes_m) > len(plain.nodes_m)
+    area = gradients(found, np.zeros((len(found.nodes_m), 1)))[1]
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(0.2 * 0.14, rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("touches", [PAIR[:1], PAIR], ids=["0.8 mm from an edge", "and next to a hole"])
 def test_less_than_half_the_nodes_give_the_signal_as_exactly_as_estimated(touches) -> None:

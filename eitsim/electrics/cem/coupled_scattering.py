@@ -1,12 +1,15 @@
-"""Touches that are symmetric about one line only, as near an edge: every circular harmonic scatters into all of its
-symmetry.
+"""Touches that edges change: every circular harmonic scatters into others.
 
-In polar coordinates t = ln r, angle about the punch the potential is a sum of cosines, or of sines, of the angle from
-the line; its power int S_rr u_t^2 + 2 S_rh u_t u_h + S_hh u_h^2 dt dh is that of quadratic elements in t. Rings of
-elements are joined pair by pair, and what is left is the admittance at the outermost circle.
+In polar coordinates t = ln r, angle about the punch the potential is a sum of cosines and sines of the angle; its power
+int S_rr u_t^2 + 2 S_rh u_t u_h + S_hh u_h^2 dt dh is that of quadratic elements in t. Rings of elements are joined pair
+by pair, and what is left is the admittance at the outermost circle. Where a touch is symmetric about a line, cosines
+of the angle from it do not mix with sines, and half of every ring is enough.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy.linalg import block_diag
 
 from eitsim.electrics.cem.floating_electrodes import shunt_ends, shunts
 from eitsim.electrics.cem.ring_scattering import Array, Indices, ring_share
@@ -25,40 +28,64 @@ _VALUE = np.stack([_GAUSS * (_GAUSS - 1) / 2, _GAUSS * (_GAUSS + 1) / 2, 1 - _GA
 _SLOPE = np.stack([_GAUSS - 0.5, _GAUSS + 0.5, -2 * _GAUSS], axis=1)
 
 
-def mirrored_scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float,
-                        orders: int) -> Array:
+@dataclass(frozen=True, eq=False)
+class _Waves:
+    """Functions of the angle that scatter into each other: cosines, and sines with a minus, of its multiples."""
+
+    order: Indices  # (n,) the multiples; 0, the constant, comes first where it belongs to them
+    value: Array  # (n, angles)
+    slope: Array  # (n, angles) derivatives by the angle
+
+
+def coupled_scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float,
+                       orders: int) -> Array:
     """Scattering (2 orders, 2 orders) of harmonics 1 to `orders` about a punch, by real and then imaginary parts of
     amplitudes: Re b_m (zeta/reach)^m comes in, Re conj(c_m) (zeta/reach)^-m goes out, c = T b.
 
-    Elements end at the samples of the touch and of what the edge changes; to cut each in four changes T by 2e-5 or less
+    Elements end at the samples of the touch and of what edges change; to cut each in four changes T by 2e-5 or less
     of its largest entry.
     """
     radii = _radii(punch, touch, reach_m)
     log = np.log(radii)
     step = np.diff(log)
     place = np.exp(log[:-1, None] + step[:, None] * (1 + _GAUSS) / 2)
-    along, mixed, across, to_punch = _polar(punch, touch, skin, law, reach_m, place)
-    free, m = sheet.untouched_conductance(law, skin), np.arange(1, orders + 1)
+    angle, families = _waves(touch, orders)
+    along, mixed, across, to_punch = _polar(punch, touch, skin, law, reach_m, place, angle)
+    free = sheet.untouched_conductance(law, skin)
     core, held = float(np.sqrt(along[0, 0] * across[0, 0]).mean()), float(to_punch[0, 0].mean()) * radii[0]**2
-    angle = np.pi * (np.arange(_ANGLES) + 0.5) / _ANGLES
     scattered = []
-    for order, value, slope in ((np.append(0, m), np.cos, _falling_sine), (m, np.sin, np.cos)):
-        turn = order[:, None] * angle
-        even, odd = np.asarray(value(turn), dtype=float), np.asarray(order[:, None] * slope(turn), dtype=float)
-        power, current = [_products(even, along, even), _products(even, mixed, odd), _products(odd, across, odd)], None
+    for waves in families:
+        value, slope, order = waves.value, waves.slope, waves.order
+        power, current = [_products(value, along, value), _products(value, mixed, slope),
+                          _products(slope, across, slope)], None
         if punch.conductor:
             shunted = to_punch * place[..., None] ** 2
-            power[2] = power[2] + _products(even, shunted, even)
-            current = shunted @ even.T * (2 / _ANGLES) if value is np.cos else None
+            power[2] = power[2] + _products(value, shunted, value)
+            current = shunted @ value.T * (2 / len(angle)) if order[0] == 0 else None
         inside = np.where(order > 0, np.sqrt(core * (core * order**2 + held / 4)), 0.0)
-        y = _joined(_elements(step, power, current), inside, held)[-orders:, -orders:]
-        scattered.append(np.linalg.solve(np.diag(free * m) + y, np.diag(free * m) - y))
-    even, odd = scattered
-    return _turned(even, odd, m, float(np.angle(sheet.local_axes(punch, touch)[0] @ [1, 1j])))
+        known = order > 0
+        y = _joined(_elements(step, power, current), inside, held)[np.ix_(known, known)]
+        outside = np.diag(free * order[known])
+        scattered.append(np.linalg.solve(outside + y, outside - y))
+    bearing = float(np.angle(sheet.local_axes(punch, touch)[0] @ [1, 1j]))
+    return _turned(np.asarray(block_diag(*scattered), dtype=float), np.arange(1, orders + 1), bearing)
 
 
-def _falling_sine(turn: Array) -> Array:
-    return -np.sin(turn)
+def _waves(touch: Touch, orders: int) -> tuple[Array, list[_Waves]]:
+    """Angles from the line of symmetry, or the first axis, at which rings are sampled, rad, and the families of
+    functions that do not scatter into each other."""
+    whole = touch.rim is not None and touch.rim.whole_turn
+    angle = np.pi * (np.arange(_ANGLES * (1 + whole)) + 0.5) / _ANGLES
+    even, odd, none = np.arange(orders + 1), np.arange(1, orders + 1), np.arange(0)
+    return angle, [_of(even, odd, angle)] if whole else [_of(even, none, angle), _of(none, odd, angle)]
+
+
+def _of(even: Indices, odd: Indices, angle: Array) -> _Waves:
+    """Cosines of the multiples `even` of angles, and sines with a minus of the multiples `odd`."""
+    order = np.concatenate([even, odd])
+    turn, other = np.multiply.outer(even, angle), np.multiply.outer(odd, angle)
+    value, by_order = np.concatenate([np.cos(turn), -np.sin(other)]), -np.concatenate([np.sin(turn), np.cos(other)])
+    return _Waves(order, value, order[:, None].astype(float) * by_order)
 
 
 def _radii(punch: Punch, touch: Touch, reach_m: float) -> Array:
@@ -69,11 +96,10 @@ def _radii(punch: Punch, touch: Touch, reach_m: float) -> Array:
     return stops[np.append(True, np.diff(stops) > _SAME * reach_m)]
 
 
-def _polar(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float,
-           radius_m: Array) -> tuple[Array, Array, Array, Array]:
+def _polar(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float, radius_m: Array,
+           angle: Array) -> tuple[Array, Array, Array, Array]:
     """Conductances rr, rh and hh, S, with `ring_share` of the change, and to the punch, S/m^2, (..., angles) at radii
-    (...), m, on the half of the circle counter-clockwise from the line of symmetry."""
-    angle = np.pi * (np.arange(_ANGLES) + 0.5) / _ANGLES
+    (...), m, and angles from the first axis, rad."""
     axes = sheet.local_axes(punch, touch)
     radial = np.stack([np.cos(angle), np.sin(angle)], axis=-1) @ axes
     hoop = np.stack([-np.sin(angle), np.cos(angle)], axis=-1) @ axes
@@ -109,7 +135,7 @@ def _elements(step: Array, power: list[Array], to_punch: Array | None) -> Array:
 
 def _products(one: Array, conductance: Array, other: Array) -> Array:
     """(..., n, n) of functions (n, angles) by a conductance (..., angles): 1/pi times the integral around."""
-    return (one * conductance[..., None, :]) @ other.T * (2 / _ANGLES)
+    return (one * conductance[..., None, :]) @ other.T * (2 / one.shape[1])
 
 
 def _without_last(matrix: Array, count: int) -> Array:
@@ -140,8 +166,9 @@ def _joined(elements: Array, core: Array, held: float) -> Array:
     return _without_last(whole[last[:, None], last], len(whole) - count)
 
 
-def _turned(even: Array, odd: Array, m: Indices, angle: float) -> Array:
-    """Scattering by real and imaginary parts of amplitudes, of cosines and sines of the angle from a line."""
-    cosine, sine, none = np.diag(np.cos(m * angle)), np.diag(np.sin(m * angle)), np.zeros_like(even)
+def _turned(matrix: Array, m: Indices, angle: float) -> Array:
+    """Scattering by real and imaginary parts of amplitudes of harmonics of the angle, of that of the angle from a line
+    in a direction, rad."""
+    cosine, sine = np.diag(np.cos(m * angle)), np.diag(np.sin(m * angle))
     to_line = np.block([[cosine, -sine], [sine, cosine]])
-    return to_line.T @ np.block([[even, none], [none, odd]]) @ to_line
+    return to_line.T @ matrix @ to_line
