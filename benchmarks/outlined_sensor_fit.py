@@ -31,9 +31,10 @@ from eitsim.sensors.sensor_file import Sensor
 RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
 L = Body(outline="polygon", holes_m=((-0.03, -0.02, 0.008),), points_m=(
     (-0.06, -0.06), (0.06, -0.06), (0.06, 0.0), (0.0, 0.0), (0.0, 0.06), (-0.06, 0.06)))
-# name, body, electrodes, their width, m, and noises below the frame's r.m.s., dB
-CASES = (("rectangle", RECTANGLE, 16, 0.01, (60.0, 80.0)), ("rectangle", RECTANGLE, 32, 0.006, (70.0,)),
-         ("L with a hole", L, 24, 0.008, (60.0, 80.0)))
+# name, body, electrodes, their width, m, noise below the frame's r.m.s., dB, and how many sensors
+CASES = (("rectangle", RECTANGLE, 16, 0.01, 60.0, 8), ("rectangle", RECTANGLE, 16, 0.01, 80.0, 1),
+         ("rectangle", RECTANGLE, 32, 0.006, 70.0, 3), ("L with a hole", L, 24, 0.008, 60.0, 3),
+         ("L with a hole", L, 24, 0.008, 80.0, 1))
 CONTACT, WIDTH, PLACE_M, GAIN, LEAK_S = 0.3, 0.05, 0.5e-3, 0.03, 30e-6
 CONDUCTANCES_S = (3e-4, 3e-3)
 _SOLVED = 5e-6
@@ -67,10 +68,10 @@ def hidden(sensor: Sensor, noise_dB: float, seed: int) -> Hidden:
 
 
 def rows() -> Iterator[dict[str, Any]]:
-    """The rows of each case at each noise."""
-    for name, body, count, width, noises in quick(CASES, CASES[:1]):
-        for noise in quick(noises, noises[:1]):
-            seed = int(noise) + count
+    """The rows of each case."""
+    for name, body, count, width, noise, sensors in quick(CASES, CASES[:1]):
+        for drawn in range(quick(sensors, 1)):
+            seed = int(noise) + count + 1000 * drawn
             for row in rows_of(hidden(outlined(body, count, width), noise, seed), seed):
                 yield {"case": name, "noise_dB": noise, **row}
 

@@ -28,6 +28,9 @@ _GAP_SHIFT, _DEPTH_SHIFT = 0.2, 0.1
 LOCAL = 4
 # Parts of a field's sample: displacement, metric, normal.
 _PARTS = 7
+# Times the error of a change solved anew, by its own mesh, up to which the table serves: that error is estimated by a
+# coarser mesh, and known no better.
+_KNOWN_TO = 2.0
 # positions of a cell among gaps and among depths
 Cell = tuple[int, int]
 
@@ -91,9 +94,9 @@ def deviation_at(rim: RimTable, gap: float, depth: float) -> Array | None:
 
 def within(rim: RimTable, signal: float, strain: str) -> RimTable:
     """The table with the cells alone whose signals, of a skin driven by that strain, are no farther off, or no farther
-    than changes solved anew are by their own mesh."""
+    than twice what changes solved anew are by their own mesh."""
     which = STRAINS.index(strain)
-    kept = rim.error_estimate[..., 1 + which] <= np.maximum(signal, _own_errors(rim, which))
+    kept = rim.error_estimate[..., 1 + which] <= np.maximum(signal, _KNOWN_TO * _own_errors(rim, which))
     return replace(rim, error_estimate=np.where(kept[..., None], rim.error_estimate, np.inf))
 
 

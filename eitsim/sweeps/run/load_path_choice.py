@@ -223,8 +223,8 @@ def _rim_fine_enough(table: Table, allowed: float, strain: str) -> tuple[Table, 
     off, left = int(np.sum(before & ~after)), int(np.sum(~after))
     reasons = [f"in {left - off} since no change was found there"] if left > off else []
     if off:
-        reasons.append(f"in {off} since the table is more than {allowed:g} off, and more than touches solved anew "
-                       "tell")
+        reasons.append(f"in {off} since the table is more than {allowed:g} off, and more than twice what "
+                       "touches solved anew state")
     return replace(table, rim=kept), (f"touches in {left} of {after.size} cells of gap and depth near the rim are "
                                       f"solved anew, {' and '.join(reasons)}")
 
