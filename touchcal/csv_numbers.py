@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,17 +47,17 @@ def check_commas(path: Path, rows: Sequence[tuple[int, list[str]]]) -> None:
 
 
 def too_wide(cells: int, expected: int) -> str:
-    """What may be wrong with a row of more cells than expected; empty for another."""
-    return " Write numbers with a point, not a comma." if cells > expected else ""
+    """What may be wrong with a row of cells that are half as many again as expected, or more; empty for another."""
+    return " Write numbers with a point, not a comma." if cells >= 1.5 * expected else ""
 
 
 def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "numbers",
-                 blanks: bool = False) -> NumberTable:
-    """Read a CSV of numbers, blank lines left out; InputFileError names the line of a row of another width than
-    `columns` or, without it, than the first row, and the column of a cell that is no finite number. With `blanks`,
-    empty cells are NaN."""
+                 blanks: bool = False, left_out: Collection[str] = ()) -> NumberTable:
+    """Read a CSV of numbers without blank lines and without columns that its header names as in `left_out`;
+    InputFileError names the line of a row of another width than `columns` or, without it, than the first row, and the
+    column of a cell that is no finite number. With `blanks`, empty cells are NaN."""
     path = Path(path)
-    rows = csv_rows(path, what)
+    rows = _without(csv_rows(path, what), left_out)
     width = columns or (len(rows[0][1]) if rows else 0)
     for number, cells in rows:
         if len(cells) != width:
@@ -71,6 +71,14 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
     values = np.array([[math.nan if blanks and not cell else _value(path, number, column, cell, what)
                         for column, cell in enumerate(cells, start=1)] for number, cells in rows])
     return NumberTable(names, values, np.array([number for number, _ in rows], np.int64))
+
+
+def _without(rows: list[tuple[int, list[str]]], names: Collection[str]) -> list[tuple[int, list[str]]]:
+    """Rows without the columns that the first one names so."""
+    gone = {column for column, name in enumerate(rows[0][1]) if name in names} if rows else set()
+    if not gone:
+        return rows
+    return [(number, [cell for column, cell in enumerate(row) if column not in gone]) for number, row in rows]
 
 
 def write_numbers(path: Path | str, names: Sequence[str], values: Array) -> None:

@@ -1,4 +1,5 @@
-"""Frames of voltages as a CSV: one column a reading, pattern-major, one row a frame, header optional."""
+"""Frames of voltages as a CSV: one column a reading, pattern-major, one row a frame, header optional; a recording's
+other columns are left out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers, write_numbers
 from touchcal.errors import InputFileError
 
+LEADING = ("index", "time_s", "touch")  # columns of a recording that are no readings
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -23,10 +26,11 @@ class Frames:
 
 
 def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:
-    """Read a file of frames, columns v_000 ... in any order where a header names them, else in that order. Readings of
-    the mask `unread` (readings,), which need a missing electrode, may be empty and are 0. InputFileError names the line
-    of a wrong width or a missing number, and a header's name that is no reading."""
-    table = read_numbers(path, readings, what="voltages", blanks=unread is not None)
+    """Read a file of frames, columns v_000 ... in any order where a header names them, else in that order, without
+    those of LEADING. Readings of the mask `unread` (readings,), which need a missing electrode, may be empty and are 0.
+    InputFileError names the line of a wrong width or a missing number, and a header's name that is no reading."""
+    table = read_numbers(path, readings, what="voltages", blanks=unread is not None,
+                         left_out=LEADING)
     volts, requested = table.values, voltage_columns(readings)
     if table.names:
         try:
@@ -44,11 +48,11 @@ def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
 
 def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:
     """(readings,) column of each reading under a header that names v_000 ... in any order; ValueError for one that
-    names anything else, or not each of them once."""
+    names anything else but LEADING, or not each of them once."""
     requested = voltage_columns(readings)
     place = {name: column for column, name in enumerate(names)}
     fix = f"Name the columns {requested[0]} to {requested[-1]}, or leave the header out where they are in that order."
-    if foreign := [name for name in place if name not in requested]:
+    if foreign := [name for name in place if name not in (*requested, *LEADING)]:
         raise ValueError(f"the header names '{foreign[0][:20]}' in column {place[foreign[0]] + 1}, which is no "
                          f"reading. {fix}")
     if lacking := [name for name in requested if name not in place]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
+from eitsim.scene.frames import LEADING
 from touchcal import csv_numbers
 from touchcal.arrays import Array, Complex, Mask
 from touchcal.errors import InputFileError
@@ -22,7 +23,6 @@ from touchcal.whole_file import written
 
 # What a reading is: a signed voltage, its size alone, or a touched voltage less the untouched one.
 KINDS = ("voltage", "magnitude", "difference")
-_LEADING = ("index", "time_s", "touch")  # columns that are no readings
 _READING = "v_"  # what the names of the readings begin with
 
 
@@ -123,8 +123,8 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
 def _leading(path: Path, line: int, names: Sequence[str]) -> list[str]:
     """Names of the columns before the readings; InputFileError where the header is not that of a recording."""
     count = next((k for k, name in enumerate(names) if name.startswith(_READING)), len(names))
-    leading, fix = list(names[:count]), f"Expected {', '.join(_LEADING)} (each may be left out), then v_000, v_001 ..."
-    if odd := [name for name in leading if name not in _LEADING]:
+    leading, fix = list(names[:count]), f"Expected {', '.join(LEADING)} (each may be left out), then v_000, v_001 ..."
+    if odd := [name for name in leading if name not in LEADING]:
         raise InputFileError(path, f"the header names '{odd[0][:20]}', which is no column of a recording. {fix}",
                              line=line)
     if len(set(leading)) < len(leading):
@@ -161,7 +161,7 @@ def _readings(path: Path, body: Sequence[tuple[int, list[str]]], first: int) -> 
 def _value(path: Path, line: int, name: str, cell: str) -> float:
     if not _is_number(cell) or not np.isfinite(float(cell)):
         raise InputFileError(path, f"{name} is '{cell[:20]}', no finite number. Correct it, or leave "
-                                   f"{'the row out' if name in _LEADING else 'the cell empty where it is dead'}.",
+                                   f"{'the row out' if name in LEADING else 'the cell empty where it is dead'}.",
                              line=line)
     return float(cell)
 

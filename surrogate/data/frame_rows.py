@@ -23,6 +23,19 @@ BATCH = 32
 CHUNK = 1 << 20  # bytes that are read at a time, at most
 
 
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Where the readings stand in a line."""
+
+    place: Index  # (readings,) column of each, from 0
+    count: int  # columns of a line
+
+
+def in_order(readings: int) -> Columns:
+    """Lines that hold the readings alone, in their order."""
+    return Columns(np.arange(readings), readings)
+
+
 @dataclass(frozen=True)
 class Lines:
     """Lines of some frames."""
@@ -53,27 +66,27 @@ def _text(line: bytes) -> str:
     return line.decode("utf-8-sig", errors="replace").strip()
 
 
-def header_of(text: str, readings: int) -> Index | None:
-    """(readings,) place of each reading in a line by a header that names them v_000 ...; None where the line is no
-    header. ValueError for a header of other names."""
+def header_of(text: str, readings: int) -> Columns | None:
+    """The columns of lines by a header that names readings v_000 ... and may name those of a recording; None where the
+    line is no header. ValueError for a header of other names."""
     names = [cell.strip().strip('"') for cell in text.split(",")]
     try:
         float(names[0] or "nan")
     except ValueError:
-        return column_order(names, readings)
+        return Columns(column_order(names, readings), len(names))
     return None
 
 
-def frame_of(text: str, order: Index) -> Array:
-    """(readings,) V of a line whose readings have these places, NaN for an empty cell; ValueError where it is none."""
+def frame_of(text: str, columns: Columns) -> Array:
+    """(readings,) V of a line of these columns, NaN for an empty cell; ValueError where it is none."""
     cells = text.split(",")
-    if len(cells) != len(order):
-        raise ValueError(f"{len(cells)} columns, expected {len(order)} voltages separated by commas")
+    if len(cells) != columns.count:
+        raise ValueError(f"{len(cells)} columns, expected {columns.count} voltages separated by commas")
+    places = columns.place.tolist()
     try:
-        volts = np.array(list(map(float, cells)))
+        return np.array([float(cells[k]) for k in places])
     except ValueError:
-        volts = np.array([_number(column, cell) for column, cell in enumerate(cells, start=1)])
-    return volts[order]
+        return np.array([_number(k + 1, cells[k]) for k in places])
 
 
 def _number(column: int, cell: str) -> float:
@@ -83,12 +96,12 @@ def _number(column: int, cell: str) -> float:
         raise ValueError(f"column {column} holds '{cell.strip()[:20]}' and no number") from None
 
 
-def frames_of(lines: Sequence[Line], order: Index) -> Lines:
-    """The frames of some lines whose readings have these places."""
-    volts, problem = np.full((len(lines), len(order)), np.nan), [""] * len(lines)
+def frames_of(lines: Sequence[Line], columns: Columns) -> Lines:
+    """The frames of some lines of these columns."""
+    volts, problem = np.full((len(lines), len(columns.place)), np.nan), [""] * len(lines)
     for k, (_, text) in enumerate(lines):
         try:
-            volts[k] = frame_of(text, order)
+            volts[k] = frame_of(text, columns)
         except ValueError as error:
             problem[k] = f"unreadable: {error}"
     return Lines(np.array([number for number, _ in lines], np.int64), volts, problem)
@@ -98,12 +111,11 @@ def read_lines(path: Path, readings: int) -> Lines:
     """All frames of a file, without blank lines; InputFileError where it holds none, or a header of other names."""
     with open(regular(path), "rb") as file:
         lines = [line for some in waiting_lines(file) for line in some if line[1]]
-    order = np.arange(readings)
     try:
         named = header_of(lines[0][1], readings) if lines else None
     except ValueError as error:
         raise InputFileError(path, str(error), line=lines[0][0]) from None
-    found = frames_of(lines, order) if named is None else frames_of(lines[1:], named)
+    found = frames_of(lines, in_order(readings)) if named is None else frames_of(lines[1:], named)
     if not len(found.line):
         raise InputFileError(path, f"it holds no frame. Expected rows of {readings} voltages, the untouched one first "
                                    "or in a file for --baseline.")

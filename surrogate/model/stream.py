@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 from io import BufferedIOBase
 from typing import TextIO
 
-import numpy as np
-
 from surrogate.data.baseline_frame import compared
-from surrogate.data.frame_rows import CHUNK, Lines, first_frame, frames_of, header_of, waiting_lines
+from surrogate.data.frame_rows import CHUNK, Columns, Lines, first_frame, frames_of, header_of, in_order, waiting_lines
 from surrogate.model.missing_channels import check_needed, silent
 from surrogate.model.model import Model
 from surrogate.model.predict import Predictor, columns, numbers_of, prepare, read_touches, sign_caution
-from touchcal.arrays import Array, Index, Mask
+from touchcal.arrays import Array, Mask
 
 SOURCE = "standard input"
 
@@ -51,7 +49,7 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
     table = csv.writer(sink, lineterminator="\n")
     table.writerow(columns(model))
     sink.flush()
-    order: Index | None = None
+    order: Columns | None = None
 
     def by(untouched_V: Array) -> tuple[Predictor, Array]:
         found = compared(model.baseline_V, model.ring, untouched_V, noise_V, scaling)
@@ -65,7 +63,7 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
         lines = [line for line in lines if line[1]]
         if lines and order is None:
             named = _header(lines[0], len(model.baseline_V))
-            order, lines = (np.arange(len(model.baseline_V)), lines) if named is None else (named, lines[1:])
+            order, lines = (in_order(len(model.baseline_V)), lines) if named is None else (named, lines[1:])
         if not lines or order is None:
             continue
         read = frames_of(lines, order)
@@ -85,7 +83,7 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
     return Counts(answered, flagged)
 
 
-def _header(line: tuple[int, str], readings: int) -> Index | None:
+def _header(line: tuple[int, str], readings: int) -> Columns | None:
     number, text = line
     try:
         return header_of(text, readings)

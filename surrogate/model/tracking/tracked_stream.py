@@ -8,9 +8,7 @@ from collections.abc import Callable, Sequence
 from io import BufferedIOBase
 from typing import TextIO
 
-import numpy as np
-
-from surrogate.data.frame_rows import Line, frame_of, header_of, waiting_lines
+from surrogate.data.frame_rows import Columns, Line, frame_of, header_of, in_order, waiting_lines
 from surrogate.model import predict
 from surrogate.model.stream import SOURCE, Counts
 from surrogate.model.tracking import followed_presses
@@ -18,7 +16,6 @@ from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED
 from surrogate.model.tracking.tracker import Tracker
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
-from touchcal.arrays import Index
 
 QUIET = (CALIBRATING, UNTOUCHED)  # states whose flags count no frame as flagged
 
@@ -41,7 +38,7 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
     table, names = csv.writer(sink, lineterminator="\n"), columns(model)
     table.writerow(names)
     sink.flush()
-    order: Index | None = None
+    order: Columns | None = None
     answered = flagged = 0
     warned = calibrating = False
     for lines in waiting_lines(source):
@@ -50,7 +47,7 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
                 continue
             if order is None:
                 named = _header(line, tracker.readings)
-                order = np.arange(tracker.readings) if named is None else named
+                order = in_order(tracker.readings) if named is None else named
                 if named is not None:
                     continue
             state, values, flag = _answer(tracker, line, order)
@@ -70,14 +67,14 @@ def _cell(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def _header(line: Line, readings: int) -> Index | None:
+def _header(line: Line, readings: int) -> Columns | None:
     try:
         return header_of(line[1], readings)
     except ValueError as error:
         raise ValueError(f"{SOURCE}, line {line[0]}: {error}") from None
 
 
-def _answer(tracker: Tracker, line: Line, order: Index) -> tuple[str, Sequence[float] | None, str]:
+def _answer(tracker: Tracker, line: Line, order: Columns) -> tuple[str, Sequence[float] | None, str]:
     """State, values or none, and flag of a line."""
     try:
         volts = frame_of(line[1], order)

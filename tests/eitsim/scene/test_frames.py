@@ -47,7 +47,14 @@ def test_columns_are_found_by_name_and_blank_lines_left_out(frames: list[Reading
     assert read.line.tolist() == [3, 5, 7]
 
 
+def test_other_columns_of_a_recording_are_left_out(tmp_path: Path) -> None:
+    (tmp_path / "frames.csv").write_text("index,time_s,touch,v_001,v_000\n0,0.5,,2,1\n1,0.6,thumb,4,3\n")
+    read = read_frames(tmp_path / "frames.csv", 2)
+    assert (read.volts.tolist(), read.line.tolist()) == ([[1, 2], [3, 4]], [2, 3])
+
+
 @pytest.mark.parametrize(("text", "message"), [
+    ("1,2,3\n", "line 1: 3 columns, expected 2 voltages a row.* with a point"),
     ("1,2\n3\n", "line 2: 1 columns, expected 2 voltages a row"), ("a,b\n", "no rows of voltages"),
     ("v_000,volts\n1,2\n", "frames.csv: the header names 'volts' in column 2, which is no reading.* v_000 to v_001"),
     ("v_000,v_000\n1,2\n", "the header lacks v_001"),

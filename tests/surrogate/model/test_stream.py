@@ -76,6 +76,17 @@ def test_a_bad_line_is_flagged_and_does_not_end_the_stream(ridge: Model, synthet
     assert flags[4].startswith("unreadable: 1 columns")
 
 
+def test_other_columns_of_a_recording_cost_nothing(ridge: Model, synthetic: Synthetic, untouched_V: Array,
+                                                   tmp_path: Path) -> None:
+    lines = as_lines(untouched_V + synthetic(2, 63)[1])
+    names = ["index", *voltage_columns(208), "touch"]
+    text = "\n".join([",".join(names), *(f"{k},{line},thumb" for k, line in enumerate(lines))])
+    one, other = (answered(ridge, lone, untouched_V)[["x0_mm", "F_N"]] for lone in (text, "\n".join(lines)))
+    assert np.allclose(one, other)
+    (tmp_path / "frames.csv").write_text(text)
+    assert read_lines(tmp_path / "frames.csv", 208).line.tolist() == [2, 3]
+
+
 def test_a_header_of_other_names_is_refused(ridge: Model, untouched_V: Array, tmp_path: Path) -> None:
     names = voltage_columns(208)
     for spoilt, message in ((["time", *names], "line 1: the header names 'time' in column 1, which is no reading"),
