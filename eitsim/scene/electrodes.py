@@ -170,8 +170,10 @@ def check_sizes(electrodes: Electrodes) -> None:
     places = {"angles_deg": electrodes.angles_rad, "positions_mm": electrodes.positions_m, "shares": electrodes.shares,
               "turn_deg": electrodes.turn_rad}
     for key, value in {**sizes, **{key: value or 0.0 for key, value in places.items()}}.items():
+        found = np.size(value)
+        other = f"; or write count = {found}" if electrodes.kind != "surface" and FEWEST <= found <= MOST else ""
         require(np.shape(value) in ((), (electrodes.count,)), key,
-                f"must hold {electrodes.count} numbers, one an electrode, got {np.size(value)}")
+                f"must hold {electrodes.count} numbers, one an electrode, got {found}{other}")
         require(key not in sizes or np.all(np.asarray(value) > 0), key, f"must be positive, got {np.min(value):g}")
     _check_kind(electrodes)
     for k in electrodes.missing:

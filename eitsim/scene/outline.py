@@ -161,11 +161,14 @@ def check_outline(outline: Outline) -> None:
     _require(outline.outline in OUTLINES, "outline", f"'{outline.outline}' is unknown; known: {', '.join(OUTLINES)}, "
              "or in a scene file the name of a .csv, .dxf, .svg or mesh file")
     rectangle, polygon = outline.outline == "rectangle", outline.outline == "polygon"
-    for key, value, used in (("width_mm", outline.width_m, rectangle), ("height_mm", outline.height_m, rectangle),
-                             ("corner_radius_mm", outline.corner_radius_m, rectangle),
-                             ("points_mm", outline.points_m or None, polygon),
-                             ("holes_mm", outline.holes_m or None, rectangle or polygon)):
-        _require(used or value is None, key, f"has no effect with outline = \"{outline.outline}\"; leave it out")
+    for key, value, takers in (("width_mm", outline.width_m, ("rectangle",)),
+                               ("height_mm", outline.height_m, ("rectangle",)),
+                               ("corner_radius_mm", outline.corner_radius_m, ("rectangle",)),
+                               ("points_mm", outline.points_m or None, ("polygon",)),
+                               ("holes_mm", outline.holes_m or None, ("rectangle", "polygon"))):
+        used, instead = outline.outline in takers, " or ".join(f"\"{name}\"" for name in takers)
+        _require(used or value is None, key, f"has no effect with outline = \"{outline.outline}\"; leave it out, or "
+                 f"write outline = {instead}")
         _require(not used or value is not None or key in ("corner_radius_mm", "holes_mm"), key,
                  f"is missing, which outline = \"{outline.outline}\" needs")
     if outline.outline == "disc":

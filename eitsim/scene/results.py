@@ -21,6 +21,7 @@ class Decision:
     unbounded: bool = False  # whether it leaves something out whose cost is unknown
     # relative error of the strain that drives the skin, L2 over the surface, that it may cost; None: as error_bound
     strain_bound: float | None = None
+    remedy: str = ""  # what to write in a scene where it costs nothing, a sentence; empty where nothing says so
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ class Touch:
     sigma_max_Pa: float  # largest contact pressure, force over current area, average over a facet of the mesh, Pa
     sigma_ave_Pa: float  # force over contact area, Pa
     contact_area_m2: float  # current area projected on the punch face where pressure > 0, m^2
-    wall_contact_m2: float  # current area of the side wall of the hole that touches the punch, m^2
+    wall_contact_m2: float  # current area of the foam that touches the side of the punch, m^2
     depth_error: float  # estimated relative error of depth_m
     # (3,) estimated relative error of dV that the mechanical discretisation causes, by scene.STRAINS
     signal_errors: Array

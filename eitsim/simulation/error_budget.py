@@ -28,10 +28,11 @@ def numerical_errors(touches: tuple[Touch, ...], readings: Readings, strain: str
 
 
 def explain_excess(requested: float, error_estimate: float, numerical: float, plan: Plan) -> str:
-    """What keeps the signal's error from the requested one; empty where nothing does."""
+    """What keeps the signal's error from the requested one, and what to write where the largest part of that does not
+    hold; empty where nothing keeps it."""
     if error_estimate <= requested:
         return ""
     largest = max(plan.decisions, key=lambda d: d.error_bound)
     return (f"the signal's error may be {error_estimate:.2g}, more than the {requested:g} asked for (signal in "
             f"[accuracy]): {numerical:.2g} is numerical, {plan.error_bound:.2g} what the plan left out, most of that "
-            f"\"{largest.decision}\".")
+            f"\"{largest.decision}\".{largest.remedy and ' ' + largest.remedy}")

@@ -16,6 +16,7 @@ from eitsim.mechanics.rim.two_punches import pair_problem
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import lengths, present
 from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge, quarter_distances_m
+from eitsim.scene.outline import Outline
 from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 from eitsim.simulation.material import Material, material_of
@@ -195,12 +196,25 @@ def near_rim(scene: Scene, punch: Punch) -> bool:
 
 
 def _rim_effect(scene: Scene, punch: Punch) -> float:
-    """What neglecting the rim may cost; with an outline the sum of what the rim of a disc would, as near as the nearest
-    edge in each quarter about the punch."""
-    gaps = [rim_gap_m(scene.body, punch)]
+    """What neglecting the rim may cost; with an outline what all its edges and holes may change."""
     if scene.body.has_outline:
-        gaps = (quarter_distances_m(scene.body, (punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()
-    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps)
+        return _edges_effect(scene, scene.body.shape, punch)
+    return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
+
+
+def _edges_effect(scene: Scene, outline: Outline, punch: Punch) -> float:
+    """What the edges of an outline may change: the sum of what the rim of a disc would, as near as the nearest edge in
+    each quarter about the punch."""
+    gaps = quarter_distances_m(outline, (punch.x_m, punch.y_m)) - punch.diameter_m / 2
+    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps.tolist())
+
+
+def _stiffening(scene: Scene, punch: Punch) -> float:
+    """What electrodes that do not give way may change: as much as the edges that may carry them, which of a skin with
+    electrodes along its outer edge is that one alone."""
+    if scene.electrodes.kind == "line" and scene.body.holes_m:
+        return _edges_effect(scene, replace(scene.body.shape, holes_m=()), punch)
+    return _rim_effect(scene, punch)
 
 
 def several_edges(scene: Scene, punch: Punch) -> bool:
@@ -275,8 +289,11 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
         yield Decision("electrodes do not stiffen the rim", "rigid ones up to half as high as the foam changed the "
                        "signal by at most what the rim does, as high as the foam and fixed to the ground by up to 1.7 "
                        "times as much (benchmarks/rim_electrodes.py). Where a touch's dipole nearly vanishes both are "
-                       "larger parts of its signal than the bound; soft = true in [electrodes] says that they give way",
-                       max(_rim_effect(scene, punch) for punch in scene.punches))
+                       "larger parts of its signal than the bound; soft = true in [electrodes] says that they give way"
+                       + ("; holes carry none" if scene.electrodes.kind == "line" and scene.body.holes_m else ""),
+                       max(_stiffening(scene, punch) for punch in scene.punches),
+                       remedy="Where yours give way, as paint, foil and thin wires do, write soft = true in "
+                              "[electrodes].")
     yield Decision("the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is "
                    "unknown and not in the bound", 0.0, unbounded=True)
     sharpest = min(p.fillet_m for p in scene.punches)

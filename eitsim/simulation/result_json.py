@@ -111,7 +111,7 @@ MECHANICS = {"force_N": ("Force on the punch", "N"), "delta_max_mm": ("Depth of 
              "sigma_max_kPa": ("Peak contact pressure, facet average", "kPa"),
              "sigma_ave_kPa": ("Mean contact pressure, force over contact area", "kPa"),
              "A_c_mm2": ("Contact area on the punch face", "mm²"),
-             "wall_contact_mm2": ("Contact area on the wall of the hole", "mm²")}
+             "wall_contact_mm2": ("Contact area on the side of the punch", "mm²")}
 # key of an error estimate -> what it is the error of
 ERRORS = {"signal": "signal", "depth": "depth", "sigma_max": "largest pressure", "A_c": "contact area",
           "strain": "surface strain"}

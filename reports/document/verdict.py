@@ -1,6 +1,6 @@
 """The verdict on the first page of a report: what its numbers are good, usable or not usable for, and why."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 GOOD, USABLE, NOT_USABLE = "good", "usable", "not usable"
 _GRADES = (GOOD, USABLE, NOT_USABLE)
@@ -35,6 +35,13 @@ def graded(value: float, limits: Limits) -> str:
 def worst(*grades: str) -> str:
     """The worst of some grades."""
     return max(grades, key=_GRADES.index)
+
+
+def no_better(verdict: Verdict, than: Verdict) -> Verdict:
+    """A verdict, or with the grade of one that it rests on where that is worse, which it then names."""
+    if worst(verdict.grade, than.grade) == verdict.grade:
+        return verdict
+    return replace(verdict, grade=than.grade, why=f"{verdict.why}; no better than \"{than.what}\"")
 
 
 def real(what: str, synthetic: bool) -> list[Verdict]:

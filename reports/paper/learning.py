@@ -33,7 +33,7 @@ OPEN = {"13": "Positions are divided by the radius of the disc, as in the paper,
               "a filleted punch.",
         "17": "The caption's unit, kPa, is read as MPa². Mean pressure is force over contact area.",
         "18": "Depth is that of the punch's face.",
-        "19": "Area is that on the punch's face; the wall of the hole is counted separately."}
+        "19": "Area is that on the punch's face; that on its side is counted separately."}
 
 
 def model_of(run: Run, name: str) -> tuple[dict[str, Any], dict[str, Any], Path] | None:

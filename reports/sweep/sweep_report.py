@@ -20,7 +20,18 @@ from reports.document import provenance
 from reports.document.numerals import counted, number, percent
 from reports.document.page import Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
-from reports.document.verdict import ERROR, EXTRAPOLATED, LOST, NOT_USABLE, USABLE, Verdict, graded, real, worst
+from reports.document.verdict import (
+    ERROR,
+    EXTRAPOLATED,
+    LOST,
+    NOT_USABLE,
+    USABLE,
+    Verdict,
+    graded,
+    no_better,
+    real,
+    worst,
+)
 from reports.sweep import account_tables, sweep_figures
 from reports.sweep.sweep_figures import Columns
 from reports.touch import touch_report
@@ -111,8 +122,9 @@ def _verdict(data: Dataset, account: Accounted, ok: Columns, stale: bool) -> lis
                              "estimated"))
     if account.extrapolated:
         median, largest = account.extrapolated
-        found.append(Verdict("Signals of a real skin", graded(median, EXTRAPOLATED), f"{percent(median)} of the signal "
-                             f"comes from extrapolated conductivity in the median scene, at most {percent(largest)}"))
+        of_skin = Verdict("Signals of a real skin", graded(median, EXTRAPOLATED), f"{percent(median)} of the signal "
+                          f"comes from extrapolated conductivity in the median scene, at most {percent(largest)}")
+        found.append(no_better(of_skin, found[-1]))
     elif solved:
         found.append(Verdict("Signals of a real skin", NOT_USABLE, "how much of them is extrapolated "
                              "is not in the rows; sweep again"))

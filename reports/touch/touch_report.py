@@ -10,7 +10,7 @@ from eitsim.simulation.result_json import ERRORS, MECHANICS
 from reports.document import provenance
 from reports.document.numerals import counted, interval, number, percent, typeset, volts
 from reports.document.page import Report, ReportFigure, Table
-from reports.document.verdict import ERROR, EXTRAPOLATED, NOT_USABLE, PAST_TEST, Verdict, graded, real, worst
+from reports.document.verdict import ERROR, EXTRAPOLATED, NOT_USABLE, PAST_TEST, Verdict, graded, no_better, real, worst
 from reports.touch import reading_figures, skin_maps, touch_figures
 from reports.touch.drive_sentence import drive_sentence
 from touchcal.document import Keys
@@ -75,14 +75,15 @@ def _verdict(result: Mapping[str, Any]) -> list[Verdict]:
         grades.append(graded(past, PAST_TEST))
         why.append(f"foam strained to {number(stability['least_strain'])}, tested to {number(fitted[0])}")
     found = [Verdict("Depth and pressure", worst(*grades), ", ".join(why))] if grades else []
-    if "signal" in error:
-        found.append(Verdict("Signal by the card's law", graded(error["signal"], ERROR),
-                             f"to {percent(error['signal'])}, estimated"))
+    by_law = [Verdict("Signal by the card's law", graded(error["signal"], ERROR),
+                      f"to {percent(error['signal'])}, estimated")] if "signal" in error else []
+    found += by_law
     if (share := stability.get("signal_share_extrapolated")) is not None:
         ends = stability.get("fitted_skin_strain")
         why = [f"{percent(share)} of it comes from extrapolated conductivity"]
         why += [f"measured for strains of {interval(*ends)}"] if ends and share else []
-        found.append(Verdict("Signal of a real skin", graded(share, EXTRAPOLATED), ", ".join(why)))
+        of_skin = Verdict("Signal of a real skin", graded(share, EXTRAPOLATED), ", ".join(why))
+        found.append(no_better(of_skin, by_law[0]) if by_law else of_skin)
     return found + real("A real sensor", (result.get("card") or {}).get("synthetic", False))
 
 

@@ -318,7 +318,7 @@ def _track_stream(model: Model | TrainedReader, baseline: Path | None, noise_V: 
 
 
 def _counted(frames: int, flagged: int) -> str:
-    return f"{frames} frames, {flagged} of them flagged."
+    return f"{frames} frame{'' if frames == 1 else 's'}, {flagged or 'none'} flagged."
 
 
 def _compared(model: Model, reference: Untouched, noise_V: float, scaling: str) -> Comparison:

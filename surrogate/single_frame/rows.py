@@ -9,8 +9,9 @@ import numpy as np
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import OTHER_BASELINE, relative_difference
 from surrogate.data.frame_rows import Lines
+from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
-from surrogate.forward_map.inversion.invert import invert
+from surrogate.forward_map.inversion.invert import Inversion, invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
 from surrogate.model.missing_channels import named, silent
@@ -27,6 +28,8 @@ from touchcal.errors import NotConverged
 
 Row = dict[str, Any]
 
+D, F = 2, 3  # columns of the diameter and the force of a touch
+
 UNEXPLAINED = 2.0  # misfit of a frame from which neither noise nor what is known of the simulator explains it
 FEW = 100.0  # effective draws below which quantiles are rough
 MISSED = 1.0  # standard deviations of the readings by which the corrected map may miss a scene
@@ -34,6 +37,9 @@ MISSED = 1.0  # standard deviations of the readings by which the corrected map m
 BENT = 1.0
 BENT_WORDS = "readings bend along d and F, whose intervals may be too narrow: ask for --posterior"
 SURE_MM = 0.05  # standard deviation of a diameter, mm, below which the learned map is sure of a known punch
+# Standard deviation of F over the posterior, over that about its peak, from which a known punch has several branches of
+# forces: two of equal weight lie nearly four of the latter from each other then.
+BRANCHED = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,22 +103,24 @@ def direct_row(model: TrainedModel, simulator: Simulator, one: One, noise_V: flo
     """Values and 90 % intervals of x0, y0, d and F, whose they are, and what they cost.
 
     The learned map's are kept where the simulator has no readings or does not explain the frame better, where noise
-    leaves d and F on several branches, which one covariance cannot tell, and where they are closer.
+    leaves d and F, or the F of a known punch, on several branches, which one covariance cannot tell, and where they are
+    closer.
     """
     learner = learner_of(model)
     names = outputs.NAMES[:outputs.TOUCH]
     if not np.isfinite(one.learned.value).any():
         return _direct_row(one, np.full(4, np.nan), np.full(4, np.nan), "none", None, one.learned.flag[0])
     found = invert(learner.forward, one.signal_V[None], noise_V)
-    sure = len(learner.forward.known_mm) > 0 and float(np.sqrt(found.covariance[0, 2, 2])) < SURE_MM
+    among_known = len(learner.forward.known_mm) > 0 and float(np.sqrt(found.covariance[0, 2, 2])) < SURE_MM
+    sure = among_known or one_diameter(learner.forward)
     kept, half = (np.array([part[0, model.names.index(name)] for name in names])
                   for part in (one.learned.value, one.learned.half_width))
     flag = one.learned.flag[0]
     try:
-        own = direct(simulator, learner.forward, one.signal_V, noise_V, found.touch[0], known_d=sure)
+        own = direct(simulator, learner.forward, one.signal_V, noise_V, found.touch[0], known_d=among_known)
     except NotConverged as error:
         return _direct_row(one, kept, half, "learned", None, _joined(flag, str(error)))
-    why = _why_learned(own, bool(found.broad[0]), half / normal(COVERAGE))
+    why = _why_learned(own, _broad(found, sure), half / normal(COVERAGE), sure)
     if own.misfit > UNEXPLAINED:
         flag = _joined(flag, "the simulator does not explain this frame")
     if why:
@@ -123,14 +131,31 @@ def direct_row(model: TrainedModel, simulator: Simulator, one: One, noise_V: flo
     return _direct_row(one, own.touch, np.sqrt(np.diag(own.covariance)) * normal(COVERAGE), "simulator", own, flag)
 
 
-def _why_learned(own: Direct, broad: bool, learned_sd: Array) -> str:
-    """Why the learned map's answer is kept; empty where it is not."""
-    if broad:
+def one_diameter(forward: ForwardMap) -> bool:
+    """Whether all training touches are of one diameter, so that a map knows that of any touch."""
+    (_, least, _), (_, largest, _) = forward.bounds
+    return bool(least == largest)
+
+
+def _broad(found: Inversion, sure: bool) -> str:
+    """What of the first touch one covariance does not tell; empty where it tells all. sure: of its diameter."""
+    if not found.broad[0]:
+        return ""
+    if not sure:
         return "d and F are broad: ask for --posterior"
+    peak = found.peak.joint[0]
+    about_peak = peak[F, F] - peak[D, F] ** 2 / peak[D, D]
+    return "several forces fit this frame" if found.covariance[0, F, F] > BRANCHED**2 * about_peak else ""
+
+
+def _why_learned(own: Direct, broad: str, learned_sd: Array, sure: bool) -> str:
+    """Why the learned map's answer is kept; empty where it is not. sure: of the diameter, which is not compared."""
+    if broad:
+        return broad
     if not own.converged:
         return "the simulator's search ended short"
     sd = np.sqrt(np.diag(own.own)) * np.sqrt(max(own.misfit, 1.0))
-    if np.sum(np.log(sd / np.maximum(learned_sd, 1e-9))) > 0:
+    if np.sum(np.log(sd / np.maximum(learned_sd, 1e-9)), where=~(sure & (np.arange(4) == D))) > 0:
         return "the learned map tells this touch closer"
     return ""
 

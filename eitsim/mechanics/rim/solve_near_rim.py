@@ -130,11 +130,12 @@ def rim_problem(body: Body, punch: Punch) -> str:
     gap = rim_gap_m(body, punch)
     least = LEAST_GAP * body.radius_m
     if gap < least:
-        edge = "the nearest edge of the skin" if body.has_outline else "the rim of the disc"
-        where = f"{-gap * 1e3:.1f} mm outside" if gap <= -5e-5 else "on"
-        inwards = (math.floor((least - gap) * 1e5) + 1) / 100
-        return (f"the punch's edge lies {where} {edge}; change x_mm and y_mm so that the punch lies "
-                f"{inwards:.2f} mm further inwards")
+        edge, off, onto = (("the nearest edge of the skin", "reaches {:.1f} mm past", "onto the skin")
+                           if body.has_outline else ("the rim of the disc", "lies {:.1f} mm outside", "inwards"))
+        where = off.format(-gap * 1e3) if gap <= -5e-5 else "lies on"
+        further = (math.floor((least - gap) * 1e5) + 1) / 100
+        return (f"the punch's edge {where} {edge}; change x_mm and y_mm so that the punch lies "
+                f"{further:.2f} mm further {onto}")
     if 0 < friction.coefficient(punch) < np.inf:
         return "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")"
     return ""

@@ -142,7 +142,7 @@ def test_a_run_says_what_each_quantity_is_and_the_plan_in_one_line(command: Comm
     done = command("eitsim", "run", "scene.toml", cwd=folder)
     lines = done.stdout.splitlines()
     for words in ("Depth of the punch face, delta_max_mm", "Contact area on the punch face, A_c_mm2",
-                  "force over contact area, sigma_ave_kPa", "wall of the hole, wall_contact_mm2"):
+                  "force over contact area, sigma_ave_kPa", "Contact area on the side of the punch, wall_contact_mm2"):
         assert any(words in line for line in lines), words
     (plan,) = (line for line in lines if line.startswith("plan: "))
     assert re.search(r"may cost \d\.\d\d% of the signal", plan)

@@ -100,8 +100,11 @@ def test_the_tables_of_a_disc_know_no_outline():
     ({"outline": "polygon", "points_mm": [[0, 10], [10, 0], [10, 10], [5, -9]]}, "the edges from \\(5, -9\\) and"),
     (SIZES | {"holes_mm": [[0, 0]]}, "circles \\[x, y, radius\\]"),
     (SIZES | {"radius_mm": 50}, "radius_mm in \\[body\\] has no effect with an outline"),
-    (SIZES | {"points_mm": [[0, 0], [1, 0], [0, 1]]}, "points_mm in \\[body\\]: has no effect"),
-    ({"width_mm": 50}, "width_mm in \\[body\\]: has no effect with outline = \"disc\""),
+    (SIZES | {"points_mm": [[0, 0], [1, 0], [0, 1]]}, "points_mm in \\[body\\]: has no effect with outline = "
+     "\"rectangle\"; leave it out, or write outline = \"polygon\""),
+    ({"width_mm": 50}, "width_mm in \\[body\\]: has no effect with outline = \"disc\"; leave it out, or "
+     "write outline = \"rectangle\""),
+    ({"holes_mm": [[20, 0, 4]]}, "leave it out, or write outline = \"rectangle\" or \"polygon\""),
     ({"outline": "oval"}, "'oval' is unknown; known: disc, rectangle, polygon"),
     (SIZES | {"width_mm": -3}, "width_mm in \\[body\\]: must be positive"),
 ])

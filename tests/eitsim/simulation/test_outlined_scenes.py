@@ -11,12 +11,14 @@ import pytest
 from eitsim.cli.output_files import OutputFiles, check_output_files
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.scene.results import Decision
 from eitsim.scene.scene import Accuracy, Body, Drive, Electrodes, Punch, Scene, rim_gap_m
 from eitsim.sensors.calibration.calibrate import check_electrodes
 from eitsim.sensors.inspection import inspect
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 from eitsim.simulation.derivatives.readings import check_differentiable
+from eitsim.simulation.error_budget import explain_excess
 from eitsim.simulation.plan import least_gap_m, make_plan, near_rim, rim_effect
 from eitsim.simulation.result_json import result_document
 from eitsim.simulation.simulate import simulate
@@ -117,11 +119,50 @@ def test_the_least_gap_is_solved_in_a_corner_without_three_dimensions():
     assert any("near several edges" in d.decision for d in corner.decisions)
 
 
+def stiffening(scene: Scene) -> Decision:
+    (found,) = [d for d in make_plan(scene, CARD).decisions if d.decision == "electrodes do not stiffen the rim"]
+    return found
+
+
+def test_a_hole_carries_no_electrodes_along_the_outer_edge():
+    """Next to it and far from that edge these change little, and what the foam does there counts all edges."""
+    hole = replace(SCENE, body=replace(SKIN, width_m=0.2, height_m=0.2, holes_m=((0.0, 0.0, 0.005),)))
+    at_hole, without = at(0.013, 0.0, hole), replace(hole, body=replace(hole.body, holes_m=()))
+    assert rim_gap_m(hole.body, at_hole.punches[0]) == pytest.approx(0.003, abs=1e-4)
+    assert near_rim(at_hole, at_hole.punches[0])
+    bound = stiffening(at_hole)
+    assert "holes carry none" in bound.reason
+    assert bound.error_bound == stiffening(at(0.013, 0.0, without)).error_bound < 1e-4
+    edge = stiffening(at(0.0, 0.092, hole)).error_bound
+    assert edge == stiffening(at(0.0, 0.092, without)).error_bound > 0.1
+    patches = Electrodes(count=4, kind="surface", x_m=(-0.05, 0.05, 0.05, -0.05), y_m=(-0.05, -0.05, 0.05, 0.05),
+                         width_m=0.004)
+    on_skin = stiffening(replace(at_hole, electrodes=patches))
+    assert on_skin.error_bound > 0.1  # they may lie next to a hole
+    assert "holes" not in on_skin.reason
+
+
+def test_a_note_says_what_to_write_where_electrodes_give_way():
+    plan = make_plan(at(0.01, 0.03), CARD)
+    note = explain_excess(0.02, 0.3, 0.01, plan)
+    assert note.endswith("most of that \"electrodes do not stiffen the rim\". Where yours give way, as paint, foil and "
+                         "thin wires do, write soft = true in [electrodes].")
+    soft = make_plan(replace(at(0.01, 0.03), electrodes=replace(SCENE.electrodes, soft=True)), CARD)
+    assert "soft = true" not in explain_excess(0.02, 0.3, 0.01, soft)
+    assert explain_excess(0.3, 0.3, 0.01, plan) == ""
+
+
 @pytest.mark.parametrize("y_m", [0.036, 0.06])
 def test_a_punch_over_the_edge_is_refused(y_m):
     refused = make_plan(at(0.0, y_m), CARD).refusal
     assert "the nearest edge of the skin; change x_mm and y_mm so that the punch lies" in refused
-    assert "mm further inwards" in refused
+    assert "mm further onto the skin" in refused
+
+
+def test_a_punch_in_a_hole_is_sent_onto_the_skin():
+    refused = make_plan(at(0.0, 0.0, replace(SCENE, body=replace(SKIN, holes_m=((0.0, 0.0, 0.005),)))), CARD).refusal
+    assert refused.startswith("the punch's edge reaches 10.0 mm past the nearest edge of the skin; change x_mm")
+    assert refused.endswith("so that the punch lies 10.00 mm further onto the skin.")
 
 
 PAIR = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.1))

@@ -223,6 +223,18 @@ def test_a_touch_begins_with_its_verdict_and_says_the_share_of_the_signal(tmp_pa
         "signal comes from there" in read_pdf(tmp_path / "t.pdf").whole
 
 
+def test_the_signal_of_a_real_skin_is_no_better_than_by_the_card_s_law(write_result: Make) -> None:
+    for signal, share, grade, words in ((0.82, 0.0, "not usable", '; no better than "Signal by the card\'s law"'),
+                                        (0.03, 0.0, "usable", '; no better than "Signal by the card\'s law"'),
+                                        (0.82, 0.89, "not usable", ""), (0.004, 0.0, "good", "")):
+        stability = {"elliptic": True, "signal_share_extrapolated": share}
+        error = {"signal": signal, "depth": 0.001}
+        lines = touch_report.report(write_result(stability=stability, error_estimate=error)).verdict
+        (found,) = [line for line in lines if line.what == "Signal of a real skin"]
+        assert found.grade == grade
+        assert found.why == f"{100 * share:.0f} % of it comes from extrapolated conductivity{words}"
+
+
 def test_what_has_no_effect_on_a_flat_punch_is_left_out_of_its_scene(write_result: Make) -> None:
     for profile, shown in (("flat", False), ("cone", True)):
         scene = json.loads(write_result().read_text())["scene"]

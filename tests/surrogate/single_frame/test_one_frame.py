@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,17 +14,23 @@ from numpy.typing import NDArray
 
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.cli.predict_command import predict
+from surrogate.data import outputs
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import ForwardMap, fit, linearise
+from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
+from surrogate.learners.forward import TouchInversion
+from surrogate.model.predict import Predictions
 from surrogate.single_frame import diameter_profile, likelihood_emulator
 from surrogate.single_frame import posterior as posterior_module
 from surrogate.single_frame import simulated_posterior as simulated_posterior_module
 from surrogate.single_frame import simulator_inversion as direct_module
 from surrogate.single_frame.posterior import posterior_of, prior_of, weighed_draws
+from surrogate.single_frame.rows import One, direct_row
 from surrogate.single_frame.simulated_posterior import Correction, simulated_posterior
 from surrogate.single_frame.simulator_inversion import direct, relative_curvature
 from surrogate.single_frame.simulator_likelihood import Simulator, Solved, Unknowns, unknowns_of
+from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -85,6 +93,56 @@ def test_direct_inversion_recovers_a_touch_of_its_own_simulator(monkeypatch: pyt
     known = direct(simulator, forward, signal(truth), 1e-5, truth + np.array([0.5, 0.4, 0.0, -0.05]), known_d=True)
     assert known.covariance[2, 2] < found.covariance[2, 2]
     assert known.touch == pytest.approx(truth, abs=3e-3)
+
+
+def row_of(forward: ForwardMap, signal_V: Array, noise_V: float) -> dict[str, Any]:
+    """The row of a frame by direct inversion after the map's own answer, and whether that is broad."""
+    found = invert(forward, signal_V[None], noise_V)
+    half = np.sqrt(np.einsum("npp->np", found.covariance)) * normal(COVERAGE)
+    learned = Predictions(found.touch, half, half, [""], np.empty((1, 0)))
+    model = SimpleNamespace(learner=TouchInversion(forward, None, np.arange(4)), names=outputs.NAMES,  # type: ignore
+                            method="forward")
+    row = direct_row(model, Simulator.__new__(Simulator), One(1, signal_V, learned), noise_V)  # type: ignore
+    return row | {"broad": bool(found.broad[0])}
+
+
+def test_a_map_of_one_diameter_knows_the_punch_and_takes_the_simulator_s_answer(
+        monkeypatch: pytest.MonkeyPatch, ring: Ring, synthetic: Draw) -> None:
+    """Over the posterior of punches its d and F are no broader than about the peak."""
+    forward = fit(ring, *synthetic(120, 5, [14.0]))
+    _, signal = stand_in(monkeypatch, forward)
+    rng, noise, held = np.random.default_rng(6), 2e-6, []
+    for touch in synthetic(20, 7, [14.0], 40.0)[0] * [1, 1, 1, 0.9]:
+        row = row_of(forward, signal(touch) + noise * rng.normal(size=208), noise)
+        assert row["broad"]
+        assert (row["by"], row["flag"]) == ("simulator", "")
+        assert row["d_mm"] == pytest.approx(14.0, abs=1e-3)
+        assert row["d_hi90_mm"] - row["d_lo90_mm"] < 1e-3
+        held.append([row[f"{name}_lo90_{unit}"] < value < row[f"{name}_hi90_{unit}"] for name, unit, value in (
+            ("x0", "mm", touch[0]), ("y0", "mm", touch[1]), ("F", "N", touch[3]))])
+    print("90 % intervals of x, y, F that hold:", np.mean(held, axis=0))
+    assert np.mean(held) > 0.8
+
+
+def test_a_known_punch_whose_signal_several_forces_make_keeps_the_learned_answer(
+        monkeypatch: pytest.MonkeyPatch, ring: Ring, synthetic: Draw, spots: Callable[..., Array]) -> None:
+    touch = synthetic(160, 8, [14.0])[0]
+    forward = fit(ring, touch, spots(touch, np.full(160, 7.2), 0.5 * np.sin(np.pi * touch[:, 3] / 2.1)))
+    _, signal = stand_in(monkeypatch, forward)
+    row = row_of(forward, signal(np.array([10.0, -20.0, 14.0, 0.5])), 1e-6)
+    assert (row["by"], row["flag"]) == ("learned", "several forces fit this frame")
+    assert row["F_hi90_N"] - row["F_lo90_N"] > 1.0
+
+
+def test_punches_of_any_diameter_that_make_one_signal_are_left_to_the_posterior(monkeypatch: pytest.MonkeyPatch,
+                                                                                forward: ForwardMap) -> None:
+    _, signal = stand_in(monkeypatch, forward)
+    noise = 1e-4
+    row = row_of(forward, signal(np.array([20.0, -11.0, 14.0, 0.9])) + noise * np.random.default_rng(9).normal(
+        size=208), noise)
+    assert row["broad"]
+    assert row["by"] == "learned"
+    assert "d and F are broad: ask for --posterior" in row["flag"]
 
 
 def test_a_simulator_without_readings_at_the_start_says_so(monkeypatch: pytest.MonkeyPatch, forward: ForwardMap
