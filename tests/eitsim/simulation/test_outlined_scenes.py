@@ -12,11 +12,7 @@ from eitsim.cli.output_files import OutputFiles, check_output_files
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.results import Decision
-from eitsim.scene.scene import Accuracy, Body, Drive, Electrodes, Punch, Scene, rim_gap_m
-from eitsim.sensors.calibration.calibrate import check_electrodes
-from eitsim.sensors.inspection import inspect
-from eitsim.sensors.recording import Recording
-from eitsim.sensors.sensor_file import Sensor
+from eitsim.scene.scene import Accuracy, Body, Electrodes, Punch, Scene, rim_gap_m
 from eitsim.simulation.derivatives.readings import check_differentiable
 from eitsim.simulation.error_budget import explain_excess
 from eitsim.simulation.plan import least_gap_m, make_plan, near_rim, rim_effect
@@ -204,12 +200,6 @@ def test_exact_says_that_edges_stay_left_out():
     assert any("exact does not change it" in d.reason for d in plan.decisions if d.error_bound > 0)
 
 
-def test_what_serves_discs_alone_says_so(tmp_path: Path):
+def test_what_serves_discs_alone_says_so():
     with pytest.raises(ValueError, match="sensitivities are not built for skins with an outline"):
         check_differentiable(SCENE)
-    sensor = Sensor(SCENE.body, SCENE.skin, SCENE.electrodes, Drive())
-    with pytest.raises(ValueError, match="the instrument model is built for discs"):
-        check_electrodes(sensor)
-    frames = Recording(np.ones((3, 208)), np.arange(3.0), None, np.array(["", "", ""]), "voltage", tmp_path / "a.csv")
-    with pytest.raises(ValueError, match="does not serve a skin with an outline"):
-        inspect(frames, sensor)
