@@ -139,6 +139,18 @@ def test_one_dead_reading_is_one_and_dead_electrodes_are_several() -> None:
     assert "Readings 52 to 53 are dead: empty" in two
 
 
+def test_a_dead_electrode_that_reads_noise_is_named() -> None:
+    drive, rng = Drive(reading="differential"), np.random.default_rng(6)
+    sensor, to = described(UNEVEN, drive), (3 - np.arange(COUNT)) % COUNT
+    clean = read_out(drive, impedance(UNEVEN)[np.ix_(to, to)]).ravel()
+    clean[(pairs_of(sensor) == 5).any(axis=1)] = 0.0
+    frames = clean + 1e-3 * np.sqrt(np.mean(clean**2)) * rng.standard_normal((5, clean.size))
+    found = inspect(Recording(frames, np.arange(5), None, np.array([""] * 5), "voltage", Path("frames.csv")), sensor)
+    assert found.agrees is True
+    assert found.dead_electrodes == (5,)
+    assert any("Electrode 5 is dead" in one for one in cautions(found))
+
+
 def test_exchanged_leads_are_named() -> None:
     leads = np.arange(COUNT)
     leads[[3, 4]] = 4, 3
