@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,8 @@ from eitsim.simulation.result_json import ERRORS, MECHANICS
 if TYPE_CHECKING:
     from eitsim.sensors.inspection import Inspection
     from eitsim.sensors.layout.sensor_design import SensorDesign
+
+_MOST_NUMBERS = 4  # of parameters that are named one by one
 
 
 def show_plan(made: Plan) -> None:
@@ -159,7 +162,7 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
         _console().print(table)
     groups: dict[str, list[dict[str, float]]] = {}
     for name, one in document["parameters"].items():
-        groups.setdefault(re.sub(r"_\d+$", "", name), []).append(one)
+        groups.setdefault(_group(name), []).append(one)
     if groups:
         table = Table("parameter", "values", "sd, largest", "prior sd", box=box.SIMPLE_HEAD, title_justify="left",
                       title="parameters, their standard deviation after and before the fit")
@@ -203,9 +206,25 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
                 print(f"presses left out, {why}: {', '.join(names)}")
         print(f"card of this skin: {out.parent / skin['card']}")
     if document["not_determined"]:
-        print(f"not determined by the data: {', '.join(document['not_determined'])}")
+        print(f"not determined by the data: {_by_group(document['not_determined'], document['parameters'])}")
     print(f"absolute model: {document['absolute_model']}" + (f": {document['reason']}" if document["reason"] else ""))
     print(f"sensor: {out}")
+
+
+def _group(parameter: str) -> str:
+    """The name of a parameter without the number of its electrode, mode or reading."""
+    return re.sub(r"_\d+$", "", parameter)
+
+
+def _by_group(some: Sequence[str], parameters: Iterable[str]) -> str:
+    """Some of the parameters by their group: how many of it, and which where they are few."""
+    of, said = Counter(map(_group, parameters)), []
+    for group, count in Counter(map(_group, some)).items():
+        numbers = [name.removeprefix(f"{group}_").lstrip("0") or "0" for name in some if _group(name) == group]
+        which = f": {', '.join(numbers)}" if count <= _MOST_NUMBERS else ""
+        said.append(group if of[group] == 1 else f"{group} (all {count})" if count == of[group] else
+                    f"{group} ({count} of {of[group]}{which})")
+    return ", ".join(said)
 
 
 def show_designs(designs: Mapping[Path, SensorDesign]) -> None:

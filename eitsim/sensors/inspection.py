@@ -12,7 +12,7 @@ from eitsim.sensors import reading_checks
 from eitsim.sensors.companions import FEWEST, in_step, late_readings
 from eitsim.sensors.conventions import MEAN, counts_for
 from eitsim.sensors.identification import CERTAIN, Identified, has_sign, identified
-from eitsim.sensors.outlined_skin import OutlinedSkin, outlined_skin
+from eitsim.sensors.outlined_skin import OutlinedSkin, on_body, outlined_skin, read_between
 from eitsim.sensors.reading_checks import Apart
 from eitsim.sensors.recognition import (
     Order,
@@ -110,10 +110,16 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
         signed=kind == "voltage" and profile is not None and has_sign(profile))
     lost = reading_checks.dead_electrodes(dead, [(pairs[:, 2:] == k).any(axis=1) for k in range(count)]
                                           ) if pairs is not None and count else ()
+    placements: tuple[tuple[int, int], ...] = ()
+    if sensor and known is not None and profile is not None and agrees:
+        placements = _placements(sensor, known, profile, skin, found.swapped, signed=kind == "voltage")
+        if found.decided_by in ("disc", "skin"):
+            model = read_between(_impedance(sensor) if skin is None else skin.impedances[0],
+                                 on_body(known, placements[0] if placements else (1, 0), counts[0]))
+            lost = sorted({*lost, *reading_checks.silent_electrodes(profile, model, known, counts[0])})
     return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead), tuple(lost),
                       np.flatnonzero(late), reading_checks.noise(untouched), reading_checks.drift(untouched), *compared,
-                      placements=_placements(sensor, known, profile, skin, found.swapped, signed=kind == "voltage")
-                      if sensor and known is not None and profile is not None and agrees else ())
+                      placements=placements)
 
 
 def in_phase(readings: Array | Complex) -> Array:
@@ -191,10 +197,15 @@ def _placements(sensor: Sensor, pairs: Index, profile: Array, skin: OutlinedSkin
                         key=lambda way: -likelihood[way]))
 
 
+def _impedance(sensor: Sensor) -> Array:
+    """(N, N) of a sensor as its file describes it, on a sheet of 1 S, Ohm; NaN of electrodes without contact."""
+    return among_all(sensor.electrodes, untouched_impedance(sensor.body, present(sensor.electrodes), 1.0))
+
+
 def _numberings_on_disc(sensor: Sensor, profile: Array) -> dict[tuple[int, int], float]:
     """Way and turn of the electrodes -> log likelihood of a frame, of the sensor as its file describes it."""
     count, kept = sensor.electrodes.count, np.isfinite(profile)
-    z = among_all(sensor.electrodes, untouched_impedance(sensor.body, present(sensor.electrodes), 1.0))
+    z = _impedance(sensor)
     found = {}
     for way in (1, -1):
         for turn in range(count):

@@ -1,22 +1,32 @@
 """An inspection as plain values, as sentences, and as the questions that it leaves to the user."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
+from eitsim.scene.drive import Drive
 from eitsim.scene.electrodes import identical
+from eitsim.scene.outline_electrodes import along_edge
 from eitsim.sensors.companions import FEWEST
+from eitsim.sensors.conventions import pattern_name
 from eitsim.sensors.identification import EXPLAINED, words_of
 from eitsim.sensors.inspection import Inspection
 from eitsim.sensors.reading_checks import NO_OHMMETER, Apart
+from eitsim.sensors.recognition import Order, canonical
+from eitsim.sensors.sensor_file import Sensor, pairs_of
 from touchcal.arrays import Index
 from touchcal.number_words import counted, percent
 
 _SAID = 0.02  # what should be the same and differs by more than this is said
 _DRIFT, _MOST_NAMED = 0.02, 4
+# what [drive] calls readings, by what a convention reads against
+_READINGS = {"pair": "differential", "before": "single-ended"}
 _ROWS = {"turn": "turn: where drives begin", "direction": "direction: way of the drives"}
+_PRESSES = ("Press where the file puts electrode 0, then where it puts 1, and run `eitsim reconstruct`: an image at "
+            "electrode m of the file says that m of the readings lies where was pressed. Then list places in "
+            "[electrodes] in the order of the readings.")
 _SIGNS = {"positive": "plus less minus, for current from source to sink",
           "negative": "minus less plus, for current from source to sink: leads of the current or of the voltmeter are "
                       "exchanged",
@@ -62,7 +72,8 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
         yield "unexplained", (f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous "
                               f"{_body(found)}")
     if found.sensor is not None:
-        yield "sensor file", {True: "agrees with the readings", False: "contradicted by the readings",
+        yield "sensor file", {True: "[drive] agrees with the readings, the electrodes' places do not" if
+                              _elsewhere(found) else "agrees with the readings", False: "contradicted by the readings",
                               None: f"not contradicted: one of {len(one.plausible)} orders that the readings allow"
                               if one.plausible else "neither confirmed nor contradicted"}[found.agrees]
     if found.noise is not None:
@@ -80,13 +91,17 @@ def cautions(found: Inspection) -> Iterator[str]:
     one = found.identified
     if found.agrees is False:
         yield ("The readings contradict [drive] of the sensor file: they look like "
-               + "; or ".join(", ".join(words_of(each).values()) for each in one.plausible[:2]) + ".")
+               + "; or ".join(", ".join(words_of(each).values()) for each in one.plausible[:2]) + "."
+               + (_drive_of(one.plausible[0], found.sensor) if found.sensor else ""))
     if one.swapped:
         yield f"The leads of electrodes {one.swapped[0]} and {one.swapped[1]} look exchanged. Check them."
     if found.dead_electrodes:
-        yield f"Electrode {_listed(np.array(found.dead_electrodes))} is dead: open, or its channel is."
+        yield (f"Electrode {found.dead_electrodes[0]} is dead: open, or its channel is." if
+               len(found.dead_electrodes) == 1 else
+               f"Electrodes {_listed(np.array(found.dead_electrodes))} are dead: open, or their channels are.")
     if found.dead_readings.size:
-        yield f"Readings {_listed(found.dead_readings)} are dead: empty, 0 or unchanging in every frame."
+        yield (("Reading {} is" if found.dead_readings.size == 1 else "Readings {} are").format(
+            _listed(found.dead_readings)) + " dead: empty, 0 or unchanging in every frame.")
     if found.late.size:
         yield (f"Readings {_listed(found.late)} of each row belong to the frame before it: they change with the others "
                "of the row above. Begin a row where the scan begins, or move them up by one row.")
@@ -95,9 +110,9 @@ def cautions(found: Inspection) -> Iterator[str]:
     if one.unexplained > EXPLAINED:
         yield (f"No homogeneous {_body(found)} explains the untouched frame: the best order leaves "
                f"{percent(one.unexplained)}. Use changes only; an absolute model is not to be trusted.")
-    if found.placements and (1, 0) not in found.placements:
+    if _elsewhere(found):
         yield ("Electrodes do not lie on the skin as the sensor file says: the untouched frame fits them best "
-               f"{_placements(found)}. Correct first_angle_deg or the outline, or number the readings otherwise.")
+               f"{_placements(found)}. {_renumbered(found)}")
     for apart, what in ((found.source_against_sink, "source and sink"), (found.reciprocity, "drive and measurement")):
         if apart is not None and apart.most > _SAID:
             yield (f"Readings with {what} exchanged are {_range(apart)} from each other, which a linear, reciprocal, "
@@ -136,10 +151,11 @@ def questions(found: Inspection) -> Iterator[str]:
         yield from _on_skin(found)
     elif found.placed is None and (found.sensor is None or identical(found.sensor.electrodes)):
         yield ("Where on the body is electrode 0, and which way round do they count, seen from the touched side? An "
-               "even ring looks the same from every electrode and in a mirror; press next to electrode 0, then 1.")
+               "even ring looks the same from every electrode and in a mirror"
+               + ("; press next to electrode 0, then 1." if found.sensor is None else f". {_PRESSES}"))
     elif found.placed is None:
-        yield ("Do the electrodes lie on the body as the sensor file says? The untouched frame does not tell; press "
-               "next to electrode 0, then electrode 1.")
+        yield ("Do the electrodes lie on the body as the sensor file says? The untouched frame does not tell. "
+               f"{_PRESSES}")
     elif found.placed != (1, 0):
         way = "the same way round" if found.placed[0] == 1 else "the other way round"
         yield (f"Is electrode 0 of the readings electrode {found.placed[1]} of the sensor file, counting {way}? Its "
@@ -150,11 +166,43 @@ def _on_skin(found: Inspection) -> Iterator[str]:
     """Where electrodes lie on a skin with an outline."""
     if len(found.placements) > 1 and (1, 0) in found.placements:
         yield (f"Is electrode 0 of the readings that of the sensor file? {counted(len(found.placements), 'numbering')} "
-               f"fit the untouched frame, {_placements(found)}, since the skin looks the same so; press next to "
-               "electrode 0, then 1.")
+               f"fit the untouched frame, {_placements(found)}, since the skin looks the same so. "
+               f"{_PRESSES}")
     elif not found.placements:
-        yield ("Do the electrodes lie on the skin as the sensor file says? The untouched frame does not tell; press "
-               "next to electrode 0, then electrode 1.")
+        yield ("Do the electrodes lie on the skin as the sensor file says? The untouched frame does not tell. "
+               f"{_PRESSES}")
+
+
+def _elsewhere(found: Inspection) -> bool:
+    """Whether the untouched frame says that electrodes lie elsewhere than in the sensor file."""
+    return bool(found.placements) and (1, 0) not in found.placements
+
+
+def _renumbered(found: Inspection) -> str:
+    """How a sensor file says that electrodes lie as the untouched frame says."""
+    assert found.sensor is not None
+    body, electrodes = found.sensor.body, found.sensor.electrodes
+    way, turn = max(found.placements, key=lambda one: one[0])  # the likeliest, of the same way round where there is one
+    if electrodes.kind != "line":
+        return "List x_mm and y_mm in [electrodes] in the order of the readings, or correct the outline."
+    if not body.has_outline:
+        return "Name the electrodes of each reading as the file numbers them, by pairs in [drive]."
+    places_mm = 1e3 * along_edge(body, electrodes)[(way * np.arange(electrodes.count) + turn) % electrodes.count]
+    first = ", ".join(f"{place:.6g}" for place in places_mm[:_MOST_NAMED])
+    return (f"List their places in [electrodes] in the order of the readings, positions_mm = [{first}, ...], or "
+            "correct the outline." + (" No first_angle_deg turns the way round." if way == -1 else ""))
+
+
+def _drive_of(order: Order, sensor: Sensor) -> str:
+    """What [drive] of a sensor file is to say for an order."""
+    one, step = order.convention, int(order.pairs[0, 1] - order.pairs[0, 0])
+    if one is not None and one.kept == "undriven" and one.reference in _READINGS:
+        named = Drive(pattern=pattern_name(step, order.count), reading=_READINGS[one.reference])
+        pairs = pairs_of(replace(sensor, drive=named))
+        if canonical(pairs, order.count, False) == canonical(order.pairs, order.count, False):
+            return (f' The first is pattern = "{named.pattern}" with reading = "{named.reading}" in [drive], where '
+                    f'"{Drive.reading}" is the default.')
+    return " Describe the drive by pairs in [drive]."
 
 
 def _placements(found: Inspection) -> str:

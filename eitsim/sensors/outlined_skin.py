@@ -39,8 +39,9 @@ class OutlinedSkin:
 def outlined_skin(body: Body, electrodes: Electrodes) -> OutlinedSkin:
     """The skin of a sensor file; ValueError where an electrode is missing."""
     if not there(electrodes).all():
-        raise ValueError("the order of readings on a skin with an outline is judged with all electrodes in contact; "
-                         "leave missing out of [electrodes], and what needs them out of [drive].")
+        raise ValueError("the order of readings on a skin with an outline is judged without missing in "
+                         "[electrodes]; leave it out, and leave the cells of readings that need these electrodes empty "
+                         "in the recording.")
     count = electrodes.count
     if electrodes.kind == "line":
         # contact impedances of a sheet of 1 S have the layer S z of one that conducts as coatings do

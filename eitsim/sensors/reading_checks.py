@@ -16,6 +16,7 @@ from touchcal.arrays import Array, Index, Mask
 NO_OHMMETER = 1.0
 _ENDS = 0.1  # part of the untouched frames at either end that drift is taken between
 _MOSTLY = 0.8  # an electrode is dead where this part of its readings is
+_SILENT = 0.1  # an electrode is dead whose readings are this part of a model's, where the median electrode's are all
 _STILL = 10  # frames over which a reading of a board with few bits may well not change
 _FEWEST = 3  # untouched frames that noise is taken from
 
@@ -59,6 +60,16 @@ def dead_electrodes(dead: Mask, uses: Iterable[Mask]) -> dict[int, float]:
     shares = [float(dead[use].mean()) if use.any() else 0.0 for use in uses]
     worst = max(shares)
     return {k: share for k, share in enumerate(shares) if share >= _MOSTLY and share == worst}
+
+
+def silent_electrodes(values: Array, model: Array, pairs: Index, count: int) -> list[int]:
+    """Electrodes, from 0, whose readings (m,) off driven electrodes are together less than a tenth, 2-norms, of what a
+    model (m,) makes of them, over what the median electrode's are of theirs; pairs (m, 4)."""
+    off = np.isfinite(values) & np.isfinite(model) & ~(pairs[:, :2, None] == pairs[:, None, 2:]).any(axis=(1, 2))
+    uses = [off & (pairs[:, 2:] == k).any(axis=1) for k in range(count)]
+    size = np.array([[np.linalg.norm(of[use]) for use in uses] for of in (values, model)])
+    share = np.divide(*size, out=np.full(count, np.nan), where=size[1] > 0)
+    return np.flatnonzero(share < _SILENT * np.nanmedian(share)).tolist() if size[1].any() else []
 
 
 def mean_frame(frames: Array) -> Array:

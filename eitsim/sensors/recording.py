@@ -131,6 +131,9 @@ def _leading(path: Path, line: int, names: Sequence[str]) -> list[str]:
         raise InputFileError(path, f"the header names {', '.join(leading)}: one of them twice. {fix}", line=line)
     if names and count == len(names):
         raise InputFileError(path, f"the header names no readings. {fix}", line=line)
+    if names and names[count].removeprefix(_READING).lstrip("0") == "1":
+        raise InputFileError(path, f"the header begins at '{names[count][:20]}', and readings count from 0. {fix}",
+                             line=line)
     for number, name in enumerate(names[count:]):
         if (name.removeprefix(_READING).lstrip("0") or "0") != str(number):
             raise InputFileError(path, f"the header names '{name[:20]}' where reading {number} stands. {fix}",

@@ -25,8 +25,9 @@ def repairs(document: Mapping[str, Any]) -> list[str]:
     found = [f"Electrode {k} is left out, since {why}: check its contact, its lead and its channel."
              for k, why in document["left_out"].items()]
     if document["dead_readings"]:
-        found.append(f"{len(document['dead_readings'])} readings are dead, first {document['dead_readings'][0]}: check "
-                     "their channels.")
+        first, more = document["dead_readings"][0], len(document["dead_readings"]) - 1
+        found.append(f"{more + 1} readings are dead, first {first}: check their channels." if more else
+                     f"Reading {first} is dead: check its channel.")
     if document["absolute_model"] != "usable":
         return [*found, f"The instrument, before any electrode: {document['reason']}"]
     return [*found, *_contacts(document["parameters"]), *_channels(document["parameters"])] or [NONE]

@@ -87,9 +87,11 @@ def _cautions(document: Mapping[str, Any]) -> list[str]:
     if not document["stage"]:
         return []
     before, after = _held_out(document)
+    if after <= max(before, HELD_OUT[0]):  # what is good may be worse than a sheet alone by noise
+        return []
     return [f"The calibrated sensor predicts drives that were not fitted worse ({percent(after)} unexplained) than a "
             f"uniform sheet alone ({percent(before)}): what was fitted is not the sensor. See that nothing touched it, "
-            "and record more untouched frames."] if after > before else []
+            "and record more untouched frames."]
 
 
 def _held_out(document: Mapping[str, Any]) -> tuple[float, float]:

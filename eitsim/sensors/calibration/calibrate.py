@@ -134,7 +134,8 @@ def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
     left = stages[kept[-1]].held_out
     reason = "" if left <= MOST_UNEXPLAINED else (
         f"{left:.0%} of the readings off the driven electrodes stay unexplained on drives that were not fitted, and "
-        f"{MOST_UNEXPLAINED:.0%} are the most; only changes of readings can be used.")
+        f"{MOST_UNEXPLAINED:.0%} are the most; only changes of readings can be used. If that surprises, check [drive] "
+        "by `eitsim sensor inspect`, and the sizes in [body].")
     return Calibration(sensor, count, tests, reason, stages, kept, instrument, found, dead, left_out, by_electrode)
 
 
@@ -242,10 +243,13 @@ def _check_left(frame: Untouched) -> None:
 
 
 def check_electrodes(sensor: Sensor) -> None:
-    """ValueError where the instrument model is not built for a sensor's body or electrodes."""
-    if sensor.electrodes.kind != "line" or sensor.electrodes.missing:
-        raise ValueError("the instrument model is built for line electrodes which all have contact; leave kind and "
-                         "missing out of [electrodes], and drives and readings of dead electrodes out of [drive].")
+    """ValueError where the instrument model is not built for a sensor's electrodes."""
+    if sensor.electrodes.kind != "line":
+        raise ValueError("the instrument model is not built for electrodes on the surface (kind in [electrodes]), only "
+                         "for line electrodes; from labelled presses `surrogate train` learns without it.")
+    if sensor.electrodes.missing:
+        raise ValueError("the instrument model takes no missing in [electrodes]; leave it out, and leave the cells of "
+                         "readings that need these electrodes empty in the recording.")
 
 
 def no_ohmmeter(tests: OhmTests) -> str:

@@ -43,15 +43,16 @@ def impedance(body: Body) -> np.ndarray:
 
 
 def inspected(body: Body, numbered: np.ndarray | None = None, drive: Drive | None = None,
-              own: Drive | None = None, roll: int = 0) -> Inspection:
+              own: Drive | None = None, roll: int = 0, electrodes: Electrodes | None = None) -> Inspection:
     """Of a drive's readings with noise 60 dB below, electrode k of them being number numbered[k] on the body, and
-    beginning so many readings later than that drive says; own: that of the sensor file."""
+    beginning so many readings later than that drive says; own, electrodes: those of the sensor file."""
     rng, to = np.random.default_rng(5), np.arange(COUNT) if numbered is None else numbered
     clean = read_out(drive or Drive(), impedance(body)[np.ix_(to, to)])
     clean = np.roll(clean, roll, axis=1).ravel()
     frames = clean + 1e-3 * np.sqrt(np.mean(clean**2)) * rng.standard_normal((5, clean.size))
+    sensor = described(body, own)
     return inspect(Recording(frames, np.arange(5), None, np.array([""] * 5), "voltage", Path("frames.csv")),
-                   described(body, own))
+                   replace(sensor, electrodes=electrodes or sensor.electrodes))
 
 
 def test_a_rectangle_s_order_is_confirmed_and_its_symmetries_are_asked() -> None:
@@ -61,7 +62,9 @@ def test_a_rectangle_s_order_is_confirmed_and_its_symmetries_are_asked() -> None
     assert found.identified.unexplained < 2e-3
     assert set(found.placements) == {(1, 0), (1, 8), (-1, 0), (-1, 8)}
     assert found.placed is None
-    assert any("4 numberings fit the untouched frame" in one for one in questions(found))
+    (asked,) = questions(found)
+    assert "4 numberings fit the untouched frame" in asked
+    assert "Press where the file puts electrode 0, then where it puts 1, and run `eitsim reconstruct`" in asked
     assert not list(cautions(found))
     assert dict(rows(found))["decided by"] == "a homogeneous skin of the sensor file's outline"
 
@@ -88,6 +91,21 @@ def test_a_mirrored_outline_is_named() -> None:
     (said,) = cautions(found)
     assert "with electrode 0 at electrode 3 of the file, counting the other way round" in said
     assert document(found)["placed_on_body"] == {"way": -1, "turn": 3}
+    assert "the electrodes' places do not" in dict(rows(found))["sensor file"]
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_places_in_the_order_of_the_readings_repair_what_is_named(way: int) -> None:
+    numbered = (3 + way * np.arange(COUNT)) % COUNT
+    (said,) = cautions(inspected(UNEVEN, numbered))
+    described_mm = 1e3 * along_edge(UNEVEN, described(UNEVEN).electrodes)[numbered]
+    assert f"positions_mm = [{', '.join(f'{one:.6g}' for one in described_mm[:4])}, ...]" in said
+    assert ("No first_angle_deg turns" in said) == (way == -1)
+    listed = replace(described(UNEVEN).electrodes, positions_m=tuple(1e-3 * described_mm))
+    found = inspected(UNEVEN, numbered, electrodes=listed)
+    assert found.placed == (1, 0)
+    assert dict(rows(found))["sensor file"] == "agrees with the readings"
+    assert not list(cautions(found))
 
 
 @pytest.mark.parametrize("case", [{"drive": Drive(pattern="skip-1")}, {"roll": 4}])
@@ -99,7 +117,38 @@ def test_another_order_than_the_sensor_file_s_contradicts_it(case: dict) -> None
     if "drive" in case:
         true = pairs_of(described(RECTANGLE, case["drive"]))
         assert canonical(order.pairs, COUNT, True) == canonical(true, COUNT, True)
-    assert "The readings contradict [drive] of the sensor file" in next(cautions(found))
+    said = next(cautions(found))
+    assert "The readings contradict [drive] of the sensor file" in said
+    assert ('pattern = "skip-1" with reading = "single-ended"' if "drive" in case else "by pairs in [drive]") in said
+
+
+def test_a_board_that_reads_neighbours_is_named_as_the_sensor_file_names_it() -> None:
+    found = inspected(RECTANGLE, drive=Drive(reading="differential"))
+    assert found.agrees is False
+    assert ('The first is pattern = "adjacent" with reading = "differential" in [drive], where "single-ended" is the '
+            "default.") in next(cautions(found))
+
+
+def test_one_dead_reading_is_one_and_dead_electrodes_are_several() -> None:
+    found = inspected(RECTANGLE)
+    one, two = (" ".join(cautions(replace(found, dead_readings=np.arange(52, 52 + count),
+                                          dead_electrodes=tuple(range(count))))) for count in (1, 2))
+    assert "Electrode 0 is dead: open" in one
+    assert "Reading 52 is dead: empty" in one
+    assert "Electrodes 0 to 1 are dead: open" in two
+    assert "Readings 52 to 53 are dead: empty" in two
+
+
+def test_a_dead_electrode_that_reads_noise_is_named() -> None:
+    drive, rng = Drive(reading="differential"), np.random.default_rng(6)
+    sensor, to = described(UNEVEN, drive), (3 - np.arange(COUNT)) % COUNT
+    clean = read_out(drive, impedance(UNEVEN)[np.ix_(to, to)]).ravel()
+    clean[(pairs_of(sensor) == 5).any(axis=1)] = 0.0
+    frames = clean + 1e-3 * np.sqrt(np.mean(clean**2)) * rng.standard_normal((5, clean.size))
+    found = inspect(Recording(frames, np.arange(5), None, np.array([""] * 5), "voltage", Path("frames.csv")), sensor)
+    assert found.agrees is True
+    assert found.dead_electrodes == (5,)
+    assert any("Electrode 5 is dead" in one for one in cautions(found))
 
 
 def test_exchanged_leads_are_named() -> None:
@@ -127,5 +176,5 @@ def test_readings_of_a_numbering_are_those_of_the_impedance_matrix_so_numbered()
 
 
 def test_electrodes_without_contact_are_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="leave missing out of"):
+    with pytest.raises(ValueError, match=r"missing in .electrodes.; leave it out, and leave the cells"):
         outlined_skin(RECTANGLE, replace(described(RECTANGLE).electrodes, missing=(2,)))

@@ -96,3 +96,15 @@ def test_dead_channels_and_electrodes() -> None:
     assert reading_checks.dead_electrodes(np.zeros(len(PAIRS), bool), uses) == {}
     twice = recording(np.tile(values[:1, :3], (20, 1)))
     assert not reading_checks.dead_readings(twice).any()
+
+
+def test_electrodes_are_silent_whose_readings_off_driven_electrodes_are_small_against_a_model() -> None:
+    """Of 8 electrodes read by neighbours, those at electrode 3 are a hundredth; driven readings do not count."""
+    pairs = np.array([(0, 1, k, (k + 1) % 8) for k in range(8)] + [(4, 5, k, (k + 1) % 8) for k in range(8)])
+    model = np.random.default_rng(0).uniform(1, 2, len(pairs))
+    at = (pairs[:, 2:] == 3).any(axis=1)
+    off = ~(pairs[:, :2, None] == pairs[:, None, 2:]).any(axis=(1, 2))
+    values = 7 * np.where(at & off, 0.01, 1.0) * model
+    assert reading_checks.silent_electrodes(values, model, pairs, 8) == [3]
+    assert reading_checks.silent_electrodes(7 * model, model, pairs, 8) == []
+    assert reading_checks.silent_electrodes(np.full(16, np.nan), model, pairs, 8) == []

@@ -56,6 +56,7 @@ def test_frames_of_differences_are_never_untouched(tmp_path: Path) -> None:
     ("t,v_000\n0,1\n", "line 1: the header names 't'"),
     ("v_000,v_002\n1,2\n", "line 1: the header names 'v_002' where reading 1"),
     ("v_000,v_000\n1,2\n", "line 1: the header names 'v_000' where reading 1"),
+    ("touch,v_001,v_002\n,1,2\n", "line 1: the header begins at 'v_001', and readings count from 0"),
     ("touch,touch,v_000\na,b,2\n", "twice"),
     ("v_000;v_001\n1,5;2\n", "line 1: its cells are separated by semicolons"),
     ("v_000,v_001\n1,2\n3\n", "line 3: 1 columns, expected 2"),

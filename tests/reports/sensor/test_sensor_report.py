@@ -87,9 +87,15 @@ def test_electrodes_at_uneven_angles_are_drawn_where_they_lie(tmp_path: Path) ->
         np.testing.assert_allclose(np.degrees(np.arctan2(xy[:, 1], xy[:, 0])) % 360, angles_deg, atol=1e-6)
 
 
+def test_one_dead_reading_is_one() -> None:
+    assert repairs(document(dead=(4,)))[0] == "Reading 4 is dead: check its channel."
+
+
 def test_a_calibration_that_predicts_worse_than_a_uniform_sheet_is_cautioned(tmp_path: Path) -> None:
-    worse = document()
+    worse, noisy = document(), document()
     worse["unexplained"][worse["stage"]]["held_out"] = 2 * worse["unexplained"]["conductance"]["held_out"]
-    for one, cautions in ((document(), 0), (worse, 1)):
+    for stage, left in (("conductance", 2e-4), (noisy["stage"], 4e-4)):  # both of noise, which is no fault of the fit
+        noisy["unexplained"][stage]["held_out"] = left
+    for one, cautions in ((document(), 0), (noisy, 0), (worse, 1)):
         write_json(one, tmp_path / "sensor.json")
         assert len(sensor_report.report(tmp_path / "sensor.json").cautions) == cautions

@@ -242,10 +242,12 @@ def test_a_model_that_explains_little_is_refused() -> None:
     root = rng.standard_normal((COUNT, COUNT))
     found = calibrate(one, recording(readings(one.protocol, root @ root.T)))
     assert "stay unexplained on drives that were not fitted" in found.reason
+    assert "check [drive] by `eitsim sensor inspect`, and the sizes in [body]" in found.reason
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    ({"electrodes": Electrodes(count=COUNT, missing=(1,))}, "line electrodes which all have contact"),
+    ({"electrodes": Electrodes(count=COUNT, missing=(1,))}, "takes no missing .* leave the cells of readings"),
+    ({"electrodes": Electrodes(kind="surface", count=COUNT)}, "not built for electrodes on the surface"),
     ({"drive": Drive(1e-3, "adjacent", currents=((1, 1, -1, -1, 0, 0, 0, 0), (1, -1, 0, 0, 0, 0, 0, 0)),
                      measurements=((1, -1, 0, 0, 0, 0, 0, 0),))}, "pattern 0 .* from 2 electrodes"),
     ({"drive": Drive(1e-3, currents=((1, -1, 0, 0, 0, 0, 0, 0),), measurements=((0, 0, 1, -1, 0, 0, 0, 0),))},

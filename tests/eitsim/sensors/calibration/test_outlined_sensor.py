@@ -167,7 +167,7 @@ def test_its_report_draws_the_outline(tmp_path: Path) -> None:
 def test_electrodes_on_the_surface_are_refused_by_name() -> None:
     grid = Electrodes(kind="surface", count=COUNT, x_m=(-0.04,) * 4 + (-0.02, 0.0, 0.02, 0.04),
                       y_m=(-0.02, 0.0, 0.02, 0.04, -0.05, -0.05, -0.05, -0.05), width_m=0.008)
-    with pytest.raises(ValueError, match="the instrument model is built for line electrodes"):
+    with pytest.raises(ValueError, match="not built for electrodes on the surface"):
         calibrate(described(electrodes=grid), hidden().recording)
 
 
