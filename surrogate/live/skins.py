@@ -18,7 +18,7 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene, read_scene
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.reuse import served, shape_for, table_for
-from eitsim.simulation.simulate import solve_scene
+from eitsim.simulation.simulate import readings_of
 from matcal.card import read_card
 from matcal.laws.conductivity import conductivity
 from surrogate.bounds.dataset_bound import example_of
@@ -85,20 +85,22 @@ class SimulatedSkin:
     baseline_V: Array
 
     def pressed(self, controls: Controls) -> Pressed:
-        """The simulator's signal and fields; a problem where the table does not serve the press, which would take
-        seconds to solve."""
+        """The simulator's signal and fields, however exact the stored path is; a problem where none serves the press,
+        which would take seconds to solve."""
         punch = replace(self.scene.punches[0], x_m=controls.x_mm / 1e3, y_m=controls.y_mm / 1e3, depth_m=None,
                         diameter_m=controls.diameter_mm / 1e3, force_N=controls.force_N)
         scene = replace(self.scene, punches=(punch,))
         nothing = np.zeros_like(self.baseline_V)
-        if served(self.table, self.material.law, scene)[0] is None:
+        (touch,) = served(self.table, self.material.law, scene)
+        if touch is None:
             edge = "an edge" if scene.body.has_outline else "the rim"
             return Pressed(nothing, {}, f"no stored load path serves this press: it is too close to {edge}, too light "
                                         "or too deep")
-        found = solve_scene(scene, self.material, table=self.table)
-        if found.readings is None:
-            return Pressed(nothing, {}, f"not simulated ({found.outcome}): {found.message}")
-        return Pressed(found.readings.signal_V.ravel(), _profiles(scene, found.touches[0], self.material))
+        try:
+            readings = readings_of(scene, (touch,), self.material.skin, exact=False)
+        except ValueError as error:
+            return Pressed(nothing, {}, f"not simulated: {error}")
+        return Pressed(readings.signal_V.ravel(), _profiles(scene, touch, self.material))
 
 
 def _profiles(scene: Scene, touch: Touch, material: Material) -> dict[str, Any]:
