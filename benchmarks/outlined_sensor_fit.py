@@ -14,18 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from conditions import quick, written
-from sensor_fit import Hidden, described, rows_of
+from sensor_fit import Hidden, described, recorded, rows_of, state_of
 
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Scene
 from eitsim.sensors.calibration.instrument_model import Instrument, instrument_readings, sources
-from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 
 RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
@@ -56,15 +54,10 @@ def hidden(sensor: Sensor, noise_dB: float, seed: int) -> Hidden:
     drawn = {"contacts": CONTACT * rng.standard_normal(count), "width": width.mean(), "widths": width,
              "positions": PLACE_M * rng.standard_normal(count), "gains": GAIN * rng.standard_normal(count),
              "leaks": LEAK_S * np.abs(rng.standard_normal(count))}
-    change = np.zeros(instrument.size)
-    for group, values in drawn.items():
-        change[instrument.places[group]] = values
-    truth = instrument.prior_mean + instrument.gauged(change)
+    truth = state_of(instrument, drawn)
     body = solve_untouched(sensor.body.shape, instrument.built(truth), sheet, _SOLVED).impedance_Ohm
     clean = instrument_readings(instrument, asked, truth, np.asarray(np.linalg.pinv(body), dtype=float)).ravel()
-    noise = np.sqrt(np.mean(clean**2)) * 10 ** (-noise_dB / 20) * rng.standard_normal(clean.size)
-    recording = Recording((clean + noise)[None], np.array([0]), None, np.array([""]), "voltage", Path("synthetic"))
-    return Hidden(sensor, truth, recording)
+    return Hidden(sensor, truth, recorded(clean, noise_dB, rng))
 
 
 def rows() -> Iterator[dict[str, Any]]:

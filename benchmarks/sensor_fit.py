@@ -12,7 +12,7 @@ error of a mesh nor what the modes leave out is in them; currents are exact.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,14 +68,22 @@ def hidden(seed: int, counts: tuple[int, ...] = (8, 16)) -> Hidden:
              "sheet": COATING * rng.standard_normal(len(instrument.numbers("sheet"))),
              "positions": PLACE_M * rng.standard_normal(count), "gains": GAIN * rng.standard_normal(count),
              "leaks": LEAK_S * np.abs(rng.standard_normal(count))}
+    truth = state_of(instrument, drawn)
+    return Hidden(sensor, truth, recorded(voltages(instrument, asked, truth).ravel(), NOISE_DB, rng))
+
+
+def state_of(instrument: Instrument, drawn: Mapping[str, Any]) -> np.ndarray:
+    """The state whose groups of parameters are so far from their prior mean, without what no reading determines."""
     change = np.zeros(instrument.size)
     for group, values in drawn.items():
         change[instrument.places[group]] = values
-    truth = instrument.prior_mean + instrument.gauged(change)
-    clean = voltages(instrument, asked, truth).ravel()
-    noise = np.sqrt(np.mean(clean**2)) * 10 ** (-NOISE_DB / 20) * rng.standard_normal(clean.size)
-    recording = Recording((clean + noise)[None], np.array([0]), None, np.array([""]), "voltage", Path("synthetic"))
-    return Hidden(sensor, truth, recording)
+    return instrument.prior_mean + instrument.gauged(change)
+
+
+def recorded(clean: np.ndarray, noise_dB: float, rng: np.random.Generator) -> Recording:
+    """One frame of readings (readings,), V, with white noise so far below their r.m.s."""
+    noise = np.sqrt(np.mean(clean**2)) * 10 ** (-noise_dB / 20) * rng.standard_normal(clean.size)
+    return Recording((clean + noise)[None], np.array([0]), None, np.array([""]), "voltage", Path("synthetic"))
 
 
 def rows_of(one: Hidden, seed: int) -> Iterator[dict[str, Any]]:

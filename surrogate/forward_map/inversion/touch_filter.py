@@ -118,9 +118,9 @@ def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, s
     for _ in range(STEPS):
         here = linearise(forward, state, discrepancy)
         slope = unsure.axes.T @ here.jacobian[:, kept]
-        alike = unsure.axes.T @ np.concatenate([here.discrepancy, at_rim, drift], axis=2)[:, kept]
+        common = unsure.axes.T @ np.concatenate([here.discrepancy, at_rim, drift], axis=2)[:, kept]
         innovation = (signal - here.signal_V)[:, kept] @ unsure.axes - _times(slope, before.mean - state)
-        update = _update(before, slope, white, alike, innovation, unsure)
+        update = _update(before, slope, white, common, innovation, unsure)
         trial = on_range(forward, before.mean + update.step)
         bent = BENT * np.sum(((trial - state) / STRAIGHT) ** 2, axis=1) * np.linalg.norm(here.signal_V, axis=1)
         state = trial
@@ -168,17 +168,17 @@ def _weighed(before: Followed, left: Array, update: _Update, noise_V: float) -> 
                    left=mean, frames=frames + 1, since=before.mean[best(before)] if again else before.since)
 
 
-def _update(before: Followed, slope: Array, white: Array, alike: Array, innovation: Array, unsure: Unsure) -> _Update:
+def _update(before: Followed, slope: Array, white: Array, common: Array, innovation: Array, unsure: Unsure) -> _Update:
     """The consider filter's update by m readings of these slopes (k, m, 4), whose errors are white constants of
-    standard deviations (k,) and `alike` (k, m, rest) times the others; solved along the few readings that anything but
+    standard deviations (k,) and `common` (k, m, rest) times the others; solved along the few readings that anything but
     white errors reaches."""
     own, others = np.flatnonzero(unsure.kept), np.s_[len(unsure.kept):]
     scaled = white[:, None, None]
-    by_constants = scaled * (before.shared[:, :, own] @ unsure.axes) + before.shared[:, :, others] @ _turned(alike)
-    onto = np.asarray(np.linalg.qr(np.concatenate([slope, _turned(by_constants), alike], axis=2))[0], np.float64)
-    slope, alike, by_constants = _turned(onto) @ slope, _turned(onto) @ alike, by_constants @ onto
+    by_constants = scaled * (before.shared[:, :, own] @ unsure.axes) + before.shared[:, :, others] @ _turned(common)
+    onto = np.asarray(np.linalg.qr(np.concatenate([slope, _turned(by_constants), common], axis=2))[0], np.float64)
+    slope, common, by_constants = _turned(onto) @ slope, _turned(onto) @ common, by_constants @ onto
     across = before.covariance @ _turned(slope) + by_constants
-    whole = slope @ across + _turned(slope @ by_constants) + alike @ _turned(alike)
+    whole = slope @ across + _turned(slope @ by_constants) + common @ _turned(common)
     whole += (scaled**2 + unsure.noise_V**2) * np.eye(slope.shape[1])
     along, rest = _parts(onto, innovation)
     solved = np.linalg.solve(whole, np.concatenate([_turned(across), along[..., None]], axis=2))
@@ -186,7 +186,7 @@ def _update(before: Followed, slope: Array, white: Array, alike: Array, innovati
     covariance = before.covariance - gain @ _turned(across)
     shared = before.shared - gain @ (slope @ before.shared)
     shared[:, :, own] -= scaled * (gain @ _turned(onto) @ unsure.axes.T)
-    shared[:, :, others] -= gain @ alike
+    shared[:, :, others] -= gain @ common
     elsewhere_V2 = white**2 + unsure.noise_V**2
     return _Update(_times(gain, along), (covariance + _turned(covariance)) / 2, shared,
                    np.sum(along * solved[..., 4], axis=1) + rest / elsewhere_V2, onto, whole,
