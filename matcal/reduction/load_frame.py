@@ -17,7 +17,9 @@ from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
 FEW_ROWS = "A table of strain and stress may have few rows."
-_ENOUGH = 20  # fewer samples than this before contact do not make a zero
+# fewer samples than this before contact do not make a zero, unless the contact lies this many of its standard
+# deviations after the start
+_ENOUGH, _CLEAR = 20, 5.0
 
 
 def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:
@@ -124,13 +126,14 @@ def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: lis
     latest = float(moved[moving][_first_above(load[moving] - rest, 6 * noise / np.sqrt(size), size)].max())
     contact = find_contact(moved[:stroke.end + 1], load[:stroke.end + 1], stroke.start, block.length_m, latest)
     before = stroke.start + np.count_nonzero(moved[moving] < contact.travel_m)
-    if before < _ENOUGH:
-        notes.append(f"Only {before} samples before the load rises: the first reading is taken as zero load and its "
-                     "position as contact.")
+    counted = f"{before} sample{'s' if before != 1 else ''}"
+    if before < _ENOUGH and contact.travel_m < _CLEAR * contact.sd_m:
+        notes.append(f"Only {counted} before the load rises: the first reading is taken as zero load and its position "
+                     "as contact.")
         return Contact(0.0, 0.0, float(load[0]), noise), moved
     notes.append(f"Contact found {contact.travel_m * 1e3:.3f} ± {contact.sd_m * 1e3:.3f} mm after the start, where a "
-                 f"smooth curve of unknown shape over {contact.reach:.0%} of strain begins; zero load from {before} "
-                 "samples.")
+                 f"smooth curve of unknown shape over {contact.reach:.0%} of strain begins; zero load from "
+                 f"{counted}.")
     return contact, moved
 
 

@@ -24,11 +24,14 @@ def equal_blocks(n: int, points: int) -> Edges:
 
 
 def log_blocks(time_s: Array, points: int) -> Edges:
-    """Edges of at most `points` blocks, equal in the logarithm of the time since the first sample."""
+    """Edges of at most `points` blocks, equal in the logarithm of the time since the first sample; samples that a clock
+    gives one time stay together."""
     t = time_s - time_s[0]
     if t.size < 3:
         return np.arange(t.size + 1)
-    requested = np.searchsorted(t, np.geomspace(t[1], 1.0001 * t[-1], points))
+    if not np.any(t > 0):
+        return np.array([0, t.size])
+    requested = np.searchsorted(t, np.geomspace(t[t > 0][0], 1.0001 * t[-1], points))
     return np.unique(np.concatenate([[0], requested, [t.size]]))
 
 

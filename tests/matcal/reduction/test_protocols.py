@@ -189,6 +189,21 @@ def test_plain_frame_record_without_clock_or_rest(tmp_path: Path) -> None:
     assert any("the first reading is taken as zero load" in sentence for sentence in got.decisions)
 
 
+def test_a_gap_of_few_samples_before_contact_is_found(tmp_path: Path) -> None:
+    """2.5 mm of air that a fast ramp crosses in ten samples, before a specimen of 50 mm."""
+    time = np.concatenate([np.arange(0, 2.2, 0.02), 2.2 + np.arange(0.1, 60, 0.1)])
+    travel = 12.5 * np.minimum(time, 2.2)
+    noise = 0.05 * np.random.default_rng(2).standard_normal(time.size)
+    file = _frame(tmp_path, "relaxation.csv", {"displacement": travel, "time": time,
+                                               "force": 2.0 * np.maximum(travel - 2.5, 0) + noise - 0.2})
+    _written(tmp_path, "specimen.toml", "[relaxation]\nwidth_mm = 50\ndepth_mm = 50\nheight_mm = 50\n"
+                                        "direction = \"compression\"\n")
+    got = _reduced(file)
+    print(got.decisions)
+    assert got.strain[-1] == pytest.approx(-0.5, abs=0.002)
+    assert abs(got.facts["contact_mm"] - 2.5) < 3 * got.facts["contact_sd_mm"]
+
+
 def test_direction_and_preload_of_the_specimen(tmp_path: Path) -> None:
     travel = np.concatenate([np.zeros(100), np.linspace(0, 10, 2000)])
     force = np.maximum(travel - 1.0, 0.0)

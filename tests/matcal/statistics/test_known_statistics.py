@@ -43,6 +43,13 @@ def test_logarithmic_blocks_grow_by_one_factor() -> None:
     assert log_blocks(time[:3], 2).tolist() == [0, 1, 3]
 
 
+def test_samples_of_one_time_stay_in_one_logarithmic_block() -> None:
+    """A clock that repeats its first time stamp, and a later one."""
+    time = 7.0 + np.array([0.0, 0.0, 0.0, 0.1, 1.0, 1.0, 10.0])
+    assert log_blocks(time, 3).tolist() == [0, 3, 6, 7]
+    assert log_blocks(np.full(5, 7.0), 3).tolist() == [0, 5]
+
+
 def test_a_linear_parameter_is_integrated_out() -> None:
     """target = columns x + N(0, 1), x ~ N(mean, root^-2): ln N(target; columns mean, 1 + columns S columns')."""
     rng = np.random.default_rng(1)
