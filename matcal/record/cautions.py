@@ -7,6 +7,7 @@ import numpy as np
 
 from matcal.card import MaterialCard
 from matcal.fitting.hyperfoam.poisson import STOPPED
+from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.reduction.loading_direction import ASSUMED
@@ -18,12 +19,14 @@ _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
 # share of a test in its 95 % band below which it is said; mu_0 of soft foams, Pa; ratio of stiffness between modes from
 # which on units and sizes are doubted, over the first share of their strains; stretch from which on nu = 0 is
 _INSIDE, _SOFT_PA, _RATIO, _EARLY, _STRETCHED = 0.9, (20.0, 1e6), 1.6, 0.3, 1.0
+# strain that earlier loadings left, and share by which a held stress differs from the law's, from which on it is said
+_SET, _HELD_OFF = 0.02, 0.15
 
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _assumed, _misfit, _at_bound,
-             _undetermined, _band, _predictions, _coverage, _series, _skin)
+    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _assumed, _set, _held, _misfit,
+             _at_bound, _undetermined, _band, _predictions, _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -145,6 +148,34 @@ def _assumed(card: MaterialCard) -> Iterator[str]:
         at = ", ".join(f"{nu:.3g}" for nu in dict.fromkeys(card.hyperfoam.nu.tolist()))
         yield (f"The fitted nu ({at}) ended on the bound of its range: the tests do not fix it, or the law cannot "
                "follow them. Measure the lateral strain, or give a value with --poisson.")
+
+
+def _set(card: MaterialCard) -> Iterator[str]:
+    """Cyclic tests whose loading that counts begins away from the first contact, and what the plateau would be from
+    there."""
+    law = card.hyperfoam
+    left = {label: row for label, row in tests(card).items() if abs(row.get("residual_strain", 0.0)) > _SET}
+    if not left or law is None:
+        return
+    mean, other = float(np.mean([row["residual_strain"] for row in left.values()])), ""
+    if plateau_reached(law.strain_range) and any(row["kind"] == "uniaxial" for row in left.values()):
+        here, there = -nominal_stress(law, "uniaxial", [PLATEAU_STRAIN, PLATEAU_STRAIN - mean]) / 1e3
+        other = (f" Counted from the first contact, the stress at {percent(-PLATEAU_STRAIN, 2)} strain would be some "
+                 f"{there:.3g} kPa instead of {here:.3g} kPa.")
+    yield (f"{', '.join(left)}: the loading that counts begins at a strain of {mean:.3f} that the loadings before it "
+           "left, and its strain is counted from there; how much of that would recover is not in the intervals."
+           f"{other} Let the specimen recover before that loading, or take the first with --branch first.")
+
+
+def _held(card: MaterialCard) -> Iterator[str]:
+    """A hold of another stress than the law of the compression curves gives at its strain."""
+    lowest = card.hyperfoam.strain_range.get("uniaxial", (0.0, 0.0))[0] if card.hyperfoam else 0.0
+    off = [f"{label} holds {row['stiffness_over_law']:.2f} times" for label, row in tests(card).items()
+           if abs(np.log(row.get("stiffness_over_law", 1.0))) > -np.log(1 - _HELD_OFF)
+           and 1.1 * lowest < row["strain_range"][0]]
+    if off:
+        yield (f"{', '.join(off)} the stress that the law of the other tests gives at its strain: check its sizes, its "
+               "contact and its strain, and whether its foam was preconditioned like that of the other tests.")
 
 
 def _misfit(card: MaterialCard) -> Iterator[str]:

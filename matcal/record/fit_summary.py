@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matcal.posterior.draws import Draws
 
 # how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
-_REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_")
+_REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_")
 
 
 def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:

@@ -58,6 +58,26 @@ def test_a_band_that_misses_its_record_is_said() -> None:
     assert any("The 95 % band holds too little" in said for said in cautions(card))
 
 
+def test_strain_that_earlier_loadings_left_is_said_with_what_it_changes() -> None:
+    law = replace(LAW, strain_range={"uniaxial": (-0.6, 0.0)})
+    row = {"kind": "uniaxial", "relative_rms": 0.01, "strain_range": [-0.6, 0.0]}
+    here, there = (-float(nominal_stress(law, "uniaxial", e)) / 1e3 for e in (-0.4, -0.34))
+    card = MaterialCard("foam", law, fit={"uniaxial_1": row | {"residual_strain": -0.06}})
+    (said,) = (said for said in cautions(card) if "--branch first" in said)
+    assert f"{there:.3g} kPa instead of {here:.3g} kPa" in said
+    rested = MaterialCard("foam", law, fit={"uniaxial_1": row | {"residual_strain": -0.01}})
+    assert not any("--branch first" in said for said in cautions(rested))
+
+
+@pytest.mark.parametrize(("ratio", "reaches", "said"), [
+    (0.75, -0.5, True), (1.3, -0.5, True), (0.95, -0.5, False), (0.75, -0.9, False)])
+def test_a_hold_of_another_stress_than_the_law_gives_is_said(ratio: float, reaches: float, said: bool) -> None:
+    """Where the compression curves reach the strain of the hold."""
+    row = {"kind": "relaxation", "relative_rms": 0.01, "strain_range": [reaches, 0.0], "stiffness_over_law": ratio}
+    card = MaterialCard("foam", replace(LAW, strain_range={"uniaxial": (-0.6, 0.0)}), fit={"relaxation_1": row})
+    assert any(f"relaxation_1 holds {ratio:.2f} times the stress" in line for line in cautions(card)) == said
+
+
 def test_lost_stability_is_clipped_to_the_fitted_strains_and_names_the_option() -> None:
     law = replace(LAW, strain_range={"uniaxial": (-0.43, 0.0)})
     card = MaterialCard("foam", law, stability={"drucker": {"uniaxial": {"unstable_strain": [[-0.95, -0.4]]}}})
