@@ -16,6 +16,7 @@ from matcal.readers.vocabulary import preference, quantity_of, true_quantity
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
+_LOOKED = 100  # rows that show how numbers are written
 _SAME = 1e-3  # two columns of one quantity that differ by no more than this share of their range are one
 _UNITS = {"Pa": "MPa", "m": "mm", "N": "N", "s": "s", "A": "A", "V": "V", "ohm": "ohm", "S/m": "S/m"}
 _PAIRS = (("stretch", "stress"), ("strain", "stress"), ("displacement", "force"), ("time", "current"))
@@ -71,7 +72,13 @@ def _widened(grid: Grid, header: Header, said: list[str]) -> Header:
     """The header with a nameless cell for each column of numbers past the names; InputFileError where a row of text has
     more numbers than the others."""
     sizes = [len(grid.rows[n]) for n in header.rows]
-    width = max(len(header.cells), *sizes[:1], *(size for size, _ in Counter(sizes).most_common(1)))
+    usual = Counter(sizes).most_common(1)[0][0] if sizes else 0
+    marked = any(mark in cell for n in header.rows[:_LOOKED] for cell in grid.rows[n] for mark in ".,")
+    if usual == 2 * sum(quantity_of(name) is not None for name, _ in header.cells) > 2 and not marked:
+        raise InputFileError(grid.path, f"{usual} cells in a row below {len(header.cells)} names: the comma is both "
+                                        "decimal mark and separator. Export with semicolons or tabs between the "
+                                        "numbers, or with decimal points.", line=grid.lines[header.rows.start])
+    width = max(len(header.cells), *sizes[:1], usual)
     if further := [n for n in header.rows if grid.numeric(grid.rows[n][width:])]:
         if not grid.sheet:
             raise InputFileError(grid.path, f"{len(grid.rows[further[0]])} cells in a table of {width} columns. "

@@ -73,15 +73,20 @@ def is_common(unit: str) -> bool:
 
 
 def split_name(cell: str) -> tuple[str, str | None]:
-    """A header cell as (name, unit or None): `stress (kPa)`, `stress [kPa]`, `stress, kPa`, `stress / kPa`, `P_MPa`."""
+    """A header cell as (name, unit or None): `stress (kPa)`, `stress [kPa]`, `stress, kPa`, `stress / kPa`,
+    `stress in kPa`, `P_MPa`, `F/N`; the symbol s with a unit of length, as DIN has it, is named travel."""
     cell = cell.strip()[:200]
     for pattern in (r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", r"(WE\(1\)\.\w+)\s*[(\[]([^()\[\]]*)[)\]]",
-                    r"([^,]+?)\s*,\s*(\S+)", r"([^/]+?)\s+/\s*(\S+)"):
+                    r"([^,]+?)\s*,\s*(\S+)", r"([^/]+?)\s+/\s*(\S+)", r"(.+?)\s+in\s+(\S+)"):
         if (found := re.fullmatch(pattern, cell)) and (quantity_of(found[1]) or true_quantity(found[1])):
             return found[1], found[2]
+    if (found := re.fullmatch(r"s(?:\s*/\s*|\s*[(\[]|\s+in\s+)([^()\[\]]+)[)\]]?", cell)) \
+            and si_factor(found[1], "displacement") is not None:
+        return "travel", found[1]
     if (found := re.fullmatch(r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", cell)) and measures(found[2]):
         return found[1], found[2]
-    if (found := re.fullmatch(r"(.+)_([^\W\d_][^_]*)", cell)) and (quantity := quantity_of(found[1])) is not None \
-            and si_factor(found[2], quantity) is not None:
-        return found[1], found[2]
+    for pattern in (r"(.+)_([^\W\d_][^_]*)", r"([^/]+)/(.+)"):
+        if (found := re.fullmatch(pattern, cell)) and (quantity := quantity_of(found[1])) is not None \
+                and si_factor(found[2], quantity) is not None:
+            return found[1], found[2]
     return cell, None

@@ -31,7 +31,7 @@ _COLUMNS = (
                r"|(nenn|technische )?dehnung|stauchung|(nenn)?verzerrung|scherung|deformacion|deformazione|rek"
                r"|(压缩|拉伸|剪切|工程|名义)?应变|ひずみ"),
     ("stress", r"(nominal |engineering |compressive |tensile |shear |piola |axial )?stress|sigma|σ|tau|τ|p|pk1"
-               r"|(nenn|druck|zug|schub|technische )?spannung|contrainte( nominale)?|esfuerzo|sforzo|spanning"
+               r"|(nenn|druck|zug|schub|stauch|technische )?spannung|contrainte( nominale)?|esfuerzo|sforzo|spanning"
                r"|(压缩|拉伸|剪切|工程|名义)?应力|応力"),
     ("deviation", r"(stress )?(std|std ?dev|standard deviation|sd|deviation)|(std|sd|standard deviation) (of )?stress"
                   r"|(stress|sigma|σ|p) (std|sd|err|error|uncertainty)|standardabweichung|ecart type|标准差"),

@@ -1,5 +1,8 @@
 """Plain tables: a line of names, perhaps a line of units, then numbers; text with any separator, or a sheet."""
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 from matcal.readers.cells import Grid, no_table, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, flag_for, read_columns
@@ -9,21 +12,43 @@ from matcal.readers.units import split_name
 from matcal.readers.vocabulary import quantity_of
 from touchcal.errors import InputFileError
 
+_SHORT = 10  # a table with this many times fewer rows than the longest is one of results
 _EXPECTED = "strain and stress, or displacement and force (and time)"
 _EXAMPLE = "for example strain,stress and below it -,kPa"
 
 
 def _read_plain(source: Source, selection: Selection | None = None) -> Recording:
     grid = source.grid
-    first = next((n for n, row in enumerate(grid.rows) if grid.numeric(row) > 1), None)
-    if first is None:
-        raise no_table(grid.path)
-    above = [n for n in range(first) if not grid.rows[n][0].startswith("#")]
+    top, first = _record(grid)
+    above = [n for n in range(top, first) if not grid.rows[n][0].startswith("#")]
     rows = range(first, len(grid.rows))
     header = _header(grid, above, rows) if above else _headerless(grid, rows, selection)
     comments = [", ".join(row).lstrip("# ") for row in grid.rows[:first] if row[0].startswith("#")]
     said = [*source.notes, *(f"its own comment: '{shown(comment, 200)}'." for comment in comments)]
     return read_columns(grid, header, "plain", selection, notes=said)
+
+
+def _record(grid: Grid) -> tuple[int, int]:
+    """The row below whatever stands above a record and its names, and its first row of numbers. A table of results,
+    which is short next to the record, is not one; InputFileError where two records stand one below the other."""
+    text = [n for n, row in enumerate(grid.rows)
+            if (len(row) < 2 or grid.number(row[0]) is None) and grid.numeric(row) < 2]
+    runs = [range(a + 1, b) for a, b in pairwise([-1, *text, len(grid.rows)]) if b > a + 1]
+    if not runs:
+        raise no_table(grid.path)
+    tops = [0, *(run.stop for run in runs)]
+    longest = max(map(len, runs))
+    records = [(top, run.start) for top, run in zip(tops, runs, strict=False) if _SHORT * len(run) > longest
+               and any(_known(grid.rows[n]) > 1 for n in range(top, run.start))]
+    if len(records) > 1:
+        raise InputFileError(grid.path, f"{len(records)} tables stand one below the other. Export each specimen to a "
+                                        "file of its own.", line=grid.lines[records[1][1]])
+    return records[0] if records else (0, runs[0].start)
+
+
+def _known(row: Sequence[str]) -> int:
+    """How many cells of a row are names of quantities."""
+    return sum(quantity_of(split_name(cell)[0]) is not None for cell in row)
 
 
 def _headerless(grid: Grid, rows: range, selection: Selection | None) -> Header:
@@ -38,7 +63,7 @@ def _headerless(grid: Grid, rows: range, selection: Selection | None) -> Header:
 
 def _header(grid: Grid, above: list[int], rows: range) -> Header:
     """The line that names the columns (or that of their units) and (name, unit or None) of each."""
-    known = [n for n in above if sum(quantity_of(split_name(c)[0]) is not None for c in grid.rows[n]) > 1]
+    known = [n for n in above if _known(grid.rows[n]) > 1]
     # of lines with no known name, the first of those with the most cells: a title is shorter than the names
     at = known[-1] if known else max(above, key=lambda n: (len(grid.rows[n]), -n))
     named = [split_name(cell) for cell in grid.rows[at]]
