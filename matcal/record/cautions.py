@@ -11,6 +11,7 @@ from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.reduction.loading_direction import ASSUMED
+from matcal.reduction.reduced_tables import UNLOADS, UNTOUCHED
 from touchcal.number_words import percent
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
@@ -141,8 +142,10 @@ def _stability(card: MaterialCard) -> Iterator[str]:
 
 
 def _assumed(card: MaterialCard) -> Iterator[str]:
-    """What the decisions say that a reader must not pass over: a direction that nothing stated, nu at its bound."""
-    said = [sentence.partition(ASSUMED) for sentence in card.provenance.get("decisions", ())]
+    """What the decisions say that a reader must not pass over: a direction that nothing stated, a table that is not one
+    loading from contact on, nu at its bound."""
+    said = [sentence.partition(opening) for sentence in card.provenance.get("decisions", ())
+            for opening in (ASSUMED, UNLOADS, UNTOUCHED)]
     yield from (f"{begin}{rest}" for _, begin, rest in said if begin)
     if card.hyperfoam is not None and any(STOPPED in s for s in card.provenance.get("decisions", ())):
         at = ", ".join(f"{nu:.3g}" for nu in dict.fromkeys(card.hyperfoam.nu.tolist()))

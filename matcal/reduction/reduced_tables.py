@@ -14,6 +14,11 @@ from touchcal.errors import InputFileError
 
 _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another unit
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
+# how the sentences begin on tables that hold more than one loading from contact; `matcal.record.cautions` repeats them
+UNLOADS, UNTOUCHED = "The strain turns back", "No load is carried"
+# share of the largest strain to which unloading falls; strain at which a curve's early stress is read, share of it that
+# shows contact, and strain before which a specimen should be touched
+_UNLOADED, _EARLY, _TOUCHED, _GAP = 0.7, 0.1, 0.1, 0.03
 
 
 def reduce_table(kind: str, recording: Recording) -> Experiment:
@@ -24,6 +29,8 @@ def reduce_table(kind: str, recording: Recording) -> Experiment:
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation"):
         strain, value = _compression_negative(kind, recording, strain, value, notes)
+    if kind in (*_FREE_FACES, "shear"):
+        notes += _loading_doubts(recording, strain, value)
     time = recording.columns.get("time")
     if time is not None and np.any(np.diff(time) <= 0):
         raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
@@ -114,6 +121,28 @@ def _compression_negative(kind: str, recording: Recording, strain: Array, stress
     else:
         notes.append(f"Its strain is positive and was read as tension, as a sheet in a {kind} test is pulled.")
     return strain, stress
+
+
+def _loading_doubts(recording: Recording, strain: Array, stress: Array) -> list[str]:
+    """What makes a table other than one loading from contact on: unloading, and strain before the stress begins."""
+    out, side = [], np.sign(strain[int(np.argmax(np.abs(strain)))])
+    size = side * strain
+    peak = int(np.argmax(size))
+    rising, falling = size[:peak + 1], size[peak:]
+    gradual = -np.diff(size).min() < (1 - _UNLOADED) * size[peak]  # else another loading follows
+    if max(rising.min(), falling.min()) < _UNLOADED * size[peak] and gradual:
+        out.append(f"{UNLOADS} in {recording.label} after its largest: loading and unloading are fitted as one curve. "
+                   "Keep the rows of one loading, or give displacement and force, of which the last loading is taken.")
+    order = np.argsort(rising, kind="stable")
+    early, load = rising[order], side * stress[:peak + 1][order]
+    if early[0] < _GAP and early[-1] > 1.5 * _EARLY:
+        within = early <= _EARLY
+        touched = load[within] > _TOUCHED * float(np.interp(_EARLY, early, load))
+        if touched.any() and (start := float(early[within][int(np.argmax(touched))])) > _GAP:
+            out.append(f"{UNTOUCHED} in {recording.label} up to a strain of {side * start:.3f}, and a table's strain "
+                       "is taken as it stands. Count it from contact, or give displacement and force, in which "
+                       "contact is found.")
+    return out
 
 
 def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | None:
