@@ -145,6 +145,8 @@ def predict_command(
         print_json({"mode": mode, **columns})
     else:
         print_columns(columns, f"{mode}, {card.name}")
+        if "moduli" in columns and read.prony is not None:
+            print(f"instantaneous over long-term stress: {1 / read.prony.g_infinity:.6g}")
 
 
 @app.command("check")
@@ -174,7 +176,8 @@ def export_command(
         moduli: Annotated[str | None, typer.Option(help="instantaneous or longterm; without it as the card holds "
                                                    "them.")] = None,
         units: Annotated[str, typer.Option(help="SI (Pa), mm-t-s (MPa) or mm-kg-ms (GPa).")] = "SI",
-        density: Annotated[float | None, typer.Option(help="Mass density, kg/m3; the card holds none.")] = None,
+        density: Annotated[float | None, typer.Option(help="Mass density, kg/m3 whatever the units written; the card "
+                                                      "holds none.")] = None,
         out: Annotated[Path | None, typer.Option(help="File to write; without it the text is printed.")] = None
         ) -> None:
     """Write the card as material input of a finite-element program; what the program does otherwise is warned of.

@@ -83,9 +83,10 @@ def run_ensembles(density: Density, centre: Array, scale: Array, derived: Derive
 def gate_words(checks: Mapping[str, float | bool]) -> str:
     """What a run reached and what was required."""
     lengths = checks["steps_kept"] / max(float(checks["autocorrelation_steps"]), 1e-9)
-    return (f"after {checks['steps']:.0f} steps the worst R-hat is {checks['rhat']:.3f} (required at most {RHAT}), "
-            f"the least effective sample size {checks['ess']:.0f} (required {ESS:.0f}) and the chain {lengths:.0f} "
-            f"autocorrelation times long (required {TIMES:.0f})")
+    return (f"after {checks['steps']:.0f} steps, of which {checks['steps_kept']:.0f} were kept, the worst R-hat is "
+            f"{checks['rhat']:.3f} (required at most {RHAT}), the least effective sample size "
+            f"{checks['ess']:.0f} (required {ESS:.0f}) and the chain {lengths:.0f} autocorrelation times long "
+            f"(required {TIMES:.0f})")
 
 
 def _cooled(density: Density, centre: Array, scale: Array, walkers: int, rng: np.random.Generator) -> Array:

@@ -141,7 +141,7 @@ def beyond(card: MaterialCard, mode: str, columns: Mapping[str, Any]) -> list[st
     at = columns["time_s" if mode == "relaxation" else "strain"]
     far = max(ends[0] - at.min(), at.max() - ends[1])
     unit = " s" if mode == "relaxation" else ""
-    return [f"{rows}: fitted from {ends[0]:.4g} to {ends[1]:.4g}{unit}, asked up to {far:.3g}{unit} outside that."]
+    return [f"{rows}: fitted from {ends[0]:.4g} to {ends[1]:.4g}{unit}, the farthest is {far:.3g}{unit} outside."]
 
 
 def _fitted_modes(card: MaterialCard) -> list[str]:

@@ -95,7 +95,8 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
 
 def _needed(kind: str) -> str:
     """The keys that a table of `kind` needs, in words."""
-    return {"uniaxial": "diameter_mm and height_mm", "relaxation": "diameter_mm and height_mm",
+    block = "height_mm and diameter_mm (or width_mm and depth_mm, or area_mm2)"
+    return {"uniaxial": block, "relaxation": block,
             "shear": "faces, length_mm, width_mm and thickness_mm", "volumetric": "method and its sizes"
             }.get(kind, ", ".join(sorted(key for key in KEYS[kind] if key.endswith(("_mm", "_um")))))
 

@@ -56,7 +56,9 @@ def _stated_by(recording: Recording) -> tuple[str, str] | None:
 
 def _known(kind: str, where: str) -> str:
     if kind not in KINDS:
-        raise ValueError(f"{where}: the kind '{kind}' is unknown; known: {', '.join(KINDS)}.")
+        meant = _from_words(kind)
+        raise ValueError(f"{where}: the kind '{kind}' is unknown; known: {', '.join(KINDS)}."
+                         + (f" Write {meant} for it." if meant else ""))
     return kind
 
 

@@ -12,6 +12,8 @@ from matcal.record.exporters import TARGETS
 from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
 from matcal.record.exporters.formatting import number
 
+_AIR_KG_PER_M3 = 1.2  # density of air
+
 
 @dataclass(frozen=True)
 class Deck:
@@ -63,6 +65,9 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
         raise ValueError(f"units '{units}' are unknown; known: {', '.join(UNITS)}.")
     if density_kg_per_m3 is not None and not density_kg_per_m3 > 0:
         raise ValueError(f"the density must be positive, got {density_kg_per_m3:g} kg/m3.")
+    if density_kg_per_m3 is not None and density_kg_per_m3 < _AIR_KG_PER_M3:
+        raise ValueError(f"a density of {density_kg_per_m3:g} kg/m3 is less than that of air. Give it in kg/m3, "
+                         "whatever the units that are written.")
     card = as_card(card)
     into: Target = import_module(f"matcal.record.exporters.{target}").TARGET
     law = with_moduli(card, moduli or "card")

@@ -314,6 +314,8 @@ def test_refusals_say_the_mend() -> None:
         export(CARD, "abaqus", "relaxed")
     with pytest.raises(ValueError, match="density must be positive"):
         export(CARD, "abaqus", density_kg_per_m3=float("nan"))
+    with pytest.raises(ValueError, match="less than that of air"):
+        export(CARD, "abaqus", units="mm-t-s", density_kg_per_m3=2.8e-11)
     with pytest.raises(ValueError, match="at most 6 Prony terms"):
         export(replace(CARD, prony=Prony([0.1] * 7, np.logspace(-2, 4, 7))), "febio")
 

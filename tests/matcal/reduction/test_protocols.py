@@ -115,6 +115,8 @@ def test_kind_is_taken_from_flag_then_file_then_sidecar_then_name(tmp_path: Path
     assert "from its own line 'Test:" in got.decisions[0]
     with pytest.raises(ValueError, match="'tortion' is unknown; known: uniaxial"):
         _reduced(plain, kind="tortion")
+    with pytest.raises(ValueError, match=r"'compression' is unknown; .* Write uniaxial for it\."):
+        _reduced(plain, kind="compression")
     with pytest.raises(InputFileError, match=r"Write KIND=foam.csv"):
         _reduced(_written(tmp_path, "foam.csv", CURVE))
     assert _reduced(plain, kind="planar").kind == "planar"
