@@ -31,6 +31,20 @@ CORNERS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1,
 LOWER, UPPER = 0, 1
 
 
+PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "calibrate-a-foam.md"
+
+
+def test_the_brick_of_the_page_gives_the_stress_of_its_card(tmp_path: Path) -> None:
+    card = MaterialCard("foam", Hyperfoam([10800.0, 1200.0], [8.0, -1.8], [0.1, 0.1]))
+    (tmp_path / "foam.inp").write_text(export(card, "calculix", units="mm-t-s").text)
+    (deck,) = re.findall(r"```\n(\*NODE.*?)```", PAGE.read_text(), flags=re.DOTALL)
+    (tmp_path / "brick.inp").write_text(deck)
+    subprocess.run([str(CCX), "brick"], cwd=tmp_path, check=True, capture_output=True, timeout=60)
+    force = float((tmp_path / "brick.dat").read_text().split()[-1])
+    assert card.hyperfoam is not None
+    assert force == pytest.approx(float(nominal_stress(card.hyperfoam, "uniaxial", -0.5)) * 1e-6, rel=1e-5)
+
+
 def face(axis: int, side: int) -> list[int]:
     return [n for n, corner in enumerate(CORNERS, 1) if corner[axis] == side]
 
