@@ -22,12 +22,13 @@ _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
 _INSIDE, _SOFT_PA, _RATIO, _EARLY, _STRETCHED = 0.9, (20.0, 1e6), 1.6, 0.3, 1.0
 # strain that earlier loadings left, and share by which a held stress differs from the law's, from which on it is said
 _SET, _HELD_OFF = 0.02, 0.15
+_CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _assumed, _set, _held, _misfit,
-             _at_bound, _undetermined, _band, _predictions, _coverage, _series, _skin)
+    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _edge, _assumed, _set, _held,
+             _misfit, _at_bound, _undetermined, _band, _predictions, _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -139,6 +140,18 @@ def _stability(card: MaterialCard) -> Iterator[str]:
     for criterion, where in lost.items():
         yield (f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}. "
                f"--stable {criterion} fits a law that keeps it.")
+
+
+def _edge(card: MaterialCard) -> Iterator[str]:
+    """Ellipticity that is kept within the fitted strains and lost close to them, where elements soon are."""
+    fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
+    close = [f"{mode} from {near:.3g} on (fitted to {end:.3g})"
+             for mode, row in card.stability.get("elliptic", {}).items() if mode in fitted
+             for lo, hi in row["unstable_strain"] for end, near in ((fitted[mode][0], hi), (fitted[mode][1], lo))
+             if not overlaps((lo, hi), fitted[mode]) and abs(near - end) < _CLOSE]
+    if close:
+        yield (f"Ellipticity is lost close to the fitted strains: {', '.join(close)}. An element pressed further may "
+               "collapse; --stable elliptic with --stable-range, of the stretches that elements reach, keeps it.")
 
 
 def _assumed(card: MaterialCard) -> Iterator[str]:

@@ -85,6 +85,14 @@ def test_lost_stability_is_clipped_to_the_fitted_strains_and_names_the_option() 
     assert any("--stable drucker" in said for said in cautions(card))
 
 
+@pytest.mark.parametrize(("lost", "said"), [([-0.95, -0.44], True), ([-0.95, -0.6], False), ([-0.95, -0.3], False)])
+def test_ellipticity_lost_close_to_the_fitted_strains_is_said(lost: list[float], said: bool) -> None:
+    """Within them `_stability` says it."""
+    law = replace(LAW, strain_range={"uniaxial": (-0.43, 0.0)})
+    card = MaterialCard("foam", law, stability={"elliptic": {"uniaxial": {"unstable_strain": [lost]}}})
+    assert any("uniaxial from -0.44 on (fitted to -0.43)" in line for line in cautions(card)) == said
+
+
 def test_stated_scatter_widens_the_draws_about_the_fit() -> None:
     """One term through two: where the scatter may be inferred, misfit moves the law to another part of it."""
     modes = {"uniaxial": E, "shear": GAMMA}
