@@ -25,7 +25,7 @@ from touchcal.code_version import MECHANICS
 TABLE_SHARE = 0.25  # Part of the requested signal error that a table's own may use up.
 # Arrays of a table and of what the rim changes.
 _PATHS = ("depths", "radius", "values", "slopes", "error_estimate")
-_CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "error_estimate")
+_CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "error_estimate", "measured")
 _KEPT_AS = {"error_estimate": "told"}  # Names under which arrays are kept, where they are not the fields' own.
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.

@@ -82,8 +82,9 @@ def build_rim(table: Table, run: Run = map, grid: Grid = GRID) -> RimTable:
     (fields, numbers), finer = (_rows(table.shape, field.radius_m, nodes) for nodes in (rough, fine))
     at = rough.gaps, rough.depths, fine.gaps, fine.depths
     fields, numbers = (refined(*at, *pair) for pair in zip((fields, numbers), finer, strict=True))
+    unknown = _no_errors(rough)
     rim = RimTable(diameters, rough.gaps, rough.depths, field.radius_m, field.share, fields.astype(np.float32), numbers,
-                   _no_errors(rough), spent)
+                   unknown, np.full(unknown.shape, np.nan), spent)
     return checked(table, rim, run)
 
 

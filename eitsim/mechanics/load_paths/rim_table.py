@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.table import carried_over, edge_of, lagrange_weights
@@ -93,11 +94,17 @@ def deviation_at(rim: RimTable, gap: float, depth: float) -> Array | None:
 
 
 def within(rim: RimTable, signal: float, strain: str) -> RimTable:
-    """The table with the cells alone whose signals, of a skin driven by that strain, are no farther off, or no farther
-    than twice what changes solved anew are by their own mesh."""
+    """The table with the cells alone about which the signals, of a skin driven by that strain, were measured no farther
+    off, or no farther than twice what changes solved anew there are by their own mesh."""
     which = STRAINS.index(strain)
-    kept = rim.error_estimate[..., 1 + which] <= np.maximum(signal, _KNOWN_TO * _own_errors(rim, which))
-    return replace(rim, error_estimate=np.where(kept[..., None], rim.error_estimate, np.inf))
+    measured = rim.measured[..., 1 + which]
+    far = measured > np.maximum(signal, _KNOWN_TO * _own_errors(rim, which))
+    places = np.argwhere(np.isfinite(measured))
+    kept = rim.error_estimate.copy()
+    for cell in cells_of(rim):
+        if far[tuple(places[_about(places, cell)].T)].any():
+            kept[cell] = np.inf
+    return replace(rim, error_estimate=kept)
 
 
 def _own_errors(rim: RimTable, which: int) -> Array:
@@ -184,17 +191,27 @@ def middles_of(rim: RimTable, cells: Sequence[Cell], diameters: Sequence[float])
 
 def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) -> RimTable:
     """The table with its deviation at least the largest of the checked cells next to each, itself among them, or of the
-    nearest where these are farther away; cells at which None was found are not served. NotConverged where more than
-    half were not found, which leaves the error unknown."""
+    nearest where these are farther away; cells at which None was found are not served. What was measured before counts
+    at least as much, cell by cell. NotConverged where more than half were not found, which leaves the error unknown."""
     found = {cell: off for cell, off in checked.items() if off is not None}
     if 2 * len(found) < len(checked) or not found:
         raise NotConverged(f"{len(checked) - len(found)} of {len(checked)} changes by the rim that give the error of "
                            "their table were not found; touches near the rim have to be solved one by one.",
                            estimate=rim.gaps)
     places, off = np.array(list(found)), np.array([[one.depth, *one.signals] for one in found.values()])
-    error_estimate = rim.error_estimate.copy()
+    error_estimate, measured = rim.error_estimate.copy(), rim.measured.copy()
+    for cell in map(tuple, np.argwhere(np.isfinite(rim.measured).all(axis=-1)).tolist()):
+        if cell not in found:
+            measured[cell] = np.maximum(measured[cell], off[_about(places, cell)].max(axis=0))
+    measured[tuple(places.T)] = np.fmax(measured[tuple(places.T)], off)
     for cell in cells_of(rim):
-        separation = np.abs(places - cell).max(axis=1)
-        near = off[separation <= max(separation.min(), 1)].max(axis=0)
+        near = off[_about(places, cell)].max(axis=0)
         error_estimate[cell] = np.inf if checked.get(cell, near) is None else np.maximum(error_estimate[cell], near)
-    return replace(rim, error_estimate=error_estimate)
+    return replace(rim, error_estimate=error_estimate, measured=measured)
+
+
+def _about(places: NDArray[np.integer], cell: Cell) -> NDArray[np.bool_]:
+    """Which of some cells (n, 2) lie next to a cell, itself among them, or are the nearest where all are farther
+    away."""
+    separation = np.abs(places - cell).max(axis=1)
+    return separation <= max(separation.min(), 1)

@@ -69,6 +69,8 @@ class RimTable:
     # (gaps - 1, depths, 4) in a cell between neighbouring gaps and between a depth and that before it, the first one
     # from 0 on: how far depth and signals are off changes solved anew; infinite where touches are to be solved anew
     error_estimate: Array
+    # (gaps - 1, depths, 4) what was measured of it in the middle of a cell, NaN where nothing was
+    measured: Array
     cpu_s: float
 
     @property

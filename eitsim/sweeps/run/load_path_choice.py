@@ -271,7 +271,8 @@ def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, 
         return family, note
     key |= {"rim": asdict(reuse.GRID)}
     arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _rim_error(with_rim(family, table, run)))
-    changes = replace(table.rim, error_estimate=np.asarray(arrays["told"]), cpu_s=float(arrays["cpu_s"]))
+    changes = replace(table.rim, error_estimate=np.asarray(arrays["told"]), measured=np.asarray(arrays["measured"]),
+                      cpu_s=float(arrays["cpu_s"]))
     return replace(family, table=replace(family.table, rim=changes)), note or words
 
 
@@ -289,4 +290,4 @@ def _arrays(family: Family) -> dict[str, Any]:
 def _rim_error(family: Family) -> dict[str, Any]:
     rim = family.table.rim
     assert rim is not None
-    return {"told": rim.error_estimate, "cpu_s": np.array(rim.cpu_s)}
+    return {"told": rim.error_estimate, "measured": rim.measured, "cpu_s": np.array(rim.cpu_s)}

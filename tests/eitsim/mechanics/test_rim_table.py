@@ -221,29 +221,48 @@ def test_lines_go_on_to_the_rim_as_parabolas_where_changes_are_not_found() -> No
 
 
 def bare(error_estimate: np.ndarray, depths: tuple[float, ...] = (0.1, 0.2, 0.4)) -> RimTable:
-    """A table that holds nothing but what it is off, at gaps 0, 0.1, 0.3 and 0.6."""
+    """A table that holds nothing but what it is off, measured in every cell, at gaps 0, 0.1, 0.3 and 0.6."""
     none = np.zeros(0)
     return RimTable(np.array([1.4]), np.array([0.0, 0.1, 0.3, 0.6]), np.array(depths), none, none,
-                    none.astype(np.float32), np.zeros((1, 4, len(depths), 9)), error_estimate, 0.0)
+                    none.astype(np.float32), np.zeros((1, 4, len(depths), 9)), error_estimate,
+                    np.where(np.isfinite(error_estimate), error_estimate, np.nan), 0.0)
 
 
 def test_the_error_is_that_of_the_gap_and_depth() -> None:
     error_estimate = np.arange(1.0, 10.0).reshape(3, 3, 1) * [1e-3, 2e-3, 1e-2, 1e-2]
-    rim = within(bare(error_estimate), 15e-3, "normal")
+    rim = bare(error_estimate)
     for gap, depth, cell in ((0.05, 0.05, (0, 0)), (0.1, 0.15, (1, 1)), (0.6, 0.1, (2, 0))):
         assert np.array_equal(deviation_at(rim, gap, depth), error_estimate[cell])
-    assert [deviation_at(rim, *place) for place in ((0.5, 0.15), (0.7, 0.05), (0.2, 0.41))] == [None, None, None]
-    assert (rim.error.depth, rim.error.signals.tolist()) == (7e-3, [14e-3, 7e-2, 7e-2])
-    assert not np.isfinite(within(bare(error_estimate), 15e-3, "areal").error_estimate[1:]).any()
+    assert [deviation_at(rim, *place) for place in ((0.7, 0.05), (0.2, 0.41))] == [None, None]
 
 
-def test_cells_are_kept_up_to_twice_what_touches_solved_anew_are_off() -> None:
-    rim = bare(np.full((3, 3, 4), 20e-3))
-    rim.numbers[:, 0, 1, 6] = 9e-3
-    rim.numbers[:, 0, 2, 6] = 11e-3
-    kept = np.isfinite(within(rim, 15e-3, "normal").error_estimate[..., 1])
-    assert kept.tolist() == [[False, False, True], [False, False, False], [False, False, False]]
+def test_cells_next_to_one_that_was_measured_too_far_off_are_left_out() -> None:
+    error_estimate = np.arange(1.0, 10.0).reshape(3, 3, 1) * [1e-3, 2e-3, 1e-2, 1e-2]
+    rim = within(bare(error_estimate), 15e-3, "normal")
+    assert np.array_equal(np.isfinite(rim.error_estimate).all(axis=-1), np.arange(3)[:, None] * np.ones(3) == 0)
+    assert (rim.error.depth, rim.error.signals.tolist()) == (3e-3, [6e-3, 3e-2, 3e-2])
+    assert deviation_at(rim, 0.2, 0.15) is None
+    assert not np.isfinite(within(bare(error_estimate), 15e-3, "areal").error_estimate).any()
+
+
+@pytest.mark.parametrize(("own", "served"), [(9e-3, [[True, False, False], [True, False, False], 3 * [True]]),
+                                             (11e-3, 3 * [3 * [True]])])
+def test_cells_are_kept_up_to_twice_what_touches_solved_anew_are_off_there(own: float, served: list) -> None:
+    measured = np.full((3, 3, 4), np.nan)
+    measured[0, 2] = 20e-3
+    measured[[0, 2, 2], [0, 0, 2]] = 1e-3
+    rim = replace(bare(np.full((3, 3, 4), 20e-3)), measured=measured)
+    rim.numbers[:, 0, 2, 6] = own
+    assert np.isfinite(within(rim, 15e-3, "normal").error_estimate[..., 1]).tolist() == served
     assert np.isfinite(within(rim, 20e-3, "normal").error_estimate).all()
+
+
+def test_what_other_laws_were_measured_off_counts_where_no_cell_of_theirs_is() -> None:
+    off = {(0, 0): Deviation(1e-3, np.full(3, 1e-3), 0.0), (2, 2): Deviation(2e-3, np.full(3, 2e-3), 0.0)}
+    own = with_cell_errors(replace(bare(np.zeros((3, 3, 4))), measured=np.full((3, 3, 4), np.nan)), off)
+    assert np.argwhere(np.isfinite(own.measured[..., 0])).tolist() == [[0, 0], [2, 2]]
+    both = with_cell_errors(own, {(2, 2): Deviation(5e-3, np.full(3, 5e-3), 0.0)})
+    assert [both.measured[0, 0, 0], both.measured[2, 2, 0], both.error_estimate[0, 0, 0]] == [5e-3, 5e-3, 5e-3]
 
 
 def test_cells_take_the_largest_error_of_the_checked_ones_next_to_them() -> None:
@@ -293,12 +312,12 @@ def test_cells_that_miss_the_wanted_error_are_left_out_and_it_is_told() -> None:
     assert table is not None
     assert table.rim is not None
     assert table.rim.error.signal("normal") == 5e-3
-    assert why == ("touches in 2 of 9 cells of gap and depth near the rim are solved anew, in 2 since the table is "
+    assert why == ("touches in 6 of 9 cells of gap and depth near the rim are solved anew, in 6 since the table is "
                    "more than 0.01 off, and more than twice what touches solved anew state")
     gone = error_estimate.copy()
     gone[2, 0] = np.inf
     _, why = fine_enough_for(design, rough(gone))
-    assert "solved anew, in 1 since no change was found there and in 2 since" in why
+    assert "solved anew, in 1 since no change was found there and in 6 since" in why
     table, why = fine_enough_for(design, rough(4 * error_estimate))
     assert table is not None
     assert table.rim is None
