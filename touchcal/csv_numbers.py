@@ -44,6 +44,15 @@ def check_commas(path: Path, rows: Sequence[tuple[int, list[str]]]) -> None:
     if rows and any(";" in cell or "\t" in cell for cell in rows[0][1]):
         raise InputFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and "
                                    "points in numbers.", line=rows[0][0])
+    if rows and len(rows[0][1]) == 1 and len(parts := rows[0][1][0].split()) > 1 and all(
+            _number(part) is not None for part in parts):
+        raise InputFileError(path, "its cells are separated by spaces. Use commas between cells; in Python "
+                                   "numpy.savetxt(..., delimiter=\",\").", line=rows[0][0])
+
+
+def _turned(rows: int, columns: int | None) -> str:
+    """What may be wrong with as many rows as columns are expected; empty for another number."""
+    return f" It has {rows} rows: are rows and columns exchanged?" if rows == columns else ""
 
 
 def too_wide(cells: int, expected: int) -> str:
@@ -62,7 +71,7 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
     for number, cells in rows:
         if len(cells) != width:
             raise InputFileError(path, f"{len(cells)} columns, expected {width} {what} a row."
-                                       f"{too_wide(len(cells), width)}", line=number)
+                                       f"{too_wide(len(cells), width)}{_turned(len(rows), columns)}", line=number)
     names: tuple[str, ...] = ()
     if rows and _number(rows[0][1][0]) is None:
         names, rows = tuple(rows[0][1]), rows[1:]

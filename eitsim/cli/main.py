@@ -230,13 +230,14 @@ def _shown_solved(document: dict[str, Any], out: Path | None, as_json: bool) -> 
 
 
 @app.command()
-def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="CSV of one row a frame, the first one "
+def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="CSV of one row a frame, or a board's "
+                                                                              "file (.mat, .npy ...); the first frame "
                                                                               "untouched.")],
                 scene: Annotated[Path | None, typer.Option(
-                    help="Scene file whose [body], [electrodes] and [drive] made the frames; else the default "
-                         "ones.")] = None,
+                    help="Scene or sensor file whose [body], [electrodes] and [drive] made the frames; else the "
+                         "default ones.")] = None,
                 baseline: Annotated[Path | None, typer.Option(
-                    help="CSV of untouched frames, whose mean counts; else the first row of FRAMES.")] = None,
+                    help="File of untouched frames, whose mean counts; else the first frame of FRAMES.")] = None,
                 prior: Annotated[str, typer.Option(help="laplace, or noser, which rings less and places "
                                                          "touches worse.")] = "laplace",
                 noise_figure: Annotated[float, typer.Option(
@@ -253,14 +254,16 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
     from eitsim.cli.display import show_images
     from eitsim.electrics.imaging.gauss_newton import check_prior
     from eitsim.electrics.imaging.images import check_suffix, images_of, write_images
+    from eitsim.sensors.formats.open_file import open_frames
+    from eitsim.sensors.sensor_file import scene_of_frames
 
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [path for path in (frames, scene, baseline) if path is not None])
         check_suffix(out)
     check_prior(prior, noise_figure)
-    images, document = images_of(frames, read_scene(scene) if scene is not None else Scene(), baseline=baseline,
-                                 prior=prior, noise_figure=noise_figure)
+    images, document = images_of(frames, scene_of_frames(scene) if scene is not None else Scene(), baseline=baseline,
+                                 prior=prior, noise_figure=noise_figure, read=open_frames)
     if out is not None:
         write_images(images, out)
     if as_json:

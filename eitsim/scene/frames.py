@@ -31,19 +31,26 @@ def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
     InputFileError names the line of a wrong width or a missing number, and a header's name that is no reading."""
     table = read_numbers(path, readings, what="voltages", blanks=unread is not None,
                          left_out=LEADING)
-    volts, requested = table.values, voltage_columns(readings)
+    volts = table.values
     if table.names:
         try:
             volts = volts[:, column_order(table.names, readings)]
         except ValueError as error:
             raise InputFileError(path, f"{error}") from None
-    if unread is not None:
-        empty = np.argwhere(np.isnan(volts) & ~unread)
-        if len(empty):
-            raise InputFileError(path, f"{requested[empty[0, 1]]} is empty, and its electrodes are all there. Fill it "
-                                 "in, or name what is missing in [electrodes].", line=int(table.line[empty[0, 0]]))
-        volts = np.where(unread, 0.0, volts)
-    return Frames(volts, table.line)
+    found = Frames(volts, table.line)
+    return found if unread is None else without_unread(path, found, unread)
+
+
+def without_unread(path: Path | str, frames: Frames, unread: NDArray[np.bool_]) -> Frames:
+    """Frames with 0 for the readings of the mask `unread` (readings,); InputFileError names the first other one that
+    is empty."""
+    empty = np.argwhere(~np.isfinite(frames.volts) & ~unread)
+    if len(empty):
+        row, reading = empty[0]
+        raise InputFileError(path, f"{voltage_columns(len(unread))[reading]} is empty, and its electrodes are all "
+                             "there. Fill it in, leave the frame out, or name what is missing in [electrodes].",
+                             line=int(frames.line[row]))
+    return Frames(np.where(unread, 0.0, frames.volts), frames.line)
 
 
 def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:

@@ -22,9 +22,9 @@ from eitsim.sensors.recognition import (
     orders_of_conventions,
     orders_of_sensor,
 )
-from eitsim.sensors.recording import Recording
+from eitsim.sensors.recording import Recording, in_phase
 from eitsim.sensors.sensor_file import Sensor, pairs_of
-from touchcal.arrays import Array, Complex, Index, Mask
+from touchcal.arrays import Array, Index, Mask
 
 # Part of the touched frames in which readings have their rarer sign, above which they are differences.
 _BOTH_SIGNS = 0.05
@@ -120,14 +120,6 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead), tuple(lost),
                       np.flatnonzero(late), reading_checks.noise(untouched), reading_checks.drift(untouched), *compared,
                       placements=placements)
-
-
-def in_phase(readings: Array | Complex) -> Array:
-    """Readings (frames, m) as real numbers: complex ones are turned to the phase that most of them have."""
-    if not np.iscomplexobj(readings):
-        return np.asarray(readings, dtype=float)
-    phase = np.angle(np.nansum((readings / np.nanmax(np.abs(readings), initial=np.finfo(float).tiny)) ** 2)) / 2
-    return np.real(readings * np.exp(-1j * phase))
 
 
 def _kind(recording: Recording, values: Array) -> str:

@@ -86,6 +86,14 @@ def write_recording(recording: Recording, path: Path | str) -> None:
         file.write(text.getvalue().encode())
 
 
+def in_phase(readings: Array | Complex) -> Array:
+    """Readings (frames, m) as real numbers: complex ones are turned to the phase that most of them have."""
+    if not np.iscomplexobj(readings):
+        return np.asarray(readings, dtype=float)
+    phase = np.angle(np.nansum((readings / np.nanmax(np.abs(readings), initial=np.finfo(float).tiny)) ** 2)) / 2
+    return np.real(readings * np.exp(-1j * phase))
+
+
 def touch_name(cell: str) -> str:
     """The name of a touch; a whole number is the same touch as 7, 7. and 7.0, as tables with empty cells write it.
 

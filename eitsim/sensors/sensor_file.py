@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 from eitsim.scene.calibrated_electrodes import read_fitted
 from eitsim.scene.drive import Drive, Protocol, protocol
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
-from eitsim.scene.scene import Body, Scene, Skin, scene_from
+from eitsim.scene.scene import Body, Scene, Skin, read_scene, scene_from
 from eitsim.scene.scene_files import with_files
 from eitsim.sensors.recording import check_kind
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
+from touchcal.whole_file import written
 
 TABLES = ("body", "skin", "electrodes", "drive", "readings")
 PAIRS = ("source", "sink", "plus", "minus")  # columns of a file of pairs, electrodes from 0
@@ -66,6 +67,21 @@ def read_sensor(path: Path | str) -> Sensor:
         raise
     except ValueError as error:
         raise InputFileError(path, str(error)) from None
+
+
+def scene_of_frames(path: Path | str) -> Scene:
+    """The scene whose body, electrodes and drive made frames: a scene file, or the untouched scene of a sensor file;
+    InputFileError as of these, and where the sensor gives no voltages."""
+    path = Path(path)
+    raw = read_toml(path)
+    drive = raw.get("drive")
+    if "readings" not in raw and not (isinstance(drive, Mapping) and "pairs" in drive):
+        return read_scene(path)
+    sensor = read_sensor(path)
+    if sensor.kind == "difference":
+        raise InputFileError(path, "kind in [readings] is \"difference\", and an image needs the untouched frame as "
+                                   "well. Record voltages.")
+    return sensor.scene
 
 
 def sensor_from(raw: Mapping[str, Any], folder: Path) -> Sensor:
@@ -125,6 +141,12 @@ def read_pairs(path: Path, count: int) -> NDArray[np.intp]:
         if row[0] == row[1] or row[2] == row[3]:
             raise InputFileError(path, "source and sink, or plus and minus, are the same electrode.", line=int(line))
     return values.astype(np.intp)
+
+
+def write_pairs(pairs: NDArray[np.intp], path: Path | str) -> None:
+    """Write (readings, 4) electrodes from 0 as a CSV that pairs in [drive] names."""
+    with written(Path(path)) as file:
+        file.write("\n".join([",".join(PAIRS), *(",".join(map(str, one)) for one in pairs.tolist()), ""]).encode())
 
 
 def _with_pairs(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -26,8 +26,8 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
     """Train on a recording, write the model, print its scores, and where asked the places to press next; with fewer
     labels than can be learnt from, these places alone."""
     from eitsim.sensors.calibration.calibration_file import read_described_sensor
+    from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.labels import PLACE, places_of, read_labels
-    from eitsim.sensors.recording import read_recording
     from surrogate.data.skin_from_above import skin_of
     from surrogate.recordings.physics.expectation import expectation_of
     from surrogate.recordings.signals import FEWEST
@@ -55,7 +55,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
         _write_suggested(ahead, out)
         _say_untrained(0 if given is None else len(given.touch), FEWEST, ahead, out, as_json)
         return
-    frames = read_recording(recording, kind=known.kind, readings=len(known.protocol.weights.reshape(-1,
+    frames = open_recording(recording, kind=known.kind, readings=len(known.protocol.weights.reshape(-1,
                             known.electrodes.count)))
     if not as_json and len(given.touch) >= FEWEST:
         print("surrogate: the presses are learnt once for the model and once a split for its scores, which takes "
@@ -151,9 +151,9 @@ def evaluate_recordings(model_folder: Path, recordings: list[Path], labels: list
 
 
 def _recorded(model: TrainedReader, path: Path) -> Recording:
-    from eitsim.sensors.recording import read_recording
+    from eitsim.sensors.formats.open_file import open_recording
 
-    return read_recording(path, kind=model.kind, readings=model.reader.signals.channels)
+    return open_recording(path, kind=model.kind, readings=model.reader.signals.channels)
 
 
 def _described(model: TrainedReader) -> dict[str, Any]:

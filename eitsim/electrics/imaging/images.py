@@ -1,5 +1,6 @@
 """From frames to images, in arrays and in files: VTU for ParaView, or a CSV of one row a pixel."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,12 @@ from eitsim.electrics.imaging.gauss_newton import NOISE_FIGURE, Pixels, check_pr
 from eitsim.electrics.imaging.greit_figures import Blob, blob, regions
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import unread
-from eitsim.scene.frames import read_frames
+from eitsim.scene.frames import Frames, read_frames
 from eitsim.scene.scene import Scene, as_scene
 from touchcal.csv_numbers import write_numbers
 
 Array = NDArray[np.float64]
+Reader = Callable[[Path, int, NDArray[np.bool_]], Frames]  # of a file, its readings a frame and which may be empty
 
 SUFFIXES = (".vtu", ".csv")
 # An image is of no clear touch where it leaves more than this of the readings' change, or its other sign reaches more
@@ -134,24 +136,24 @@ def _frames(given: ArrayLike, lost: NDArray[np.bool_], shape: tuple[int, ...], n
 
 
 def images_of(frames: Path, scene: Scene, *, baseline: Path | None = None, prior: str = "laplace",
-              noise_figure: float = NOISE_FIGURE) -> tuple[Images, dict[str, Any]]:
+              noise_figure: float = NOISE_FIGURE, read: Reader = read_frames) -> tuple[Images, dict[str, Any]]:
     """Images of the frames in a file, and what they show as plain JSON values, with their lines.
 
     The untouched frame is the mean of those in `baseline`, else the first row of `frames`. ValueError where there is no
-    touched frame, and as `reconstruct`; InputFileError as frames.read_frames.
+    touched frame, and as `reconstruct`; InputFileError as `read`, which reads files as frames.read_frames does.
     """
     check_prior(prior, noise_figure)
     lost = unread(scene.drive, scene.electrodes)
-    read, first = read_frames(frames, lost.size, lost), 0 if baseline else 1
-    if len(read.volts) == first:
+    held, first = read(frames, lost.size, lost), 0 if baseline else 1
+    if len(held.volts) == first:
         raise ValueError(f"{frames}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or a "
                          "touched frame in a row below it.")
-    reference = read_frames(baseline, lost.size, lost).volts if baseline else read.volts[0]
-    found = reconstruct(read.volts[first:], reference, scene=scene, prior=prior, noise_figure=noise_figure)
+    reference = read(baseline, lost.size, lost).volts if baseline else held.volts[0]
+    found = reconstruct(held.volts[first:], reference, scene=scene, prior=prior, noise_figure=noise_figure)
     return found, {"conductance_S": found.conductance_S, "misfit": found.misfit, "prior": found.prior,
                    "noise_figure": found.noise_figure,
                    "frames": [{"line": int(line), **_shown(one)}
-                              for line, one in zip(read.line[first:], found.seen, strict=True)]}
+                              for line, one in zip(held.line[first:], found.seen, strict=True)]}
 
 
 def _unlike(frame: Array, reference: Array) -> str:

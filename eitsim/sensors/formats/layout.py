@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from eitsim.sensors.conventions import counts_for
 from eitsim.sensors.recording import Recording
 from touchcal.arrays import Array, Complex
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
+
+_FEWEST = 16  # readings of a frame where the other axis may be the readings too
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,22 @@ def first_lines(path: Path, count: int = 40) -> list[str]:
 def frames(path: Path, readings: Array | Complex, kind: str) -> Recording:
     """A recording of frames (n, readings) one after the other that no file names the touches of."""
     return Recording(readings, np.arange(len(readings)), None, np.array([""] * len(readings)), kind, path)
+
+
+def a_row_a_frame(path: Path, name: str, array: Array | Complex) -> Array | Complex:
+    """(frames, readings) of an array of one or two axes, whose axis of readings is the one of which a common drive
+    makes so many; InputFileError where both are, or neither."""
+    if array.ndim == 1:
+        return array[None]
+    first, second = array.shape
+    by_column, by_row = (size >= _FEWEST and bool(counts_for(size)) for size in array.shape)
+    if by_column == by_row:
+        which = ("either may be the readings of a frame." if by_row else
+                 "neither is a number of readings that a common drive makes of a frame (of 16 electrodes 208, or 256 "
+                 "with the driven ones): are some left out?")
+        raise InputFileError(path, f"{name} is {first} x {second}, and {which} Save it as a CSV of one row a frame, or "
+                                   "for MATLAB as a structure whose field meas has one column a frame, as EIDORS does.")
+    return array.T if by_column else array
 
 
 def equally_long(path: Path, rows: list[list[float]], lines: list[int], what: str) -> Array:

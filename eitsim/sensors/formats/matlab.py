@@ -7,13 +7,12 @@ import numpy as np
 from scipy.io.matlab import mat_struct
 
 from eitsim.electrics.interop.eidors import mat_variables
-from eitsim.sensors.conventions import counts_for
-from eitsim.sensors.formats.layout import Layout, frames
+from eitsim.sensors.formats.layout import Layout, a_row_a_frame, frames
 from eitsim.sensors.recording import Recording
 from touchcal.arrays import Array, Complex
 from touchcal.errors import InputFileError
 
-_FEWEST = 16  # readings of a frame where the other axis may be the readings too
+_PAIR = ("vh", "vi")  # EIDORS's names of the untouched (homogeneous) and the touched (inhomogeneous) data
 
 
 def _is_matlab(path: Path) -> bool:
@@ -21,23 +20,32 @@ def _is_matlab(path: Path) -> bool:
 
 
 def _read_matlab(path: Path, kind: str) -> Recording:
-    """The only array of the file, or the only data object; ValueError's words name those there are."""
+    """The only array or data object of the file, or its vh, untouched, and then its vi, touches 1, 2, ...;
+    InputFileError names what else there is."""
     variables = mat_variables(path)
     found = {name: array for name, value in variables.items() if (array := _measured(value)) is not None}
+    if set(_PAIR) <= set(found):
+        untouched, touched = (_frames(path, name, variables[name], found[name]) for name in _PAIR)
+        if untouched.shape[1] != touched.shape[1]:
+            raise InputFileError(path, f"vh has {untouched.shape[1]} readings a frame, and vi {touched.shape[1]}. Save "
+                                       "both of one stimulation.")
+        names = [""] * len(untouched) + [str(number) for number in range(1, len(touched) + 1)]
+        both = np.array([*untouched, *touched])
+        return Recording(both, np.arange(len(both)), None, np.array(names), kind, path)
     if len(found) != 1:
-        raise InputFileError(path, f"{len(found)} arrays of readings{': ' if found else ''}{', '.join(found)}; it must "
-                                   "hold one, of numbers, or one EIDORS data object with meas. Save that one alone.")
+        held = ", ".join(found) or "; ".join(f"{name} is {_described(value)}" for name, value in variables.items())
+        raise InputFileError(path, f"{len(found)} arrays of readings{': ' if held else ''}{held}. It must hold one, of "
+                                   "numbers with one row or one column a frame, or one EIDORS data object with meas, "
+                                   "or two as vh (untouched) and vi (touched). Save these alone.")
     (name, array), = found.items()
-    if array.ndim == 1:
-        return frames(path, array[None], kind)
-    if isinstance(variables[name], mat_struct):
-        return frames(path, array.T, kind)
-    by_column, by_row = (size >= _FEWEST and bool(counts_for(size)) for size in array.shape)
-    if by_column == by_row:
-        raise InputFileError(path, f"{name} is {array.shape[0]} x {array.shape[1]}, and either may be the readings of "
-                                   "a frame, or neither. Save it as a structure whose field meas has one column a "
-                                   "frame, as EIDORS does, or as a CSV of one row a frame.")
-    return frames(path, array.T if by_column else array, kind)
+    return frames(path, _frames(path, name, variables[name], array), kind)
+
+
+def _frames(path: Path, name: str, value: Any, array: Array | Complex) -> Array | Complex:
+    """(frames, readings) of a variable."""
+    if not isinstance(value, mat_struct):
+        return a_row_a_frame(path, name, array)
+    return array[None] if array.ndim == 1 else array.T
 
 
 def _measured(value: Any) -> Array | Complex | None:
@@ -48,6 +56,13 @@ def _measured(value: Any) -> Array | Complex | None:
     if array.dtype.kind not in "fciu" or array.ndim not in (1, 2) or array.size < 2:
         return None
     return array.astype(np.complex128 if array.dtype.kind == "c" else float)
+
+
+def _described(value: Any) -> str:
+    """What a variable without readings is."""
+    if isinstance(value, mat_struct):
+        return "a structure without meas"
+    return " x ".join(map(str, np.shape(value))) or "one value"
 
 
 FORMAT = Layout("MATLAB .mat with an array of frames or EIDORS data", _is_matlab, _read_matlab)

@@ -2,24 +2,30 @@
 
 from pathlib import Path
 
-from eitsim.sensors.formats import columns, eit_kit, matlab, sciospec, serial_magnitudes
-from eitsim.sensors.recording import Recording, check_kind, read_recording
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.scene.frames import Frames, read_frames, without_unread
+from eitsim.sensors.formats import columns, eit_kit, matlab, numpy_array, sciospec, serial_magnitudes
+from eitsim.sensors.formats.layout import Layout
+from eitsim.sensors.recording import Recording, check_kind, in_phase, read_recording
 from touchcal.errors import InputFileError
 
 # A new board is one module with a `FORMAT` and its name here, before `columns`, which takes whatever has one column.
-FORMATS = tuple(module.FORMAT for module in (sciospec, matlab, serial_magnitudes, eit_kit, columns))
+FORMATS = tuple(module.FORMAT for module in (sciospec, matlab, numpy_array, serial_magnitudes, eit_kit, columns))
 
 
 def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | None = None) -> Recording:
     """Read a recording from a CSV of one row a frame or from a board's file (FORMATS), each of `readings` numbers where
     that is given.
 
-    kind: what readings are where the file does not say it. Boards' files name no touches: every frame counts as
-    untouched. InputFileError names the file, the line, what was expected and the fix.
+    kind: what readings are where the file does not say it. In a MATLAB file with vh and vi every frame of vi is a
+    touch; other boards' files name no touches: every frame counts as untouched. InputFileError names the file, the
+    line, what was expected and the fix.
     """
     check_kind(kind, "kind")
     path = Path(path)
-    layout = next((one for one in FORMATS if one.recognises(path)), None)
+    layout = _layout(path)
     if layout is None:
         return read_recording(path, kind=kind, readings=readings)
     found = layout.read(path, kind)
@@ -28,3 +34,18 @@ def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
                                    f"{readings}. Give the recording or the sensor file that belong together, or "
                                    "correct [drive].")
     return found
+
+
+def open_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:
+    """Read the frames of a CSV, as `read_frames`, or of a board's file (FORMATS), complex ones turned to their common
+    phase, with the number of each frame from 1 in place of its line; errors as those of `read_frames`."""
+    path = Path(path)
+    if _layout(path) is None:
+        return read_frames(path, readings, unread)
+    found = in_phase(open_recording(path, readings=readings).readings)
+    return without_unread(path, Frames(found, np.arange(1, len(found) + 1)),
+                          np.zeros(readings, bool) if unread is None else unread)
+
+
+def _layout(path: Path) -> Layout | None:
+    return next((one for one in FORMATS if one.recognises(path)), None)

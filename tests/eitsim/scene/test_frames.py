@@ -55,6 +55,7 @@ def test_other_columns_of_a_recording_are_left_out(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("text", "message"), [
     ("1,2,3\n", "line 1: 3 columns, expected 2 voltages a row.* with a point"),
+    ("1,2,3\n4,5,6\n", "It has 2 rows: are rows and columns exchanged"),
     ("1,2\n3\n", "line 2: 1 columns, expected 2 voltages a row"), ("a,b\n", "no rows of voltages"),
     ("v_000,volts\n1,2\n", "frames.csv: the header names 'volts' in column 2, which is no reading.* v_000 to v_001"),
     ("v_000,v_000\n1,2\n", "the header lacks v_001"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from eitsim.sensors.formats.open_file import FORMATS, open_recording
+from eitsim.sensors.formats.open_file import FORMATS, open_frames, open_recording
 from touchcal.errors import InputFileError
 
 # Header as EIDORS and sciopy name its lines; values made up.
@@ -104,6 +104,63 @@ def test_matlab_files_of_several_arrays_or_unclear_shape_are_refused(tmp_path: P
         open_recording(tmp_path / "two.mat")
     with pytest.raises(InputFileError, match=r"a is 208 x 208.*whose field meas has one column a frame"):
         open_recording(tmp_path / "square.mat")
+
+
+def test_untouched_and_touched_eidors_data_are_one_recording(tmp_path: Path) -> None:
+    frames = np.random.default_rng(0).normal(size=(4, 208))
+    for name, vh, vi in (("plain.mat", frames[:1].T, frames[1:].T), ("data.mat", {"meas": frames[0]},
+                                                                     {"meas": frames[1:].T})):
+        savemat(tmp_path / name, {"vh": vh, "vi": vi, "fmdl": {"type": "fwd_model"}})
+        found = open_recording(tmp_path / name)
+        np.testing.assert_array_equal(found.readings, frames)
+        assert found.touch.tolist() == ["", "1", "2", "3"]
+    savemat(tmp_path / "odd.mat", {"vh": {"meas": frames[0]}, "vi": {"meas": frames[:, :12].T}})
+    with pytest.raises(InputFileError, match="vh has 208 readings a frame, and vi 12"):
+        open_recording(tmp_path / "odd.mat")
+
+
+def test_numpy_arrays(tmp_path: Path) -> None:
+    frames = np.random.default_rng(0).normal(size=(5, 208))
+    for name, array in (("rows.npy", frames), ("columns.npy", frames.T), ("complex.npy", frames * (1 + 1j))):
+        np.save(tmp_path / name, array)
+    np.testing.assert_array_equal(open_recording(tmp_path / "rows.npy").readings, frames)
+    np.testing.assert_array_equal(open_recording(tmp_path / "columns.npy").readings, frames)
+    np.testing.assert_array_equal(open_recording(tmp_path / "complex.npy").readings, frames * (1 + 1j))
+
+
+@pytest.mark.parametrize(("array", "words"), [
+    (np.ones((5, 207)), "the array is 5 x 207, and neither is a number of readings.*of 16 electrodes 208, or 256"),
+    (np.ones((5, 16, 13)), "an array of float64 with 3 axes. Save numbers, one row a frame"),
+    (np.array(["1"]), "an array of <U1 with 1 axes")])
+def test_numpy_arrays_that_are_no_frames_are_refused(tmp_path: Path, array: np.ndarray, words: str) -> None:
+    np.save(tmp_path / "a.npy", array)
+    with pytest.raises(InputFileError, match=words):
+        open_recording(tmp_path / "a.npy")
+    (tmp_path / "b.npy").write_bytes(b"no array")
+    with pytest.raises(InputFileError, match="not a NumPy array of numbers"):
+        open_recording(tmp_path / "b.npy")
+
+
+def test_matlab_files_without_readings_say_what_they_hold(tmp_path: Path) -> None:
+    savemat(tmp_path / "model.mat", {"fmdl": {"type": "fwd_model"}, "v": np.ones((5, 16, 13))})
+    with pytest.raises(InputFileError, match="0 arrays of readings: fmdl is a structure without meas; v is 5 x 16 x"):
+        open_recording(tmp_path / "model.mat")
+
+
+def test_frames_of_any_file_are_those_of_a_csv(tmp_path: Path) -> None:
+    volts = np.random.default_rng(0).normal(size=(3, 208))
+    np.savetxt(tmp_path / "frames.csv", volts, delimiter=",", fmt="%.17g")
+    savemat(tmp_path / "frames.mat", {"v": volts})
+    np.save(tmp_path / "turned.npy", volts * np.exp(0.3j))
+    for name in ("frames.csv", "frames.mat", "turned.npy"):
+        found = open_frames(tmp_path / name, 208)
+        np.testing.assert_allclose(found.volts, volts, rtol=0, atol=1e-14)
+        assert found.line.tolist() == [1, 2, 3]
+    volts[1, 5] = np.nan
+    savemat(tmp_path / "frames.mat", {"v": volts})
+    with pytest.raises(InputFileError, match="line 2: v_005 is empty, and its electrodes are all there"):
+        open_frames(tmp_path / "frames.mat", 208)
+    assert open_frames(tmp_path / "frames.mat", 208, np.arange(208) == 5).volts[1, 5] == 0
 
 
 def test_eidors_data_have_a_frame_a_column_whatever_their_shape(tmp_path: Path) -> None:

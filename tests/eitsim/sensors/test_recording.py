@@ -58,6 +58,7 @@ def test_frames_of_differences_are_never_untouched(tmp_path: Path) -> None:
     ("v_000,v_000\n1,2\n", "line 1: the header names 'v_000' where reading 1"),
     ("touch,v_001,v_002\n,1,2\n", "line 1: the header begins at 'v_001', and readings count from 0"),
     ("touch,touch,v_000\na,b,2\n", "twice"),
+    ("1.5 2 3\n4 5 6\n7 8 9\n", "line 1: its cells are separated by spaces. Use commas"),
     ("v_000;v_001\n1,5;2\n", "line 1: its cells are separated by semicolons"),
     ("v_000,v_001\n1,2\n3\n", "line 3: 1 columns, expected 2"),
     ("v_000,v_001\n1,2\n3,inf\n", "line 3: reading 1 is 'inf'"),

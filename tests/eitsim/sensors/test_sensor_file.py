@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 from eitsim.scene.drive import read_out
-from eitsim.sensors.sensor_file import Sensor, drive_of_pairs, pairs_of, read_sensor, sensor_from
+from eitsim.scene.scene import read_scene
+from eitsim.sensors.sensor_file import (
+    Sensor,
+    drive_of_pairs,
+    pairs_of,
+    read_pairs,
+    read_sensor,
+    scene_of_frames,
+    sensor_from,
+    write_pairs,
+)
 from touchcal.errors import InputFileError
 
 HEADER = "source,sink,plus,minus\n"
@@ -87,3 +97,21 @@ def test_readings_that_are_no_pairs_are_refused() -> None:
                           "drive": {"currents": currents, "measurements": measurements}}, Path())
     with pytest.raises(ValueError, match=r"pattern 0 in .drive. is not 1 at one electrode and -1 at another"):
         pairs_of(sensor)
+
+
+def test_frames_have_the_scene_of_a_scene_file_or_of_a_sensor_file(tmp_path: Path) -> None:
+    path = tmp_path / "any.toml"
+    path.write_text("[body]\nradius_mm = 45\n[punch]\nx_mm = 3\n")
+    assert scene_of_frames(path) == read_scene(path)
+    (tmp_path / "pairs.csv").write_text("source,sink,plus,minus\n0,1,2,3\n1,2,3,4\n")
+    path.write_text('[body]\nradius_mm = 45\n[drive]\npairs = "pairs.csv"\n')
+    assert scene_of_frames(path) == read_sensor(path).scene
+    path.write_text('[readings]\nkind = "difference"\n')
+    with pytest.raises(InputFileError, match="an image needs the untouched frame as well"):
+        scene_of_frames(path)
+
+
+def test_pairs_that_are_written_are_read_again(tmp_path: Path) -> None:
+    pairs = np.array([[0, 1, 2, 3], [1, 2, 4, 3]])
+    write_pairs(pairs, tmp_path / "pairs.csv")
+    np.testing.assert_array_equal(read_pairs(tmp_path / "pairs.csv", 16), pairs)
