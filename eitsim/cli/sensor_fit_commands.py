@@ -82,6 +82,8 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
         print_json({key: value for key, value in document.items() if key != "sensor"})
     else:
         show_calibration(document, out)
+        if len(frames.touch) > 1 and frames.untouched.all():
+            print(f"untouched: the mean of all {len(frames.touch)} frames, as none is marked as touched")
         if card is not None and found.skin is None:
             print("the skin is not fitted, since that needs a usable absolute model")
         if removed:

@@ -155,7 +155,8 @@ def check(radius_m: float, electrodes: Electrodes) -> None:
     require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
             "has no effect with angles_deg; leave it out")
     steps = np.diff(middles(electrodes), append=middles(electrodes)[0] + 2 * np.pi)
-    require(bool(np.all(steps > 0)), "angles_deg", "must increase counter-clockwise, within one turn")
+    require(bool(np.all(steps > 0)), "angles_deg", "must increase counter-clockwise, within "
+            "one turn; where the board counts clockwise, call its electrode k of N number N - k in pairs of [drive]")
     arcs(radius_m, electrodes)
 
 

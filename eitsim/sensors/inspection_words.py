@@ -1,20 +1,22 @@
 """An inspection as plain values, as sentences, and as the questions that it leaves to the user."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from eitsim.scene.drive import Drive
-from eitsim.scene.electrodes import identical
+from eitsim.scene.electrodes import Electrodes, identical
 from eitsim.scene.outline_electrodes import along_edge
+from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.companions import FEWEST
-from eitsim.sensors.conventions import pattern_name
+from eitsim.sensors.conventions import MEAN, pattern_name
 from eitsim.sensors.identification import EXPLAINED, words_of
 from eitsim.sensors.inspection import Inspection
 from eitsim.sensors.reading_checks import NO_OHMMETER, Apart
 from eitsim.sensors.recognition import Order, canonical
+from eitsim.sensors.recording import in_phase
 from eitsim.sensors.sensor_file import Sensor, pairs_of
 from touchcal.arrays import Index
 from touchcal.number_words import counted, percent
@@ -59,7 +61,8 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
     """What was found, a name and its words a row."""
     one, words = found.identified, found.identified.words()
     frames, touchless = len(found.recording.readings), int(found.recording.untouched.sum())
-    yield "recording", (f"{counted(frames, 'frame')}, {touchless} untouched, "
+    unmarked = ", as none is marked as touched" if touchless == frames > 1 else ""
+    yield "recording", (f"{counted(frames, 'frame')}, {touchless} untouched{unmarked}, "
                         f"{counted(found.recording.readings.shape[1], 'reading')} each: {found.kind}")
     yield "electrodes", "not decided" if found.electrodes is None else str(found.electrodes)
     for name in ("pattern", "order", "turn", "direction"):
@@ -71,6 +74,8 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
     if np.isfinite(one.unexplained):
         yield "unexplained", (f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous "
                               f"{_body(found)}")
+    if found.agrees is None and (drive := _described(found)):
+        yield "in a sensor file", drive
     if found.sensor is not None:
         yield "sensor file", {True: "[drive] agrees with the readings, the electrodes' places do not" if
                               _elsewhere(found) else "agrees with the readings", False: "contradicted by the readings",
@@ -102,6 +107,12 @@ def cautions(found: Inspection) -> Iterator[str]:
     if found.dead_readings.size:
         yield (("Reading {} is" if found.dead_readings.size == 1 else "Readings {} are").format(
             _listed(found.dead_readings)) + " dead: empty, 0 or unchanging in every frame.")
+    if (empty := np.flatnonzero(np.isnan(found.recording.readings).all(axis=1))).size:
+        yield (f"{counted(empty.size, 'frame')} without any reading, the first in row {empty[0]} from 0: not counted "
+               "here, refused by `eitsim reconstruct`. Leave them out.")
+    if np.iscomplexobj(found.recording.readings):
+        yield (f"The readings are complex: they are turned to their common phase, and {percent(_out_of_phase(found))} "
+               "of them, which stays imaginary, is left out.")
     if found.late.size:
         yield (f"Readings {_listed(found.late)} of each row belong to the frame before it: they change with the others "
                "of the row above. Begin a row where the scan begins, or move them up by one row.")
@@ -119,7 +130,9 @@ def cautions(found: Inspection) -> Iterator[str]:
                    "ground-free instrument makes 0." + (" These are no voltages of a passive body: use changes only."
                                                         if apart.together >= NO_OHMMETER else ""))
     if found.drift is not None and found.drift > _DRIFT:
-        yield (f"The untouched frame drifts by {percent(found.drift)}: take a fresh one close to each touch.")
+        yield (f"The untouched frame drifts by {percent(found.drift)}: take a fresh one close to each touch."
+               + (" Or some frames are touched, and none is marked so: name them in the column touch of a CSV, or save "
+                  "a .mat as vh (untouched) and vi (touched)." if found.recording.untouched.all() else ""))
 
 
 def questions(found: Inspection) -> Iterator[str]:
@@ -195,14 +208,40 @@ def _renumbered(found: Inspection) -> str:
 
 def _drive_of(order: Order, sensor: Sensor) -> str:
     """What [drive] of a sensor file is to say for an order."""
+    if (named := _named(order, sensor.electrodes)) is not None:
+        return (f' The first is pattern = "{named.pattern}" with reading = "{named.reading}" in [drive], where '
+                f'"{Drive.reading}" is the default.')
+    return " Describe the drive by pairs in [drive]; --pairs pairs.csv writes those of the first."
+
+
+def _named(order: Order, electrodes: Electrodes) -> Drive | None:
+    """The drive of an order by the names that [drive] has; None where it needs pairs."""
     one, step = order.convention, int(order.pairs[0, 1] - order.pairs[0, 0])
-    if one is not None and one.kept == "undriven" and one.reference in _READINGS:
-        named = Drive(pattern=pattern_name(step, order.count), reading=_READINGS[one.reference])
-        pairs = pairs_of(replace(sensor, drive=named))
-        if canonical(pairs, order.count, False) == canonical(order.pairs, order.count, False):
-            return (f' The first is pattern = "{named.pattern}" with reading = "{named.reading}" in [drive], where '
-                    f'"{Drive.reading}" is the default.')
-    return " Describe the drive by pairs in [drive]."
+    if one is None or one.kept != "undriven" or one.reference not in _READINGS:
+        return None
+    named = Drive(pattern=pattern_name(step, order.count), reading=_READINGS[one.reference])
+    own = canonical(pairs_of(Sensor(Body(), Skin(), electrodes, named)), order.count, False)
+    return named if own == canonical(order.pairs, order.count, False) else None
+
+
+def pairs_as_read(found: Inspection) -> Index | None:
+    """(readings, 4) source, sink, plus and minus of each reading in the likeliest order, plus and minus exchanged where
+    the readings' sign is that of minus less plus; None where no order is found, or one that no pairs describe."""
+    order = found.identified.order
+    if order is None or (order.pairs == MEAN).any():
+        return None
+    return order.pairs[:, [0, 1, 3, 2]] if found.identified.sign == "negative" else order.pairs
+
+
+def _described(found: Inspection) -> str:
+    """[drive] of a sensor file with the order found, or with the likeliest one that has a name; empty without any."""
+    one = found.identified
+    likeliest = one.order or (one.plausible[0] if one.plausible else None)
+    named = _named(likeliest, Electrodes(count=likeliest.count)) if likeliest and one.sign != "negative" else None
+    if named is not None:
+        return (f'[drive] pattern = "{named.pattern}", reading = "{named.reading}"'
+                + ", if the likeliest order is right" * (one.order is None))
+    return '[drive] pairs = "pairs.csv", which --pairs pairs.csv writes' if pairs_as_read(found) is not None else ""
 
 
 def _placements(found: Inspection) -> str:
@@ -218,6 +257,13 @@ def _outlined(found: Inspection) -> bool:
 
 def _body(found: Inspection) -> str:
     return "skin of that outline" if _outlined(found) else "disc"
+
+
+def _out_of_phase(found: Inspection) -> float:
+    """Part of complex readings that their turn to one phase leaves out, 2-norms."""
+    readings = found.recording.readings
+    kept, whole = np.nansum(in_phase(readings) ** 2), np.nansum(np.abs(readings) ** 2)
+    return float(np.sqrt(max(1 - kept / whole, 0.0)))
 
 
 def _range(apart: Apart) -> str:

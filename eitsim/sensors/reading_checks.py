@@ -80,21 +80,28 @@ def mean_frame(frames: Array) -> Array:
 
 def noise(untouched: Array) -> float | None:
     """Standard deviation of one reading by the differences of successive untouched frames (frames, readings), over the
-    frames' r.m.s.; None of fewer than three."""
+    frames' r.m.s.; empty frames do not count; None of fewer than three."""
+    untouched = _not_empty(untouched)
     if len(untouched) < _FEWEST:
         return None
     return float(np.sqrt(np.nanmean(np.diff(untouched, axis=0) ** 2) / 2 / np.nanmean(untouched**2)))
 
 
 def drift(untouched: Array) -> float | None:
-    """Change from the first tenth of untouched frames (frames, readings) to the last over the first, 2-norms; None of
-    fewer than three."""
+    """Change from the first tenth of untouched frames (frames, readings) to the last over the first, 2-norms; empty
+    frames do not count; None of fewer than three."""
+    untouched = _not_empty(untouched)
     if len(untouched) < _FEWEST:
         return None
     part = max(1, int(_ENDS * len(untouched)))
     first, last = mean_frame(untouched[:part]), mean_frame(untouched[-part:])
     kept = np.isfinite(first) & np.isfinite(last)
     return float(np.linalg.norm((last - first)[kept]) / np.linalg.norm(first[kept]))
+
+
+def _not_empty(frames: Array) -> Array:
+    """Frames (frames, readings) with a reading."""
+    return frames[np.isfinite(frames).any(axis=1)]
 
 
 def repeats(values: Array, pairs: Index, current: Array, *, signed: bool) -> Apart | None:

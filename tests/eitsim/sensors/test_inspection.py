@@ -15,10 +15,10 @@ from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.scene.scene import Scene
 from eitsim.sensors.conventions import Convention
 from eitsim.sensors.formats.open_file import open_recording
-from eitsim.sensors.inspection import Inspection, in_phase, inspect
-from eitsim.sensors.inspection_words import cautions, document, questions
+from eitsim.sensors.inspection import Inspection, inspect
+from eitsim.sensors.inspection_words import cautions, document, pairs_as_read, questions, rows
 from eitsim.sensors.recognition import canonical
-from eitsim.sensors.recording import Recording
+from eitsim.sensors.recording import Recording, in_phase
 from eitsim.sensors.sensor_file import Sensor, drive_of_pairs, pairs_of, read_sensor, sensor_from
 
 REAL = Path(__file__).parents[4] / "shared" / "real"
@@ -192,3 +192,50 @@ def test_the_command_refuses_a_file_of_another_sensor(command: Command, tmp_path
     done = command("eitsim", "sensor", "inspect", "frames.csv", "--sensor", "sensor.toml", cwd=tmp_path)
     assert done.returncode == 2
     assert "frames.csv, line 1: 3 readings a frame, and the sensor's drive makes 208" in done.stderr
+
+
+def test_pairs_that_are_written_read_the_frame_as_it_is_either_sign(command: Command, tmp_path: Path) -> None:
+    """Readings of EIDORS's default order, which begins at the same pair in each pattern, and their negatives."""
+    pairs = Convention(16, 16, 1, "pair", 1, "undriven", False, 0, 1).pairs()
+    sensor = sensor_from({"drive": drive_of_pairs(pairs, 16)}, Path())
+    order = np.concatenate([np.flatnonzero(pairs[:, 0] == k)[np.argsort(pairs[pairs[:, 0] == k][:, 3])]
+                            for k in range(16)])
+    volts = untouched_readings(sensor.scene, 1e-3).ravel()[order]
+    for sign in (1, -1):
+        found = inspect(recorded(sign * volts))
+        named = pairs_as_read(found)
+        assert named is not None
+        model = untouched_readings(sensor_from({"drive": drive_of_pairs(named, 16)}, Path()).scene, 1e-3).ravel()
+        np.testing.assert_allclose(model, sign * volts, rtol=0, atol=1e-9 * np.abs(volts).max())
+        assert dict(rows(found))["in a sensor file"] == '[drive] pairs = "pairs.csv", which --pairs pairs.csv writes'
+    np.save(tmp_path / "frame.npy", -volts)
+    done = command("eitsim", "sensor", "inspect", "frame.npy", "--pairs", "pairs.csv", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "sensor.toml").write_text('[drive]\npairs = "pairs.csv"\n[readings]\nkind = "voltage"\n')
+    np.testing.assert_array_equal(pairs_of(read_sensor(tmp_path / "sensor.toml")), named)
+    np.save(tmp_path / "frames.npy", -np.array([volts, volts]))
+    done = command("eitsim", "reconstruct", "frames.npy", "--scene", "sensor.toml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "this frame equals the untouched one" in done.stdout
+
+
+def test_an_order_with_a_name_is_said_by_it() -> None:
+    found = inspect(recorded(frame()))
+    assert dict(rows(found))["in a sensor file"] == (
+        '[drive] pattern = "adjacent", reading = "single-ended", if the likeliest order is right')
+
+
+def test_frames_that_no_file_marks_are_said_to_count_as_untouched() -> None:
+    touched = frame() * (1 + 0.1 * (np.arange(208) < 50))
+    found = inspect(recorded(frame(), frame(), touched))
+    assert "3 untouched, as none is marked as touched" in dict(rows(found))["recording"]
+    assert any("some frames are touched, and none is marked so" in one for one in cautions(found))
+
+
+def test_empty_frames_and_what_a_common_phase_leaves_out_are_said() -> None:
+    empty = np.full(208, np.nan)
+    assert any("1 frame without any reading, the first in row 1 from 0" in one
+               for one in cautions(inspect(recorded(frame(), empty, frame()))))
+    turned = frame() * np.exp(0.3j + 0.1j * np.where(np.arange(208) % 2, 1, -1))
+    (said,) = (one for one in cautions(inspect(recorded(turned))) if "complex" in one)
+    assert "9.9" in said or "10" in said
