@@ -32,6 +32,9 @@ class OutputFiles:
 def check_output_files(scene: Scene, files: OutputFiles, outs: Mapping[str, Path | None] | None = None) -> None:
     """ValueError, before anything is solved, where the scene has no such file, or the folder of a series is in the way
     of another one to be written (option -> place)."""
+    if (result := (outs or {}).get("--out")) is not None and result.suffix not in ("", ".json"):
+        raise ValueError(f"--out {result}: the result is JSON (jsondecode reads it in MATLAB); give a name that ends "
+                         "in .json.")
     if files.skin is not None and files.skin.suffix != ".vtu":
         raise ValueError(f"--skin {files.skin}: the file is a VTU file; give a name that ends in .vtu.")
     if files.fields is not None and files.fields.suffix not in (".vtu", ".pvd"):

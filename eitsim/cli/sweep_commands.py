@@ -93,7 +93,9 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
         by = counted(count, "worker") if scheduler is None else scheduler
         print(f"{out}: {counted(account.solved, 'scene')} finished in {spent:.1f} s on {by}, {account.kept} were "
               f"there; outcomes: {in_words(account.outcomes)}.")
-        for line in filter(None, (account.method, kept_from_edges(rows))):
+        clean = (f"rows are clean: `eitsim measure {out} --out {out}-measured` adds [measurement] of the design"
+                 if rows.measurement else None)
+        for line in filter(None, (clean, account.method, kept_from_edges(rows))):
             print(line)
         for name, message in sorted(account.reasons.items()):
             print(f"first \"{name}\": {message}")

@@ -270,6 +270,9 @@ def read_scene(path: Path | str) -> Scene:
     """Read a scene file (TOML); InputFileError names the file and the key, ValueError's text inside it."""
     path = Path(path)
     raw = read_toml(path)
+    if "scenes" in raw:
+        raise InputFileError(path, "scenes makes it a design, which `eitsim sweep` takes. Give a file of one scene, "
+                                   "without ranges.")
     try:
         return scene_from(with_files(raw, path.parent))
     except ValueError as error:

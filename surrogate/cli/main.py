@@ -165,8 +165,9 @@ def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="To
     from surrogate.model import torchscript as script
 
     check_out(out)
-    script.write(surrogate.load(model_folder), out)
-    print(f"network: {out}")
+    described = script.write(surrogate.load(model_folder), out)
+    print(f"network: {out}, for torch.jit.load")
+    print(f"takes {described['inputs']}; gives {described['outputs']}")
 
 
 @app.command()

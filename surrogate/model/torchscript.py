@@ -65,8 +65,9 @@ def network_module(model: Model) -> nn.Module:
                      "`surrogate predict` reads the others.")
 
 
-def write(model: Model, path: Path) -> None:
-    """Write the network as TorchScript, for torch.jit.load in Python or C++; what it takes and gives is within it.
+def write(model: Model, path: Path) -> dict[str, str]:
+    """Write the network as TorchScript, for torch.jit.load in Python or C++, and return what it takes and gives, its
+    extra files inputs.txt and outputs.txt.
 
     torch calls TorchScript deprecated; its successor, torch.export, writes no file that C++ reads without a compiler.
     """
@@ -76,6 +77,7 @@ def write(model: Model, path: Path) -> None:
         warnings.simplefilter("ignore", DeprecationWarning)
         script = torch.jit.trace(network_module(model), torch.ones(2, len(model.baseline_V), dtype=torch.float64))
         torch.jit.save(script, str(path), _extra_files={f"{key}.txt": text for key, text in described.items()})
+    return described
 
 
 def _scaled(scaling: MinMax) -> _Affine:

@@ -41,6 +41,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "scene.toml").write_text('card = "card.json"\n[punch]\nx_mm = 20\nforce_N = 0.5\n')
     (tmp_path / "bare.toml").write_text("[punch]\nforce_N = 0.5\n")
     (tmp_path / "wrong.toml").write_text("[punch]\nradius = 3\n")
+    (tmp_path / "design.toml").write_text("scenes = 3\n[punch]\nforce_N = [0.1, 1]\n")
     (tmp_path / "taken").write_text("a file")
     (tmp_path / "rim.toml").write_text("[punch]\nx_mm = 98\n")
     (tmp_path / "stick.toml").write_text('[punch]\nfriction = "stick"\n')
@@ -74,6 +75,8 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "scene.toml", "--skin", "s.vtu", "--skin-patterns", "3,16"], "pattern 16 is none of 0 to 15"),
     (["run", "scene.toml", "--skin-patterns", "3"], "no effect without --skin"),
     (["run", "scene.toml", "--skin", "s.vtu", "--skin-patterns=inf"], "must hold whole numbers, got inf"),
+    (["run", "scene.toml", "--out", "r.mat"], "--out r.mat: the result is JSON (jsondecode reads it in MATLAB)"),
+    (["plan", "design.toml"], "scenes makes it a design, which `eitsim sweep` takes"),
     (["run", "/dev/zero"], "/dev/zero: this is a pipe or a device"),
     (["run", "scene.toml", "--out", "/dev/full"], "--out /dev/full is a pipe or a device"),
     (["run", "stick.toml", "--card", "card.json", "--reuse"], "--reuse"),

@@ -174,12 +174,13 @@ def test_sets_without_times_have_an_account(tmp_path: Path) -> None:
 def test_the_command_prints_the_account(tmp_path: Path) -> None:
     write_card(CARD, tmp_path / "card.json")
     (tmp_path / "design.toml").write_text("scenes = 1\n[punch]\nx_mm = 5\ny_mm = 0\nforce_N = 0.3\n"
-                                          "[accuracy]\nsignal = 0.05\n")
+                                          "[accuracy]\nsignal = 0.05\n[measurement]\nnoise_V = 1e-4\n")
     command = ["sweep", str(tmp_path / "design.toml"), "--card", str(tmp_path / "card.json"), "--workers", "1",
                "--out", str(tmp_path / "set")]
     told = CliRunner().invoke(app, [*command, "--report", str(tmp_path / "set.pdf")], catch_exceptions=False)
     assert told.exit_code == 0
-    assert all(words in told.stdout for words in ("touches: solved", "readings: multipole", "rows per core-hour"))
+    assert all(words in told.stdout for words in ("touches: solved", "readings: multipole", "rows per core-hour",
+                                                    "rows are clean: `eitsim measure"))
     assert (tmp_path / "set.pdf").read_bytes().startswith(b"%PDF")
     found = json.loads(CliRunner().invoke(app, [*command, "--json"], catch_exceptions=False).stdout)
     assert (found["solved"], found["kept"], found["outcomes"]) == (0, 1, {"ok": 1})

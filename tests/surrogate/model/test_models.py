@@ -279,7 +279,9 @@ def test_nothing_stored_is_pickled(models: dict[str, Model], tmp_path: Path) -> 
 def test_an_exported_network_gives_what_estimate_gives(models: dict[str, Model], samples: Samples, tmp_path: Path,
                                                        method: str) -> None:
     path, told = tmp_path / "net.pt", {"outputs.txt": ""}
-    torchscript.write(models[method], path)
+    said = torchscript.write(models[method], path)
+    assert said["inputs"].startswith("208 differences")
+    assert said["outputs"] == "x0 (mm), F (N), delta_max (mm)"
     module = torch.jit.load(str(path), _extra_files=told)
     found = module(torch.from_numpy(samples.signal_V[:50].copy())).numpy()
     assert np.allclose(found, estimate(models[method], samples.signal_V[:50]).value, rtol=1e-9, atol=1e-9)
