@@ -10,6 +10,9 @@ import pytest
 import eitsim
 import matcal
 from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N, least_gap_m
+from eitsim.sweeps.design.card_draws import Cards
+from eitsim.sweeps.design.design import design_from
+from eitsim.sweeps.run.rows import blank_row
 
 ROOT = Path(__file__).parents[1]
 # all but the first page of the site, whose links lead to what its build makes
@@ -91,3 +94,10 @@ def test_the_dipole_moments_on_their_page_are_the_plans() -> None:
 def test_the_distance_to_the_rim_on_its_page_is_the_plans() -> None:
     text = (ROOT / "docs" / "how-to" / "simulate-touches.md").read_text(encoding="utf-8")
     assert f"edge is nearer than {least_gap_m(eitsim.Scene()) * 1e3:.0f} mm to the rim" in text
+
+
+def test_every_column_of_a_data_set_is_described() -> None:
+    page = (ROOT / "docs" / "how-to" / "data-sets.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+)`", "".join(re.findall(r"^\| (`.*?) \|", page, flags=re.MULTILINE))))
+    row = blank_row(design_from({"scenes": 1, "punch": {"force_N": [0.1, 1.0]}}), Cards(matcal.MaterialCard("any")))
+    assert {name for name in row if not re.fullmatch(r"d?v_\d+", name)} - named == set()

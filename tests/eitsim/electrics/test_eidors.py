@@ -270,3 +270,13 @@ def test_a_file_that_unpacks_to_far_more_is_refused(tmp_path: Path) -> None:
     savemat(path, {"fwd_model": {"nodes": np.zeros(15_000_000)}}, do_compression=True)
     with pytest.raises(InputFileError, match=r"model\.mat: its \d+ bytes would unpack to 1\.2e\+08"):
         read_eidors(path)
+
+
+def test_differential_readings_are_those_of_eidors_with_rotate_meas() -> None:
+    """EIDORS sends the current the other way and reads the other way round: each reading is the same number."""
+    own = protocol(Drive(reading="differential"), 16)
+    written = loadmat(Path(__file__).with_name("eidors_image.mat"), struct_as_record=False, squeeze_me=True)["img"]
+    for k, theirs in enumerate(written.fwd_model.stimulation):
+        current, weights = theirs.stim_pattern.toarray().ravel(), theirs.meas_pattern.toarray()
+        np.testing.assert_array_equal(np.einsum("e,rf->ref", current, weights),
+                                      np.einsum("e,rf->ref", own.currents_A[k], own.weights[k]))
