@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from touchcal.arrays import Array, Mask
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
-FRAMES_HELP = "CSV, one frame of voltages a row; - reads lines from standard input and answers each as it comes."
+FRAMES_HELP = ("CSV, one frame of voltages a row, or a board's file (.mat, .npy ...); - reads lines from standard "
+               "input and answers each as it comes.")
 BASELINE_HELP = "CSV of untouched frames; else the first row of FRAMES. Two or more of them also give the noise."
 DIRECT_HELP = "Invert the simulator itself, from the learned answer on; needs --card."
 POSTERIOR_HELP = "Sample the posterior of each frame with emcee, on the learned map, or with --card by the simulator."

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.frames import column_order
+from eitsim.sensors.formats.open_file import is_board_file, open_recording
+from eitsim.sensors.recording import in_phase
 from touchcal.arrays import Array, Index
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
@@ -108,7 +110,11 @@ def frames_of(lines: Sequence[Line], columns: Columns) -> Lines:
 
 
 def read_lines(path: Path, readings: int) -> Lines:
-    """All frames of a file, without blank lines; InputFileError where it holds none, or a header of other names."""
+    """All frames of a CSV, without blank lines, or of a board's file, by their numbers from 1; InputFileError where it
+    holds none, or a header of other names."""
+    if is_board_file(path):
+        volts = in_phase(open_recording(path, readings=readings).readings)
+        return Lines(np.arange(1, len(volts) + 1), volts, [""] * len(volts))
     with open(regular(path), "rb") as file:
         lines = [line for some in waiting_lines(file) for line in some if line[1]]
     try:

@@ -40,11 +40,16 @@ def open_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | Non
     """Read the frames of a CSV, as `read_frames`, or of a board's file (FORMATS), complex ones turned to their common
     phase, with the number of each frame from 1 in place of its line; errors as those of `read_frames`."""
     path = Path(path)
-    if _layout(path) is None:
+    if not is_board_file(path):
         return read_frames(path, readings, unread)
     found = in_phase(open_recording(path, readings=readings).readings)
     return without_unread(path, Frames(found, np.arange(1, len(found) + 1)),
                           np.zeros(readings, bool) if unread is None else unread)
+
+
+def is_board_file(path: Path) -> bool:
+    """Whether a file is read by one of FORMATS, and not as a CSV of one row a frame."""
+    return _layout(path) is not None
 
 
 def _layout(path: Path) -> Layout | None:

@@ -181,3 +181,12 @@ def test_the_command_answers_a_line_before_the_next_one(ridge: Model, synthetic:
     assert not end.value.code
     assert heard[0].startswith("line,x0_mm")
     assert [line.split(",")[0] for line in heard[1:]] == ["2", "3"]
+
+
+def test_frames_of_a_board_s_file_are_read_by_their_numbers(tmp_path: Path) -> None:
+    volts = np.random.default_rng(0).normal(size=(3, 208))
+    volts[1, 5] = np.nan
+    np.save(tmp_path / "frames.npy", volts)
+    found = read_lines(tmp_path / "frames.npy", 208)
+    np.testing.assert_array_equal(found.volts, volts)
+    assert (found.line.tolist(), found.problem) == ([1, 2, 3], ["", "", ""])
