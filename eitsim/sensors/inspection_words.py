@@ -11,7 +11,8 @@ from eitsim.scene.electrodes import Electrodes, identical
 from eitsim.scene.outline_electrodes import along_edge
 from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.companions import FEWEST
-from eitsim.sensors.conventions import MEAN, pattern_name
+from eitsim.sensors.conventions import MEAN, counts_for, pattern_name
+from eitsim.sensors.formats.layout import FEWEST_READINGS
 from eitsim.sensors.identification import EXPLAINED, words_of
 from eitsim.sensors.inspection import Inspection
 from eitsim.sensors.reading_checks import NO_OHMMETER, Apart
@@ -98,6 +99,10 @@ def cautions(found: Inspection) -> Iterator[str]:
         yield ("The readings contradict [drive] of the sensor file: they look like "
                + "; or ".join(", ".join(words_of(each).values()) for each in one.plausible[:2]) + "."
                + (_drive_of(one.plausible[0], found.sensor) if found.sensor else ""))
+    frames, readings = found.recording.readings.shape
+    if readings < FEWEST_READINGS <= frames and counts_for(frames):
+        yield (f"There are {frames} frames of {counted(readings, 'reading')}, and {frames} readings a frame are usual: "
+               "are rows and columns exchanged?")
     if one.swapped:
         yield f"The leads of electrodes {one.swapped[0]} and {one.swapped[1]} look exchanged. Check them."
     if found.dead_electrodes:

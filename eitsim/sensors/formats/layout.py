@@ -12,7 +12,7 @@ from touchcal.arrays import Array, Complex
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 
-_FEWEST = 16  # readings of a frame where the other axis may be the readings too
+FEWEST_READINGS = 16  # readings of a frame where the other axis may be the readings too
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def a_row_a_frame(path: Path, name: str, array: Array | Complex) -> Array | Comp
     if array.ndim == 1:
         return array[None]
     first, second = array.shape
-    by_column, by_row = (size >= _FEWEST and bool(counts_for(size)) for size in array.shape)
+    by_column, by_row = (size >= FEWEST_READINGS and bool(counts_for(size)) for size in array.shape)
     if by_column == by_row:
         which = ("either may be the readings of a frame." if by_row else
                  "neither is a number of readings that a common drive makes of a frame (of 16 electrodes 208, or 256 "

@@ -239,3 +239,9 @@ def test_empty_frames_and_what_a_common_phase_leaves_out_are_said() -> None:
     turned = frame() * np.exp(0.3j + 0.1j * np.where(np.arange(208) % 2, 1, -1))
     (said,) = (one for one in cautions(inspect(recorded(turned))) if "complex" in one)
     assert "9.9" in said or "10" in said
+
+
+def test_rows_and_columns_that_look_exchanged_are_said() -> None:
+    turned = np.stack([frame(), 1.01 * frame()], axis=1)
+    assert any("are rows and columns exchanged?" in one for one in cautions(inspect(recorded(*turned))))
+    assert not any("exchanged?" in one for one in cautions(inspect(recorded(frame()))))
