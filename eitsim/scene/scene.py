@@ -273,6 +273,9 @@ def read_scene(path: Path | str) -> Scene:
     if "scenes" in raw:
         raise InputFileError(path, "scenes makes it a design, which `eitsim sweep` takes. Give a file of one scene, "
                                    "without ranges.")
+    if "readings" in raw:
+        raise InputFileError(path, "[readings] makes it a sensor file, which `eitsim sensor` and `eitsim reconstruct` "
+                                   "take; in Python eitsim.read_sensor(path).scene is its scene.")
     try:
         return scene_from(with_files(raw, path.parent))
     except ValueError as error:

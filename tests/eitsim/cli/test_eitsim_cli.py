@@ -42,6 +42,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "bare.toml").write_text("[punch]\nforce_N = 0.5\n")
     (tmp_path / "wrong.toml").write_text("[punch]\nradius = 3\n")
     (tmp_path / "design.toml").write_text("scenes = 3\n[punch]\nforce_N = [0.1, 1]\n")
+    (tmp_path / "sensor.toml").write_text("[readings]\nkind = 'voltage'\n")
     (tmp_path / "taken").write_text("a file")
     (tmp_path / "rim.toml").write_text("[punch]\nx_mm = 98\n")
     (tmp_path / "stick.toml").write_text('[punch]\nfriction = "stick"\n')
@@ -76,6 +77,7 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "scene.toml", "--skin-patterns", "3"], "no effect without --skin"),
     (["run", "scene.toml", "--skin", "s.vtu", "--skin-patterns=inf"], "must hold whole numbers, got inf"),
     (["run", "scene.toml", "--out", "r.mat"], "--out r.mat: the result is JSON (jsondecode reads it in MATLAB)"),
+    (["plan", "sensor.toml"], "[readings] makes it a sensor file, which `eitsim sensor` and `eitsim reconstruct` take"),
     (["plan", "design.toml"], "scenes makes it a design, which `eitsim sweep` takes"),
     (["run", "/dev/zero"], "/dev/zero: this is a pipe or a device"),
     (["run", "scene.toml", "--out", "/dev/full"], "--out /dev/full is a pipe or a device"),
