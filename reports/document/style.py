@@ -67,4 +67,9 @@ def save(figure: Figure, pdf: Path, svg: Path) -> None:
         warnings.filterwarnings("error", message=r"Glyph .* missing")
         figure.savefig(pdf, format="pdf", metadata={"CreationDate": None})
         figure.set_layout_engine("none")  # the places found for the PDF serve the SVG as well
-        figure.savefig(svg, format="svg", metadata={"Date": None})
+        save_svg(figure, svg)
+
+
+def save_svg(figure: Figure, svg: Path) -> None:
+    """Write a figure as SVG, the same on every day."""
+    figure.savefig(svg, format="svg", metadata={"Date": None})

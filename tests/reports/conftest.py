@@ -198,9 +198,15 @@ def find_wanting() -> Callable[[Figure], list[str]]:
     return wanting
 
 
+@pytest.fixture
+def svg_too() -> None:
+    """For a test of what lies next to a page: figures are written as SVG too."""
+
+
 @pytest.fixture(autouse=True)
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """The figures that a test puts on pages, each checked when it is saved."""
+def drawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """The figures that a test puts on pages, each checked when it is saved; the same figure again as SVG, which takes
+    as long as the page, is an empty file unless a test asks for `svg_too`."""
     saved, save = list[Figure](), style.save
 
     def checked(figure: Figure, pdf: Path, svg: Path) -> None:
@@ -209,4 +215,6 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
         saved.append(figure)
 
     monkeypatch.setattr(style, "save", checked)
+    if "svg_too" not in request.fixturenames:
+        monkeypatch.setattr(style, "save_svg", lambda figure, svg: svg.touch())
     return saved

@@ -114,6 +114,7 @@ def test_what_is_absent_is_said(tmp_path: Path, read_pdf: Reader) -> None:
     assert "No voltages here." in read_pdf(tmp_path / "a.pdf").whole
 
 
+@pytest.mark.usefixtures("svg_too")
 def test_figures_lie_beside_the_page_and_old_ones_go(tmp_path: Path) -> None:
     out, files = tmp_path / "a.pdf", tmp_path / "a_files"
     render(make_report(tmp_path, plate("scene"), plate("readings")), out)
@@ -121,6 +122,7 @@ def test_figures_lie_beside_the_page_and_old_ones_go(tmp_path: Path) -> None:
     render(make_report(tmp_path, plate("scene")), out)
     assert sorted(p.name for p in files.iterdir()) == ["contents.json", "mine.csv", "scene.csv", "scene.svg"]
     assert (files / "scene.csv").read_text() == "t_s,F_N\n0,2\n1,-3\n"
+    assert (files / "scene.svg").read_text().rstrip().endswith("</svg>")
     assert json.loads((files / "contents.json").read_text())["files"] == ["scene.svg", "scene.csv"]
 
 
