@@ -17,7 +17,7 @@ from eitsim.scene.drive import voltage_columns
 from eitsim.scene.scene import Body, Electrodes, Scene
 from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
-from surrogate.data.samples import Samples, read_samples
+from surrogate.data.samples import Samples, read_samples, take
 from surrogate.data.sensor_ring import Ring, place, radial, ring_of, ring_of_design
 from surrogate.forward_map import multipole_series
 
@@ -150,6 +150,19 @@ def samples(sweep: Path) -> Samples:
     found = read_samples(sweep)
     assert found.target.shape == (200, len(outputs.ALL))
     return found
+
+
+@pytest.fixture(scope="session")
+def forward_model(samples: Samples) -> surrogate.Model:
+    """A forward model of all of them and of all outputs."""
+    return surrogate.train(samples, "forward", seed=1)
+
+
+@pytest.fixture(scope="session")
+def inner_model(samples: Samples) -> surrogate.Model:
+    """A forward model of so few touches that it learns nothing of the rim, and so answers its first frame at once: for
+    what is done with any."""
+    return surrogate.train(take(samples, np.arange(100)), "forward", seed=1)
 
 
 @pytest.fixture(scope="session")

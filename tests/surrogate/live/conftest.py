@@ -24,16 +24,10 @@ return [v.X(arguments[0]) - b.width / 2, v.Y(arguments[1]) - b.height / 2];"""
 
 
 @pytest.fixture(scope="session")
-def live_model(sweep: Path) -> surrogate.Model:
-    """A forward model of synthetic touches."""
-    return surrogate.train(sweep, "forward", seed=1)
-
-
-@pytest.fixture(scope="session")
-def live_folder(live_model: surrogate.Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its folder."""
+def live_folder(inner_model: surrogate.Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a forward model."""
     folder = tmp_path_factory.mktemp("live") / "model"
-    live_model.save(folder)
+    inner_model.save(folder)
     return folder
 
 

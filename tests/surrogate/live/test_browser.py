@@ -12,13 +12,14 @@ import pytest
 import surrogate
 
 
-def test_a_mouse_press_is_read_as_predict_reads_it(page: Any, address: str, live_model: surrogate.Model) -> None:
+def test_a_mouse_press_is_read_as_predict_reads_it(page: Any, address: str, inner_model: surrogate.Model) -> None:
     page.open(address)
     page.run("document.getElementById('grow').checked = false")
     hand = page.hold(20, -10)
     place = page.place()
     signal_mV = page.run("return shown().frame.difference")
-    found = live_model.predict(live_model.baseline_V + np.array(signal_mV) / 1e3, live_model.baseline_V, noise_V=1e-6)
+    rest_V = inner_model.baseline_V
+    found = inner_model.predict(rest_V + np.array(signal_mV) / 1e3, rest_V, noise_V=1e-6)
     assert place == pytest.approx(tuple(1e3 * found[["x0_m", "y0_m"]].iloc[0]), abs=0.15)  # tenths are shown
     assert place == pytest.approx((float(page.text("true-x")), float(page.text("true-y"))), abs=0.3)
     assert place == pytest.approx((20, -10), abs=0.6)  # a pixel is a third of a millimetre

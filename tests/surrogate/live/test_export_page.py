@@ -33,8 +33,8 @@ def differs_mm(page: Any, model: surrogate.Model, signal_V: np.ndarray, noise_V:
 
 
 @pytest.mark.slow
-def test_one_file_presses_and_reads_without_a_network(page: Any, live_model: surrogate.Model, tmp_path: Path) -> None:
-    export_page(live_model, tmp_path / "page.html")
+def test_one_file_presses_and_reads_without_a_network(page: Any, inner_model: surrogate.Model, tmp_path: Path) -> None:
+    export_page(inner_model, tmp_path / "page.html")
     assert (tmp_path / "page.html").stat().st_size < MOST_BYTES
     opened(page, tmp_path / "page.html")
     page.run("document.getElementById('noise').value = 0; "
@@ -46,8 +46,8 @@ def test_one_file_presses_and_reads_without_a_network(page: Any, live_model: sur
     assert page.browser.get_log("browser") == []
 
 
-def test_noise_and_drift_alone_are_no_touch(page: Any, live_model: surrogate.Model, tmp_path: Path) -> None:
-    export_page(live_model, tmp_path / "page.html")
+def test_noise_and_drift_alone_are_no_touch(page: Any, inner_model: surrogate.Model, tmp_path: Path) -> None:
+    export_page(inner_model, tmp_path / "page.html")
     page.open((tmp_path / "page.html").as_uri())
     page.run("window.touches = 0; const read = learned.read; "
              "learned.read = (...given) => { const found = read(...given); touches += found !== null; return found; };"
@@ -58,8 +58,8 @@ def test_noise_and_drift_alone_are_no_touch(page: Any, live_model: surrogate.Mod
     assert page.run("return touches") == 0
 
 
-def test_a_request_would_be_refused(page: Any, live_model: surrogate.Model, tmp_path: Path) -> None:
-    export_page(live_model, tmp_path / "page.html")
+def test_a_request_would_be_refused(page: Any, inner_model: surrogate.Model, tmp_path: Path) -> None:
+    export_page(inner_model, tmp_path / "page.html")
     page.open((tmp_path / "page.html").as_uri())
     page.run("window.went = null; fetch('http://127.0.0.1:9/').catch(e => { went = e.name; })")
     page.wait("went")
@@ -69,13 +69,13 @@ def test_a_request_would_be_refused(page: Any, live_model: surrogate.Model, tmp_
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
 def test_unseen_touches_are_read_as_predict_reads_them(
-        page: Any, live_model: surrogate.Model, synthetic: Callable[..., Any], tmp_path: Path, noise: float) -> None:
-    export_page(live_model, tmp_path / "page.html")
+        page: Any, inner_model: surrogate.Model, synthetic: Callable[..., Any], tmp_path: Path, noise: float) -> None:
+    export_page(inner_model, tmp_path / "page.html")
     opened(page, tmp_path / "page.html")
     _, signal_V = synthetic(40, 77)
-    noise_V = noise * float(np.sqrt(np.mean(live_model.baseline_V**2)))
+    noise_V = noise * float(np.sqrt(np.mean(inner_model.baseline_V**2)))
     noisy = signal_V + noise_V * np.random.default_rng(5).normal(size=signal_V.shape)
-    assert differs_mm(page, live_model, noisy, noise_V) < PLACE_MM
+    assert differs_mm(page, inner_model, noisy, noise_V) < PLACE_MM
 
 
 @pytest.mark.slow

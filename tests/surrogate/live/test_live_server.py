@@ -132,10 +132,10 @@ def test_ctrl_c_stops_it_without_a_traceback(start: Start, live_folder: Path) ->
     assert "Traceback" not in process.stderr.read()
 
 
-def test_a_recording_is_shown_and_read(start: Start, live_model: surrogate.Model, live_folder: Path,
+def test_a_recording_is_shown_and_read(start: Start, inner_model: surrogate.Model, live_folder: Path,
                                        tmp_path: Path) -> None:
-    rng, signal_V, target = np.random.default_rng(1), *touch_of(live_model)
-    frames = live_model.baseline_V + np.outer(np.arange(60) >= 40, signal_V) + rng.normal(0, 1e-6, (60, 208))
+    rng, signal_V, target = np.random.default_rng(1), *touch_of(inner_model)
+    frames = inner_model.baseline_V + np.outer(np.arange(60) >= 40, signal_V) + rng.normal(0, 1e-6, (60, 208))
     write_numbers(tmp_path / "frames.csv", [f"v_{k:03d}" for k in range(208)], frames)
     _, address = start(live_folder, "--replay", tmp_path / "frames.csv")
     with connected(address) as socket:
@@ -145,13 +145,13 @@ def test_a_recording_is_shown_and_read(start: Start, live_model: surrogate.Model
     assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
 
 
-def test_lines_of_a_device_are_shown_and_read(start: Start, live_model: surrogate.Model, live_folder: Path) -> None:
-    signal_V, target = touch_of(live_model)
+def test_lines_of_a_device_are_shown_and_read(start: Start, inner_model: surrogate.Model, live_folder: Path) -> None:
+    signal_V, target = touch_of(inner_model)
     process, address = start(live_folder, "-", "--noise-V", "1e-6", stdin=subprocess.PIPE)
     assert process.stdin is not None
     with connected(address) as socket:
         socket.recv()
-        for volts in [live_model.baseline_V, "no frame", *[live_model.baseline_V + signal_V] * 4]:
+        for volts in [inner_model.baseline_V, "no frame", *[inner_model.baseline_V + signal_V] * 4]:
             process.stdin.write((volts if isinstance(volts, str) else ",".join(map(repr, volts.tolist()))) + "\n")
         process.stdin.close()
         frame = last_read(socket)

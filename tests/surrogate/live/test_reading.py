@@ -9,11 +9,11 @@ from surrogate.live.moments import Moment
 from surrogate.live.reading import reader_of
 
 
-def test_cautions_end_with_the_tracker_that_had_them(live_model: surrogate.Model) -> None:
-    own = live_model.baseline_V
+def test_cautions_end_with_the_tracker_that_had_them(inner_model: surrogate.Model) -> None:
+    own = inner_model.baseline_V
     other = own * (1 + 0.3 * np.sin(np.arange(len(own))))
     cautions: list[str] = []
-    read = reader_of(live_model, other, 1e-5, cautions)
+    read = reader_of(inner_model, other, 1e-5, cautions)
     assert len(cautions) == 1
     read(Moment(0.0, other, noise_V=2e-5, untouched_V=other))
     assert len(cautions) == 1

@@ -82,15 +82,15 @@ def test_a_press_that_no_table_serves_is_named_at_once(skin: SimulatedSkin, pres
     assert not found.signal_V.any()
 
 
-def test_the_simulated_sensor_is_that_of_the_model(live_model: surrogate.Model, skin: SimulatedSkin, table: Table,
+def test_the_simulated_sensor_is_that_of_the_model(inner_model: surrogate.Model, skin: SimulatedSkin, table: Table,
                                                    tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     matcal.write_card(CARD, tmp_path / "card.json")
     asked: list[Any] = []
     monkeypatch.setattr("surrogate.live.skins.table_for", lambda shape, run: (asked.append(shape), (table, ""))[1])
     with pytest.raises(ValueError, match="differ by"):
-        simulated_skin(replace(live_model, baseline_V=2 * skin.baseline_V), tmp_path / "card.json")
+        simulated_skin(replace(inner_model, baseline_V=2 * skin.baseline_V), tmp_path / "card.json")
     (tmp_path / "scene.toml").write_text("[electrodes]\ncount = 8\n")
-    model = replace(live_model, baseline_V=skin.baseline_V)
+    model = replace(inner_model, baseline_V=skin.baseline_V)
     with pytest.raises(ValueError, match="not those that the model was trained on"):
         simulated_skin(model, tmp_path / "card.json", scene_path=tmp_path / "scene.toml")
     assert not asked
@@ -100,19 +100,19 @@ def test_the_simulated_sensor_is_that_of_the_model(live_model: surrogate.Model, 
     assert np.array(asked[0].diameters) * 10 == pytest.approx([limits_of(model).diameters_mm[k] for k in (0, -1)])
 
 
-def test_the_learned_skin_answers_a_row_of_its_training(live_model: surrogate.Model) -> None:
-    k = int(np.argmax(np.linalg.norm(live_model.calibration.signal_V, axis=1)))
-    touch, signal = live_model.calibration.target[k, :4].tolist(), live_model.calibration.signal_V[k]
-    found = learned_skin(live_model).pressed(Controls(*touch))
+def test_the_learned_skin_answers_a_row_of_its_training(inner_model: surrogate.Model) -> None:
+    k = int(np.argmax(np.linalg.norm(inner_model.calibration.signal_V, axis=1)))
+    touch, signal = inner_model.calibration.target[k, :4].tolist(), inner_model.calibration.signal_V[k]
+    found = learned_skin(inner_model).pressed(Controls(*touch))
     assert np.linalg.norm(found.signal_V - signal) < 0.02 * np.linalg.norm(signal)
 
 
-def test_what_may_be_pressed_is_what_was_trained(live_model: surrogate.Model) -> None:
-    limits, target = limits_of(live_model), live_model.calibration.target
+def test_what_may_be_pressed_is_what_was_trained(inner_model: surrogate.Model) -> None:
+    limits, target = limits_of(inner_model), inner_model.calibration.target
     assert np.hypot(*target[:, :2].T).max() <= 100 - limits.gap_mm <= 100
     assert limits.start_mm == (0.0, 0.0)
-    assert limits.force_N == live_model.trained.highest[3]
+    assert limits.force_N == inner_model.trained.highest[3]
     assert list(limits.diameters_mm) == sorted(limits.diameters_mm)
-    assert limits.diameters_mm[-1] == pytest.approx(live_model.trained.highest[2])
+    assert limits.diameters_mm[-1] == pytest.approx(inner_model.trained.highest[2])
     with pytest.raises(ValueError, match="does not read d, F"):
-        limits_of(replace(live_model, names=("x0", "y0")))
+        limits_of(replace(inner_model, names=("x0", "y0")))

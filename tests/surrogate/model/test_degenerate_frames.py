@@ -34,8 +34,8 @@ NOISE_V = 1e-6
 
 
 @pytest.fixture(scope="module")
-def forward(samples: Samples) -> Model:
-    return train(samples, "forward", ("x0", "y0", "F"), 1)
+def forward(forward_model: Model) -> Model:
+    return forward_model
 
 
 @pytest.fixture(scope="module")
@@ -100,11 +100,13 @@ def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward
                                                                          untouched_V: Array) -> None:
     """Rows are told to be lighter than they are, so that the model is of a lighter range."""
     heaviest = samples.signal_V[np.argsort(samples.target[:, 3])[-3:]]
-    narrow = replace(forward, trained=replace(forward.trained, highest=np.array([90.0, 90.0, 0.5])))
+    force = forward.names.index("F")
+    lighter = np.where(np.arange(len(forward.names)) == force, 0.5, np.inf)
+    narrow = replace(forward, trained=replace(forward.trained, highest=lighter))
     found = predict(prepare(narrow, untouched_V, NOISE_V), untouched_V + heaviest)
     print(found.value, found.half_width, found.flag)
     assert all(OUTSIDE in flag for flag in found.flag)
-    assert found.half_width[:, 2] == pytest.approx(0.5 - narrow.trained.lowest[2])
+    assert found.half_width[:, force] == pytest.approx(0.5 - narrow.trained.lowest[force])
 
 
 def test_a_noise_that_is_no_number_is_refused(ridge: Model, untouched_V: Array) -> None:

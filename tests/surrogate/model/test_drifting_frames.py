@@ -21,8 +21,8 @@ GAIN, NOISE_V = 1e-3, 2e-6
 
 
 @pytest.fixture(scope="module")
-def model(samples: Samples) -> surrogate.Model:
-    return surrogate.train(samples, outputs="x0,y0,F", seed=0)
+def model(forward_model: surrogate.Model) -> surrogate.Model:
+    return forward_model
 
 
 @pytest.fixture(scope="module")

@@ -31,8 +31,8 @@ def punch(d_mm: Array, force_N: Array) -> tuple[Array, Array]:
 
 
 @pytest.fixture(scope="module")
-def model(samples: Samples) -> Model:
-    return train(samples, "forward", ("x0", "y0", "d", "F", "delta_max"), 1)
+def model(forward_model: Model) -> Model:
+    return forward_model
 
 
 @pytest.fixture(scope="module")
