@@ -21,6 +21,7 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import InputFileError
 
+pytestmark = pytest.mark.usefixtures("solved_once")
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
 LAW = Conductivity(30.0, [-2, 2, -1], (0, 0.4))
 STORED = {"names": ["strain", "pressure"], "side": 40}

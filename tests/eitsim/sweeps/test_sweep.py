@@ -40,6 +40,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import InputFileError
 from touchcal.parallel.pool import WorkerLost
 
+pytestmark = pytest.mark.usefixtures("solved_once")
 RAW = {"seed": 7, "punch": {"x_mm": [-35, 35], "y_mm": [-35, 35], "diameter_mm": [12, 16], "force_N": [0.2, 1.0]},
        "accuracy": {"signal": 0.05}}
 

@@ -40,6 +40,7 @@ def account(card: Path, folder: Path, scenes: int, **options) -> Account:
     return last
 
 
+@pytest.mark.usefixtures("solved_once")
 def test_another_skin_conductor_drive_or_electrodes_take_the_table_that_is_there(card: Path, tmp_path: Path) -> None:
     assert account(card, tmp_path / "a", 2, reuse=True).outcomes == {"ok": 2}
     first = read_dataset(tmp_path / "a").table
@@ -136,6 +137,7 @@ def test_workers_lost_over_the_table_stop_the_sweep_before_any_row(card: Path, t
     assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"table"}
 
 
+@pytest.mark.usefixtures("solved_once")
 def test_rows_from_a_table_are_not_continued_without_it(card: Path, tmp_path: Path,
                                                         monkeypatch: pytest.MonkeyPatch) -> None:
     account(card, tmp_path / "a", 1, reuse=True)
@@ -144,6 +146,7 @@ def test_rows_from_a_table_are_not_continued_without_it(card: Path, tmp_path: Pa
         account(card, tmp_path / "a", 2)
 
 
+@pytest.mark.usefixtures("solved_once")
 def test_another_strain_solves_no_touch_again(card: Path, tmp_path: Path) -> None:
     """Touches deeper than the table, which are solved, are kept by content."""
     deep = RAW | {"punch": RAW["punch"] | {"force_N": [0.35, 0.4]}}
