@@ -31,6 +31,9 @@ install: .venv/.installed
 demo: install
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash examples/demo.sh reports/out $(SCENES) $(WORKERS)
 
+# tests start Python anew in many workers and commands: modules compiled once are kept, whatever the environment says
+test test-slow: export PYTHONDONTWRITEBYTECODE :=
+
 test: install
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal
 

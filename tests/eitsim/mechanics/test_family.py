@@ -39,7 +39,7 @@ from touchcal import cache
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
 SKIN = Conductivity(30.0, [-2, 2, -1], (0, 0.4))
 SPREAD, COUNT = 0.002, 12
-DEPTHS = (0.055, 0.07, 0.085, 0.1)
+DEPTHS = (0.06, 0.07, 0.085)
 
 
 def moduli(count: int = COUNT) -> np.ndarray:

@@ -42,9 +42,10 @@ def rectangle_folder(rectangle_model: surrogate.Model, tmp_path_factory: pytest.
 Start = Callable[..., tuple[subprocess.Popen[str], str]]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def start() -> Iterator[Start]:
-    """(words of `surrogate live`, standard input) -> its process, and the address that it prints."""
+    """(words of `surrogate live`, standard input) -> its process, and the address that it prints. It goes on reading
+    without a browser too, so all end with their module."""
     for name in ("starlette", "uvicorn", "websockets"):
         pytest.importorskip(name)
     running: list[subprocess.Popen[str]] = []
@@ -63,7 +64,7 @@ def start() -> Iterator[Start]:
         process.wait()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def address(start: Start, live_folder: Path) -> str:
     """The address of a page whose presses the model's own map answers, in little noise."""
     return start(live_folder, "--noise-V", "1e-6")[1]
