@@ -11,7 +11,7 @@ import pytest
 from eitsim.sensors.labels import PLACE, Labels
 from surrogate.data.sensor_ring import ring_of_design
 from surrogate.forward_map.multipole_series import electrode_fields
-from surrogate.recordings import networks
+from surrogate.recordings import networks, templates
 from surrogate.recordings.presses import Presses
 from touchcal.arrays import Array
 
@@ -21,10 +21,12 @@ RADIUS_MM = 100.0
 
 @contextmanager
 def short_networks() -> Iterator[None]:
-    """Few, short networks: for what does not depend on how well they learn."""
+    """Few, short networks, and templates on a grid of half as many points across: for what does not depend on how well
+    they learn."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(networks, "MOST_STEPS", 40)
         patch.setattr(networks, "HIDDEN", (32,))
+        patch.setattr(templates, "ACROSS", 40)
         yield
 
 
