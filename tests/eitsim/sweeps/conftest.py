@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
@@ -36,7 +37,8 @@ def _touch(law: Hyperfoam, body: Body, punch: Punch, **mesh: Any) -> Touch:
 @cache
 def _solved(mu: Numbers, alpha: Numbers, nu: Numbers, moduli: str, body: Body, punch: Punch,
             mesh: tuple[tuple[str, Any], ...]) -> Touch:
-    return solve_touch(Hyperfoam(mu, alpha, nu, moduli), body, punch, **dict(mesh))
+    law = Hyperfoam(np.array(mu), np.array(alpha), np.array(nu), moduli)
+    return solve_touch(law, body, punch, **dict(mesh))
 
 
 def _table(shape: DimensionlessProblem, run: Run, depths: Sequence[float]) -> Table:
