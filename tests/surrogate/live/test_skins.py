@@ -29,7 +29,7 @@ SCENE = eitsim.Scene(accuracy=eitsim.Accuracy(0.05))
 @pytest.fixture(scope="module")
 def table() -> Table:
     """Shallow load paths of a punch of 14 mm."""
-    return build(shape_of(CARD.hyperfoam, SCENE.body, eitsim.Punch(diameter_m=0.014)), depths=(0.055, 0.075, 0.1))
+    return build(shape_of(CARD.hyperfoam, SCENE.body, eitsim.Punch(diameter_m=0.014)), depths=(0.06, 0.075, 0.09))
 
 
 @pytest.fixture(scope="module")
