@@ -107,10 +107,10 @@ def _untouched(rows: pd.DataFrame) -> Array | None:
 
 
 def _places(rows: pd.DataFrame) -> Array | None:
-    """(n, 2) places of touches that no edge is near to, mm; None without columns of them."""
+    """(n, 2) places of touches, mm; None without columns of them."""
     if any(name not in rows.columns for name in TOUCH[:2]):
         return None
-    found = rows.loc[~_near_edge(rows), list(TOUCH[:2])].to_numpy(np.float64)
+    found = rows[list(TOUCH[:2])].to_numpy(np.float64)
     return found[np.isfinite(found).all(axis=1)]
 
 

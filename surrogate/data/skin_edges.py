@@ -9,9 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from eitsim.scene.outline import inside, squared_distance
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 
 Place = tuple[float, float]  # x, y, mm
+ON_LINE = 1e-3  # ends of edges that are less than this part of a reach off a line lie on it
 SLACK_MM = 1e-3  # rounding of places and edges that a press is not refused for
 
 
@@ -65,11 +66,23 @@ class Circle:
         return {"circle_mm": [x, y, r], "loops_mm": [], "box_mm": [x - r, y - r, x + r, y + r]}
 
 
+def by_one_straight_edge(place: Array, start: Array, end: Array, reach: float) -> Mask:
+    """(n,) whether all edges from `start` to `end` (edges, 2) that are nearer to places (n, 2) than a reach lie on the
+    line of the nearest one."""
+    square = squared_distance(place[:, None], start, end)
+    nearest, along = square.argmin(axis=1), end - start
+    normal = (np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None])[nearest]
+    first = np.sum(normal * start[nearest], axis=1)[:, None]
+    off = np.maximum(np.abs(normal @ start.T - first), np.abs(normal @ end.T - first))
+    return np.where(off > ON_LINE * reach, square, np.inf).min(axis=1) > reach**2
+
+
 @dataclass(frozen=True, eq=False)
 class Polygons:
     """The outer edge and the holes of a skin with an outline: presses are refused where no touch is known."""
 
     loops_mm: tuple[Array, ...]  # corners (n, 2) of the outer edge, then of every hole
+    alone_mm: float = 0.0  # distance to the edges within which touches are known near one straight edge alone
 
     def _ends(self) -> tuple[Array, Array]:
         return np.vstack(self.loops_mm), np.vstack([np.roll(loop, -1, axis=0) for loop in self.loops_mm])
@@ -95,12 +108,16 @@ class Polygons:
         return x, y
 
     def refuses(self, place: Place, diameter_mm: float, gap_mm: float) -> bool:
-        """Whether the punch does not lie on the skin, or nearer to an edge than the model knows."""
-        return self.distance_mm(place) < max(gap_mm, diameter_mm / 2) - SLACK_MM
+        """Whether the punch does not lie on the skin, or nearer to an edge, or to two, than the model knows."""
+        away = self.distance_mm(place)
+        if away < max(gap_mm, diameter_mm / 2) - SLACK_MM:
+            return True
+        return away < self.alone_mm - SLACK_MM and not by_one_straight_edge(np.array([place]), *self._ends(),
+                                                                            self.alone_mm)[0]
 
     def document(self) -> dict[str, Any]:
         """As of Edges."""
         low, high = self._box()
         return {"circle_mm": None, "loops_mm": [np.round(loop, 4).tolist() for loop in self.loops_mm],
-                "box_mm": np.round([*low, *high], 4).tolist()}
+                "alone_mm": self.alone_mm, "on_line": ON_LINE, "box_mm": np.round([*low, *high], 4).tolist()}
 

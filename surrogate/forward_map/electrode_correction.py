@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map.polarization import Effect, half_width, log_gap, near_rim
-from surrogate.forward_map.rim_zone import FROM
+from surrogate.forward_map.polarization import Effect, half_width, log_gap
 from surrogate.forward_map.ring_symmetry import Symmetry, filled_from, fold, symmetry_of
 from surrogate.statistics import change_point, matern_process
+from surrogate.statistics.gaussian_process import spread_evenly
 from surrogate.statistics.matern_process import Matern
 from touchcal.arrays import Array, Complex, Index, Mask
 
@@ -46,7 +46,7 @@ def zero_correction(ring: Ring) -> RimEffect:
 def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size: Array) -> RimEffect:
     """Learn from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves (n, readings) of
     signals, and the size of the strengths times the norm of the dipole's pattern (n,)."""
-    near = near_rim(z, MAX_ROWS)
+    near = spread_evenly(len(z), MAX_ROWS)
     symmetry = symmetry_of(ring)
     place, folded = _folded(symmetry, z[near], residual[near] / size[near, None])
     place, of, folded = _with_images(symmetry, place, folded)
@@ -58,7 +58,7 @@ def fit(ring: Ring, z: Complex, punch: Array, side: Array, residual: Array, size
 
 def step_of(ring: Ring, z: Complex, punch: Array, gap: Array, residual: Array, size: Array) -> float:
     """Gap, among those (n,) of the touches, at which what made the data changes its method; NONE where none is seen."""
-    near = near_rim(z, MAX_ROWS)
+    near = spread_evenly(len(z), MAX_ROWS)
     place, folded = _folded(symmetry_of(ring), z[near], residual[near] / size[near, None])
     inputs = _inputs(ring, place, punch[near], np.zeros(len(near)))[:, :OF_STEP]
     quantities = folded @ _axes(folded).T
@@ -84,7 +84,7 @@ def effect(rim: RimEffect, ring: Ring, z: Complex, punch: Array, side: Array) ->
     place, chosen = fold(rim.symmetry, z)
     mean, by_input = matern_process.predict(rim.process, _inputs(ring, place, punch, side))
     half = half_width(ring, punch[:, 0])
-    felt = log_gap(place, half)[1]
+    felt = log_gap(np.abs(place), half)[1]
     turn = rim.symmetry.turn[chosen]
     by_y = np.where(rim.symmetry.mirrored[chosen], -1j, 1j) * turn
     along = np.stack([_input_slope(place, felt, turn), _input_slope(place, felt, by_y)], axis=2)
@@ -104,13 +104,8 @@ def teaches(rim: RimEffect) -> bool:
     return len(rim.process.nodes) > 0
 
 
-def reaches(rim: RimEffect, z: Complex) -> Mask:
-    """(n,) whether a touch is close enough to the rim for the effect."""
-    return (np.abs(z) > FROM) & teaches(rim)
-
-
 def _inputs(ring: Ring, place: Complex, punch: Array, side: Array) -> Array:
-    radius, gap = np.abs(place), log_gap(place, half_width(ring, punch[:, 0]))[0]
+    radius, gap = np.abs(place), log_gap(np.abs(place), half_width(ring, punch[:, 0]))[0]
     return np.column_stack([punch, np.log(SOFT - radius), ALONG * np.angle(place) * radius, gap, side])
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from surrogate.data.outputs import ROUNDING
 from surrogate.data.sensor_ring import Ring, outwards, place, radial, radial_slope
+from surrogate.data.skin_edges import by_one_straight_edge
 from surrogate.forward_map import (
     electrode_correction,
     multipole_series,
@@ -17,9 +18,11 @@ from surrogate.forward_map import (
     simulator_error,
     strength_size,
 )
+from surrogate.forward_map.edge_frame import edge_frame
 from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
 from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection
+from surrogate.forward_map.rim_zone import Zones
 from surrogate.forward_map.simulator_error import SimulatorError
 from surrogate.forward_map.strength_size import Size
 from surrogate.statistics import change_point, gaussian_process
@@ -29,8 +32,6 @@ from touchcal.arrays import Array, Complex, Mask
 MIN_ROWS = 14  # fewest training rows that the map is learned from
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_NOISE_FLOOR = 1e-5
-# Radius over a disc's within which the multipole series is learned; outside, its strengths are those of that radius.
-INTERIOR = 0.40
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole_series.ORDERS, polarization.ORDERS) + 1
 TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2
@@ -57,6 +58,14 @@ class ForwardMap:
     known_mm: Array  # diameters of the known punches that training rows share, mm; none where these vary
     rows: int  # training rows
     simulator: SimulatorError  # relative error of the size of the signals that it was learned from
+    # how near to the edges, as `EdgeFrame.radial`, touches come that no edge is near to, on a skin with an outline
+    # where nearer ones taught, too
+    far: float | None = None
+
+    @property
+    def zones(self) -> Zones:
+        """Where what the edge changes sets in."""
+        return zones_of(self.ring, float(self.bounds[1, 0]) / self.ring.radius_mm if self.far is None else self.far)
 
     @property
     def materials(self) -> int:
@@ -76,8 +85,8 @@ class ForwardMap:
 
     @property
     def interior(self) -> float:
-        """Radius over the disc's outside which the strengths are those of that radius."""
-        return interior(self.ring, self.bounds)
+        """`EdgeFrame.radial` outside which the strengths are those of there."""
+        return self.zones.learned[1]
 
     @property
     def own(self) -> int:
@@ -103,42 +112,49 @@ class Linearised:
 
 
 def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None,
-        simulator: Array | None = None) -> ForwardMap:
+        simulator: Array | None = None, near_edge: Mask | None = None) -> ForwardMap:
     """Learn the map from touches (n, 4) in mm and N, their signals (n, readings) in V, and standard normal states of
-    their materials (n, k); simulator: relative error (n,) of these signals, which is counted along the signal itself.
+    their materials (n, k); simulator: relative error (n,) of these signals, which is counted along the signal itself;
+    near_edge: which of them (n,) lie near one straight edge of an outline, and no other.
 
     ValueError where there are too few rows.
     """
-    if len(touch) < MIN_ROWS:
-        raise ValueError(f"{len(touch)} training rows are too few for the forward map; it needs {MIN_ROWS} or more. "
-                         "Sweep more scenes.")
-    p0 = light_pressure(touch)
-    unknown = to_unknown(touch, p0)
     material = np.zeros((len(touch), 0)) if material is None else material
     simulator = np.zeros(len(touch)) if simulator is None else simulator
-    z, bounds = place(ring, touch), _bounds(ring, touch)
-    inner = np.ones(len(z), bool)
-    if ring.sheet is None:
-        inner = np.abs(z) <= _learned_within(np.abs(z), rim_correction.taught(z, unknown[:, 2:]))
-    inputs = _inputs(ring, interior(ring, bounds), unknown[inner], material[inner])
+    near_edge = np.zeros(len(touch), bool) if near_edge is None else near_edge
+    if len(touch) - np.sum(near_edge) < MIN_ROWS:
+        raise ValueError(f"{len(touch) - np.sum(near_edge)} training rows are too few for the forward map; it needs "
+                         f"{MIN_ROWS} or more. Sweep more scenes.")
+    p0, near = light_pressure(touch), radial(ring, touch)
+    far, z = float(near[~near_edge].max()), place(ring, touch)
+    zones, unknown = zones_of(ring, far), to_unknown(touch, p0)
+    taught = rim_correction.taught(ring, z, unknown[:, 2:], zones)
+    if np.any(near_edge) and not taught:
+        kept = ~near_edge
+        return fit(ring, touch[kept], signal_V[kept], material[kept], simulator[kept])
+    inner = near <= _learned_within(ring, near, zones, taught)
+    inputs = _inputs(ring, zones.learned[1], unknown[inner], material[inner])
     field, size, processes, floor, shift = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
                         p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
-                        np.maximum(unknown.std(0), 1e-6), bounds, known_mm(touch[:, 2]), len(touch),
-                        simulator_error.learned_from(gap(ring, unknown), simulator))
-    return series if ring.sheet is not None else _with_rim(series, z, unknown, signal_V, material)
+                        np.maximum(unknown.std(0), 1e-6), _bounds(ring, touch), known_mm(touch[:, 2]), len(touch),
+                        simulator_error.learned_from(gap(ring, unknown), simulator),
+                        far if np.any(near_edge) else None)
+    return series if ring.sheet is not None and series.far is None else _with_rim(series, z, unknown, signal_V,
+                                                                                  material)
 
 
-def interior(ring: Ring, bounds: Array) -> float:
-    """Radius over the disc's outside which strengths are those of that radius; with an outline that of the outermost
-    touch, by the bounds of the training touches."""
-    return INTERIOR if ring.sheet is None else float(bounds[1, 0]) / ring.radius_mm
+def zones_of(ring: Ring, far: float) -> Zones:
+    """Zones of a disc, or of a skin with an outline, of which touches as near as `far` are those that no edge is near
+    to."""
+    return rim_zone.DISC if ring.sheet is None else rim_zone.zones_from(far)
 
 
-def _learned_within(radius: Array, rim: bool) -> float:
-    """Radius over the disc's within which the series is learned from touches at radii (n,): the interior, and as far as
-    high orders go where nothing is learned of the rim; at least the innermost MIN_ROWS."""
-    return max(INTERIOR if rim else rim_zone.HIGH_END[0], float(np.sort(radius)[MIN_ROWS - 1]))
+def _learned_within(ring: Ring, near: Array, zones: Zones, rim: bool) -> float:
+    """How near to the edge, as touches are (n,), the series is learned: as far as the interior reaches, and on a disc
+    as far as high orders go where nothing is learned of the rim; at least the innermost MIN_ROWS."""
+    reach = zones.high_end[0] if ring.sheet is None and not rim else zones.learned[1]
+    return max(reach, float(np.sort(near)[MIN_ROWS - 1]))
 
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
@@ -148,7 +164,14 @@ def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
     left = signal_V - multipole_series.combined(base, found.value)
     rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
                                found.size * np.linalg.norm(base[..., 0], axis=1))
-    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows, signal_V))
+    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows, signal_V, series.zones))
+
+
+def reaches(forward: ForwardMap, z: Complex) -> Mask:
+    """(n,) whether touches at z (n,) are close enough to an edge for what was learned of it."""
+    if not rim_correction.teaches(forward.beside):
+        return np.zeros(len(z), bool)
+    return edge_frame(forward.ring, z).radial > forward.zones.learned[0]
 
 
 def gap(ring: Ring, unknown: Array) -> Array:
@@ -184,10 +207,11 @@ def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
     """(n,) standard deviation of the map's error, a reading, over the size of the signal, at touches (n, 4) given as
     (x, y, log d, g); as large as it counts among readings that are taken for independent ones."""
     floor = np.full(len(unknown), forward.floor)
-    near = electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown))
+    near = reaches(forward, place(forward.ring, unknown))
     if np.any(near):
         error = rim_covariance.size_at(forward.beside.error, gap(forward.ring, unknown[near]), unknown[near, 3])
-        floor[near] = np.maximum(floor[near], error / np.sqrt(forward.beside.rim.directions.shape[2]))
+        shared = forward.beside.rim.directions.shape[2] or forward.beside.error.directions
+        floor[near] = np.maximum(floor[near], error / np.sqrt(shared))
     return floor * np.sqrt(forward.ring.copies)
 
 
@@ -196,6 +220,11 @@ def signal_size(forward: ForwardMap, unknown: Array) -> Array:
     (x, y, log d, g): that of the signal, but for strengths that vanish."""
     drive, read = multipole_series.patterns(forward.beside.rim.whole, forward.field, place(forward.ring, unknown), 1)
     return _strengths(forward, unknown).size * np.linalg.norm((drive * read.conj()).real[0], axis=1)
+
+
+def size_of_strengths(forward: ForwardMap, unknown: Array) -> Array:
+    """(n,) size of the strengths, V, at touches (n, 4) given as (x, y, log d, g)."""
+    return _strengths(forward, unknown).size
 
 
 def extent(ring: Ring, touch: Array) -> Array:
@@ -210,7 +239,31 @@ def within_bounds(forward: ForwardMap, touch: Array) -> Mask:
     range may be one diameter."""
     reached, (lowest, highest) = extent(forward.ring, touch), forward.bounds
     slack = ROUNDING * highest
-    return np.all((reached >= np.r_[0.0, lowest[1:]] - slack) & (reached <= highest + slack), axis=1)
+    return known_place(forward, touch) & np.all(
+        (reached >= np.r_[0.0, lowest[1:]] - slack) & (reached <= highest + slack), axis=1)
+
+
+def known_place(forward: ForwardMap, touch: Array) -> Mask:
+    """(n,) whether no edge is near to touches (n, ...) that begin with x and y in mm, or one straight edge that is no
+    nearer than to the training touches; all on a disc."""
+    if forward.ring.sheet is None:
+        return np.ones(len(touch), bool)
+    near = radial(forward.ring, touch)
+    return (near <= forward.zones.learned[1] + ROUNDING) | (
+        (near <= forward.bounds[1, 0] / forward.ring.radius_mm + ROUNDING) & by_one_edge(forward.ring, touch,
+                                                                                         forward.zones))
+
+
+def by_one_edge(ring: Ring, touch: Array, zones: Zones) -> Mask:
+    """(n,) whether touches on a skin with an outline that begin with x and y in mm have but one straight edge within
+    the zone of edges."""
+    assert ring.sheet is not None
+    return by_one_straight_edge(touch[:, :2], ring.sheet.start_mm, ring.sheet.end_mm, alone_mm(ring, zones))
+
+
+def alone_mm(ring: Ring, zones: Zones) -> float:
+    """Distance to an edge of an outline, mm, within which touches are learned near one straight edge alone."""
+    return (1 - zones.learned[1]) * ring.radius_mm
 
 
 def _bounds(ring: Ring, touch: Array) -> Array:
@@ -227,10 +280,10 @@ def _bounds(ring: Ring, touch: Array) -> Array:
 def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = None) -> Linearised:
     """Signal, derivatives and discrepancy of the map at touches (n, 4) given as (x, y, log d, g); `discrepancy`
     (n, orders) is that of the strengths, `strength_discrepancy` there or, cheaper, close by."""
-    z = place(forward.ring, unknown)
-    fields = forward.fields(z)
+    z, zones = place(forward.ring, unknown), forward.zones
+    fields, frame = forward.fields(z), edge_frame(forward.ring, z)
     series = series_basis(forward, fields, z)
-    base, by_x, by_y = rim_zone.ended(z, rim_zone.ZONE, 0, *series) if forward.beside.replaces else series
+    base, by_x, by_y = rim_zone.ended(frame, zones.learned, 0, *series) if forward.beside.replaces else series
     found = _strengths(forward, unknown)
     sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
     jacobian = base @ found.slope
@@ -238,7 +291,7 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     jacobian[..., 1] += multipole_series.combined(by_y, found.value) / forward.ring.radius_mm
     signal = multipole_series.combined(base, found.value)
     by_card = base @ found.by_card
-    near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, z))
+    near = np.flatnonzero(reaches(forward, z))
     if len(near):
         parts = (part[near] for part in (*series, found.size, found.size_slope, unknown))
         added, added_slope = _near_rim(forward, fields[:, near], *parts)
@@ -247,9 +300,9 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
         by_card[near] += added[..., None] * found.size_by_card
     along = base * (found.size[:, None] * sd)[:, None]
     scale = simulator_error.at(forward.simulator, gap(forward.ring, unknown))
-    taught = electrode_correction.teaches(forward.beside.rim)
-    inner = np.ones(len(z)) if forward.ring.sheet is not None else 1 - rim_zone.part_at(
-        z, rim_zone.ZONE if taught else rim_zone.HIGH_END)
+    taught = rim_correction.teaches(forward.beside)
+    inner = np.ones(len(z)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
+        frame.radial, zones.learned if taught else zones.high_end)
     shift = jacobian[..., :2] * (forward.shift_mm * inner)[:, None, None]
     whole = (signal * scale[:, None])[..., None]
     return Linearised(signal, jacobian, np.concatenate([along, whole, shift, by_card], axis=2))
@@ -257,11 +310,12 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
 
 def series_basis(forward: ForwardMap, fields: Complex, z: Complex) -> tuple[Array, Array, Array]:
     """The basis of the series and its slopes by x and y over the radius, as `multipole_series.basis_and_slopes`, where
-    electrodes have these derivatives of their fields at z (n,); on a disc its high orders end."""
+    electrodes have these derivatives of their fields at z (n,); its high orders end near edges, if touches there
+    taught."""
     found = multipole_series.basis_and_slopes(forward.ring, fields)
-    if forward.ring.sheet is not None:
+    if forward.ring.sheet is not None and forward.far is None:
         return found
-    return rim_zone.ended(z, rim_zone.HIGH_END, rim_zone.ORDERS, *found)
+    return rim_zone.ended(edge_frame(forward.ring, z), forward.zones.high_end, rim_zone.ORDERS, *found)
 
 
 def strengths(forward: ForwardMap, unknown: Array) -> Array:
@@ -284,9 +338,15 @@ def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by
     """The signal by polarization and the electrodes' metal as far as it counts, and its derivatives by (x, y, log d,
     g)."""
     z, punch = place(forward.ring, unknown), unknown[:, 2:]
+    frame, zone = edge_frame(forward.ring, z), forward.zones.learned
     fitted, side = forward.beside, change_point.side(gap(forward.ring, unknown), forward.beside.step)
-    answer = polarization.counted(polarization.effect(fitted.polarization, forward.ring, fields, z, punch, side), z)
-    metal = polarization.counted(electrode_correction.effect(fitted.rim, forward.ring, z, punch, side), z)
+    effect = polarization.effect(fitted.polarization, forward.ring, fields, z, punch, side)
+    answer = polarization.counted(effect, frame, zone)
+    if not electrode_correction.teaches(fitted.rim):
+        by_unknown = answer.slope / np.array([forward.ring.radius_mm, forward.ring.radius_mm, 1.0, 1.0])
+        return answer.value * size[:, None], (by_unknown * size[:, None, None]
+                                              + answer.value[..., None] * size_slope[:, None])
+    metal = polarization.counted(electrode_correction.effect(fitted.rim, forward.ring, z, punch, side), frame, zone)
     if base.shape[1] < len(fitted.rim.whole.read):
         base, by_x, by_y = multipole_series.basis_and_slopes(fitted.rim.whole, fields)
     norm, norm_slope = np.linalg.norm(base[..., 0], axis=1), np.zeros((len(z), 4))

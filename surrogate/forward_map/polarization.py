@@ -1,11 +1,11 @@
 """How the skin under a punch near the rim answers the fields of the electrodes: a bilinear form, learned.
 
 Whatever a touch changes within the circle of its punch, a reading changes by a bilinear form in the Taylor series of
-the driving and of the reading field about the punch's axis. Turned so that the rim lies across the real axis, the
-series are f^(k)(z0) (z0 / |z0|)^k a^k / k!, a half the diameter; products of their imaginary parts (along the rim) and
-of their real parts (towards it) belong to coefficients that depend on diameter, load and distance to the rim alone, not
-on the angle, so all rows teach them together. What the electrodes' own metal changes is left to
-`surrogate.forward_map.electrode_correction`.
+the driving and of the reading field about the punch's axis. Turned so that the edge lies across the real axis, the
+series are f^(k)(z0) u^k a^k / k!, a half the diameter, u the direction towards the nearest edge (z0 / |z0| on a disc);
+products of their imaginary parts (along the edge) and of their real parts (towards it) belong to coefficients that
+depend on diameter, load and distance to the edge alone, not on where along it, so all rows teach them together. What
+the electrodes' own metal changes is left to `surrogate.forward_map.electrode_correction`.
 """
 
 import math
@@ -15,11 +15,12 @@ import numpy as np
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series
-from surrogate.forward_map.rim_zone import FROM, part_at, part_slope
+from surrogate.forward_map.edge_frame import EdgeFrame, edge_frame
+from surrogate.forward_map.rim_zone import Zone, part_at, part_slope
 from surrogate.statistics import coefficient_process
 from surrogate.statistics.coefficient_process import SharedProcess
 from surrogate.statistics.gaussian_process import spread_evenly
-from touchcal.arrays import Array, Complex, Index
+from touchcal.arrays import Array, Complex
 
 # Orders of the series, and of the coefficients that they make: two for each pair of orders.
 ORDERS = 3
@@ -49,31 +50,25 @@ def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: A
         size: Array) -> SharedProcess:
     """Learn the coefficients from places z (n,), (log d, g) (n, 2), sides of the step (n,), what the series leaves
     (n, readings) of signals of these sizes (n,), and that of the strengths (n,)."""
-    near = near_rim(z, MAX_ROWS)
-    half = half_width(ring, punch[near, 0])
-    fields = multipole_series.electrode_fields(ring, field, z[near], ORDERS + 1)
-    design = _design(ring, fields, z[near], half) * (strength[near] / half**2 / size[near])[:, None, None]
-    inputs = _inputs(z[near], punch[near], side[near], half)
+    some = spread_evenly(len(z), MAX_ROWS)
+    half, frame = half_width(ring, punch[some, 0]), edge_frame(ring, z[some])
+    fields = multipole_series.electrode_fields(ring, field, z[some], ORDERS + 1)
+    design = _design(ring, fields, frame, half) * (strength[some] / half**2 / size[some])[:, None, None]
+    inputs = _inputs(frame, punch[some], side[some], half)
     spread = np.std(inputs[:, :len(LENGTHS)], axis=0)
     lengths = np.append(LENGTHS * np.where(spread > 1e-6, spread, 1.0), STEP)
-    return coefficient_process.fit(inputs, design, left[near] / size[near, None], lengths, order=inputs[:, 2])
-
-
-def near_rim(z: Complex, most: int) -> Index:
-    """Rows from FROM on of places z (n,), at most so many, spread over all of these."""
-    near = np.flatnonzero(np.abs(z) > FROM)
-    return near[spread_evenly(len(near), most)]
+    return coefficient_process.fit(inputs, design, left[some] / size[some, None], lengths, order=inputs[:, 2])
 
 
 def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punch: Array, side: Array) -> Effect:
     """The effect at places z (n,) that it reaches, (log d, g) (n, 2) and sides of the step (n,), where electrodes have
     these derivatives of their fields (ORDERS + 1 or more, n, electrodes)."""
-    half = half_width(ring, punch[:, 0])
-    mean, gradient = coefficient_process.predict(process, _inputs(z, punch, side, half))
+    half, frame = half_width(ring, punch[:, 0]), edge_frame(ring, z)
+    mean, gradient = coefficient_process.predict(process, _inputs(frame, punch, side, half))
     scale = half[:, None] ** -2
-    form, by_form = _form(mean * scale), _form((gradient * scale[..., None]) @ _along(z, half))
+    form, by_form = _form(mean * scale), _form((gradient * scale[..., None]) @ _along(frame, half))
     by_form[:, 2] -= 2 * form
-    series, by_series = _series(fields, z, half)
+    series, by_series = _series(fields, frame, half)
     left = series @ form
     value = _readings(ring, left @ series.transpose(0, 2, 1))
     slopes = []
@@ -86,12 +81,12 @@ def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punc
     return Effect(value, np.stack(slopes, axis=2))
 
 
-def _along(z: Complex, half: Array) -> Array:
-    """(n, 3, 4) derivatives of the inputs by (x / R, y / R, log d, g)."""
-    unit, felt = z / np.abs(z), log_gap(z, half)[1]
-    along = np.zeros((len(z), 4, 4))
+def _along(frame: EdgeFrame, half: Array) -> Array:
+    """(n, 4, 4) derivatives of the inputs by (x / R, y / R, log d, g)."""
+    felt = log_gap(frame.radial, half)[1]
+    along = np.zeros((len(half), 4, 4))
     along[:, 0, 2], along[:, 1, 3] = 1.0, 1.0
-    along[:, 2, :3] = -felt[:, None] * np.column_stack([unit.real, unit.imag, half])
+    along[:, 2, :3] = -felt[:, None] * np.column_stack([frame.outwards.real, frame.outwards.imag, half])
     return along
 
 
@@ -114,11 +109,11 @@ def _readings(ring: Ring, table: Array) -> Array:
     return plus - flat[:, ring.source * count + ring.ground] - flat[:, ring.sink * count + ring.read]
 
 
-def counted(effect: Effect, z: Complex) -> Effect:
-    """The part of an effect at places z (n,) that counts."""
-    part = part_at(z)
+def counted(effect: Effect, frame: EdgeFrame, zone: Zone) -> Effect:
+    """The part of an effect at some places that counts, as it sets in within a zone."""
+    part = part_at(frame.radial, zone)
     slope = effect.slope * part[:, None, None]
-    slope[..., :2] += effect.value[..., None] * part_slope(z)[:, None]
+    slope[..., :2] += effect.value[..., None] * part_slope(frame, zone)[:, None]
     return Effect(effect.value * part[:, None], slope)
 
 
@@ -127,36 +122,49 @@ def half_width(ring: Ring, log_d: Array) -> Array:
     return np.exp(log_d) / 2 / ring.radius_mm
 
 
-def log_gap(z: Complex, half: Array) -> tuple[Array, Array]:
-    """(n,) log(SOFT + gap) of punches of these halves at z (n,), and its derivative by the gap, 0 for an overhang."""
-    gap = 1 - np.abs(z) - half
+def log_gap(radial: Array, half: Array) -> tuple[Array, Array]:
+    """(n,) log(SOFT + gap) of punches of these halves at places that are so near (n,) to the edge, and its derivative
+    by the gap, 0 for an overhang."""
+    gap = 1 - radial - half
     felt = SOFT + np.maximum(gap, 0.0)
     return np.log(felt), np.where(gap > 0, 1 / felt, 0.0)
 
 
-def _inputs(z: Complex, punch: Array, side: Array, half: Array) -> Array:
-    return np.column_stack([punch, log_gap(z, half)[0], side])
+def _inputs(frame: EdgeFrame, punch: Array, side: Array, half: Array) -> Array:
+    return np.column_stack([punch, log_gap(frame.radial, half)[0], side])
 
 
-def _design(ring: Ring, fields: Complex, z: Complex, half: Array) -> Array:
+def of_strength(ring: Ring, fields: Complex, z: Complex, log_d: Array) -> Array:
+    """(n, readings, 2 pairs) signals by the coefficients at places z (n,) with punches of log d (n,), over the size of
+    the strengths, where electrodes have these derivatives of their fields (ORDERS or more, n, electrodes)."""
+    half = half_width(ring, log_d)
+    return _design(ring, fields, edge_frame(ring, z), half) / half[:, None, None] ** 2
+
+
+def _design(ring: Ring, fields: Complex, frame: EdgeFrame, half: Array) -> Array:
     """(n, readings, 2 pairs) products of the series, the coefficients of which make a signal."""
-    series = _series(fields, z, half)[0]
+    series = _parts(fields[:ORDERS] * _scale(frame, half))
     drive, read = series[:, ring.source] - series[:, ring.sink], series[:, ring.read] - series[:, ring.ground]
     columns = [(drive[..., i] * read[..., j] + drive[..., j] * read[..., i]) / 2
                for pair in PAIRS for i, j in (pair, (pair[0] + ORDERS, pair[1] + ORDERS))]
     return np.stack(columns, axis=2)
 
 
-def _series(fields: Complex, z: Complex, half: Array) -> tuple[Array, Array]:
-    """(n, electrodes, 2 ORDERS) imaginary, then real parts of f^(k) (z / |z|)^k a^k / k!, and their derivatives (3,
-    ...) by (x / R, y / R, log d)."""
+def _series(fields: Complex, frame: EdgeFrame, half: Array) -> tuple[Array, Array]:
+    """(n, electrodes, 2 ORDERS) imaginary, then real parts of f^(k) u^k a^k / k!, and their derivatives (3, ...) by
+    (x / R, y / R, log d)."""
+    order, scale = np.arange(1, ORDERS + 1)[:, None, None], _scale(frame, half)
+    value, onward = fields[:ORDERS] * scale, fields[1:ORDERS + 1] * scale
+    slopes = [onward * step + value * (1j * order * by[:, None])
+              for step, by in zip((1, 1j), frame.turn.T, strict=True)]
+    return _parts(value), np.stack([_parts(one) for one in (*slopes, value * order)])
+
+
+def _scale(frame: EdgeFrame, half: Array) -> Complex:
+    """(ORDERS, n, 1) u^k a^k / k!."""
     order = np.arange(1, ORDERS + 1)[:, None, None]
     factorial = np.array([math.factorial(k) for k in range(1, ORDERS + 1)])[:, None, None]
-    scale = ((z / np.abs(z) * half)[:, None]) ** order / factorial
-    value, onward = fields[:ORDERS] * scale, fields[1:ORDERS + 1] * scale
-    turn = [(step * z.conj()).imag / np.abs(z) ** 2 for step in (1, 1j)]
-    slopes = [onward * step + value * (1j * order * by[:, None]) for step, by in zip((1, 1j), turn, strict=True)]
-    return _parts(value), np.stack([_parts(one) for one in (*slopes, value * order)])
+    return ((frame.outwards * half)[:, None]) ** order / factorial
 
 
 def _parts(values: Complex) -> Array:

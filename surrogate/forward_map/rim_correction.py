@@ -1,4 +1,5 @@
-"""Learning signals near the rim: the skin's answer, what electrodes add to it, a step, and the error of all."""
+"""Learning signals near the edge of a disc, or near a straight edge of an outline: the skin's answer, a step, the error
+of all, and on a disc what electrodes add."""
 
 from __future__ import annotations
 
@@ -8,13 +9,16 @@ import numpy as np
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_covariance, rim_zone
+from surrogate.forward_map.edge_frame import edge_frame
 from surrogate.forward_map.electrode_correction import RimEffect
 from surrogate.forward_map.rim_covariance import RimError
+from surrogate.forward_map.rim_zone import Zones
 from surrogate.statistics import change_point
 from surrogate.statistics.coefficient_process import SharedProcess
 from touchcal.arrays import Array, Complex, Index, Mask
 
 BATCH = 256  # rows whose effect is worked out together, to bound the memory
+ALIKE = 1e-3  # part of the largest singular value of a touch's designs below which they are alike
 FOLDS = 4  # parts of the touches, each of which shows the error of what the others teach
 
 
@@ -22,7 +26,7 @@ FOLDS = 4  # parts of the touches, each of which shows the error of what the oth
 class Rows:
     """Touches near the rim, and what is to be learned of their signals."""
 
-    z: Complex  # (n,) place over the disc's radius
+    z: Complex  # (n,) place over the ring's radius
     punch: Array  # (n, 2) log d and load g
     gap: Array  # (n,) gap to the rim over the radius
     left: Array  # (n, readings) what is left of the signals for the rim: what the series leaves, or the whole, V
@@ -58,14 +62,14 @@ def without(correction: FittedCorrection, ring: Ring, kept: Mask) -> FittedCorre
                    error=rim_covariance.without(correction.error, kept))
 
 
-def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array) -> FittedCorrection:
+def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array, zones: Zones) -> FittedCorrection:
     """Learn from touches and their signals (n, readings), V; the effect of electrodes and an error only where enough of
     them lie near the rim. What the series leaves is learned, or the whole signal where that errs less."""
-    kept = np.abs(rows.z) > rim_zone.FROM
+    kept = edge_frame(ring, rows.z).radial > zones.learned[0]
     near = rows.some(kept)
     touch = _touches(near.z, near.punch)
     fewest = _fewest(touch)
-    if fewest < electrode_correction.MIN_ROWS:
+    if fewest < _least(ring):
         return zero_correction(ring)
     answers = fewest >= polarization.MIN_ROWS
     whole = replace(near, left=signal_V[kept])
@@ -73,16 +77,30 @@ def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array) -> FittedCorrecti
         _asked(ring, field, near, change_point.NONE, answers, touch % FOLDS == 0))
     learned = whole if replaces else near
     _, left = _answer(ring, field, learned, change_point.NONE, answers)
-    where = electrode_correction.step_of(ring, near.z, near.punch, near.gap, left, near.size)
+    where = change_point.NONE if ring.sheet is not None else electrode_correction.step_of(
+        ring, near.z, near.punch, near.gap, left, near.size)
     answer, rim = _both(ring, field, learned, where, answers)
     error = np.empty_like(near.left)
     for k in range(FOLDS):
         asked = touch % FOLDS == k
-        counts = rim_zone.part_at(near.z[asked])[:, None]
+        counts = rim_zone.part_at(edge_frame(ring, near.z[asked]).radial, zones.learned)[:, None]
         error[asked] = (1 - counts) * near.left[asked] / near.size[asked, None] + counts * _asked(
             ring, field, learned, where, answers, asked)
-    known = rim_covariance.learned_from(rim.symmetry, near.z, near.gap, near.punch[:, 1], error)
-    return FittedCorrection(answer, rim, known, replaces, where)
+    return FittedCorrection(answer, rim, _error(ring, field, near, rim, error), replaces, where)
+
+
+def _error(ring: Ring, field: Array, near: Rows, rim: RimEffect, error: Array) -> RimError:
+    """From errors (n, readings) of rows that the others foresee, over their sizes."""
+    if ring.sheet is None:
+        return rim_covariance.learned_from(rim.symmetry, near.z, near.gap, near.punch[:, 1], error)
+    coefficients, left = np.empty((len(error), 2 * len(polarization.PAIRS))), np.empty_like(error)
+    for rows in np.array_split(np.arange(len(error)), len(error) // BATCH + 1):
+        fields = multipole_series.electrode_fields(ring, field, near.z[rows], polarization.ORDERS)
+        design = polarization.of_strength(ring, fields, near.z[rows], near.punch[rows, 0])
+        design *= (near.strength[rows] / near.size[rows])[:, None, None]
+        coefficients[rows] = (np.linalg.pinv(design, rcond=ALIKE) @ error[rows, :, None])[..., 0]
+        left[rows] = error[rows] - multipole_series.combined(design, coefficients[rows])
+    return rim_covariance.learned_from_coefficients(rim.symmetry, near.gap, near.punch[:, 1], error, coefficients, left)
 
 
 def _size(error: Array) -> float:
@@ -90,10 +108,20 @@ def _size(error: Array) -> float:
     return float(np.exp(np.mean(np.log(np.linalg.norm(error, axis=1)))))
 
 
-def taught(z: Complex, punch: Array) -> bool:
-    """Whether touches at z (n,) by punches (n, 2) are enough for anything to be learned of the rim."""
-    near = np.abs(z) > rim_zone.FROM
-    return _fewest(_touches(z[near], punch[near])) >= electrode_correction.MIN_ROWS
+def taught(ring: Ring, z: Complex, punch: Array, zones: Zones) -> bool:
+    """Whether touches at z (n,) by punches (n, 2) are enough for anything to be learned of the edge."""
+    near = edge_frame(ring, z).radial > zones.learned[0]
+    return _fewest(_touches(z[near], punch[near])) >= _least(ring)
+
+
+def _least(ring: Ring) -> int:
+    """Fewest touches that teach anything: of a disc what electrodes add, of a straight edge the skin's answer."""
+    return electrode_correction.MIN_ROWS if ring.sheet is None else polarization.MIN_ROWS
+
+
+def teaches(correction: FittedCorrection) -> bool:
+    """Whether there is any."""
+    return electrode_correction.teaches(correction.rim) or len(correction.polarization.nodes) > 0
 
 
 def _fewest(touch: Index) -> float:
@@ -109,6 +137,8 @@ def _touches(z: Complex, punch: Array) -> Index:
 
 def _both(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, RimEffect]:
     answer, left = _answer(ring, field, near, where, answers)
+    if ring.sheet is not None:
+        return answer, electrode_correction.zero_correction(ring)
     side = change_point.side(near.gap, where)
     return answer, electrode_correction.fit(ring, near.z, near.punch, side, left, near.size)
 
@@ -117,8 +147,11 @@ def _asked(ring: Ring, field: Array, near: Rows, where: float, answers: bool, pa
     """(asked, readings) errors of what is learned for the rows of a part (n,), over their sizes, by the others."""
     asked = near.some(part)
     answer, rim = _both(ring, field, near.some(~part), where, answers)
-    effect = electrode_correction.effect(rim, ring, asked.z, asked.punch, change_point.side(asked.gap, where))
-    return _leaves(ring, field, asked, answer, where) / asked.size[:, None] - effect.value
+    left = _leaves(ring, field, asked, answer, where) / asked.size[:, None]
+    if not electrode_correction.teaches(rim):
+        return left
+    return left - electrode_correction.effect(rim, ring, asked.z, asked.punch,
+                                              change_point.side(asked.gap, where)).value
 
 
 def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -> tuple[SharedProcess, Array]:

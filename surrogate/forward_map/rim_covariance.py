@@ -1,4 +1,9 @@
-"""The map's error near the rim: how large it is, and how readings share it, estimated from touches left out."""
+"""The map's error near an edge: how large it is, and how readings share it, estimated from touches left out.
+
+On a disc readings share it as they do in the half-sector that all touches are folded into. Near straight edges of an
+outline, which has no such symmetry, errors are those of the coefficients of the skin's answer
+(`surrogate.forward_map.polarization`), which depend on the distance to the edge, and a rest.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -6,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from surrogate.forward_map.ring_symmetry import Symmetry, fold
-from touchcal.arrays import Array, Complex, Mask
+from touchcal.arrays import Array, Complex, Index, Mask
 
 # Bins of the gap between punch and rim, by the part of the rows that lie closer, and of the load in each.
 CLOSER, LOADS = (0.02, 0.06, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875), 3
@@ -28,6 +33,14 @@ class RimError:
     # these, and (bins,) what part of its square they leave
     alike: Array
     rest: Array
+    # (bins, coefficients, coefficients) root of the covariance of coefficients that make errors of unit norm; of a disc
+    # none
+    answer: Array | None = None
+
+    @property
+    def directions(self) -> int:
+        """Directions that errors of one touch share."""
+        return min(self.alike.shape[2:]) if self.answer is None else self.answer.shape[2]
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:
@@ -47,15 +60,43 @@ def learned_from(symmetry: Symmetry, z: Complex, gap: Array, load: Array, error:
     """From places z, gaps and loads g (n,) of touches that the map was not learned from, and the errors (n, readings)
     of their signals over the sizes of these."""
     folded = np.einsum("nij,nj->ni", symmetry.readings[fold(symmetry, z)[1]], error)
-    bins = np.split(np.argsort(gap), _ends(len(gap)))
-    each = [[b[part] for part in np.array_split(np.argsort(load[b]), LOADS)] for b in bins]
-    norm = np.maximum(np.linalg.norm(error, axis=1), np.finfo(float).tiny)
+    bins, norm = _bins(gap), _norm(error)
     unit = folded / norm[:, None]
     shared, rest = (np.stack(part) for part in zip(*(_alike(unit[b]) for b in bins), strict=True))
     back = np.asarray(np.linalg.pinv(symmetry.readings, rcond=1e-9), np.float64)
-    loads = np.array([[load[b].mean() for b in parts] for parts in each])
-    sizes = np.array([[np.median(norm[b]) for b in parts] for parts in each])
-    return RimError(symmetry, np.array([gap[b].mean() for b in bins]), loads, sizes, back[:, None] @ shared, rest)
+    return RimError(symmetry, *_sizes(bins, gap, load, norm), back[:, None] @ shared, rest)
+
+
+def learned_from_coefficients(symmetry: Symmetry, gap: Array, load: Array, error: Array, coefficients: Array,
+                              left: Array) -> RimError:
+    """From gaps and loads g (n,) of such touches, their errors (n, readings), the coefficients (n, q) of the skin's
+    answer that come closest to these, and what they leave (n, readings)."""
+    bins, norm = _bins(gap), _norm(error)
+    unit = coefficients / norm[:, None]
+    rest = np.sum(left**2, axis=1) / norm**2
+    roots = [np.linalg.svd(unit[b] / np.sqrt(len(b)), full_matrices=False)[1:] for b in bins]
+    root = np.zeros((len(bins), unit.shape[1], unit.shape[1]))
+    for k, (values, axes) in enumerate(roots):
+        root[k, :, :len(values)] = axes.T * values
+    silent = np.zeros((len(symmetry.turn), len(bins), error.shape[1], 0))
+    return RimError(symmetry, *_sizes(bins, gap, load, norm), silent,
+                    np.array([max(float(rest[b].mean()), REST) for b in bins]), root)
+
+
+def _bins(gap: Array) -> list[Index]:
+    return np.split(np.argsort(gap), _ends(len(gap)))
+
+
+def _norm(error: Array) -> Array:
+    return np.maximum(np.linalg.norm(error, axis=1), np.finfo(float).tiny)
+
+
+def _sizes(bins: list[Index], gap: Array, load: Array, norm: Array) -> tuple[Array, Array, Array]:
+    """Mean gaps (bins,), and mean loads and median errors (bins, LOADS)."""
+    each = [[b[part] for part in np.array_split(np.argsort(load[b]), LOADS)] for b in bins]
+    return (np.array([gap[b].mean() for b in bins]),
+            np.array([[load[b].mean() for b in parts] for parts in each]),
+            np.array([[np.median(norm[b]) for b in parts] for parts in each]))
 
 
 def _ends(rows: int) -> list[int]:
@@ -89,6 +130,14 @@ def spread(of: RimError, z: Complex, gap: Array) -> tuple[Array, Array, Array]:
     axes, sd = of.principal
     chosen = fold(of.symmetry, z)[1]
     return axes[chosen, nearest], sd[chosen, nearest], of.rest[nearest]
+
+
+def spread_of_answer(of: RimError, design: Array, gap: Array) -> tuple[Array, Array, Array]:
+    """As `spread`, where a touch's signals by the coefficients of the skin's answer are `design` (n, readings, q)."""
+    assert of.answer is not None
+    nearest = np.abs(gap[:, None] - of.gap).argmin(axis=1)
+    axes, sd, _ = np.linalg.svd(design @ of.answer[nearest], full_matrices=False)
+    return np.asarray(axes, np.float64), np.asarray(sd, np.float64), of.rest[nearest]
 
 
 def without(of: RimError, kept: Mask) -> RimError:

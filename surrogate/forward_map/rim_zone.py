@@ -1,35 +1,52 @@
-"""Where the rim sets in: its share of a touch, 0 as far as a zone begins and 1 from its end on."""
+"""Where an edge sets in: its share of a touch, 0 as far as a zone begins and 1 from its end on."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from touchcal.arrays import Array, Complex
+from surrogate.forward_map.edge_frame import EdgeFrame
+from touchcal.arrays import Array
 
-# Radii over the disc's between which what is learned of the rim takes the place of the series, and between which high
-# orders of the series end.
-ZONE = FROM, FULL = 0.33, 0.40
-HIGH_END = 0.50, 0.70
-ORDERS = 3  # orders of the series that do not end; higher ones grow without bound near the rim
+Zone = tuple[float, float]  # `EdgeFrame.radial` at which it begins and ends
+ORDERS = 3  # orders of the series that do not end; higher ones grow without bound near an edge
 
 
-def part_at(z: Complex, zone: tuple[float, float] = ZONE) -> Array:
-    """(n,) the rim's share at places z (n,) over the disc's radius."""
-    t = np.clip((np.abs(z) - zone[0]) / (zone[1] - zone[0]), 0, 1)
+@dataclass(frozen=True)
+class Zones:
+    """Where things set in."""
+
+    learned: Zone  # what is learned of the edge takes the place of the series
+    high_end: Zone  # high orders of the series end
+
+
+DISC = Zones((0.33, 0.40), (0.50, 0.70))
+
+
+def zones_from(full: float) -> Zones:
+    """Zones in proportion to those of a disc, by the distances to the edge, the first of which ends at `full`."""
+    scale = (1 - full) / (1 - DISC.learned[1])
+    return Zones((1 - scale * (1 - DISC.learned[0]), full),
+                 (1 - scale * (1 - DISC.high_end[0]), 1 - scale * (1 - DISC.high_end[1])))
+
+
+def part_at(radial: Array, zone: Zone) -> Array:
+    """(n,) the edge's share at places that are so near (n,)."""
+    t = np.clip((radial - zone[0]) / (zone[1] - zone[0]), 0, 1)
     return t**2 * (3 - 2 * t)
 
 
-def part_slope(z: Complex, zone: tuple[float, float] = ZONE) -> Array:
+def part_slope(frame: EdgeFrame, zone: Zone) -> Array:
     """(n, 2) derivatives of that share by x and y over the radius."""
-    radius = np.abs(z)
-    t = np.clip((radius - zone[0]) / (zone[1] - zone[0]), 0, 1)
-    by_radius = 6 * t * (1 - t) / (zone[1] - zone[0]) / np.maximum(radius, zone[0])
-    return by_radius[:, None] * np.column_stack([z.real, z.imag])
+    t = np.clip((frame.radial - zone[0]) / (zone[1] - zone[0]), 0, 1)
+    by_radial = 6 * t * (1 - t) / (zone[1] - zone[0])
+    return by_radial[:, None] * np.column_stack([frame.outwards.real, frame.outwards.imag])
 
 
-def ended(z: Complex, zone: tuple[float, float], kept: int, base: Array, by_x: Array,
+def ended(frame: EdgeFrame, zone: Zone, kept: int, base: Array, by_x: Array,
           by_y: Array) -> tuple[Array, Array, Array]:
-    """A basis of the series at z (n,) and its slopes, each (n, readings, orders), whose orders above those kept end
-    within a zone."""
-    part, slope = np.ones((len(z), 1, base.shape[2])), np.zeros((2, len(z), 1, base.shape[2]))
-    part[..., kept:] -= part_at(z, zone)[:, None, None]
-    slope[..., kept:] -= part_slope(z, zone).T[..., None, None]
+    """A basis of the series and its slopes, each (n, readings, orders), whose orders above those kept end within a
+    zone."""
+    part, slope = np.ones((len(base), 1, base.shape[2])), np.zeros((2, len(base), 1, base.shape[2]))
+    part[..., kept:] -= part_at(frame.radial, zone)[:, None, None]
+    slope[..., kept:] -= part_slope(frame, zone).T[..., None, None]
     return base * part, by_x * part + base * slope[0], by_y * part + base * slope[1]

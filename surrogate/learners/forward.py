@@ -11,10 +11,17 @@ from numpy.typing import NDArray
 
 from surrogate.data import material_states, outputs
 from surrogate.data.samples import Samples, take
-from surrogate.data.sensor_ring import Ring
+from surrogate.data.sensor_ring import Ring, radial
 from surrogate.forward_map import forward_map, rim_correction
 from surrogate.forward_map.amplitude import amplitude
-from surrogate.forward_map.forward_map import MIN_ROWS, ForwardMap, extent, places_at
+from surrogate.forward_map.forward_map import (
+    MIN_ROWS,
+    ForwardMap,
+    by_one_edge,
+    known_place,
+    places_at,
+    zones_of,
+)
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
 from surrogate.forward_map.inversion.invert import LEAST_SIDE, Inversion, Peak, invert
@@ -40,15 +47,16 @@ class TouchInversion(Learner):
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> TouchInversion:
         """Fit the map from touch and state of the material to signal, and the response of the requested outputs; on a
-        skin with an outline from touches that no edge is near to."""
+        skin with an outline from touches that no edge is near to, or one straight edge alone."""
         if rows.ring.sheet is not None:
-            rows = _far_from_edges(rows)
+            rows = _by_one_edge_at_most(rows)
         states = material_states.states(material_states.fit(rows.material), rows.material)
         touch = rows.target[:, :outputs.TOUCH]
         mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
         response = mechanical_response.fit(rows.ring, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
-        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd), response,
+        near = rows.near_edge if rows.ring.sheet is not None else None
+        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd, near), response,
                    np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
@@ -80,10 +88,8 @@ class TouchInversion(Learner):
 
     def reads(self, touch: Array) -> Mask:
         """(n,) whether touches (n, 4) lie where the map holds: on a skin with an outline no nearer to its edges than
-        the touches that taught it."""
-        if self.forward.ring.sheet is None:
-            return np.ones(len(touch), bool)
-        return extent(self.forward.ring, touch)[:, 0] <= self.forward.bounds[1, 0]
+        the touches that taught it, and near one of them at most."""
+        return known_place(self.forward, touch)
 
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""
@@ -95,13 +101,15 @@ class TouchInversion(Learner):
         return DriftingInversion(self.forward, self.response, self.columns, drift_of(root))
 
 
-def _far_from_edges(rows: Samples) -> Samples:
-    far = take(rows, ~rows.near_edge)
-    if len(far) < MIN_ROWS:
-        raise ValueError(f"{len(far)} of {len(rows)} training rows are touches that no edge is near to, too few for "
+def _by_one_edge_at_most(rows: Samples) -> Samples:
+    """The rows of touches that no edge is near to, and of those near one straight edge alone."""
+    far = ~rows.near_edge
+    if np.sum(far) < MIN_ROWS:
+        raise ValueError(f"{np.sum(far)} of {len(rows)} training rows are touches that no edge is near to, too few for "
                          f"the forward map; it needs {MIN_ROWS} or more. Sweep more of them: without gap_mm in place "
                          "they keep from edges by themselves.")
-    return far
+    zones = zones_of(rows.ring, float(radial(rows.ring, rows.target[far]).max()))
+    return take(rows, far | by_one_edge(rows.ring, rows.target, zones))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_zone
+from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_correction, rim_zone
 from surrogate.forward_map.forward_map import ForwardMap, strength_discrepancy
 from surrogate.forward_map.inversion.multipole_location import (
     BACK,
@@ -82,11 +82,12 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "size": {"centre": _packed(forward.size.centre), "weights": _packed(forward.size.weights)},
         "strengths": [_process(one) for one in forward.strengths],
         "strength_sd": np.median(strength_discrepancy(forward, unknown), axis=0).tolist(),
-        "high_end": list(rim_zone.HIGH_END), "kept_orders": rim_zone.ORDERS, "zone": list(rim_zone.ZONE),
+        "high_end": None if ring.sheet is not None and forward.far is None else list(forward.zones.high_end),
+        "kept_orders": rim_zone.ORDERS, "zone": list(forward.zones.learned),
         "p0": forward.p0, "floor": forward.floor, "shift_mm": forward.shift_mm, "mean": forward.mean.tolist(),
         "sd": forward.sd.tolist(), "bounds": forward.bounds.tolist(), "margin_mm": MARGIN_MM, "margin": MARGIN,
         "most_radius": RIM, "candidates": _packed(spiral(forward, CANDIDATES)),
-        "rim": _rim(forward) if electrode_correction.teaches(forward.beside.rim) else None,
+        "rim": _rim(forward) if rim_correction.teaches(forward.beside) else None,
         "weakest_V": WEAK * model.trained.weakest_V, "misfit": MISFIT_FACTOR * max(model.trained.misfit, 1.0),
         "interval": np.maximum(scale.factor[:, k], normal(COVERAGE)).tolist(),
         "unsure_from": np.minimum(scale.edge[k], np.finfo(float).max).tolist(),
@@ -109,17 +110,19 @@ def _process(process: GaussianProcess) -> dict[str, Any]:
 
 
 def _rim(forward: ForwardMap) -> dict[str, Any]:
-    """What the rim adds: the skin's answer, what electrodes add, and how large the error of both is."""
+    """What an edge adds: the skin's answer, on a disc what electrodes add, and how large the error is."""
     fitted = forward.beside
     answer, metal, error = fitted.polarization, fitted.rim, fitted.error
     return {
         "replaces": bool(fitted.replaces), "step": fitted.step if np.isfinite(fitted.step) else None,
         "answer": {name: _packed(getattr(answer, name)) for name in ("nodes", "centre", "lengths", "weights")},
         "answer_soft": polarization.SOFT, "answer_orders": polarization.ORDERS,
-        "metal": {"turn": [[one.real, one.imag] for one in metal.symmetry.turn.tolist()],
+        "metal": None if not electrode_correction.teaches(metal) else {
+                  "turn": [[one.real, one.imag] for one in metal.symmetry.turn.tolist()],
                   "mirrored": metal.symmetry.mirrored.tolist(), "directions": _packed(metal.directions, "<f4"),
                   "components": metal.directions.shape[2], "nodes": _packed(metal.process.nodes),
                   "lengths": _packed(metal.process.lengths), "weights": _packed(metal.process.weights)},
+        "shared": metal.directions.shape[2] or error.directions,
         "metal_soft": electrode_correction.SOFT, "along": electrode_correction.ALONG,
         "error": {name: getattr(error, name).tolist() for name in ("gap", "load", "error")}}
 

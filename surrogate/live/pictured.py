@@ -11,6 +11,8 @@ from eitsim.sensors.labels import PLACE
 from surrogate.data.sensor_ring import Ring
 from surrogate.data.skin_edges import Circle, Edges, Polygons
 from surrogate.data.skin_from_above import SkinFromAbove, skin_of_sheet
+from surrogate.forward_map.forward_map import alone_mm
+from surrogate.learners.forward import TouchInversion
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
@@ -49,7 +51,7 @@ def pictured(model: TrainedModel | TrainedReader) -> Pictured:
     """The skin of a model of simulated touches; of a model of a recording the skin that its sensor file describes with
     an outline, else the disc of the places that it tells from each other. ValueError for one that reads no place."""
     if not isinstance(model, TrainedReader):
-        return Pictured(edges_of(model.ring), _electrodes_of(model.ring), len(model.baseline_V),
+        return Pictured(edges_of(model), _electrodes_of(model.ring), len(model.baseline_V),
                         ("x_mm", "y_mm", "d_mm", "F_N"))
     if model.reader.place is None:
         raise ValueError("this model reads no place, which the page shows. Train it on labels x_mm and y_mm.")
@@ -63,11 +65,14 @@ def pictured(model: TrainedModel | TrainedReader) -> Pictured:
     return Pictured(Circle((x, y), radius), (), model.reader.signals.channels, *about)
 
 
-def edges_of(ring: Ring) -> Edges:
-    """The edges of a surrogate's skin."""
+def edges_of(model: TrainedModel) -> Edges:
+    """The edges of a surrogate's skin, and how near to one of two edges its map knows no touch."""
+    ring = model.ring
     if ring.sheet is None:
         return Circle((0.0, 0.0), ring.radius_mm)
-    return Polygons(skin_of_sheet(ring.sheet).loops_mm)
+    forward = model.learner.forward if isinstance(model.learner, TouchInversion) else None
+    alone = 0.0 if forward is None or forward.far is None else alone_mm(ring, forward.zones)
+    return Polygons(skin_of_sheet(ring.sheet).loops_mm, alone)
 
 
 def _electrodes_of(ring: Ring) -> tuple[Drawn, ...]:

@@ -187,7 +187,7 @@ def limits_of(model: TrainedModel) -> Limits:
     noise = 1e3 * MOST_OF_USUAL * usual_noise_V(model)
     d = known_diameters(model)
     d = d if len(d) else np.linspace(lowest[k["d"]], highest[k["d"]], CHOICE)
-    edges, gap = edges_of(model.ring), _gap_mm(model)
+    edges, gap = edges_of(model), _gap_mm(model)
     inner = edges.middle_mm
     if edges.refuses(inner, float(d.max()), gap):
         inner = (float(model.ring.origin_mm[0]), float(model.ring.origin_mm[1]))

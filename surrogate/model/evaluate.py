@@ -131,7 +131,7 @@ def _readable(model: Model, samples: Samples) -> tuple[Samples, str]:
     if kept.all():
         return samples, ""
     words = (f"{np.sum(~kept)} of {len(kept)} rows lie nearer to an edge than the touches that taught the "
-             f"{model.method} method, which flags such frames")
+             f"{model.method} method, or near two edges; it flags such frames")
     if not kept.any():
         raise ValueError(f"{words}; there is nothing to score. Evaluate it on touches farther from edges.")
     return take(samples, kept), f"{words}; they are left out."

@@ -104,7 +104,8 @@ def _readable(learner: Learner, samples: Samples) -> Samples:
     kept = learner.reads(samples.target[:, :TOUCH])
     if not kept.any():
         raise ValueError(f"all {len(kept)} rows that would calibrate the intervals lie nearer to an edge than the "
-                         "touches that the method was learned from. Sweep more scenes far from edges.")
+                         "touches that the method was learned from, or near two edges. Sweep more scenes far from "
+                         "edges.")
     return take(samples, kept)
 
 

@@ -17,6 +17,7 @@ from surrogate.forward_map.forward_map import (
     linearise,
     noise_floor,
     place,
+    reaches,
     signal_size,
     strength_discrepancy,
     within_bounds,
@@ -193,7 +194,7 @@ def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: 
     """With the posterior of punches of signals less what the rim adds to them at the peak, and where it may speak: not
     there where punches are known, since what the rim adds tells these from each other."""
     unknown, usable = to_unknown(found.touch, forward.p0), found.broad.copy()
-    near = np.flatnonzero(electrode_correction.reaches(forward.beside.rim, place(forward.ring, unknown)))
+    near = np.flatnonzero(reaches(forward, place(forward.ring, unknown)))
     if len(near):
         series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
         added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V

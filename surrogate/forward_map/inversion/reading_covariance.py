@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import ndtr
 
-from surrogate.forward_map import electrode_correction, rim_covariance
-from surrogate.forward_map.forward_map import ForwardMap, gap, place
+from surrogate.forward_map import polarization, rim_covariance
+from surrogate.forward_map.forward_map import ForwardMap, gap, place, reaches, size_of_strengths
 from touchcal.arrays import Array, Index
 
 # Standard deviations outside a bound from which it is not believed, as far as errors of the map make one in a hundred
@@ -73,17 +73,27 @@ def own_error(forward: ForwardMap, unknown: Array, size: Array) -> tuple[Array, 
     k) of the rest, and standard deviations (n, k) along these, V."""
     ring, fitted = forward.ring, forward.beside
     floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
-    near = electrode_correction.reaches(fitted.rim, z)
-    directions = min(fitted.error.alike.shape[2:])
+    near = reaches(forward, z)
+    directions = fitted.error.directions
     axes, sd = np.zeros((len(z), len(ring.read), directions)), np.zeros((len(z), directions))
     if np.any(near):
         gaps = gap(ring, unknown[near])
         norm = rim_covariance.size_at(fitted.error, gaps, unknown[near, 3]) * size[near]
-        axes[near], along, rest = rim_covariance.spread(fitted.error, z[near], gaps)
+        axes[near], along, rest = _shared(forward, unknown[near], size[near], gaps)
         sd[near] = along * norm[:, None]
         left = norm * np.sqrt(rest / len(fitted.rim.fill))
         floor[near] = np.hypot(left * np.sqrt(ring.copies), floor[near])
     return floor, axes, sd
+
+
+def _shared(forward: ForwardMap, unknown: Array, size: Array, gaps: Array) -> tuple[Array, Array, Array]:
+    """Where errors over their norm lie near an edge, as `rim_covariance.spread`."""
+    z, error = place(forward.ring, unknown), forward.beside.error
+    if error.answer is None:
+        return rim_covariance.spread(error, z, gaps)
+    design = polarization.of_strength(forward.ring, forward.fields(z), z, unknown[:, 2])
+    over = size_of_strengths(forward, unknown) / size
+    return rim_covariance.spread_of_answer(error, design * over[:, None, None], gaps)
 
 
 def whitened(sd: Uncertainty, values: Array) -> Array:

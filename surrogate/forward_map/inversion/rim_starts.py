@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, linearise, place
+from surrogate.forward_map.forward_map import ForwardMap, linearise, place
 from surrogate.forward_map.ring_symmetry import fold
 from touchcal.arrays import Array
 
@@ -89,7 +89,7 @@ def _touches(forward: ForwardMap) -> tuple[Array, float]:
     sector = 2 * np.pi / len(forward.beside.rim.symmetry.turn)
     count = min(max(round(sector / ANGLE), 1), MOST_ANGLES)
     angle = (np.arange(-ACROSS, count + ACROSS) + 0.5) * sector / count
-    inner, outer = np.log(SOFT - INTERIOR), np.log(SOFT - reach / forward.ring.radius_mm)
+    inner, outer = np.log(SOFT - forward.interior), np.log(SOFT - reach / forward.ring.radius_mm)
     radius = forward.ring.radius_mm * (SOFT - np.exp(np.linspace(inner, outer, RADII)))
     log_d = np.log(np.linspace(d_lo, d_hi, DIAMETERS))
     load, radius, angle, log_d = (grid.ravel() for grid in np.meshgrid(load, radius, angle, log_d, indexing="ij"))

@@ -39,13 +39,18 @@ function shaded(c, field, x, y, reach, colour) {
   c.fill();
 }
 
-// The band along the edges in which no touch is known.
+// The band along the edges in which no touch is known, and squares where two edges are too near.
 function unknownBand(c, edge, view, gap_mm, colour) {
   c.save();
   c.beginPath(); edge.trace(c, view.X, view.Y, view.scale);
   c.clip("evenodd");
   c.strokeStyle = colour.soft; c.globalAlpha = 0.13; c.lineWidth = 2 * gap_mm * view.scale; c.lineJoin = "round";
   c.stroke();
+  c.beginPath();
+  const { side, cells } = edge.nearTwo(gap_mm);
+  for (const [x, y] of cells)
+    c.rect(view.X(x - side / 2), view.Y(y + side / 2), side * view.scale, side * view.scale);
+  c.fillStyle = colour.soft; c.fill();
   c.restore();
 }
 

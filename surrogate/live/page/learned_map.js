@@ -13,7 +13,7 @@ function learnedMap(given, edge) {
   const size = { centre: unpack(given.size.centre), weights: unpack(given.size.weights) };
   const processes = given.strengths.map(s => Object.fromEntries(Object.entries(s).map(([k, v]) => [k, unpack(v)])));
   const answer = rim && Object.fromEntries(Object.entries(rim.answer).map(([k, v]) => [k, unpack(v)]));
-  const metal = rim && { ...rim.metal, nodes: unpack(rim.metal.nodes), lengths: unpack(rim.metal.lengths),
+  const metal = rim && rim.metal && { ...rim.metal, nodes: unpack(rim.metal.nodes), lengths: unpack(rim.metal.lengths),
                          weights: unpack(rim.metal.weights), directions: unpack(rim.metal.directions) };
 
   // Coefficient of z^s in the n-th derivative of an electrode's field on a disc.
@@ -90,7 +90,7 @@ function learnedMap(given, edge) {
 
   // The series' basis [order][reading].
   function basisOf(f, radius) {
-    const high = sheet ? 1 : 1 - share(radius, given.high_end), out = [];
+    const high = given.high_end ? 1 - share(radius, given.high_end) : 1, out = [];
     for (let k = 0; k < orders; k++) {
       const a = f.real[k], b = f.imaginary[k], column = new Float64Array(readings);
       const part = k < given.kept_orders ? 1 : high;
@@ -129,7 +129,7 @@ function learnedMap(given, edge) {
 
   // Signal, basis, and size of the strengths at a touch; `shape` is the size as a signal's norm, V.
   function at(u) {
-    const [x, y, logD, g] = u, [zx, zy] = scaledPlace(x, y), radius = radial(x, y);
+    const [x, y, logD, g] = u, radius = radial(x, y);
     const f = fieldsAt(x, y), basis = basisOf(f, radius);
     const input = new Array(inputs).fill(0);
     input[0] = logD; input[1] = g; input[2] = Math.min(radius, given.interior) ** 2;
@@ -142,20 +142,25 @@ function learnedMap(given, edge) {
       const p = strength * processMean(process, input), column = basis[k];
       for (let j = 0; j < readings; j++) signal[j] += p * column[j];
     });
-    if (rim && radius > given.zone[0]) addRim(signal, f, zx, zy, radius, logD, g, strength, dipole);
+    if (rim && radius > given.zone[0]) addRim(signal, f, [x, y], radius, logD, g, strength, dipole);
     return { signal, basis, strength, shape: strength * dipole, radius, half: Math.exp(logD) / 2 / ring.radius_mm };
   }
 
-  function addRim(signal, f, zx, zy, radius, logD, g, strength, dipole) {
+  // The direction towards the nearest edge.
+  function outwards(at, radius) {
+    return sheet ? edge.distance(at).slope.map(v => -v) : scaledPlace(...at).map(v => v / radius);
+  }
+
+  function addRim(signal, f, at, radius, logD, g, strength, dipole) {
     const half = Math.exp(logD) / 2 / ring.radius_mm, gap = 1 - radius - half;
     const felt = Math.log(rim.answer_soft + Math.max(gap, 0)), side = rim.step !== null && gap < rim.step ? 1 : 0;
     const counts = strength * share(radius, given.zone);
-    addAnswer(signal, f, zx / radius, zy / radius, half, [logD, g, felt, side], counts);
-    addMetal(signal, zx, zy, radius, [logD, g, felt, side], counts * dipole);
+    addAnswer(signal, f, outwards(at, radius), half, [logD, g, felt, side], counts);
+    if (metal) addMetal(signal, ...scaledPlace(...at), radius, [logD, g, felt, side], counts * dipole);
   }
 
   // The skin's answer: a bilinear form in the fields' Taylor series about the punch.
-  function addAnswer(signal, f, ux, uy, half, x, counts) {
+  function addAnswer(signal, f, [ux, uy], half, x, counts) {
     const n = rim.answer_orders, pairs = n * (n + 1), q = x.length, { nodes, centre, lengths, weights } = answer;
     if (!nodes.length) return;
     const u = x.map((v, i) => (v - centre[i]) / lengths[i]), c = new Float64Array(pairs);
@@ -236,7 +241,7 @@ function learnedMap(given, edge) {
       const gap = 1 - here.radius - here.half, { gap: gaps, load, error } = rim.error;
       const column = (table, k) => interpolated(gap, gaps, table.map(row => row[k]));
       const at = [0, 1, 2].map(k => column(load, k)), size = [0, 1, 2].map(k => column(error, k));
-      floor = Math.max(floor, interpolated(g, at, size) / Math.sqrt(metal.components));
+      floor = Math.max(floor, interpolated(g, at, size) / Math.sqrt(rim.shared));
     }
     return Math.hypot(noise_V, floor * Math.sqrt(ring.copies) * here.shape, 1e-15);
   }

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series, rim_zone
+from surrogate.forward_map.edge_frame import edge_frame
 
 Synthetic = Callable[[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -76,7 +77,7 @@ def test_slopes_of_the_basis_are_differences_and_high_orders_end_in_their_zone(r
     def at(moved: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
         fields = multipole_series.electrode_fields(ring, q, moved, multipole_series.ORDERS + 1)
         found = multipole_series.basis_and_slopes(ring, fields)
-        return list(rim_zone.ended(moved, (0.33, 0.40), 3, *found))
+        return list(rim_zone.ended(edge_frame(ring, moved), (0.33, 0.40), 3, *found))
 
     here, by_x, by_y = at(z)
     t = (np.hypot(0.2, 0.3) - 0.33) / (0.40 - 0.33)

@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map import forward_map
-from surrogate.forward_map.forward_map import INTERIOR, ForwardMap, strength_covariance, strengths
+from surrogate.forward_map import forward_map, rim_zone
+from surrogate.forward_map.forward_map import ForwardMap, strength_covariance, strengths
 from surrogate.forward_map.inversion import diameter_force_posterior
 from surrogate.forward_map.inversion.multipole_location import Located, locate
 from surrogate.forward_map.inversion.reading_covariance import no_drift
@@ -133,7 +133,7 @@ def test_a_sharp_posterior_is_left_to_its_peak(learned: ForwardMap) -> None:
 def test_strengths_are_located_within_their_covariance(learned: ForwardMap, synthetic: Synthetic, noise: float) -> None:
     """Where the series stands alone; further out what the rim adds counts as strength. In much noise, too, of which the
     training touches leave less of the ratios than the signals do."""
-    touch, signal = synthetic(200, 1, (), 100 * INTERIOR)
+    touch, signal = synthetic(200, 1, (), 100 * rim_zone.DISC.learned[1])
     found = locate(learned, signal + noise * np.random.default_rng(0).normal(size=signal.shape), np.full(200, noise),
                    no_drift(signal.shape[1]))
     truth = strengths(learned, to_unknown(touch, learned.p0))

@@ -1,0 +1,30 @@
+"""Places as the nearest edge of a skin sees them: how near it is, and which way it lies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from surrogate.data import outlined_sheet
+from surrogate.data.sensor_ring import Ring
+from touchcal.arrays import Array, Complex
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeFrame:
+    """Places and the directions towards the nearest edge, lengths over the radius of the ring."""
+
+    z: Complex  # (n,) place from the origin
+    radial: Array  # (n,) |z| on a disc, else 1 less the distance to the nearest edge over the largest one
+    outwards: Complex  # (n,) unit direction towards that edge, along which `radial` grows: z / |z| on a disc
+    turn: Array  # (n, 2) derivatives of the angle of that direction by x and y; 0 along a straight edge
+
+
+def edge_frame(ring: Ring, z: Complex) -> EdgeFrame:
+    """The frames of places z (n,), whose nearest edge is part of the rim of the disc or a straight one."""
+    if ring.sheet is None:
+        radius = np.abs(z)
+        some = np.maximum(radius, np.finfo(float).tiny ** 0.25)
+        return EdgeFrame(z, radius, z / some, np.column_stack([-z.imag, z.real]) / some[:, None] ** 2)
+    place_mm = ring.origin_mm + ring.radius_mm * np.column_stack([z.real, z.imag])
+    distance, slope = outlined_sheet.edge_distance_mm(ring.sheet, place_mm)
+    return EdgeFrame(z, 1 - distance / ring.radius_mm, -(slope[:, 0] + 1j * slope[:, 1]), np.zeros((len(z), 2)))
