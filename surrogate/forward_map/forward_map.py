@@ -1,5 +1,7 @@
 """A learned forward map: touch (x, y, d, F) -> the change of every reading, with its derivatives and its own error."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -33,8 +35,18 @@ MIN_ROWS = 14  # fewest training rows that the map is learned from
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_NOISE_FLOOR = 1e-5
 # Derivatives of the electrodes' fields that signals and their slopes take.
-FIELDS = max(multipole_series.ORDERS, polarization.ORDERS) + 1
+FIELDS = max(multipole_series.ORDERS, polarization.RIM[0], polarization.EDGE[0]) + 1
+INNER = 0.4  # part of the touches that no edge is near to which teach the series where nearer ones teach, too
 TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2
+
+
+@dataclass(frozen=True)
+class NearEdges:
+    """How near to the edges of an outline, as `EdgeFrame.radial`, touches come that no edge is near to, and those that
+    teach the series; what is learned of one edge has taken over from there."""
+
+    far: float
+    inner: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +70,13 @@ class ForwardMap:
     known_mm: Array  # diameters of the known punches that training rows share, mm; none where these vary
     rows: int  # training rows
     simulator: SimulatorError  # relative error of the size of the signals that it was learned from
-    # how near to the edges, as `EdgeFrame.radial`, touches come that no edge is near to, on a skin with an outline
-    # where nearer ones taught, too
-    far: float | None = None
+    near_edges: NearEdges | None = None  # None on a disc, and where no touch near an edge of an outline taught
 
     @property
     def zones(self) -> Zones:
         """Where what the edge changes sets in."""
-        return zones_of(self.ring, float(self.bounds[1, 0]) / self.ring.radius_mm if self.far is None else self.far)
+        known = self.near_edges
+        return zones_of(self.ring, float(self.bounds[1, 0]) / self.ring.radius_mm if known is None else known.inner)
 
     @property
     def materials(self) -> int:
@@ -126,28 +137,30 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
         raise ValueError(f"{len(touch) - np.sum(near_edge)} training rows are too few for the forward map; it needs "
                          f"{MIN_ROWS} or more. Sweep more scenes.")
     p0, near = light_pressure(touch), radial(ring, touch)
-    far, z = float(near[~near_edge].max()), place(ring, touch)
-    zones, unknown = zones_of(ring, far), to_unknown(touch, p0)
+    far, z, unknown = float(near[~near_edge].max()), place(ring, touch), to_unknown(touch, p0)
+    inner = float(np.quantile(near[~near_edge], INNER)) if np.any(near_edge) else far
+    zones = zones_of(ring, inner)
     taught = rim_correction.taught(ring, z, unknown[:, 2:], zones)
     if np.any(near_edge) and not taught:
         kept = ~near_edge
         return fit(ring, touch[kept], signal_V[kept], material[kept], simulator[kept])
-    inner = near <= _learned_within(ring, near, zones, taught)
-    inputs = _inputs(ring, zones.learned[1], unknown[inner], material[inner])
-    field, size, processes, floor, shift = _series(ring, z[inner], inputs, touch[inner, 3], signal_V[inner])
+    kept = near <= _learned_within(ring, near, zones, taught)
+    inputs = _inputs(ring, zones.learned[1], unknown[kept], material[kept])
+    field, size, processes, floor, shift = _series(ring, z[kept], inputs, touch[kept, 3], signal_V[kept])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
                         p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
                         np.maximum(unknown.std(0), 1e-6), _bounds(ring, touch), known_mm(touch[:, 2]), len(touch),
                         simulator_error.learned_from(gap(ring, unknown), simulator),
-                        far if np.any(near_edge) else None)
-    return series if ring.sheet is not None and series.far is None else _with_rim(series, z, unknown, signal_V,
-                                                                                  material)
+                        NearEdges(far, inner) if np.any(near_edge) else None)
+    if ring.sheet is not None and series.near_edges is None:
+        return series
+    step = float(gap(ring, unknown[~near_edge]).min()) if np.any(near_edge) else None
+    return _with_rim(series, z, unknown, signal_V, material, step)
 
 
-def zones_of(ring: Ring, far: float) -> Zones:
-    """Zones of a disc, or of a skin with an outline, of which touches as near as `far` are those that no edge is near
-    to."""
-    return rim_zone.DISC if ring.sheet is None else rim_zone.zones_from(far)
+def zones_of(ring: Ring, inner: float) -> Zones:
+    """Zones of a disc, or of a skin with an outline whose series is learned from touches as near as `inner`."""
+    return rim_zone.DISC if ring.sheet is None else rim_zone.zones_from(inner)
 
 
 def _learned_within(ring: Ring, near: Array, zones: Zones, rim: bool) -> float:
@@ -157,14 +170,15 @@ def _learned_within(ring: Ring, near: Array, zones: Zones, rim: bool) -> float:
     return max(reach, float(np.sort(near)[MIN_ROWS - 1]))
 
 
-def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array,
-              material: Array) -> ForwardMap:
+def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array, material: Array,
+              step: float | None) -> ForwardMap:
     base = series_basis(series, series.fields(z), z)[0]
     found = _strengths(series, unknown, material)
     left = signal_V - multipole_series.combined(base, found.value)
     rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
                                found.size * np.linalg.norm(base[..., 0], axis=1))
-    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows, signal_V, series.zones))
+    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows, signal_V, series.zones,
+                                                     step))
 
 
 def reaches(forward: ForwardMap, z: Complex) -> Mask:
@@ -246,24 +260,25 @@ def within_bounds(forward: ForwardMap, touch: Array) -> Mask:
 def known_place(forward: ForwardMap, touch: Array) -> Mask:
     """(n,) whether no edge is near to touches (n, ...) that begin with x and y in mm, or one straight edge that is no
     nearer than to the training touches; all on a disc."""
-    if forward.ring.sheet is None:
+    ring, known = forward.ring, forward.near_edges
+    if ring.sheet is None:
         return np.ones(len(touch), bool)
-    near = radial(forward.ring, touch)
-    return (near <= forward.zones.learned[1] + ROUNDING) | (
-        (near <= forward.bounds[1, 0] / forward.ring.radius_mm + ROUNDING) & by_one_edge(forward.ring, touch,
-                                                                                         forward.zones))
+    near, nearest = radial(ring, touch), forward.bounds[1, 0] / ring.radius_mm + ROUNDING
+    if known is None:
+        return near <= nearest
+    return (near <= known.far + ROUNDING) | ((near <= nearest) & by_one_edge(ring, touch, known.far))
 
 
-def by_one_edge(ring: Ring, touch: Array, zones: Zones) -> Mask:
-    """(n,) whether touches on a skin with an outline that begin with x and y in mm have but one straight edge within
-    the zone of edges."""
+def by_one_edge(ring: Ring, touch: Array, far: float) -> Mask:
+    """(n,) whether touches on a skin with an outline that begin with x and y in mm have but one straight edge as near
+    as touches come that no edge is near to."""
     assert ring.sheet is not None
-    return by_one_straight_edge(touch[:, :2], ring.sheet.start_mm, ring.sheet.end_mm, alone_mm(ring, zones))
+    return by_one_straight_edge(touch[:, :2], ring.sheet.start_mm, ring.sheet.end_mm, alone_mm(ring, far))
 
 
-def alone_mm(ring: Ring, zones: Zones) -> float:
+def alone_mm(ring: Ring, far: float) -> float:
     """Distance to an edge of an outline, mm, within which touches are learned near one straight edge alone."""
-    return (1 - zones.learned[1]) * ring.radius_mm
+    return (1 - far) * ring.radius_mm
 
 
 def _bounds(ring: Ring, touch: Array) -> Array:
@@ -313,7 +328,7 @@ def series_basis(forward: ForwardMap, fields: Complex, z: Complex) -> tuple[Arra
     electrodes have these derivatives of their fields at z (n,); its high orders end near edges, if touches there
     taught."""
     found = multipole_series.basis_and_slopes(forward.ring, fields)
-    if forward.ring.sheet is not None and forward.far is None:
+    if forward.ring.sheet is not None and forward.near_edges is None:
         return found
     return rim_zone.ended(edge_frame(forward.ring, z), forward.zones.high_end, rim_zone.ORDERS, *found)
 

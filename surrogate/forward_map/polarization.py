@@ -22,9 +22,9 @@ from surrogate.statistics.coefficient_process import SharedProcess
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Complex
 
-# Orders of the series, and of the coefficients that they make: two for each pair of orders.
-ORDERS = 3
-PAIRS = tuple((i, j) for i in range(ORDERS) for j in range(i, ORDERS))
+# Orders of the series near the rim of a disc, where what the electrodes add is learned, too, and near edges of an
+# outline, and nodes of their coefficients, two for each pair of orders.
+RIM, EDGE = (3, coefficient_process.NODES), (5, 100)
 MIN_ROWS, MAX_ROWS = 200, 3000  # fewest rows that teach it, and most
 SOFT = 0.03  # gaps between the punch's edge and the rim are felt as log(SOFT + gap), over the disc's radius
 # Lengths of the coefficients over the spread of (log d, g, the gap's logarithm), chosen on validation rows, and over
@@ -43,7 +43,17 @@ class Effect:
 def zero_correction() -> SharedProcess:
     """Coefficients that are 0 everywhere."""
     q = len(LENGTHS) + 1
-    return SharedProcess(np.zeros((0, q)), np.zeros(q), np.ones(q), np.zeros((1 + q, 2 * len(PAIRS))))
+    return SharedProcess(np.zeros((0, q)), np.zeros(q), np.ones(q), np.zeros((1 + q, 2 * len(pairs(RIM[0])))))
+
+
+def pairs(orders: int) -> list[tuple[int, int]]:
+    """Pairs of so many orders, from 0."""
+    return [(i, j) for i in range(orders) for j in range(i, orders)]
+
+
+def orders_of(coefficients: int) -> int:
+    """Orders of the series that make so many coefficients, n (n + 1)."""
+    return math.isqrt(coefficients)
 
 
 def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: Array, strength: Array,
@@ -52,23 +62,24 @@ def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: A
     (n, readings) of signals of these sizes (n,), and that of the strengths (n,)."""
     some = spread_evenly(len(z), MAX_ROWS)
     half, frame = half_width(ring, punch[some, 0]), edge_frame(ring, z[some])
-    fields = multipole_series.electrode_fields(ring, field, z[some], ORDERS + 1)
+    orders, nodes = RIM if ring.sheet is None else EDGE
+    fields = multipole_series.electrode_fields(ring, field, z[some], orders)
     design = _design(ring, fields, frame, half) * (strength[some] / half**2 / size[some])[:, None, None]
     inputs = _inputs(frame, punch[some], side[some], half)
     spread = np.std(inputs[:, :len(LENGTHS)], axis=0)
     lengths = np.append(LENGTHS * np.where(spread > 1e-6, spread, 1.0), STEP)
-    return coefficient_process.fit(inputs, design, left[some] / size[some, None], lengths, order=inputs[:, 2])
+    return coefficient_process.fit(inputs, design, left[some] / size[some, None], lengths, inputs[:, 2], nodes)
 
 
 def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punch: Array, side: Array) -> Effect:
     """The effect at places z (n,) that it reaches, (log d, g) (n, 2) and sides of the step (n,), where electrodes have
-    these derivatives of their fields (ORDERS + 1 or more, n, electrodes)."""
+    these derivatives of their fields (one more than orders, or more, n, electrodes)."""
     half, frame = half_width(ring, punch[:, 0]), edge_frame(ring, z)
     mean, gradient = coefficient_process.predict(process, _inputs(frame, punch, side, half))
     scale = half[:, None] ** -2
     form, by_form = _form(mean * scale), _form((gradient * scale[..., None]) @ _along(frame, half))
     by_form[:, 2] -= 2 * form
-    series, by_series = _series(fields, frame, half)
+    series, by_series = _series(fields, frame, half, form.shape[1] // 2)
     left = series @ form
     value = _readings(ring, left @ series.transpose(0, 2, 1))
     slopes = []
@@ -91,14 +102,15 @@ def _along(frame: EdgeFrame, half: Array) -> Array:
 
 
 def _form(coefficients: Array) -> Array:
-    """Symmetric matrices (n, 2 ORDERS, 2 ORDERS) of coefficients (n, 2 pairs), or (n, 4, ...) of derivatives (n, 2
+    """Symmetric matrices (n, 2 orders, 2 orders) of coefficients (n, 2 pairs), or (n, 4, ...) of derivatives (n, 2
     pairs, 4); imaginary parts come first."""
     values = coefficients[:, None] if coefficients.ndim == 2 else coefficients.transpose(0, 2, 1)
-    out = np.zeros((*values.shape[:2], 2 * ORDERS, 2 * ORDERS))
-    for k, (i, j) in enumerate(PAIRS):
+    orders = orders_of(values.shape[2])
+    out = np.zeros((*values.shape[:2], 2 * orders, 2 * orders))
+    for k, (i, j) in enumerate(pairs(orders)):
         for part in (0, 1):
-            out[..., i + part * ORDERS, j + part * ORDERS] += values[..., 2 * k + part] / 2
-            out[..., j + part * ORDERS, i + part * ORDERS] += values[..., 2 * k + part] / 2
+            out[..., i + part * orders, j + part * orders] += values[..., 2 * k + part] / 2
+            out[..., j + part * orders, i + part * orders] += values[..., 2 * k + part] / 2
     return out[:, 0] if coefficients.ndim == 2 else out
 
 
@@ -136,37 +148,38 @@ def _inputs(frame: EdgeFrame, punch: Array, side: Array, half: Array) -> Array:
 
 def of_strength(ring: Ring, fields: Complex, z: Complex, log_d: Array) -> Array:
     """(n, readings, 2 pairs) signals by the coefficients at places z (n,) with punches of log d (n,), over the size of
-    the strengths, where electrodes have these derivatives of their fields (ORDERS or more, n, electrodes)."""
+    the strengths, where electrodes have these derivatives of their fields (orders, n, electrodes)."""
     half = half_width(ring, log_d)
     return _design(ring, fields, edge_frame(ring, z), half) / half[:, None, None] ** 2
 
 
 def _design(ring: Ring, fields: Complex, frame: EdgeFrame, half: Array) -> Array:
     """(n, readings, 2 pairs) products of the series, the coefficients of which make a signal."""
-    series = _parts(fields[:ORDERS] * _scale(frame, half))
+    orders = len(fields)
+    series = _parts(fields * _scale(frame, half, orders))
     drive, read = series[:, ring.source] - series[:, ring.sink], series[:, ring.read] - series[:, ring.ground]
     columns = [(drive[..., i] * read[..., j] + drive[..., j] * read[..., i]) / 2
-               for pair in PAIRS for i, j in (pair, (pair[0] + ORDERS, pair[1] + ORDERS))]
+               for pair in pairs(orders) for i, j in (pair, (pair[0] + orders, pair[1] + orders))]
     return np.stack(columns, axis=2)
 
 
-def _series(fields: Complex, frame: EdgeFrame, half: Array) -> tuple[Array, Array]:
-    """(n, electrodes, 2 ORDERS) imaginary, then real parts of f^(k) u^k a^k / k!, and their derivatives (3, ...) by
+def _series(fields: Complex, frame: EdgeFrame, half: Array, orders: int) -> tuple[Array, Array]:
+    """(n, electrodes, 2 orders) imaginary, then real parts of f^(k) u^k a^k / k!, and their derivatives (3, ...) by
     (x / R, y / R, log d)."""
-    order, scale = np.arange(1, ORDERS + 1)[:, None, None], _scale(frame, half)
-    value, onward = fields[:ORDERS] * scale, fields[1:ORDERS + 1] * scale
+    order, scale = np.arange(1, orders + 1)[:, None, None], _scale(frame, half, orders)
+    value, onward = fields[:orders] * scale, fields[1:orders + 1] * scale
     slopes = [onward * step + value * (1j * order * by[:, None])
               for step, by in zip((1, 1j), frame.turn.T, strict=True)]
     return _parts(value), np.stack([_parts(one) for one in (*slopes, value * order)])
 
 
-def _scale(frame: EdgeFrame, half: Array) -> Complex:
-    """(ORDERS, n, 1) u^k a^k / k!."""
-    order = np.arange(1, ORDERS + 1)[:, None, None]
-    factorial = np.array([math.factorial(k) for k in range(1, ORDERS + 1)])[:, None, None]
+def _scale(frame: EdgeFrame, half: Array, orders: int) -> Complex:
+    """(orders, n, 1) u^k a^k / k!."""
+    order = np.arange(1, orders + 1)[:, None, None]
+    factorial = np.array([math.factorial(k) for k in range(1, orders + 1)])[:, None, None]
     return ((frame.outwards * half)[:, None]) ** order / factorial
 
 
 def _parts(values: Complex) -> Array:
-    """(n, electrodes, 2 ORDERS) of complex values (ORDERS, n, electrodes)."""
+    """(n, electrodes, 2 orders) of complex values (orders, n, electrodes)."""
     return np.moveaxis(np.concatenate([values.imag, values.real]), 0, -1)

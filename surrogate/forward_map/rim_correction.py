@@ -62,9 +62,11 @@ def without(correction: FittedCorrection, ring: Ring, kept: Mask) -> FittedCorre
                    error=rim_covariance.without(correction.error, kept))
 
 
-def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array, zones: Zones) -> FittedCorrection:
+def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array, zones: Zones,
+        step: float | None = None) -> FittedCorrection:
     """Learn from touches and their signals (n, readings), V; the effect of electrodes and an error only where enough of
-    them lie near the rim. What the series leaves is learned, or the whole signal where that errs less."""
+    them lie near the rim. What the series leaves is learned, or the whole signal where that errs less. step: gap over
+    the radius where what made the data changes its method, if that is known."""
     kept = edge_frame(ring, rows.z).radial > zones.learned[0]
     near = rows.some(kept)
     touch = _touches(near.z, near.punch)
@@ -77,8 +79,8 @@ def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array, zones: Zones) -> 
         _asked(ring, field, near, change_point.NONE, answers, touch % FOLDS == 0))
     learned = whole if replaces else near
     _, left = _answer(ring, field, learned, change_point.NONE, answers)
-    where = change_point.NONE if ring.sheet is not None else electrode_correction.step_of(
-        ring, near.z, near.punch, near.gap, left, near.size)
+    where = electrode_correction.step_of(ring, near.z, near.punch, near.gap, left,
+                                         near.size) if step is None else step
     answer, rim = _both(ring, field, learned, where, answers)
     error = np.empty_like(near.left)
     for k in range(FOLDS):
@@ -93,9 +95,10 @@ def _error(ring: Ring, field: Array, near: Rows, rim: RimEffect, error: Array) -
     """From errors (n, readings) of rows that the others foresee, over their sizes."""
     if ring.sheet is None:
         return rim_covariance.learned_from(rim.symmetry, near.z, near.gap, near.punch[:, 1], error)
-    coefficients, left = np.empty((len(error), 2 * len(polarization.PAIRS))), np.empty_like(error)
+    orders = polarization.EDGE[0]
+    coefficients, left = np.empty((len(error), 2 * len(polarization.pairs(orders)))), np.empty_like(error)
     for rows in np.array_split(np.arange(len(error)), len(error) // BATCH + 1):
-        fields = multipole_series.electrode_fields(ring, field, near.z[rows], polarization.ORDERS)
+        fields = multipole_series.electrode_fields(ring, field, near.z[rows], orders)
         design = polarization.of_strength(ring, fields, near.z[rows], near.punch[rows, 0])
         design *= (near.strength[rows] / near.size[rows])[:, None, None]
         coefficients[rows] = (np.linalg.pinv(design, rcond=ALIKE) @ error[rows, :, None])[..., 0]
@@ -166,10 +169,11 @@ def _answer(ring: Ring, field: Array, near: Rows, where: float, answers: bool) -
 def _leaves(ring: Ring, field: Array, near: Rows, answer: SharedProcess, where: float) -> Array:
     """(n, readings) what the polarization leaves, V."""
     left, side = near.left.copy(), change_point.side(near.gap, where)
+    orders = polarization.orders_of(answer.weights.shape[1]) + 1
     if not len(answer.nodes):
         return left
     for rows in np.array_split(np.arange(len(near.z)), len(near.z) // BATCH + 1):
-        fields = multipole_series.electrode_fields(ring, field, near.z[rows], polarization.ORDERS + 1)
+        fields = multipole_series.electrode_fields(ring, field, near.z[rows], orders)
         effect = polarization.effect(answer, ring, fields, near.z[rows], near.punch[rows], side[rows])
         left[rows] -= effect.value * near.strength[rows, None]
     return left

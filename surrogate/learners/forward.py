@@ -20,7 +20,6 @@ from surrogate.forward_map.forward_map import (
     by_one_edge,
     known_place,
     places_at,
-    zones_of,
 )
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
@@ -108,8 +107,7 @@ def _by_one_edge_at_most(rows: Samples) -> Samples:
         raise ValueError(f"{np.sum(far)} of {len(rows)} training rows are touches that no edge is near to, too few for "
                          f"the forward map; it needs {MIN_ROWS} or more. Sweep more of them: without gap_mm in place "
                          "they keep from edges by themselves.")
-    zones = zones_of(rows.ring, float(radial(rows.ring, rows.target[far]).max()))
-    return take(rows, far | by_one_edge(rows.ring, rows.target, zones))
+    return take(rows, far | by_one_edge(rows.ring, rows.target, float(radial(rows.ring, rows.target[far]).max())))
 
 
 @dataclass(frozen=True, eq=False)

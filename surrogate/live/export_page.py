@@ -82,7 +82,7 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "size": {"centre": _packed(forward.size.centre), "weights": _packed(forward.size.weights)},
         "strengths": [_process(one) for one in forward.strengths],
         "strength_sd": np.median(strength_discrepancy(forward, unknown), axis=0).tolist(),
-        "high_end": None if ring.sheet is not None and forward.far is None else list(forward.zones.high_end),
+        "high_end": None if ring.sheet is not None and forward.near_edges is None else list(forward.zones.high_end),
         "kept_orders": rim_zone.ORDERS, "zone": list(forward.zones.learned),
         "p0": forward.p0, "floor": forward.floor, "shift_mm": forward.shift_mm, "mean": forward.mean.tolist(),
         "sd": forward.sd.tolist(), "bounds": forward.bounds.tolist(), "margin_mm": MARGIN_MM, "margin": MARGIN,
@@ -116,7 +116,7 @@ def _rim(forward: ForwardMap) -> dict[str, Any]:
     return {
         "replaces": bool(fitted.replaces), "step": fitted.step if np.isfinite(fitted.step) else None,
         "answer": {name: _packed(getattr(answer, name)) for name in ("nodes", "centre", "lengths", "weights")},
-        "answer_soft": polarization.SOFT, "answer_orders": polarization.ORDERS,
+        "answer_soft": polarization.SOFT, "answer_orders": polarization.orders_of(answer.weights.shape[1]),
         "metal": None if not electrode_correction.teaches(metal) else {
                   "turn": [[one.real, one.imag] for one in metal.symmetry.turn.tolist()],
                   "mirrored": metal.symmetry.mirrored.tolist(), "directions": _packed(metal.directions, "<f4"),

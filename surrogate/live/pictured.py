@@ -70,8 +70,8 @@ def edges_of(model: TrainedModel) -> Edges:
     ring = model.ring
     if ring.sheet is None:
         return Circle((0.0, 0.0), ring.radius_mm)
-    forward = model.learner.forward if isinstance(model.learner, TouchInversion) else None
-    alone = 0.0 if forward is None or forward.far is None else alone_mm(ring, forward.zones)
+    known = model.learner.forward.near_edges if isinstance(model.learner, TouchInversion) else None
+    alone = 0.0 if known is None else alone_mm(ring, known.far)
     return Polygons(skin_of_sheet(ring.sheet).loops_mm, alone)
 
 

@@ -31,9 +31,9 @@ class SharedProcess:
     weights: Array  # (1 + q + k, coefficients)
 
 
-def fit(x: Array, design: Array, y: Array, lengths: Array, order: Array) -> SharedProcess:
+def fit(x: Array, design: Array, y: Array, lengths: Array, order: Array, most: int = NODES) -> SharedProcess:
     """Fit rows y (n, readings) with designs (n, readings, coefficients) at x (n, q); the noise of a row varies with its
-    place along `order` (n,), and its readings share it, so that a row counts as one observation."""
+    place along `order` (n,), and its readings share it, so that a row counts as one observation. most: nodes."""
     centre = x.mean(axis=0)
     u = (x - centre) / lengths
     gram = design.transpose(0, 2, 1) @ design
@@ -45,7 +45,7 @@ def fit(x: Array, design: Array, y: Array, lengths: Array, order: Array) -> Shar
         amplitude = np.sqrt(np.mean(mean**2 + variance, axis=0))
         left = y - (design @ (few @ mean)[..., None])[..., 0]
         weight = 1 / _smoothed(np.linalg.norm(left, axis=1), order) ** 2
-    nodes = _spread(u, NODES)
+    nodes = _spread(u, most)
     mean, _ = _posterior(_regressors(u, nodes), gram, right, weight, amplitude)
     inverse = solve_triangular(_factor(nodes), np.eye(len(nodes)), lower=True)
     return SharedProcess(nodes, centre, lengths, np.vstack([TREND * mean[:1 + x.shape[1]],

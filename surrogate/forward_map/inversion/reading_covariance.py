@@ -91,7 +91,8 @@ def _shared(forward: ForwardMap, unknown: Array, size: Array, gaps: Array) -> tu
     z, error = place(forward.ring, unknown), forward.beside.error
     if error.answer is None:
         return rim_covariance.spread(error, z, gaps)
-    design = polarization.of_strength(forward.ring, forward.fields(z), z, unknown[:, 2])
+    fields = forward.fields(z)[:polarization.orders_of(error.directions)]
+    design = polarization.of_strength(forward.ring, fields, z, unknown[:, 2])
     over = size_of_strengths(forward, unknown) / size
     return rim_covariance.spread_of_answer(error, design * over[:, None, None], gaps)
 

@@ -51,11 +51,11 @@ def test_signals_of_a_bilinear_form_give_it_back(ring: Ring) -> None:
     rng = np.random.default_rng(0)
     z = np.asarray(rng.uniform(0.45, 0.85, 500) * np.exp(2j * np.pi * rng.random(500)), np.complex128)
     punch = np.column_stack([np.log(rng.uniform(10, 18, 500)), rng.uniform(0.2, 2.0, 500)])
-    dipole, count = rng.uniform(0.5, 2.0, 500), 2 * len(polarization.PAIRS)
+    dipole, count = rng.uniform(0.5, 2.0, 500), 2 * len(polarization.pairs(polarization.RIM[0]))
     weights = np.vstack([rng.normal(size=(4, count)) * np.array([[1.0], [0.3], [0.3], [0.3]]), np.zeros((2, count))])
     truth = SharedProcess(np.zeros((1, 4)), np.array([2.6, 1.0, -1.5, 0.0]), np.array([1.0, 1.0, 0.5, 1.0]), weights)
     side = np.zeros(500)
-    fields = multipole_series.electrode_fields(ring, ring.modes, z, polarization.ORDERS + 1)
+    fields = multipole_series.electrode_fields(ring, ring.modes, z, polarization.RIM[0] + 1)
     signal = polarization.effect(truth, ring, fields, z, punch, side).value * dipole[:, None]
     taught, asked = np.arange(400), np.arange(400, 500)
     learned = polarization.fit(ring, ring.modes, z[taught], punch[taught], side[taught], signal[taught],
