@@ -36,6 +36,9 @@ MIN_ROWS = 14  # fewest training rows that the map is learned from
 MIN_NOISE_FLOOR = 1e-5
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole_series.ORDERS, polarization.RIM[0], polarization.EDGE[0]) + 1
+# Least standard deviation of the unknowns that is believed, as of log d where all punches have one diameter, and the part
+# of that by which a diameter is still the same.
+ONE_LOG_D, ONE_D = 1e-6, 1e-4
 INNER = 0.4  # part of the touches that no edge is near to which teach the series where nearer ones teach, too
 TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2
 
@@ -149,7 +152,7 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     field, size, processes, floor, shift = _series(ring, z[kept], inputs, touch[kept, 3], signal_V[kept])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
                         p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
-                        np.maximum(unknown.std(0), 1e-6), _bounds(ring, touch), known_mm(touch[:, 2]), len(touch),
+                        np.maximum(unknown.std(0), ONE_LOG_D), _bounds(ring, touch), known_mm(touch[:, 2]), len(touch),
                         simulator_error.learned_from(gap(ring, unknown), simulator),
                         NearEdges(far, inner) if np.any(near_edge) else None)
     if ring.sheet is not None and series.near_edges is None:
@@ -236,11 +239,6 @@ def signal_size(forward: ForwardMap, unknown: Array) -> Array:
     return _strengths(forward, unknown).size * np.linalg.norm((drive * read.conj()).real[0], axis=1)
 
 
-def size_of_strengths(forward: ForwardMap, unknown: Array) -> Array:
-    """(n,) size of the strengths, V, at touches (n, 4) given as (x, y, log d, g)."""
-    return _strengths(forward, unknown).size
-
-
 def extent(ring: Ring, touch: Array) -> Array:
     """(n, 3) radius, d and F of touches (n, 4); with an outline the radius is how much nearer to the edges they are
     than the farthest place."""
@@ -252,7 +250,7 @@ def within_bounds(forward: ForwardMap, touch: Array) -> Mask:
     """(n,) whether radius, d and F of touches (n, 4) lie within the bounds of the training touches, rounding aside: a
     range may be one diameter."""
     reached, (lowest, highest) = extent(forward.ring, touch), forward.bounds
-    slack = ROUNDING * highest
+    slack = np.array([ROUNDING, ROUNDING if forward.sd[2] > ONE_LOG_D else ONE_D, ROUNDING]) * highest
     return known_place(forward, touch) & np.all(
         (reached >= np.r_[0.0, lowest[1:]] - slack) & (reached <= highest + slack), axis=1)
 

@@ -25,6 +25,7 @@ from touchcal.arrays import Array, Complex
 # Orders of the series near the rim of a disc, where what the electrodes add is learned, too, and near edges of an
 # outline, and nodes of their coefficients, two for each pair of orders.
 RIM, EDGE = (3, coefficient_process.NODES), (5, 100)
+ERROR = 3  # orders of the series whose products make up the errors near edges of an outline
 MIN_ROWS, MAX_ROWS = 200, 3000  # fewest rows that teach it, and most
 SOFT = 0.03  # gaps between the punch's edge and the rim are felt as log(SOFT + gap), over the disc's radius
 # Lengths of the coefficients over the spread of (log d, g, the gap's logarithm), chosen on validation rows, and over
@@ -146,21 +147,26 @@ def _inputs(frame: EdgeFrame, punch: Array, side: Array, half: Array) -> Array:
     return np.column_stack([punch, log_gap(frame.radial, half)[0], side])
 
 
-def of_strength(ring: Ring, fields: Complex, z: Complex, log_d: Array) -> Array:
-    """(n, readings, 2 pairs) signals by the coefficients at places z (n,) with punches of log d (n,), over the size of
-    the strengths, where electrodes have these derivatives of their fields (orders, n, electrodes)."""
+def products(ring: Ring, fields: Complex, z: Complex, log_d: Array) -> Array:
+    """(n, readings, orders (2 orders + 1)) signals by all products of the series at places z (n,) with punches of log d
+    (n,), those that no edge as it is thought of makes among them, over the size of the strengths, where electrodes have
+    these derivatives of their fields (orders, n, electrodes)."""
     half = half_width(ring, log_d)
-    return _design(ring, fields, edge_frame(ring, z), half) / half[:, None, None] ** 2
+    series = _parts(fields * _scale(edge_frame(ring, z), half, len(fields))) / half[:, None, None]
+    return _columns(ring, series, [(i, j) for i in range(2 * len(fields)) for j in range(i, 2 * len(fields))])
 
 
 def _design(ring: Ring, fields: Complex, frame: EdgeFrame, half: Array) -> Array:
     """(n, readings, 2 pairs) products of the series, the coefficients of which make a signal."""
     orders = len(fields)
     series = _parts(fields * _scale(frame, half, orders))
+    return _columns(ring, series, [both for pair in pairs(orders)
+                                   for both in (pair, (pair[0] + orders, pair[1] + orders))])
+
+
+def _columns(ring: Ring, series: Array, chosen: list[tuple[int, int]]) -> Array:
     drive, read = series[:, ring.source] - series[:, ring.sink], series[:, ring.read] - series[:, ring.ground]
-    columns = [(drive[..., i] * read[..., j] + drive[..., j] * read[..., i]) / 2
-               for pair in pairs(orders) for i, j in (pair, (pair[0] + orders, pair[1] + orders))]
-    return np.stack(columns, axis=2)
+    return np.stack([(drive[..., i] * read[..., j] + drive[..., j] * read[..., i]) / 2 for i, j in chosen], axis=2)
 
 
 def _series(fields: Complex, frame: EdgeFrame, half: Array, orders: int) -> tuple[Array, Array]:

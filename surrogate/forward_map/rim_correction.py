@@ -18,7 +18,6 @@ from surrogate.statistics.coefficient_process import SharedProcess
 from touchcal.arrays import Array, Complex, Index, Mask
 
 BATCH = 256  # rows whose effect is worked out together, to bound the memory
-ALIKE = 1e-3  # part of the largest singular value of a touch's designs below which they are alike
 FOLDS = 4  # parts of the touches, each of which shows the error of what the others teach
 
 
@@ -95,14 +94,12 @@ def _error(ring: Ring, field: Array, near: Rows, rim: RimEffect, error: Array) -
     """From errors (n, readings) of rows that the others foresee, over their sizes."""
     if ring.sheet is None:
         return rim_covariance.learned_from(rim.symmetry, near.z, near.gap, near.punch[:, 1], error)
-    orders = polarization.EDGE[0]
-    coefficients, left = np.empty((len(error), 2 * len(polarization.pairs(orders)))), np.empty_like(error)
+    coefficients, left = np.empty((len(error), polarization.ERROR * (2 * polarization.ERROR + 1))), np.empty_like(error)
     for rows in np.array_split(np.arange(len(error)), len(error) // BATCH + 1):
-        fields = multipole_series.electrode_fields(ring, field, near.z[rows], orders)
-        design = polarization.of_strength(ring, fields, near.z[rows], near.punch[rows, 0])
-        design *= (near.strength[rows] / near.size[rows])[:, None, None]
-        coefficients[rows] = (np.linalg.pinv(design, rcond=ALIKE) @ error[rows, :, None])[..., 0]
-        left[rows] = error[rows] - multipole_series.combined(design, coefficients[rows])
+        fields = multipole_series.electrode_fields(ring, field, near.z[rows], polarization.ERROR)
+        axes = rim_covariance.axes_of(polarization.products(ring, fields, near.z[rows], near.punch[rows, 0]))
+        coefficients[rows] = (axes.transpose(0, 2, 1) @ error[rows, :, None])[..., 0]
+        left[rows] = error[rows] - multipole_series.combined(axes, coefficients[rows])
     return rim_covariance.learned_from_coefficients(rim.symmetry, near.gap, near.punch[:, 1], error, coefficients, left)
 
 

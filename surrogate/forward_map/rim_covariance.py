@@ -1,8 +1,8 @@
 """The map's error near an edge: how large it is, and how readings share it, estimated from touches left out.
 
 On a disc readings share it as they do in the half-sector that all touches are folded into. Near straight edges of an
-outline, which has no such symmetry, errors are those of the coefficients of the skin's answer
-(`surrogate.forward_map.polarization`), which depend on the distance to the edge, and a rest.
+outline, which has no such symmetry, errors lie along products of the fields' series about the punch
+(`surrogate.forward_map.polarization`), as the distance to the edge says, and a rest.
 """
 
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ class RimError:
     # these, and (bins,) what part of its square they leave
     alike: Array
     rest: Array
-    # (bins, coefficients, coefficients) root of the covariance of coefficients that make errors of unit norm; of a disc
+    # (bins, q, q) root of the covariance of errors of unit norm along the axes of the products of the series; of a disc
     # none
     answer: Array | None = None
 
@@ -69,8 +69,8 @@ def learned_from(symmetry: Symmetry, z: Complex, gap: Array, load: Array, error:
 
 def learned_from_coefficients(symmetry: Symmetry, gap: Array, load: Array, error: Array, coefficients: Array,
                               left: Array) -> RimError:
-    """From gaps and loads g (n,) of such touches, their errors (n, readings), the coefficients (n, q) of the skin's
-    answer that come closest to these, and what they leave (n, readings)."""
+    """From gaps and loads g (n,) of such touches, their errors (n, readings), these along the axes of the
+    products of the series (n, q), and what they leave (n, readings)."""
     bins, norm = _bins(gap), _norm(error)
     unit = coefficients / norm[:, None]
     rest = np.sum(left**2, axis=1) / norm**2
@@ -133,11 +133,17 @@ def spread(of: RimError, z: Complex, gap: Array) -> tuple[Array, Array, Array]:
 
 
 def spread_of_answer(of: RimError, design: Array, gap: Array) -> tuple[Array, Array, Array]:
-    """As `spread`, where a touch's signals by the coefficients of the skin's answer are `design` (n, readings, q)."""
+    """As `spread`, where a touch's signals by the products of the series are `design` (n, readings, q)."""
     assert of.answer is not None
     nearest = np.abs(gap[:, None] - of.gap).argmin(axis=1)
-    axes, sd, _ = np.linalg.svd(design @ of.answer[nearest], full_matrices=False)
-    return np.asarray(axes, np.float64), np.asarray(sd, np.float64), of.rest[nearest]
+    turn, sd, _ = np.linalg.svd(of.answer[nearest])
+    return axes_of(design) @ turn, np.asarray(sd, np.float64), of.rest[nearest]
+
+
+def axes_of(design: Array) -> Array:
+    """(n, readings, q) orthonormal axes of designs (n, readings, q), one after another, each along its column."""
+    axes, triangle = np.linalg.qr(design)
+    return np.asarray(axes * np.sign(np.einsum("npp->np", triangle))[:, None], np.float64)
 
 
 def without(of: RimError, kept: Mask) -> RimError:

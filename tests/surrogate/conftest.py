@@ -20,6 +20,7 @@ from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples, take
 from surrogate.data.sensor_ring import Ring, place, radial, ring_of, ring_of_design
 from surrogate.forward_map import multipole_series
+from surrogate.forward_map.edge_frame import edge_frame
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,8 @@ RADIUS_MM, SHEET_S, CURRENT_A, TERMS = 100.0, 6e-4, 5e-3, 200
 RING = ring_of_design({})
 RECTANGLE = Scene(Body(outline="rectangle", width_m=0.15, height_m=0.1, thickness_m=0.005),
                   electrodes=Electrodes(count=16, width_m=0.008))
-RECTANGLE_ROWS, NEAR = 90, 0.65  # rows on the rectangle; radius from which an edge counts as near
+# Rows on the rectangle, and those that teach its edges; radius from which an edge counts as near.
+RECTANGLE_ROWS, EDGE_ROWS, NEAR = 90, 900, 0.65
 
 
 def spot(d_mm: Array, force_N: Array) -> tuple[Array, Array]:
@@ -209,3 +211,36 @@ def rectangle_samples(rectangle_ring: Ring, rectangle_signal: Callable[[Array], 
 def rectangle_model(rectangle_samples: Samples) -> surrogate.Model:
     """A forward model of the rectangle."""
     return surrogate.train(rectangle_samples, outputs="x0,y0,d,F", seed=1)
+
+
+@pytest.fixture(scope="session")
+def edge_signal(rectangle_ring: Ring, rectangle_signal: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """(n, 4) touches on the rectangle -> (n, readings) signals, V, to which the nearest edge adds a form of its own."""
+    def signals(touch: Array) -> Array:
+        z = place(rectangle_ring, touch)
+        frame = edge_frame(rectangle_ring, z)
+        drive, read = multipole_series.patterns(rectangle_ring, rectangle_ring.modes, z, 1)
+        across = (drive[0] * read[0] * frame.outwards[:, None] ** 2).real
+        contrast = 0.4 * touch[:, 3] / (touch[:, 3] + 0.3)
+        half = touch[:, 2] / 2 / rectangle_ring.radius_mm
+        strength = -3e-3 * contrast * half**2 * np.exp(8 * (frame.radial - 0.8))
+        return rectangle_signal(touch) + strength[:, None] * across
+    return signals
+
+
+@pytest.fixture(scope="session")
+def edge_samples(rectangle_ring: Ring, edge_signal: Callable[[Array], Array]) -> Samples:
+    """Rows over the whole rectangle, of which those near an edge can be learned."""
+    rng, rest = np.random.default_rng(6), untouched_readings(RECTANGLE, SHEET_S)
+    rows, number = EDGE_ROWS, np.arange(EDGE_ROWS)
+    touch = np.column_stack([rng.uniform(-68, 68, rows), rng.uniform(-43, 43, rows), rng.uniform(8, 12, rows),
+                             rng.uniform(0.1, 1.0, rows)])
+    return Samples(rectangle_ring, number, number, edge_signal(touch), np.tile(rest, (rows, 1)),
+                   np.column_stack([touch, rng.uniform(1, 2, (rows, 4))]), np.full(rows, -1), np.empty((rows, 0)),
+                   np.zeros(rows), number.astype(np.uint64), radial(rectangle_ring, touch) > NEAR)
+
+
+@pytest.fixture(scope="session")
+def edge_model(edge_samples: Samples) -> surrogate.Model:
+    """A forward model of the rectangle that knows touches near one edge."""
+    return surrogate.train(edge_samples, outputs="x0,y0,d,F", seed=1)

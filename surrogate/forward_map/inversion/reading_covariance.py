@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from surrogate.forward_map import polarization, rim_covariance
-from surrogate.forward_map.forward_map import ForwardMap, gap, place, reaches, size_of_strengths
+from surrogate.forward_map.forward_map import ForwardMap, gap, place, reaches
 from touchcal.arrays import Array, Index
 
 # Standard deviations outside a bound from which it is not believed, as far as errors of the map make one in a hundred
@@ -79,22 +79,20 @@ def own_error(forward: ForwardMap, unknown: Array, size: Array) -> tuple[Array, 
     if np.any(near):
         gaps = gap(ring, unknown[near])
         norm = rim_covariance.size_at(fitted.error, gaps, unknown[near, 3]) * size[near]
-        axes[near], along, rest = _shared(forward, unknown[near], size[near], gaps)
+        axes[near], along, rest = _shared(forward, unknown[near], gaps)
         sd[near] = along * norm[:, None]
         left = norm * np.sqrt(rest / len(fitted.rim.fill))
         floor[near] = np.hypot(left * np.sqrt(ring.copies), floor[near])
     return floor, axes, sd
 
 
-def _shared(forward: ForwardMap, unknown: Array, size: Array, gaps: Array) -> tuple[Array, Array, Array]:
+def _shared(forward: ForwardMap, unknown: Array, gaps: Array) -> tuple[Array, Array, Array]:
     """Where errors over their norm lie near an edge, as `rim_covariance.spread`."""
     z, error = place(forward.ring, unknown), forward.beside.error
     if error.answer is None:
         return rim_covariance.spread(error, z, gaps)
-    fields = forward.fields(z)[:polarization.orders_of(error.directions)]
-    design = polarization.of_strength(forward.ring, fields, z, unknown[:, 2])
-    over = size_of_strengths(forward, unknown) / size
-    return rim_covariance.spread_of_answer(error, design * over[:, None, None], gaps)
+    design = polarization.products(forward.ring, forward.fields(z)[:polarization.ERROR], z, unknown[:, 2])
+    return rim_covariance.spread_of_answer(error, design, gaps)
 
 
 def whitened(sd: Uncertainty, values: Array) -> Array:

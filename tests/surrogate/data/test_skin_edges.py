@@ -45,3 +45,12 @@ def test_a_circle_pulls_instead_of_refusing() -> None:
     assert circle.held((61.0, 82.0), 40.0) == pytest.approx((7.0, 10.0))
     assert circle.held((3.0, 4.0), 40.0) == (3.0, 4.0)
     assert not circle.refuses((49.0, 2.0), 20.0, 40.0)
+
+
+def test_places_near_two_edges_are_refused_where_one_alone_is_known(edges: Polygons) -> None:
+    """Within 20 mm of an edge all others within 20 mm must lie on its line."""
+    alone = Polygons(edges.loops_mm, 20.0)
+    for place, known in (((90.0, 12.0), True), ((108.0, 30.0), True), ((108.0, 12.0), False), ((45.0, 45.0), True),
+                         ((48.0, 48.0), False), ((48.0, 75.0), False), ((30.0, 104.0), False), ((30.0, 30.0), True)):
+        assert not edges.refuses(place, 10.0, 5.0)
+        assert alone.refuses(place, 10.0, 5.0) is not known, place

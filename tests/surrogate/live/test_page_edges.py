@@ -37,6 +37,10 @@ def test_the_page_refuses_what_python_refuses(page: Any, tmp_path: Path) -> None
         "nearer to an edge than the model knows" if one < GAP_MM else "" for one in away]
     assert np.array([held for _, *held in found]) == pytest.approx(
         np.array([EDGES.held(one, GAP_MM) for one in places()]), abs=1e-3)
+    alone = Polygons(EDGES.loops_mm, 25.0)
+    found = page.run(asked, alone.document(), places(), DIAMETER_MM, GAP_MM)
+    assert [bool(words) for words, *_ in found] == [alone.refuses(one, DIAMETER_MM, GAP_MM) for one in places()]
+    assert sum(words == "nearer to two edges than the model knows" for words, *_ in found) > 20
     circle = Circle((0.0, 0.0), 100.0)
     pulled = page.run("const edge = edgeOf(arguments[0]); return arguments[1].map(p => edge.held(p, arguments[2]))",
                       circle.document(), places(), GAP_MM)

@@ -18,6 +18,8 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import radial
+from surrogate.forward_map.forward_map import linearise
+from surrogate.forward_map.load_coordinates import to_unknown
 
 Array = NDArray[np.float64]
 
@@ -113,3 +115,37 @@ def test_what_needs_touches_far_from_edges_says_so(samples: Samples) -> None:
     edge = replace(samples, near_edge=np.ones(len(samples), bool))
     with pytest.raises(ValueError, match="0 of 63 training rows are touches that no edge is near to"):
         surrogate.train(edge, outputs="x0,y0,d,F", seed=1)
+
+
+@pytest.mark.slow
+def test_touches_near_one_edge_are_read_and_corners_are_left_out(edge_model: surrogate.Model,
+                                                                 edge_samples: Samples) -> None:
+    ring, touch = edge_samples.ring, edge_samples.target[:, :4]
+    away = np.sort(np.array([75.0, 50.0]) - np.abs(touch[:, :2]), axis=1)
+    alone = ring.radius_mm * (1 - radial(ring, touch[~edge_samples.near_edge]).max())
+    assert np.array_equal(edge_model.learner.reads(touch)[edge_model.rows.part == 0],
+                          ((away[:, 0] >= alone - 1e-6) | (away[:, 1] > alone))[edge_model.rows.part == 0])
+    unseen = np.flatnonzero((edge_model.rows.part == 2) & edge_samples.near_edge & edge_model.learner.reads(touch))[:40]
+    rest = edge_samples.baseline_V[0]
+    found = edge_model.predict(rest + edge_samples.signal_V[unseen], rest, noise_V=0.0)
+    off = np.column_stack([1e3 * found["x0_m"], 1e3 * found["y0_m"], found["F_N"]]) - touch[unseen][:, [0, 1, 3]]
+    print("median errors near one edge:", np.median(np.abs(off), axis=0))
+    assert np.all(np.median(np.abs(off), axis=0) < [0.05, 0.05, 0.05])
+    held = np.mean((found["y0_lo90_m"] <= touch[unseen, 1] / 1e3) & (touch[unseen, 1] / 1e3 <= found["y0_hi90_m"]))
+    assert held > 0.75
+    corner = np.flatnonzero(away[:, 1] < alone - 1)[:10]
+    assert len(corner) == 10
+    assert all(edge_model.predict(rest + edge_samples.signal_V[corner], rest, noise_V=0.0)["flag"] != "")
+
+
+@pytest.mark.slow
+def test_slopes_near_an_edge_are_differences(edge_model: surrogate.Model) -> None:
+    forward, h = edge_model.learner.forward, np.array([1e-4, 1e-4, 1e-5, 1e-5])  # pyright: ignore
+    assert forward.near_edges is not None
+    unknown = to_unknown(np.array([[10.0, 38.0, 10.0, 0.5], [-62.0, 8.0, 9.0, 0.3], [20.0, -27.0, 11.0, 0.8]]),
+                         forward.p0)
+    here = linearise(forward, unknown).jacobian
+    for k in range(4):
+        step = np.eye(4)[k] * h[k]
+        slope = (linearise(forward, unknown + step).signal_V - linearise(forward, unknown - step).signal_V) / (2 * h[k])
+        assert np.allclose(here[..., k], slope, atol=1e-5 * np.abs(slope).max())
