@@ -36,8 +36,8 @@ MIN_ROWS = 14  # fewest training rows that the map is learned from
 MIN_NOISE_FLOOR = 1e-5
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole_series.ORDERS, polarization.RIM[0], polarization.EDGE[0]) + 1
-# Least standard deviation of the unknowns that is believed, as of log d where all punches have one diameter, and the part
-# of that by which a diameter is still the same.
+# Least standard deviation of the unknowns, as of log d where all punches have one diameter, and the part of a diameter
+# by which another one is still that.
 ONE_LOG_D, ONE_D = 1e-6, 1e-4
 INNER = 0.4  # part of the touches that no edge is near to which teach the series where nearer ones teach, too
 TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2

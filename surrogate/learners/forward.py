@@ -23,6 +23,7 @@ from surrogate.forward_map.forward_map import (
 )
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
+from surrogate.forward_map.inversion.edge_errors import with_places_held
 from surrogate.forward_map.inversion.invert import LEAST_SIDE, Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.forward_map.inversion.reading_covariance import Drift, drift_of
@@ -55,8 +56,8 @@ class TouchInversion(Learner):
         response = mechanical_response.fit(rows.ring, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
         near = rows.near_edge if rows.ring.sheet is not None else None
-        return cls(forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd, near), response,
-                   np.array([order.index(name) for name in training.names]))
+        forward = forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd, near)
+        return cls(with_places_held(forward, touch, rows.signal_V), response, np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
         """Requested outputs of signals (n, readings) under white noise."""

@@ -29,7 +29,7 @@ RING = ring_of_design({})
 RECTANGLE = Scene(Body(outline="rectangle", width_m=0.15, height_m=0.1, thickness_m=0.005),
                   electrodes=Electrodes(count=16, width_m=0.008))
 # Rows on the rectangle, and those that teach its edges; radius from which an edge counts as near.
-RECTANGLE_ROWS, EDGE_ROWS, NEAR = 90, 900, 0.65
+RECTANGLE_ROWS, EDGE_ROWS, NEAR = 90, 600, 0.65
 
 
 def spot(d_mm: Array, force_N: Array) -> tuple[Array, Array]:
