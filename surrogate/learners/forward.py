@@ -57,7 +57,8 @@ class TouchInversion(Learner):
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
         near = rows.near_edge if rows.ring.sheet is not None else None
         forward = forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd, near)
-        return cls(with_places_held(forward, touch, rows.signal_V), response, np.array([order.index(name) for name in training.names]))
+        forward = with_places_held(forward, touch, rows.signal_V, states)
+        return cls(forward, response, np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
         """Requested outputs of signals (n, readings) under white noise."""

@@ -141,6 +141,22 @@ def test_an_exported_rectangle_is_the_model_s_map_and_reads_as_predict(
 
 
 @pytest.mark.slow
+def test_an_exported_map_is_the_model_s_near_one_edge_and_refuses_corners(page: Any, edge_model: surrogate.Model,
+                                                                         tmp_path: Path) -> None:
+    export_page(edge_model, tmp_path / "page.html")
+    page.open((tmp_path / "page.html").as_uri())
+    forward = edge_model.learner.forward  # pyright: ignore
+    touch = np.array([[10.0, 41.0, 10.0, 0.5], [-66.0, 8.0, 9.0, 0.3], [20.0, -27.0, 11.0, 0.8], [5.0, 3.0, 10.0, 0.4]])
+    expected = linearise(forward, to_unknown(touch, forward.p0)).signal_V
+    found = np.array(page.run("return arguments[0].map(t => Array.from(learned.press(...t)))", touch.tolist()))
+    assert np.max(np.linalg.norm(found - expected, axis=1) / np.linalg.norm(expected, axis=1)) < 1e-8
+    page.hold(0, 40)
+    page.wait("!document.getElementById('state').textContent.includes('not pressed')")
+    page.hold(62, 38)
+    page.wait("document.getElementById('state').textContent.includes('nearer to two edges than the model knows')")
+
+
+@pytest.mark.slow
 def test_a_recording_of_a_rectangle_is_shown_with_its_outline(
         page: Any, start: Callable[..., Any], rectangle_folder: Path, rectangle_model: surrogate.Model,
         rectangle_signal: Callable[[Array], Array], tmp_path: Path) -> None:
