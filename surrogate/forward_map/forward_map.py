@@ -38,7 +38,10 @@ MIN_NOISE_FLOOR = 1e-5
 FIELDS = max(multipole_series.ORDERS, polarization.RIM[0], polarization.EDGE[0]) + 1
 # Least standard deviation of the unknowns, as of log d where all punches have one diameter, and the part of a diameter
 # by which another one is still that.
-ONE_LOG_D, ONE_D = 1e-6, 1e-4
+ONE_LOG_D, ONE_D = 1e-6, 5e-5
+# Half a punch's diameter over its distance to an edge up to which touches near one are learned: five orders of the
+# fields' series about it leave its fifth power.
+CONVERGES = 0.55
 INNER = 0.4  # part of the touches that no edge is near to which teach the series where nearer ones teach, too
 TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2
 
@@ -250,21 +253,27 @@ def within_bounds(forward: ForwardMap, touch: Array) -> Mask:
     """(n,) whether radius, d and F of touches (n, 4) lie within the bounds of the training touches, rounding aside: a
     range may be one diameter."""
     reached, (lowest, highest) = extent(forward.ring, touch), forward.bounds
-    slack = np.array([ROUNDING, ROUNDING if forward.sd[2] > ONE_LOG_D else ONE_D, ROUNDING]) * highest
+    slack = np.array([ROUNDING, ROUNDING if highest[1] > lowest[1] else ONE_D, ROUNDING]) * highest
     return known_place(forward, touch) & np.all(
         (reached >= np.r_[0.0, lowest[1:]] - slack) & (reached <= highest + slack), axis=1)
 
 
 def known_place(forward: ForwardMap, touch: Array) -> Mask:
-    """(n,) whether no edge is near to touches (n, ...) that begin with x and y in mm, or one straight edge that is no
-    nearer than to the training touches; all on a disc."""
+    """(n,) whether no edge is near to touches (n, 4), or one straight edge that is no nearer than to the training
+    touches and leaves the series enough room; all on a disc."""
     ring, known = forward.ring, forward.near_edges
     if ring.sheet is None:
         return np.ones(len(touch), bool)
     near, nearest = radial(ring, touch), forward.bounds[1, 0] / ring.radius_mm + ROUNDING
     if known is None:
         return near <= nearest
-    return (near <= known.far + ROUNDING) | ((near <= nearest) & by_one_edge(ring, touch, known.far))
+    return (near <= known.far + ROUNDING) | (
+        (near <= nearest) & by_one_edge(ring, touch, known.far) & series_suffices(ring, touch))
+
+
+def series_suffices(ring: Ring, touch: Array) -> Mask:
+    """(n,) whether the fields' series about the punches of touches (n, 4) converge so fast that few orders do."""
+    return touch[:, 2] / 2 <= CONVERGES * ring.radius_mm * (1 - radial(ring, touch))
 
 
 def by_one_edge(ring: Ring, touch: Array, far: float) -> Mask:

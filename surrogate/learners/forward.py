@@ -20,6 +20,7 @@ from surrogate.forward_map.forward_map import (
     by_one_edge,
     known_place,
     places_at,
+    series_suffices,
 )
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
@@ -109,7 +110,8 @@ def _by_one_edge_at_most(rows: Samples) -> Samples:
         raise ValueError(f"{np.sum(far)} of {len(rows)} training rows are touches that no edge is near to, too few for "
                          f"the forward map; it needs {MIN_ROWS} or more. Sweep more of them: without gap_mm in place "
                          "they keep from edges by themselves.")
-    return take(rows, far | by_one_edge(rows.ring, rows.target, float(radial(rows.ring, rows.target[far]).max())))
+    alone = by_one_edge(rows.ring, rows.target, float(radial(rows.ring, rows.target[far]).max()))
+    return take(rows, far | (alone & series_suffices(rows.ring, rows.target)))
 
 
 @dataclass(frozen=True, eq=False)
