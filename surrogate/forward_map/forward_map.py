@@ -261,9 +261,10 @@ def within_bounds(forward: ForwardMap, touch: Array) -> Mask:
 def known_place(forward: ForwardMap, touch: Array) -> Mask:
     """(n,) whether no edge is near to touches (n, 4), or one straight edge that is no nearer than to the training
     touches and leaves the series enough room; all on a disc."""
-    ring, known = forward.ring, forward.near_edges
+    ring = forward.ring
     if ring.sheet is None:
         return np.ones(len(touch), bool)
+    known = forward.near_edges
     near, nearest = radial(ring, touch), forward.bounds[1, 0] / ring.radius_mm + ROUNDING
     if known is None:
         return near <= nearest
