@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from surrogate.data.edge_frame import edge_frame
 from surrogate.data.outputs import ROUNDING
 from surrogate.data.sensor_ring import Ring, outwards, place, radial, radial_slope
 from surrogate.data.skin_edges import by_one_straight_edge
@@ -20,7 +21,6 @@ from surrogate.forward_map import (
     simulator_error,
     strength_size,
 )
-from surrogate.forward_map.edge_frame import edge_frame
 from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
 from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from surrogate.data.edge_frame import EdgeFrame, edge_frame
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series
-from surrogate.forward_map.edge_frame import EdgeFrame, edge_frame
 from surrogate.forward_map.rim_zone import Zone, part_at, part_slope
 from surrogate.statistics import coefficient_process
 from surrogate.statistics.coefficient_process import SharedProcess

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surrogate.data.edge_frame import edge_frame
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_covariance, rim_zone
-from surrogate.forward_map.edge_frame import edge_frame
 from surrogate.forward_map.electrode_correction import RimEffect
 from surrogate.forward_map.rim_covariance import RimError
 from surrogate.forward_map.rim_zone import Zones

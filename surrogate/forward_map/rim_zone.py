@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surrogate.forward_map.edge_frame import EdgeFrame
+from surrogate.data.edge_frame import EdgeFrame
 from touchcal.arrays import Array
 
 Zone = tuple[float, float]  # `EdgeFrame.radial` at which it begins and ends

@@ -17,10 +17,10 @@ from eitsim.scene.drive import voltage_columns
 from eitsim.scene.scene import Body, Electrodes, Scene
 from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
+from surrogate.data.edge_frame import edge_frame
 from surrogate.data.samples import Samples, read_samples, take
 from surrogate.data.sensor_ring import Ring, place, radial, ring_of, ring_of_design
 from surrogate.forward_map import multipole_series
-from surrogate.forward_map.edge_frame import edge_frame
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from surrogate.data.edge_frame import edge_frame
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series, rim_zone
-from surrogate.forward_map.edge_frame import edge_frame
 
 Synthetic = Callable[[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -170,3 +170,10 @@ def test_a_field_is_learned_where_it_leaves_a_third_of_what_the_foreseen_one_doe
     for wanted, modes in ((2.9, ring.modes), (3.1, q)):
         size = brentq(lambda s, wanted=wanted: gain(s) - wanted, 1e-6, 1.0)
         assert multipole_series.learn_field(ring, z, signal + size * noise) is modes
+
+
+def test_zones_of_outlines_are_those_of_the_disc_in_proportion() -> None:
+    assert rim_zone.zones_from(rim_zone.DISC.learned[1]).learned == pytest.approx(rim_zone.DISC.learned)
+    half = rim_zone.zones_from(0.7)
+    assert half.learned == pytest.approx((0.665, 0.7))
+    assert half.high_end == pytest.approx((0.75, 0.85))

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from surrogate.data.edge_frame import edge_frame
 from surrogate.data.sensor_ring import Ring, place
-from surrogate.forward_map import rim_zone
-from surrogate.forward_map.edge_frame import edge_frame
 
 H = 1e-6
 
@@ -22,10 +21,3 @@ def test_directions_are_slopes_of_how_near_the_edge_is(ring: Ring, rectangle_rin
             slope = (after.radial - before.radial) / (2 * H)
             assert slope == pytest.approx([here.outwards.real, here.outwards.imag][k], abs=1e-6)
             assert np.angle(after.outwards / before.outwards) / (2 * H) == pytest.approx(here.turn[:, k], abs=1e-6)
-
-
-def test_zones_of_outlines_are_those_of_the_disc_in_proportion() -> None:
-    assert rim_zone.zones_from(rim_zone.DISC.learned[1]).learned == pytest.approx(rim_zone.DISC.learned)
-    half = rim_zone.zones_from(0.7)
-    assert half.learned == pytest.approx((0.665, 0.7))
-    assert half.high_end == pytest.approx((0.75, 0.85))
