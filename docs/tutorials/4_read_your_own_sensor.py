@@ -79,5 +79,10 @@ axis.plot(labels["x_mm"], labels["y_mm"], "o", mfc="none", ms=8, label="pressed"
 axis.errorbar(found["x0_mm"], found["y0_mm"], (found["y0_hi90_mm"] - found["y0_mm"]),
               (found["x0_hi90_mm"] - found["x0_mm"]), fmt=".", lw=0.8, label="read, with 90 % intervals")
 axis.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)", title="presses that the reader was trained on")
-axis.legend()
+figure.legend(loc="outside lower center", ncols=2)
 temporary.cleanup()
+
+# %%
+# These presses trained the reader, so that the picture flatters it: the errors to expect are those of the table above.
+# Files of boards and their order: :doc:`/how-to/recordings`. What a reader is made of:
+# :doc:`/how-to/learn-from-presses`.

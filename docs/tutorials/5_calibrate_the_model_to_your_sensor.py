@@ -164,3 +164,6 @@ axis.add_patch(plt.Circle((punch.x_m * 1e3, punch.y_m * 1e3), punch.diameter_m *
 axis.set(title="image of the corrected frames", aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
 figure.colorbar(drawn, label="relative change of conductance")
 temporary.cleanup()
+
+# %%
+# What is fitted, when it is refused, and what it gave on real sensors: :doc:`/how-to/calibrate-a-sensor`.
