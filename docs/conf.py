@@ -29,6 +29,7 @@ myst_heading_anchors = 4
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
+default_role = "code"  # names in docstrings stand between single backticks
 autosummary_generate = True
 
 sphinx_gallery_conf = {

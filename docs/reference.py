@@ -136,7 +136,7 @@ def scene_keys() -> str:
     return "\n".join(parts)
 
 
-def _summary(kind: type) -> str:
+def _summary(kind: Any) -> str:
     """The first paragraph of a docstring, without what is raised."""
     return " ".join((kind.__doc__ or "").split("\n\n")[0].split(" ValueError ")[0].split())
 
@@ -197,7 +197,10 @@ def api(name: str) -> str:
     """What a package exports."""
     package = importlib.import_module(name)
     lines = [f"# {name} in Python\n", (package.__doc__ or "").split("\n\n")[0].replace("\n", " ") + "\n"]
-    for each in sorted(package.__all__, key=str.lower):
+    names = sorted(package.__all__, key=str.lower)
+    lines += _table(("name", "what it is"), [(f"[`{each}`](#{each.lower()})", _cell(_summary(getattr(package, each))))
+                                             for each in names if callable(getattr(package, each))])
+    for each in names:
         thing = getattr(package, each)
         if isinstance(thing, type):
             lines += [f"## {each}\n", "```{eval-rst}", f".. autoclass:: {name}.{each}", "   :members:", "```\n",

@@ -14,6 +14,7 @@ knows, an untouched frame before each press, and noise.
 # A recording is a CSV of frames in time order: a column ``touch`` (empty: untouched), then one column a reading. Labels
 # are a CSV of ``touch, x_mm, y_mm``.
 
+import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -55,7 +56,8 @@ labels.to_csv(folder / "touches.csv", index=False)
 
 
 def run(*command: object) -> None:
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True, cwd=folder)
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True, cwd=folder,
+                          env={**os.environ, "COLUMNS": "76"})
     print(done.stdout)
 
 

@@ -17,6 +17,7 @@ given its untouched frames alone.
 # touched, are simulated; the contacts are the skin's own.
 
 import json
+import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -78,7 +79,7 @@ frames.to_csv(folder / "frames.csv", index=False)
 
 def run(*command: object) -> str:
     return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True,
-                          cwd=folder).stdout
+                          cwd=folder, env={**os.environ, "COLUMNS": "76"}).stdout
 
 
 print(run("eitsim", "sensor", "fit", "frames.csv", "--sensor", "sensor.toml", "--out", "sensor.json"))

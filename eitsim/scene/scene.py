@@ -113,7 +113,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What is asked of the numbers."""
+    """The relative error that a scene's numbers may have."""
 
     signal: float = 0.01  # requested relative error of the touch signal dV, mechanics and electrics together
 
