@@ -215,8 +215,8 @@ def api(name: str) -> str:
 def _fields(kind: type) -> list[str]:
     """What the comments of a dataclass say of its fields, as a table."""
     notes = comments(kind) if dataclasses.is_dataclass(kind) else {}
-    return _table(("field", "meaning"), [(f"`{name}`", _cell(_with_words(kind, note))) for name, note in notes.items()
-                                         if note])
+    return _table(("field", "meaning"), [(f"`{one.name}`", _cell(_with_words(kind, notes[one.name])))
+                                         for one in (dataclasses.fields(kind) if notes else ()) if notes.get(one.name)])
 
 
 def _with_words(kind: type, note: str) -> str:
