@@ -12,6 +12,7 @@ from pygments.lexers.special import TextLexer
 from sphinx.highlighting import lexers
 
 project, author, version = "touchcal", "the authors of touchcal", "0.1.0"
+copyright = "2026 the authors of touchcal, MIT licence"
 root_doc = "site"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "sphinx_gallery.gen_gallery",
               "sphinx_copybutton", "mathml"]
@@ -19,6 +20,7 @@ exclude_patterns = ["index.md", "conf.py", "reference.py", "mathml.py", "**/READ
 html_theme, html_title = "furo", "touchcal"
 html_math_renderer = "mathml"
 html_static_path, html_css_files = ["static"], ["site.css"]
+html_extra_path = ["index.html"]  # leads to the first page, whose name is that of its source
 smartquotes = False  # they would make one dash of the two of an option
 html_theme_options = {"navigation_with_keys": True}
 
@@ -27,6 +29,7 @@ myst_heading_anchors = 4
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
+default_role = "code"  # names in docstrings stand between single backticks
 autosummary_generate = True
 
 sphinx_gallery_conf = {

@@ -35,6 +35,17 @@ SHORT = {"body": {"outline": "or a CSV, DXF, SVG or mesh file of the outer edge 
                         "calibrated": "`sensor.json` of `eitsim sensor fit`: its electrodes and channels, without any "
                                       "other key"},
          "drive": {"currents": "or a CSV of them", "measurements": "or a CSV of them"}}
+_SCENE = """card = "card.json"
+
+[punch]
+x_mm = 20
+y_mm = -10
+diameter_mm = 14
+force_N = 1
+
+[electrodes]
+count = 16
+"""
 
 
 def write(folder: Path) -> None:
@@ -106,7 +117,9 @@ def scene_keys() -> str:
              "A scene is a TOML file of these tables; a key that is left out has its default. A file with a list of "
              "tables `[[punch]]` has one touch a table. The same keys stand in a design, where a list of two numbers "
              "is a range to draw from.\n",
-             "Above the tables may stand `card`, the material card that the file is solved with, relative to it.\n"]
+             "Above the tables may stand `card`, the material card that the file is solved with, relative to it.\n",
+             "A whole file, which `eitsim run scene.toml` solves; each table is described below:\n",
+             f"```toml\n{_SCENE}```\n"]
     for table, keys in scene._KEYS.items():
         kind = scene._CLASSES[table]
         notes, short = comments(kind), SHORT.get(table, {})
@@ -123,7 +136,7 @@ def scene_keys() -> str:
     return "\n".join(parts)
 
 
-def _summary(kind: type) -> str:
+def _summary(kind: Any) -> str:
     """The first paragraph of a docstring, without what is raised."""
     return " ".join((kind.__doc__ or "").split("\n\n")[0].split(" ValueError ")[0].split())
 
@@ -184,15 +197,37 @@ def api(name: str) -> str:
     """What a package exports."""
     package = importlib.import_module(name)
     lines = [f"# {name} in Python\n", (package.__doc__ or "").split("\n\n")[0].replace("\n", " ") + "\n"]
-    for each in sorted(package.__all__, key=str.lower):
+    names = sorted(package.__all__, key=str.lower)
+    lines += _table(("name", "what it is"), [(f"[`{each}`](#{each.lower()})", _cell(_summary(getattr(package, each))))
+                                             for each in names if callable(getattr(package, each))])
+    for each in names:
         thing = getattr(package, each)
         if isinstance(thing, type):
-            lines += [f"## {each}\n", "```{eval-rst}", f".. autoclass:: {name}.{each}", "   :members:", "```\n"]
+            lines += [f"## {each}\n", "```{eval-rst}", f".. autoclass:: {name}.{each}", "   :members:", "```\n",
+                      *_fields(thing)]
         elif callable(thing):
             lines += [f"## {each}\n", "```{eval-rst}", f".. autofunction:: {name}.{each}", "```\n"]
         else:
             lines += [f"## {each}\n", f"`{name}.{each}`: {', '.join(map(str, thing))}\n"]
     return "\n".join(lines)
+
+
+def _fields(kind: type) -> list[str]:
+    """What the comments of a dataclass say of its fields, as a table."""
+    notes = comments(kind) if dataclasses.is_dataclass(kind) else {}
+    return _table(("field", "meaning"), [(f"`{one.name}`", _cell(_with_words(kind, notes[one.name])))
+                                         for one in (dataclasses.fields(kind) if notes else ()) if notes.get(one.name)])
+
+
+def _with_words(kind: type, note: str) -> str:
+    """A comment with the words of a constant in place of its name, which a module of the class or the named one has."""
+    own = [one.__module__ for one in kind.__mro__]
+
+    def words(found: re.Match[str]) -> str:
+        modules = [importlib.import_module(one) for one in ([found[2][:-1]] if found[2] else own)]
+        listed = next(vars(one)[found[3]] for one in modules if found[3] in vars(one))
+        return f"{found[1]} of {', '.join(f'`{word}`' for word in listed)}"
+    return re.sub(r"\b(one|some) of ([\w.]+\.)?([A-Z_]{3,})\b", words, note)
 
 
 def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:

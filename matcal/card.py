@@ -45,10 +45,10 @@ STAGES = {"records": "all records", "relaxation": "relaxation", "law": "hyperfoa
 class MaterialCard:
     """A calibrated material; a part that was not fitted is None (absent in the file)."""
 
-    name: str
-    hyperfoam: Hyperfoam | None = None
-    prony: Prony | None = None
-    conductivity: Conductivity | None = None
+    name: str  # of the material
+    hyperfoam: Hyperfoam | None = None  # the foam's law
+    prony: Prony | None = None  # how it relaxes
+    conductivity: Conductivity | None = None  # of the coating
     fit: Mapping[str, Any] = field(default_factory=dict, repr=False)  # experiment -> {rms, relative_rms, r2, n, weight}
     # criterion -> mode -> {stable, unstable_strain}
     stability: Mapping[str, Any] = field(default_factory=dict, repr=False)
@@ -57,7 +57,7 @@ class MaterialCard:
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     # folder of reduced experiments and posterior, relative to the card; None when the card stands alone
     data: str | None = None
-    schema: int = SCHEMA
+    schema: int = SCHEMA  # version of the file's layout
     # file that it was read from or written to, next to which its data lie; None for a card that has none
     file: Path | None = field(default=None, compare=False, repr=False)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -61,6 +62,29 @@ def test_every_page_is_in_the_index() -> None:
     for folder in ("how-to", "explanation"):
         for page in (ROOT / "docs" / folder).glob("*.md"):
             assert f"({folder}/{page.name})" in index, page.name
+
+
+def test_the_first_python_of_the_pages_fits_a_card_and_simulates_the_scene_of_the_file(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, source in (("disc1.csv", "mts_uniaxial.txt"), ("lap.txt", "mts_shear.txt"),
+                         ("specimen.toml", "specimen.toml")):
+        (tmp_path / name).write_bytes((ROOT / "data_raw" / source).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    pages = [(ROOT / "docs" / "how-to" / f"{name}.md").read_text(encoding="utf-8")
+             for name in ("calibrate-a-foam", "simulate-touches")]
+    first = [re.findall(r"^```python\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)[0] for page in pages]
+    names: dict[str, Any] = {}
+    exec(first[0], names)
+    foam = matcal.read_card("foam.json").hyperfoam
+    assert foam is not None
+    assert "*HYPERFOAM" in names["text"]
+    skin = matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4))
+    matcal.write_card(matcal.MaterialCard("foam", foam, conductivity=skin), "card.json")
+    exec(first[1], names)
+    (scene,) = re.findall(r"^```toml\n(.*?)^```", pages[1], flags=re.DOTALL | re.MULTILINE)
+    Path("scene.toml").write_text(scene, encoding="utf-8")
+    assert eitsim.read_scene("scene.toml") == names["scene"]
+    assert names["found"].outcome == "ok"
 
 
 def test_the_skin_of_its_page_is_planned(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from types import ModuleType
 
 import pytest
 
+import eitsim
 from eitsim.sweeps.dataset.parquet import MANIFEST
 from surrogate.recordings.trained import reader_store
 
@@ -55,3 +56,19 @@ def test_files_are_named_as_they_are_written(reference: ModuleType, tmp_path: Pa
 def test_examples_of_commands_are_code_whose_dashes_stay(reference: ModuleType) -> None:
     assert "Example: `matcal fit data_raw/uniaxial.csv data_raw/shear.csv --out card.json`" in reference.commands()
     assert "\nsmartquotes = False" in (ROOT / "docs" / "conf.py").read_text(encoding="utf-8")
+
+
+def test_fields_of_exported_classes_are_explained_in_words(reference: ModuleType) -> None:
+    page = reference.api("eitsim")
+    assert "| `signal` | requested relative error of the touch signal" in page
+    assert "| `profile` | one of `flat`, `sphere`, `cone`, `ellipse` |" in page
+    for name in reference.COMMANDS:
+        assert re.findall(r"^\| `\w+` \| .*\b(?:one|some) of [\w.]*[A-Z_]{3,}\b", reference.api(name),
+                          flags=re.MULTILINE) == []
+
+
+def test_the_scene_on_the_page_of_keys_is_read(reference: ModuleType, tmp_path: Path) -> None:
+    (block,) = re.findall(r"```toml\n(.*?)```", reference.scene_keys(), flags=re.DOTALL)
+    (tmp_path / "scene.toml").write_text(block, encoding="utf-8")
+    scene = eitsim.read_scene(tmp_path / "scene.toml")
+    assert (scene.card, scene.punches[0].x_m, scene.electrodes.count) == ("card.json", 0.02, 16)

@@ -40,9 +40,16 @@ fit = matcal.fit([data / "uniaxial.csv", data / "shear.csv",
                   {"conductivity": [data / "mts_stretch.txt", data / "nova_stretch.txt"]}],
                  specimen=data / "specimen.toml")
 card = fit.card
-print("mu, Pa:   ", card.hyperfoam.mu_Pa)
-print("alpha:    ", card.hyperfoam.alpha)
-print("c, S/m:   ", card.conductivity.c0_S_per_m, card.conductivity.a)
+print("mu, Pa:   ", card.hyperfoam.mu_Pa.round(0))
+print("alpha:    ", card.hyperfoam.alpha.round(3))
+print("c0, S/m:  ", round(card.conductivity.c0_S_per_m, 2), "a:", card.conductivity.a.round(2))
+
+# %%
+# Single mu and alpha compensate each other and are not measurable. What the tests determine are the moduli and the
+# plateau, here with their 95 % intervals. They are those of the specimens: one of each kind says nothing of others.
+
+for name, one in card.fit["derived"].items():
+    print(f"{name:10s} {one['value']:7.0f}, {one['lo']:.0f} to {one['hi']:.0f}")
 
 # %%
 # Compare with the data
@@ -84,3 +91,6 @@ axis.legend()
 # programs read it as well:
 
 print(matcal.export(card, "abaqus").text)
+
+# %%
+# The commands, and sizes of specimens for raw files: :doc:`/how-to/calibrate-a-foam`.

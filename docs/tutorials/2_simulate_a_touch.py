@@ -24,11 +24,12 @@ card = matcal.MaterialCard("foam by hand", foam, conductivity=skin)
 # %%
 # Ask what will be left out
 # -------------------------
-# The plan is made before anything is solved. Each line is a decision, its reason, and the error that it may cost.
+# The plan is made before anything is solved. Each line is a decision and the relative error of the signal that it may
+# cost; where no bound is known, the plan says so, and the error estimate below does not hold it.
 
 scene = eitsim.Scene(punches=[eitsim.Punch(x_m=0.03, y_m=0.02, diameter_m=0.014, force_N=1.0)])
 for line in eitsim.plan(scene, card).decisions:
-    print(f"{line.decision}: {line.error_bound:.2g}")
+    print(f"{line.decision}: {'not bounded' if line.unbounded else f'{line.error_bound:.2g}'}")
 
 # %%
 # Solve
@@ -60,3 +61,6 @@ signal_mV = found.readings.signal_V * 1e3
 figure, axis = plt.subplots(figsize=(9, 3), layout="constrained")
 axis.bar(np.arange(signal_mV.size), signal_mV.ravel())
 axis.set(xlabel="reading", ylabel="signal dV (mV)")
+
+# %%
+# Files of scenes, the commands, friction, holds and several touches: :doc:`/how-to/simulate-touches`.

@@ -71,3 +71,6 @@ right.errorbar([one[2] for one in truth], found["F_N"], half, fmt="o", capsize=3
 right.plot([0, 2], [0, 2], "0.6", zorder=0)
 right.set(xlabel="pressed (N)", ylabel="read, with 90 % intervals (N)")
 folder.cleanup()
+
+# %%
+# Designs and the commands: :doc:`/how-to/sweep`, :doc:`/how-to/train`, :doc:`/how-to/read-touches`.

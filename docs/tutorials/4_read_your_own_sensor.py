@@ -14,6 +14,7 @@ knows, an untouched frame before each press, and noise.
 # A recording is a CSV of frames in time order: a column ``touch`` (empty: untouched), then one column a reading. Labels
 # are a CSV of ``touch, x_mm, y_mm``.
 
+import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -55,7 +56,8 @@ labels.to_csv(folder / "touches.csv", index=False)
 
 
 def run(*command: object) -> None:
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True, cwd=folder)
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True, cwd=folder,
+                          env={**os.environ, "COLUMNS": "76"})
     print(done.stdout)
 
 
@@ -79,5 +81,10 @@ axis.plot(labels["x_mm"], labels["y_mm"], "o", mfc="none", ms=8, label="pressed"
 axis.errorbar(found["x0_mm"], found["y0_mm"], (found["y0_hi90_mm"] - found["y0_mm"]),
               (found["x0_hi90_mm"] - found["x0_mm"]), fmt=".", lw=0.8, label="read, with 90 % intervals")
 axis.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)", title="presses that the reader was trained on")
-axis.legend()
+figure.legend(loc="outside lower center", ncols=2)
 temporary.cleanup()
+
+# %%
+# These presses trained the reader, so that the picture flatters it: the errors to expect are those of the table above.
+# Files of boards and their order: :doc:`/how-to/recordings`. What a reader is made of:
+# :doc:`/how-to/learn-from-presses`.

@@ -17,6 +17,7 @@ given its untouched frames alone.
 # touched, are simulated; the contacts are the skin's own.
 
 import json
+import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -78,7 +79,7 @@ frames.to_csv(folder / "frames.csv", index=False)
 
 def run(*command: object) -> str:
     return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True,
-                          cwd=folder).stdout
+                          cwd=folder, env={**os.environ, "COLUMNS": "76"}).stdout
 
 
 print(run("eitsim", "sensor", "fit", "frames.csv", "--sensor", "sensor.toml", "--out", "sensor.json"))
@@ -164,3 +165,6 @@ axis.add_patch(plt.Circle((punch.x_m * 1e3, punch.y_m * 1e3), punch.diameter_m *
 axis.set(title="image of the corrected frames", aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
 figure.colorbar(drawn, label="relative change of conductance")
 temporary.cleanup()
+
+# %%
+# What is fitted, when it is refused, and what it gave on real sensors: :doc:`/how-to/calibrate-a-sensor`.

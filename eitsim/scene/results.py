@@ -178,9 +178,8 @@ class Moment:
 class Result:
     """One scene, solved."""
 
-    # ok, not_converged, bottomed_out or refused
-    outcome: str
-    plan: Plan = field(repr=False)
+    outcome: str  # ok, not_converged, bottomed_out or refused
+    plan: Plan = field(repr=False)  # what was left out, why, and what that may cost
     # one a punch, at the end of a hold; empty where the mechanics did not converge
     touches: tuple[Touch, ...] = field(default=(), repr=False)
     readings: Readings | None = field(default=None, repr=False)  # None where there are no touches

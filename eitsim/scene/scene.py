@@ -113,7 +113,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What is asked of the numbers."""
+    """The relative error that a scene's numbers may have."""
 
     signal: float = 0.01  # requested relative error of the touch signal dV, mechanics and electrics together
 
@@ -122,15 +122,14 @@ class Accuracy:
 class Scene:
     """Everything that one simulation needs but the card."""
 
-    body: Body = field(default_factory=Body)
-    # one a touch
-    punches: tuple[Punch, ...] = field(default_factory=lambda: (Punch(),))
-    skin: Skin = field(default_factory=Skin)
-    electrodes: Electrodes = field(default_factory=Electrodes)
-    drive: Drive = field(default_factory=Drive)
-    channels: Channels = field(default_factory=Channels)
-    hold: Hold = field(default_factory=Hold)
-    accuracy: Accuracy = field(default_factory=Accuracy)
+    body: Body = field(default_factory=Body)  # the foam
+    punches: tuple[Punch, ...] = field(default_factory=lambda: (Punch(),))  # one a touch
+    skin: Skin = field(default_factory=Skin)  # the conductive coating
+    electrodes: Electrodes = field(default_factory=Electrodes)  # how many, where, and their contacts
+    drive: Drive = field(default_factory=Drive)  # which currents flow and what is read
+    channels: Channels = field(default_factory=Channels)  # gains, true currents and leaks of the instrument
+    hold: Hold = field(default_factory=Hold)  # times at which a touch that is held is read
+    accuracy: Accuracy = field(default_factory=Accuracy)  # the requested error
     card: str | None = None  # path of the card that the scene file names; None where it names none
 
     def __post_init__(self) -> None:

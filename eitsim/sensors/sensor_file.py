@@ -43,7 +43,7 @@ class Sensor:
     skin: Skin
     electrodes: Electrodes
     drive: Drive
-    kind: str = "voltage"  # what its readings are, one of recording.KINDS
+    kind: str = "voltage"  # what its readings are, one of eitsim.sensors.recording.KINDS
 
     @property
     def protocol(self) -> Protocol:

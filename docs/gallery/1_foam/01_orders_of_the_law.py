@@ -3,6 +3,8 @@ How many terms does the foam's law need?
 ========================================
 
 The same synthetic compression test, fitted with one, two and three terms.
+
+One term misses the plateau and the steep end, three follow the test.
 """
 
 from pathlib import Path

@@ -1,8 +1,9 @@
 """
-One law in five modes
+One law in four modes
 =====================
 
-What a hyperfoam law fitted in two modes says of the others. Grey rows are extrapolated.
+What a hyperfoam law fitted in compression and shear says of other modes. Blue: strains that the tests reached. Grey,
+dashed: extrapolated, as all of biaxial and planar compression is.
 """
 
 from pathlib import Path

@@ -3,6 +3,8 @@ How a foam relaxes
 ==================
 
 A synthetic hold at constant strain and the Prony series that the fit chose.
+
+Each grey line is a term of the series: around its time tau the stress loses about the share g of its first value.
 """
 
 from pathlib import Path

@@ -3,6 +3,9 @@ Where a law loses stability
 ===========================
 
 Drucker's criterion along five modes, for laws of two signs.
+
+With moduli of one sign the law is stable over all strains that are scanned. With two signs it is unstable in a band
+of strains in every mode.
 """
 
 import matplotlib.pyplot as plt

@@ -3,6 +3,8 @@ Thin foam, thick foam
 =====================
 
 The same touch on layers of three thicknesses, bonded at the bottom.
+
+On thicker foam the punch goes deeper, and the surface sinks in a wider ring around it.
 """
 
 import matplotlib.pyplot as plt

@@ -3,6 +3,9 @@ Which strain drives the skin?
 =============================
 
 The paper does not say which strain changes the conductivity. The signal of one touch under each of three choices.
+
+The first two are stretch in the plane, under which the skin conducts less. The last is compression through the
+thickness, under which it conducts more: the signal has the other sign.
 """
 
 import matplotlib.pyplot as plt

@@ -3,6 +3,9 @@ Adjacent or opposite currents
 =============================
 
 The same touch, driven through neighbours and through opposite electrodes.
+
+A row is a pattern of currents, a column one of its readings. Opposite currents give about twice the largest signal
+(note the two scales).
 """
 
 import matplotlib.pyplot as plt

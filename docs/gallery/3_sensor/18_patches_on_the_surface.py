@@ -3,6 +3,8 @@ Electrodes at the rim or on the surface
 =======================================
 
 Line contacts of the rim, and patches that lie on the skin.
+
+The two curves cover each other: the kind of contact hardly changes the signal of a touch inside.
 """
 
 import matplotlib.pyplot as plt

@@ -3,6 +3,9 @@ Two touches at once
 ===================
 
 Far from each other their signals add; the program says how far that is from true.
+
+Upper picture: the signal of both touches. Lower picture: what is left when the signal of each one alone is taken
+away, some hundred times smaller. The printed bounds are relative.
 """
 
 import matplotlib.pyplot as plt
@@ -23,5 +26,5 @@ figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 5), sharex=True, layout="
 top.plot(together, lw=1)
 top.set(ylabel="dV of both (mV)")
 bottom.plot(together - alone[0] - alone[1], lw=1)
-bottom.set(xlabel="reading", ylabel="less the sum of each alone (mV)")
+bottom.set(xlabel="reading", ylabel="less those of each (mV)")
 print(dict(both.interaction))

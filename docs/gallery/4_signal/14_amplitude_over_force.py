@@ -3,6 +3,8 @@ How the signal grows with force
 ===============================
 
 The r.m.s. signal of three punches at one place.
+
+The signal grows with the force. A narrower punch, which goes deeper, gives a larger one.
 """
 
 import matplotlib.pyplot as plt

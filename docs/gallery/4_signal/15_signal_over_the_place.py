@@ -3,6 +3,8 @@ Where on the disc is the signal large?
 ======================================
 
 The same touch from the centre outwards: electrodes near it feel more.
+
+The largest reading grows faster than the mean: one pair of electrodes is then much nearer than all others.
 """
 
 import matplotlib.pyplot as plt

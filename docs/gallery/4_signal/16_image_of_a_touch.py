@@ -3,6 +3,8 @@ An image by one Gauss-Newton step
 =================================
 
 What classical EIT makes of the readings, with the touch that caused them.
+
+The circle is the punch. Both images find the place, and draw it far wider than the punch.
 """
 
 import matplotlib.pyplot as plt

@@ -3,6 +3,8 @@ What could be read at best
 ==========================
 
 Cramer-Rao bounds of place and force against noise: no unbiased reader is better.
+
+At 20 dB more noise all limits are ten times larger. The diameter (d) is known less well than the place (x0, y0).
 """
 
 import matplotlib.pyplot as plt

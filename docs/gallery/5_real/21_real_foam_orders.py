@@ -7,6 +7,8 @@ How many terms does a vinyl nitrile foam need?
 The data are **real**: foam VN600 in quasi-static compression, measured by NIST (``docs/gallery/5_real/data/NOTICE``
 has source and licence). One test in compression says nothing of the lateral stretch, and the law takes it as 1. The
 record begins at 4.6 kPa, which no law has at rest.
+
+Two or three terms follow the test but for its first points; one term does not.
 """
 
 import matplotlib.pyplot as plt

@@ -6,6 +6,9 @@ A law fitted to the first part of a test is asked for the rest.
 
 The data are **real**: foam VN600 in quasi-static compression, measured by NIST (``docs/gallery/5_real/data/NOTICE``
 has source and licence).
+
+Laws fitted up to 20 or 30 % compression miss the stress at 50 % by more than half of it, in either direction. The one
+fitted up to 40 % is about 11 % off there.
 """
 
 import matplotlib.pyplot as plt

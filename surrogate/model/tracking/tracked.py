@@ -17,7 +17,7 @@ class Tracked:
     """One frame of a stream: whether something touches, where, and how surely."""
 
     time_s: float  # time of the frame, s
-    state: str  # one of those above
+    state: str  # "calibrating", "untouched", "touch", "more than one touch" or "unreadable"
     value: Array  # (4,) x, y, d in m, F in N; NaN where no touch is read, and for what the model does not read
     covariance: Array  # (4, 4) in these units, calibrated: factors of the normal variable make intervals and ellipse
     below: Array  # (4,) distances of the values to the ends of their 90 % intervals

@@ -27,7 +27,7 @@ class TrainedReader:
     """A reader, and what is known of how well it reads."""
 
     reader: PressReader
-    kind: str  # of the readings, one of recording.KINDS
+    kind: str  # of the readings, one of eitsim.sensors.recording.KINDS
     presses: int  # that it was trained on
     seed: int
     tested: tuple[Tested, ...]  # by readers of four fifths, a split after the other; none where these are too few
