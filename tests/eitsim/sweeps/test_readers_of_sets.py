@@ -13,7 +13,7 @@ import pytest
 from eitsim.sweeps.dataset import parquet
 from touchcal.errors import InputFileError
 
-PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "sweep.md"
+PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "data-sets.md"
 ROWS = 40
 MODULES = {"pandas": {"pd": "pandas"}, "Arrow": {"pyarrow": "pyarrow"}, "Dask": {"dask": "dask"},
            "polars": {"pl": "polars"}}
