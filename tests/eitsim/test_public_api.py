@@ -86,6 +86,7 @@ def test_objects_solve_as_the_command_does(command: Callable[..., CompletedProce
         eitsim.simulate(scene, CARD, exact=True, reuse=True)
 
 
+@pytest.mark.slow
 def test_a_sweep_is_one_call_that_returns_its_rows(tmp_path: Path) -> None:
     write_card(CARD, tmp_path / "card.json")
     (tmp_path / "design.toml").write_text(DESIGN)

@@ -152,6 +152,7 @@ def test_a_card_is_taken_as_its_file_or_itself(fitted: matcal.Calibration, tmp_p
         assert matcal.export(card, "abaqus").text == matcal.export(fitted.card, "abaqus").text
 
 
+@pytest.mark.slow
 def test_a_sampler_that_stops_short_carries_the_calibration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ensembles, "MOST_STEPS", 1)
     steps: list[int] = []

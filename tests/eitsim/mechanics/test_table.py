@@ -113,6 +113,7 @@ def test_what_a_table_does_not_hold_is_none(table, change: dict) -> None:
     assert touch_from(table, FOAM, Body(thickness_m=0.011), punch) is None
 
 
+@pytest.mark.slow
 def test_a_scene_from_a_table_says_so(table, scene) -> None:
     quick, fresh = solve_scene(scene, CARD, table=table), solve_scene(scene, CARD)
     (said,) = [d for d in quick.plan.decisions if d.decision == "load path reused"]

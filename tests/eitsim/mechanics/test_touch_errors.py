@@ -13,7 +13,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.scene import Body
 from touchcal.errors import NotConverged
 
-FEW = (41, 70)  # a sphere and a cone that two meshes alone did not cover; the slow test takes all
+FEW = (41, 70)  # a sphere and a cone that two meshes alone did not cover; the longest test takes all
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +32,7 @@ def missed(study, scenes):
             if not row[f"{name}_error"] <= row[f"{name}_estimate"]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", FEW)
 def test_errors_of_a_few_profiles_are_covered(study, k):
     assert missed(study, [k]) == []

@@ -146,6 +146,7 @@ def test_rows_from_a_table_are_not_continued_without_it(card: Path, tmp_path: Pa
         account(card, tmp_path / "a", 2)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("solved_once")
 def test_another_strain_solves_no_touch_again(card: Path, tmp_path: Path) -> None:
     """Touches deeper than the table, which are solved, are kept by content."""

@@ -92,6 +92,7 @@ def test_the_report_holds_the_numbers_of_the_tables(tmp_path: Path, read_pdf: Re
     assert "electrics.csv is unknown: its rows do not tell their code" in text
 
 
+@pytest.mark.slow
 def test_the_verdict_tells_errors_costs_peers_and_the_code(tmp_path: Path, read_pdf: Reader) -> None:
     write_all(tmp_path)
     verdict = {line.what: (line.grade, line.why) for line in report(tmp_path).verdict}

@@ -84,6 +84,7 @@ def test_covariance_is_calibrated_under_noise(learned: ForwardMap, synthetic: Sy
     assert np.median(found.misfit) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_unknown_noise_widens_the_covariance(learned: ForwardMap, synthetic: Synthetic) -> None:
     touch, signal = synthetic(50, 1)
     noisy = signal + QUIET_V * np.random.default_rng(5).normal(size=signal.shape)

@@ -77,6 +77,7 @@ def test_no_gain_one_gain_and_all_gains_are_parted(model: surrogate.Model, touch
     assert np.all(share[16:] > 0.99)
 
 
+@pytest.mark.slow
 def test_no_drift_leaves_answers_as_they_are(model: surrogate.Model, touches: tuple[Array, Array]) -> None:
     frames = frames_of(model, touches[1], np.zeros((24, 16)))
     plain, none = (model.predict(frames, noise_V=NOISE_V, gain_drift=gain) for gain in (0.0, 1e-12))

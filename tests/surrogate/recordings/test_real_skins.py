@@ -39,7 +39,9 @@ def test_templates_read_the_hydrogel_from_a_hundred_presses() -> None:
     assert np.linalg.norm(error, axis=1).mean() <= 3.0
 
 
-@pytest.mark.parametrize(("skin", "used"), [("hydrogel", 1), ("skin_plain", 1), ("skin_radial", 0)])
+@pytest.mark.parametrize(("skin", "used"), [
+    pytest.param("hydrogel", 1, marks=pytest.mark.slow), pytest.param("skin_plain", 1, marks=pytest.mark.slow),
+    ("skin_radial", 0)])
 def test_physics_is_used_on_homogeneous_skins_alone_and_helps_there(skin: str, used: int) -> None:
     _, presses, labels = recorded(skin)
     place, expectation = labels.values[:, :2], expectation_of(read_sensor(REAL / skin / "sensor.toml"))

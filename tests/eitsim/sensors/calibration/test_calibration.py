@@ -124,6 +124,7 @@ def test_no_reading_determines_what_the_gauges_hold() -> None:
     assert np.abs(found).max() < 1e-15
 
 
+@pytest.mark.slow
 def test_hidden_parameters_lie_in_their_intervals() -> None:
     """A small version of benchmarks/sensor_fit.py; readings are those of the fitted model, so only noise is off."""
     inside = []
