@@ -200,9 +200,9 @@ def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) ->
                            estimate=rim.gaps)
     places, off = np.array(list(found)), np.array([[one.depth, *one.signals] for one in found.values()])
     error_estimate, measured = rim.error_estimate.copy(), rim.measured.copy()
-    for cell in map(tuple, np.argwhere(np.isfinite(rim.measured).all(axis=-1)).tolist()):
-        if cell not in found:
-            measured[cell] = np.maximum(measured[cell], off[_about(places, cell)].max(axis=0))
+    for i, j in np.argwhere(np.isfinite(rim.measured).all(axis=-1)).tolist():
+        if (i, j) not in found:
+            measured[i, j] = np.maximum(measured[i, j], off[_about(places, (i, j))].max(axis=0))
     measured[tuple(places.T)] = np.fmax(measured[tuple(places.T)], off)
     for cell in cells_of(rim):
         near = off[_about(places, cell)].max(axis=0)
