@@ -189,7 +189,8 @@ def run_paper(given: argparse.Namespace) -> None:
              "rows_per_core_hour": account.rows_per_core_hour, "signal_error_median": account.errors.median,
              "signal_error_p95": account.errors.p95, "share_above_wanted": account.errors.share_above}
     runs = [{"what": "run", "wall_s": run.table_wall_s + run.rows_wall_s, "table_wall_s": run.table_wall_s,
-             "rows_wall_s": run.rows_wall_s, "count": run.rows, "workers": run.workers, "busy": run.efficiency} | whole for run in account.runs]
+             "rows_wall_s": run.rows_wall_s, "count": run.rows, "workers": run.workers, "busy": run.efficiency} | whole
+            for run in account.runs]
     written([*runs, *({"what": stage.name, "count": stage.count, "cpu_s": stage.cpu_s} for stage in account.stages)],
             "sweeps_run")
 
