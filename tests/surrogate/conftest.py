@@ -192,19 +192,25 @@ def rectangle_signal(rectangle_ring: Ring) -> Callable[[Array], Array]:
     return signals
 
 
+def _over_rectangle(ring: Ring, signals: Callable[[Array], Array], rows: int, reach_mm: tuple[float, float],
+                    seed: int) -> Samples:
+    """Rows of touches evenly over what lies within half widths of the rectangle's middle."""
+    rng, rest, number = np.random.default_rng(seed), untouched_readings(RECTANGLE, SHEET_S), np.arange(rows)
+    x, y = (rng.uniform(-reach, reach, rows) for reach in reach_mm)
+    touch = np.column_stack([x, y, rng.uniform(8, 12, rows), rng.uniform(0.1, 1.0, rows)])
+    return Samples(ring, number, number, signals(touch), np.tile(rest, (rows, 1)),
+                   np.column_stack([touch, rng.uniform(1, 2, (rows, 4))]), np.full(rows, -1), np.empty((rows, 0)),
+                   np.zeros(rows), number.astype(np.uint64), radial(ring, touch) > NEAR)
+
+
 @pytest.fixture(scope="session")
 def rectangle_samples(rectangle_ring: Ring, rectangle_signal: Callable[[Array], Array]) -> Samples:
     """Rows over the whole rectangle; signals of those near an edge are not multipoles."""
-    rng, rest = np.random.default_rng(4), untouched_readings(RECTANGLE, SHEET_S)
-    rows, number = RECTANGLE_ROWS, np.arange(RECTANGLE_ROWS)
-    touch = np.column_stack([rng.uniform(-65, 65, rows), rng.uniform(-40, 40, rows), rng.uniform(8, 12, rows),
-                             rng.uniform(0.1, 1.0, rows)])
-    near = radial(rectangle_ring, touch) > NEAR
-    signal = rectangle_signal(touch)
-    signal[near] *= 1 + 0.3 * np.sin(np.arange(signal.shape[1]))
-    return Samples(rectangle_ring, number, number, signal, np.tile(rest, (rows, 1)),
-                   np.column_stack([touch, rng.uniform(1, 2, (rows, 4))]), np.full(rows, -1), np.empty((rows, 0)),
-                   np.zeros(rows), number.astype(np.uint64), near)
+    def signals(touch: Array) -> Array:
+        signal = rectangle_signal(touch)
+        signal[radial(rectangle_ring, touch) > NEAR] *= 1 + 0.3 * np.sin(np.arange(signal.shape[1]))
+        return signal
+    return _over_rectangle(rectangle_ring, signals, RECTANGLE_ROWS, (65.0, 40.0), seed=4)
 
 
 @pytest.fixture(scope="session")
@@ -231,13 +237,7 @@ def edge_signal(rectangle_ring: Ring, rectangle_signal: Callable[[Array], Array]
 @pytest.fixture(scope="session")
 def edge_samples(rectangle_ring: Ring, edge_signal: Callable[[Array], Array]) -> Samples:
     """Rows over the whole rectangle, of which those near an edge can be learned."""
-    rng, rest = np.random.default_rng(6), untouched_readings(RECTANGLE, SHEET_S)
-    rows, number = EDGE_ROWS, np.arange(EDGE_ROWS)
-    touch = np.column_stack([rng.uniform(-68, 68, rows), rng.uniform(-43, 43, rows), rng.uniform(8, 12, rows),
-                             rng.uniform(0.1, 1.0, rows)])
-    return Samples(rectangle_ring, number, number, edge_signal(touch), np.tile(rest, (rows, 1)),
-                   np.column_stack([touch, rng.uniform(1, 2, (rows, 4))]), np.full(rows, -1), np.empty((rows, 0)),
-                   np.zeros(rows), number.astype(np.uint64), radial(rectangle_ring, touch) > NEAR)
+    return _over_rectangle(rectangle_ring, edge_signal, EDGE_ROWS, (68.0, 43.0), seed=6)
 
 
 @pytest.fixture(scope="session")
