@@ -1,12 +1,14 @@
 """Places as the nearest edge of a skin sees them: how near it is, and which way it lies."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 
 from surrogate.data import outlined_sheet
 from surrogate.data.sensor_ring import Ring
-from touchcal.arrays import Array, Complex
+from touchcal.arrays import Array, Complex, Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,6 +19,10 @@ class EdgeFrame:
     radial: Array  # (n,) |z| on a disc, else 1 less the distance to the nearest edge over the largest one
     outwards: Complex  # (n,) unit direction towards that edge, along which `radial` grows: z / |z| on a disc
     turn: Array  # (n, 2) derivatives of the angle of that direction by x and y; 0 along a straight edge
+
+    def some(self, kept: Index) -> EdgeFrame:
+        """Those of some places."""
+        return EdgeFrame(self.z[kept], self.radial[kept], self.outwards[kept], self.turn[kept])
 
 
 def edge_frame(ring: Ring, z: Complex) -> EdgeFrame:

@@ -80,14 +80,6 @@ def radial(ring: Ring, touch: Array) -> Array:
     return 1 - outlined_sheet.edge_distance_mm(ring.sheet, touch[:, :2])[0] / ring.radius_mm
 
 
-def radial_slope(ring: Ring, touch: Array) -> Array:
-    """(n, 2) derivatives of half the square of `radial` by x and y, times the squared radius, mm."""
-    if ring.sheet is None:
-        return touch[:, :2]
-    distance, slope = outlined_sheet.edge_distance_mm(ring.sheet, touch[:, :2])
-    return (distance - ring.radius_mm)[:, None] * slope
-
-
 def outwards(ring: Ring, radius: Array) -> Array:
     """(n, 2) places, mm, of these `radial` (n,) on the way from the origin to the edge nearest to it."""
     way = np.array([1.0, 0.0])

@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from surrogate.data.edge_frame import edge_frame
+from surrogate.data.edge_frame import EdgeFrame, edge_frame
 from surrogate.data.outputs import ROUNDING
-from surrogate.data.sensor_ring import Ring, outwards, place, radial, radial_slope
+from surrogate.data.sensor_ring import Ring, outwards, place, radial
 from surrogate.data.skin_edges import by_one_straight_edge
 from surrogate.forward_map import (
     electrode_correction,
@@ -24,11 +24,11 @@ from surrogate.forward_map import (
 from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
 from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection
-from surrogate.forward_map.rim_zone import Zones
+from surrogate.forward_map.rim_zone import Zone, Zones
 from surrogate.forward_map.simulator_error import SimulatorError
 from surrogate.forward_map.strength_size import Size
 from surrogate.statistics import change_point, gaussian_process
-from surrogate.statistics.gaussian_process import GaussianProcess
+from surrogate.statistics.gaussian_process import GaussianProcess, Together
 from touchcal.arrays import Array, Complex, Mask
 
 MIN_ROWS = 14  # fewest training rows that the map is learned from
@@ -88,6 +88,11 @@ class ForwardMap:
     def materials(self) -> int:
         """States of the material."""
         return len(self.strengths[0].centre) - TOUCH_INPUTS
+
+    @cached_property
+    def together(self) -> Together:
+        """The processes of the strengths."""
+        return Together(self.strengths)
 
     @cached_property
     def series(self) -> Complex:
@@ -151,7 +156,7 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
         kept = ~near_edge
         return fit(ring, touch[kept], signal_V[kept], material[kept], simulator[kept])
     kept = near <= _learned_within(ring, near, zones, taught)
-    inputs = _inputs(ring, zones.learned[1], unknown[kept], material[kept])
+    inputs = _inputs(near[kept], zones.learned[1], unknown[kept], material[kept])
     field, size, processes, floor, shift = _series(ring, z[kept], inputs, touch[kept, 3], signal_V[kept])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
                         p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
@@ -178,8 +183,9 @@ def _learned_within(ring: Ring, near: Array, zones: Zones, rim: bool) -> float:
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array, material: Array,
               step: float | None) -> ForwardMap:
-    base = series_basis(series, series.fields(z), z)[0]
-    found = _strengths(series, unknown, material)
+    frame = edge_frame(series.ring, z)
+    found = _strengths(series, frame, unknown, material)
+    base = series_signals(series, series.fields(z), frame, found.value)[0]
     left = signal_V - multipole_series.combined(base, found.value)
     rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
                                found.size * np.linalg.norm(base[..., 0], axis=1))
@@ -189,14 +195,22 @@ def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array, m
 
 def reaches(forward: ForwardMap, z: Complex) -> Mask:
     """(n,) whether touches at z (n,) are close enough to an edge for what was learned of it."""
+    return _reached(forward, edge_frame(forward.ring, z))
+
+
+def _reached(forward: ForwardMap, frame: EdgeFrame) -> Mask:
     if not rim_correction.teaches(forward.beside):
-        return np.zeros(len(z), bool)
-    return edge_frame(forward.ring, z).radial > forward.zones.learned[0]
+        return np.zeros(len(frame.z), bool)
+    return frame.radial > forward.zones.learned[0]
 
 
 def gap(ring: Ring, unknown: Array) -> Array:
     """(n,) gap between punch and rim over the disc's radius."""
-    return 1 - radial(ring, unknown) - polarization.half_width(ring, unknown[:, 2])
+    return _gap(ring, edge_frame(ring, place(ring, unknown)), unknown)
+
+
+def _gap(ring: Ring, frame: EdgeFrame, unknown: Array) -> Array:
+    return 1 - frame.radial - polarization.half_width(ring, unknown[:, 2])
 
 
 def _series(ring: Ring, z: Complex, inputs: Array, force_N: Array,
@@ -215,9 +229,10 @@ def _left(ring: Ring, field: Array, z: Complex, found: Strengths, size: Array) -
     """What strengths at z (n,) leave of the signals: its standard deviation, a reading, over their sizes, and that of
     the shift of the place, mm, that explains most of it."""
     fields = multipole_series.electrode_fields(ring, field, z, multipole_series.ORDERS + 1)
-    base, *slopes = multipole_series.basis_and_slopes(ring, fields)
-    moved = np.stack([multipole_series.combined(by, found.value) for by in slopes], axis=2) / ring.radius_mm
-    shift = (np.linalg.pinv(np.concatenate([base, moved], axis=2)) @ found.residual[..., None])[:, -2:, 0]
+    whole = np.ones((len(z), multipole_series.ORDERS))
+    base, moved = multipole_series.signals(ring, fields, whole, np.zeros((*whole.shape, 2)), found.value)
+    explaining = np.linalg.pinv(np.concatenate([base, moved / ring.radius_mm], axis=2))
+    shift = multipole_series.combined(explaining, found.residual)[:, -2:]
     left = found.residual / (size * found.dipole)[:, None]
     return float(np.sqrt(np.mean(left**2) * left.shape[1] / (left.shape[1] - multipole_series.ORDERS))), float(
         np.sqrt(np.mean(shift**2)))
@@ -238,8 +253,9 @@ def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
 def signal_size(forward: ForwardMap, unknown: Array) -> Array:
     """(n,) norm, V, of all readings of the ring by a dipole of the size of the strengths, at touches (n, 4) given as
     (x, y, log d, g): that of the signal, but for strengths that vanish."""
-    drive, read = multipole_series.patterns(forward.beside.rim.whole, forward.field, place(forward.ring, unknown), 1)
-    return _strengths(forward, unknown).size * np.linalg.norm((drive * read.conj()).real[0], axis=1)
+    z = place(forward.ring, unknown)
+    norm = multipole_series.dipole_norms(forward.beside.rim.whole, forward.fields(z))[0]
+    return _strengths(forward, edge_frame(forward.ring, z), unknown).size * norm
 
 
 def extent(ring: Ring, touch: Array) -> Array:
@@ -303,78 +319,102 @@ def _bounds(ring: Ring, touch: Array) -> Array:
 def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = None) -> Linearised:
     """Signal, derivatives and discrepancy of the map at touches (n, 4) given as (x, y, log d, g); `discrepancy`
     (n, orders) is that of the strengths, `strength_discrepancy` there or, cheaper, close by."""
-    z, zones = place(forward.ring, unknown), forward.zones
-    fields, frame = forward.fields(z), edge_frame(forward.ring, z)
-    series = series_basis(forward, fields, z)
-    base, by_x, by_y = rim_zone.ended(frame, zones.learned, 0, *series) if forward.beside.replaces else series
-    found = _strengths(forward, unknown)
+    here = signal_and_slope(forward, unknown)
     sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
+    along = here.base * (here.size * sd)[:, None]
+    scale = simulator_error.at(forward.simulator, _gap(forward.ring, here.frame, unknown))
+    taught = rim_correction.teaches(forward.beside)
+    inner = np.ones(len(unknown)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
+        here.frame.radial, forward.zones.learned if taught else forward.zones.high_end)
+    shift = here.jacobian[..., :2] * (forward.shift_mm * inner)[:, None, None]
+    whole = (here.signal_V * scale[:, None])[..., None]
+    return Linearised(here.signal_V, here.jacobian, np.concatenate([along, whole, shift, here.by_card], axis=2))
+
+
+@dataclass(frozen=True)
+class _Signal:
+    signal_V: Array  # (n, readings) V
+    jacobian: Array  # (n, readings, 4) derivatives by (x, y, log d, g)
+    by_card: Array  # (n, readings, k) derivatives by the material
+    base: Array  # (n, readings, orders) signals of strengths of 1
+    size: Array  # (n, 1) size of the strengths, V
+    frame: EdgeFrame
+
+
+def signal_and_slope(forward: ForwardMap, unknown: Array) -> _Signal:
+    """As `linearise`, without the discrepancies."""
+    z = place(forward.ring, unknown)
+    fields, frame = forward.fields(z), edge_frame(forward.ring, z)
+    found = _strengths(forward, frame, unknown)
+    base, moved = series_signals(forward, fields, frame, found.value, forward.beside.replaces)
     jacobian = base @ found.slope
-    jacobian[..., 0] += multipole_series.combined(by_x, found.value) / forward.ring.radius_mm
-    jacobian[..., 1] += multipole_series.combined(by_y, found.value) / forward.ring.radius_mm
-    signal = multipole_series.combined(base, found.value)
-    by_card = base @ found.by_card
-    near = np.flatnonzero(reaches(forward, z))
+    jacobian[..., :2] += moved / forward.ring.radius_mm
+    signal, by_card = multipole_series.combined(base, found.value), base @ found.by_card
+    near = np.flatnonzero(_reached(forward, frame))
     if len(near):
-        parts = (part[near] for part in (*series, found.size, found.size_slope, unknown))
-        added, added_slope = _near_rim(forward, fields[:, near], *parts)
+        added, added_slope = _near_rim(forward, fields[:, near], frame.some(near), found.size[near],
+                                       found.size_slope[near], unknown[near])
         signal[near] += added
         jacobian[near] += added_slope
         by_card[near] += added[..., None] * found.size_by_card
-    along = base * (found.size[:, None] * sd)[:, None]
-    scale = simulator_error.at(forward.simulator, gap(forward.ring, unknown))
-    taught = rim_correction.teaches(forward.beside)
-    inner = np.ones(len(z)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
-        frame.radial, zones.learned if taught else zones.high_end)
-    shift = jacobian[..., :2] * (forward.shift_mm * inner)[:, None, None]
-    whole = (signal * scale[:, None])[..., None]
-    return Linearised(signal, jacobian, np.concatenate([along, whole, shift, by_card], axis=2))
+    return _Signal(signal, jacobian, by_card, base, found.size[:, None], frame)
 
 
-def series_basis(forward: ForwardMap, fields: Complex, z: Complex) -> tuple[Array, Array, Array]:
-    """The basis of the series and its slopes by x and y over the radius, as `multipole_series.basis_and_slopes`, where
-    electrodes have these derivatives of their fields at z (n,); its high orders end near edges, if touches there
-    taught."""
-    found = multipole_series.basis_and_slopes(forward.ring, fields)
-    if forward.ring.sheet is not None and forward.near_edges is None:
-        return found
-    return rim_zone.ended(edge_frame(forward.ring, z), forward.zones.high_end, rim_zone.ORDERS, *found)
+def added_by_rim(forward: ForwardMap, unknown: Array) -> Array:
+    """(n, readings) what the rim adds to the series at touches (n, 4) given as (x, y, log d, g), V."""
+    z = place(forward.ring, unknown)
+    frame = edge_frame(forward.ring, z)
+    found = _strengths(forward, frame, unknown)
+    series = series_signals(forward, forward.fields(z), frame, found.value)[0]
+    return signal_and_slope(forward, unknown).signal_V - multipole_series.combined(series, found.value)
+
+
+def series_signals(forward: ForwardMap, fields: Complex, frame: EdgeFrame, strength: Array,
+                   ends: bool = False) -> tuple[Array, Array]:
+    """The basis of the series and slopes of signals by it, as `multipole_series.signals`, where electrodes have these
+    derivatives of their fields; its high orders end near edges, if touches there taught, or all, where what was learned
+    of the edge takes its place."""
+    zones: list[tuple[Zone, int]] = []
+    if forward.ring.sheet is None or forward.near_edges is not None:
+        zones.append((forward.zones.high_end, rim_zone.ORDERS))
+    if ends:
+        zones.append((forward.zones.learned, 0))
+    parts = rim_zone.counted(frame, strength.shape[1], *zones)
+    return multipole_series.signals(forward.ring, fields, *parts, strength)
 
 
 def strengths(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders) p_n, V, of touches (n, 4) given as (x, y, log d, g)."""
-    return _strengths(forward, unknown).value
+    return _strengths(forward, edge_frame(forward.ring, place(forward.ring, unknown)), unknown).value
 
 
 def strength_covariance(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders, orders) covariance, V^2, of the strengths by the map's own error, the simulator's, and what is left
     open of the material, at touches (n, 4) given as (x, y, log d, g)."""
-    found = _strengths(forward, unknown)
+    frame = edge_frame(forward.ring, place(forward.ring, unknown))
+    found = _strengths(forward, frame, unknown)
     own = (found.size[:, None] * strength_discrepancy(forward, unknown)) ** 2
-    scale = simulator_error.at(forward.simulator, gap(forward.ring, unknown))
+    scale = simulator_error.at(forward.simulator, _gap(forward.ring, frame, unknown))
     alike = np.concatenate([(found.value * scale[:, None])[..., None], found.by_card], axis=2)
     return own[..., None] * np.eye(own.shape[1]) + alike @ alike.transpose(0, 2, 1)
 
 
-def _near_rim(forward: ForwardMap, fields: Complex, base: Array, by_x: Array, by_y: Array, size: Array,
-              size_slope: Array, unknown: Array) -> tuple[Array, Array]:
+def _near_rim(forward: ForwardMap, fields: Complex, frame: EdgeFrame, size: Array, size_slope: Array,
+              unknown: Array) -> tuple[Array, Array]:
     """The signal by polarization and the electrodes' metal as far as it counts, and its derivatives by (x, y, log d,
     g)."""
-    z, punch = place(forward.ring, unknown), unknown[:, 2:]
-    frame, zone = edge_frame(forward.ring, z), forward.zones.learned
-    fitted, side = forward.beside, change_point.side(gap(forward.ring, unknown), forward.beside.step)
-    effect = polarization.effect(fitted.polarization, forward.ring, fields, z, punch, side)
+    punch, zone, fitted = unknown[:, 2:], forward.zones.learned, forward.beside
+    side = change_point.side(_gap(forward.ring, frame, unknown), fitted.step)
+    effect = polarization.effect(fitted.polarization, forward.ring, fields, frame, punch, side)
     answer = polarization.counted(effect, frame, zone)
     if not electrode_correction.teaches(fitted.rim):
         by_unknown = answer.slope / np.array([forward.ring.radius_mm, forward.ring.radius_mm, 1.0, 1.0])
         return answer.value * size[:, None], (by_unknown * size[:, None, None]
                                               + answer.value[..., None] * size_slope[:, None])
-    metal = polarization.counted(electrode_correction.effect(fitted.rim, forward.ring, z, punch, side), frame, zone)
-    if base.shape[1] < len(fitted.rim.whole.read):
-        base, by_x, by_y = multipole_series.basis_and_slopes(fitted.rim.whole, fields)
-    norm, norm_slope = np.linalg.norm(base[..., 0], axis=1), np.zeros((len(z), 4))
-    for k, by in enumerate((by_x, by_y)):
-        norm_slope[:, k] = np.sum(base[..., 0] * by[..., 0], axis=1) / norm / forward.ring.radius_mm
+    metal = polarization.counted(electrode_correction.effect(fitted.rim, forward.ring, frame.z, punch, side), frame,
+                                 zone)
+    norm, by_place = multipole_series.dipole_norms(fitted.rim.whole, fields)
+    norm_slope = np.column_stack([by_place / forward.ring.radius_mm, np.zeros_like(by_place)])
     whole = answer.value + metal.value * norm[:, None]
     by_unknown = answer.slope + metal.slope * norm[:, None, None]
     by_unknown[..., :2] /= forward.ring.radius_mm
@@ -387,17 +427,16 @@ def places_at(forward: ForwardMap, radii: Array) -> Array:
     return outwards(forward.ring, forward.interior * radii)
 
 
-def _inputs(ring: Ring, interior: float, unknown: Array, material: Array) -> Array:
-    return np.column_stack([unknown[:, 2:], np.minimum(radial(ring, unknown), interior) ** 2, material])
+def _inputs(near: Array, interior: float, unknown: Array, material: Array) -> Array:
+    """Inputs of the strengths at touches (n, 4) that are so near (n,) to an edge."""
+    return np.column_stack([unknown[:, 2:], np.minimum(near, interior) ** 2, material])
 
 
-def _by_unknown(forward: ForwardMap, unknown: Array, by_input: Array) -> Array:
-    """Derivatives by (x, y, log d, g) from those by (log d, g, |z0|^2, ...), last axis."""
-    ring = forward.ring
-    slope = 2 * radial_slope(ring, unknown) / ring.radius_mm**2
-    slope = slope * (extent(ring, unknown)[:, :1] < forward.interior * ring.radius_mm)
-    slope = slope.reshape(len(unknown), *[1] * (by_input.ndim - 2), 2)
-    return np.concatenate([by_input[..., 2:3] * slope, by_input[..., :2]], axis=-1)
+def _by_unknown(forward: ForwardMap, frame: EdgeFrame, by_input: Array) -> Array:
+    """(n, k, 4) derivatives by (x, y, log d, g) from those (n, k, q) by (log d, g, |z0|^2, ...)."""
+    felt = frame.outwards * (2 / forward.ring.radius_mm * frame.radial * (frame.radial < forward.interior))
+    by_place = by_input[..., 2:3] * np.column_stack([felt.real, felt.imag])[:, None]
+    return np.concatenate([by_place, by_input[..., :2]], axis=-1)
 
 
 def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
@@ -406,8 +445,9 @@ def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
     The scatter of p_1 about its process (noise) is discrepancy; that of the others is mostly what least squares on one
     row leaves undetermined, which the floor stands for already.
     """
-    inputs = _inputs(forward.ring, forward.interior, unknown, np.zeros((len(unknown), forward.materials)))
-    variance = np.column_stack([gaussian_process.predict(process, inputs)[2] for process in forward.strengths])
+    inputs = _inputs(radial(forward.ring, unknown), forward.interior, unknown,
+                     np.zeros((len(unknown), forward.materials)))
+    variance = gaussian_process.variances(forward.together, inputs)
     variance[:, 0] += forward.strengths[0].noise[0]
     return np.sqrt(variance)
 
@@ -422,18 +462,17 @@ class _Strengths:
     size_by_card: Array  # (k,) derivatives of its logarithm by the material
 
 
-def _strengths(forward: ForwardMap, unknown: Array, material: Array | None = None) -> _Strengths:
-    """Strengths of touches by a material, the mean one where none is given."""
+def _strengths(forward: ForwardMap, frame: EdgeFrame, unknown: Array, material: Array | None = None) -> _Strengths:
+    """Strengths of touches in a frame by a material, the mean one where none is given."""
     held = np.zeros((len(unknown), forward.materials)) if material is None else material
-    inputs = _inputs(forward.ring, forward.interior, unknown, held)
+    inputs = _inputs(frame.radial, forward.interior, unknown, held)
     size, by_log = strength_size.at(forward.size, inputs)
     size *= force(unknown[:, 2], unknown[:, 3], forward.p0)
     by_log[:, 0] += 2.0
     by_log[:, 1] += 1 / np.tanh(unknown[:, 3])
-    found = [gaussian_process.mean(process, inputs) for process in forward.strengths]
-    over = np.column_stack([mean for mean, _ in found])
-    by_input = (over[..., None] * by_log[:, None] + np.stack([gradient for _, gradient in found], axis=1)
-                ) * size[:, None, None]
-    return _Strengths(over * size[:, None], _by_unknown(forward, unknown, by_input),
-                      by_input[..., TOUCH_INPUTS:], size,
-                      _by_unknown(forward, unknown, by_log * size[:, None]), by_log[0, TOUCH_INPUTS:])
+    over, gradient = gaussian_process.means(forward.together, inputs)
+    by_input = np.concatenate([over[..., None] * by_log[:, None] + gradient, by_log[:, None]], axis=1)
+    by_input *= size[:, None, None]
+    slope = _by_unknown(forward, frame, by_input)
+    return _Strengths(over * size[:, None], slope[:, :-1], by_input[:, :-1, TOUCH_INPUTS:], size, slope[:, -1],
+                      by_log[0, TOUCH_INPUTS:])

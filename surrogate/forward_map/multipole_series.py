@@ -18,7 +18,8 @@ import numpy as np
 from surrogate.data import outlined_sheet
 from surrogate.data.sensor_ring import Ring
 from surrogate.statistics.gaussian_process import spread_evenly
-from touchcal.arrays import Array, Complex
+from touchcal.arrays import Array, Complex, Index
+from touchcal.jit import compiled
 
 ORDERS = 5  # angular orders of the series
 PRIOR_SD = 0.1  # spread of q_m about the foreseen ones that is believed before any data
@@ -45,10 +46,7 @@ def modes_needed(reach: float) -> int:
 
 def patterns(ring: Ring, q: Array, z: Complex, orders: int = ORDERS) -> tuple[Complex, Complex]:
     """Derivatives 1 ... orders of the driving and of the reading field at z (n,): two arrays (orders, n, readings)."""
-    return _pairs(ring, electrode_fields(ring, q, z, orders))
-
-
-def _pairs(ring: Ring, fields: Complex) -> tuple[Complex, Complex]:
+    fields = electrode_fields(ring, q, z, orders)
     return fields[..., ring.source] - fields[..., ring.sink], fields[..., ring.read] - fields[..., ring.ground]
 
 
@@ -57,13 +55,42 @@ def basis(drive: Complex, read: Complex) -> Array:
     return np.moveaxis((drive * read.conj()).real, 0, -1)
 
 
-def basis_and_slopes(ring: Ring, fields: Complex) -> tuple[Array, Array, Array]:
-    """The basis where electrodes have these derivatives of their fields (ORDERS + 1 or more, n, electrodes), and its
-    derivatives by x and y over the radius; each (n, readings, ORDERS)."""
-    drive, read = _pairs(ring, fields[:ORDERS + 1])
-    along, against = drive[1:] * read[:-1].conj(), drive[:-1] * read[1:].conj()
-    by_x, by_y = (along + against).real, (1j * (along - against)).real
-    return basis(drive[:-1], read[:-1]), np.moveaxis(by_x, 0, -1), np.moveaxis(by_y, 0, -1)
+def signals(ring: Ring, fields: Complex, part: Array, slope: Array, strength: Array) -> tuple[Array, Array]:
+    """The basis (n, readings, ORDERS) where electrodes have these derivatives of their fields (ORDERS + 1 or more, n,
+    electrodes) and orders count in parts (n, ORDERS) of slopes (n, ORDERS, 2), and derivatives (n, readings, 2), by x
+    and y over the radius, of the signal of strengths (n, ORDERS)."""
+    return _signals(fields, ring.source, ring.sink, ring.read, ring.ground, part, slope, strength)
+
+
+@compiled
+def _signals(fields: Complex, source: Index, sink: Index, read: Index, ground: Index, part: Array, slope: Array,
+             strength: Array) -> tuple[Array, Array]:
+    count, orders = strength.shape
+    basis, moved = np.empty((count, len(source), orders)), np.empty((count, len(source), 2))
+    for i in range(count):
+        for r in range(len(source)):
+            by_x, by_y = 0.0, 0.0
+            drive, sense = fields[0, i, source[r]] - fields[0, i, sink[r]], fields[0, i, read[r]] - fields[
+                0, i, ground[r]]
+            for n in range(orders):
+                drives = fields[n + 1, i, source[r]] - fields[n + 1, i, sink[r]]
+                senses = fields[n + 1, i, read[r]] - fields[n + 1, i, ground[r]]
+                value = drive.real * sense.real + drive.imag * sense.imag
+                along, against = drives * sense.conjugate(), drive * senses.conjugate()
+                basis[i, r, n] = value * part[i, n]
+                by_x += strength[i, n] * ((along.real + against.real) * part[i, n] + value * slope[i, n, 0])
+                by_y += strength[i, n] * ((against.imag - along.imag) * part[i, n] + value * slope[i, n, 1])
+                drive, sense = drives, senses
+            moved[i, r, 0], moved[i, r, 1] = by_x, by_y
+    return basis, moved
+
+
+def dipole_norms(ring: Ring, fields: Complex) -> tuple[Array, Array]:
+    """Norms (n,) of the readings by a dipole of unit strength, and their slopes (n, 2) by x and y over the radius."""
+    one, none = np.ones((fields.shape[1], 1)), np.zeros((fields.shape[1], 1, 2))
+    value, moved = signals(ring, fields, one, none, one)
+    norm = np.sqrt(np.einsum("nro,nro->n", value, value))
+    return norm, np.einsum("nro,nrq->nq", value, moved) / norm[:, None]
 
 
 def combined(design: Array, strength: Array) -> Array:

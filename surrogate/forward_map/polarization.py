@@ -72,10 +72,10 @@ def fit(ring: Ring, field: Array, z: Complex, punch: Array, side: Array, left: A
     return coefficient_process.fit(inputs, design, left[some] / size[some, None], lengths, inputs[:, 2], nodes)
 
 
-def effect(process: SharedProcess, ring: Ring, fields: Complex, z: Complex, punch: Array, side: Array) -> Effect:
-    """The effect at places z (n,) that it reaches, (log d, g) (n, 2) and sides of the step (n,), where electrodes have
-    these derivatives of their fields (one more than orders, or more, n, electrodes)."""
-    half, frame = half_width(ring, punch[:, 0]), edge_frame(ring, z)
+def effect(process: SharedProcess, ring: Ring, fields: Complex, frame: EdgeFrame, punch: Array, side: Array) -> Effect:
+    """The effect at the places of a frame (n) that it reaches, (log d, g) (n, 2) and sides of the step (n,), where
+    electrodes have these derivatives of their fields (one more than orders, or more, n, electrodes)."""
+    half = half_width(ring, punch[:, 0])
     mean, gradient = coefficient_process.predict(process, _inputs(frame, punch, side, half))
     scale = half[:, None] ** -2
     form, by_form = _form(mean * scale), _form((gradient * scale[..., None]) @ _along(frame, half))

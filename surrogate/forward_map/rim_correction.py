@@ -171,6 +171,6 @@ def _leaves(ring: Ring, field: Array, near: Rows, answer: SharedProcess, where: 
         return left
     for rows in np.array_split(np.arange(len(near.z)), len(near.z) // BATCH + 1):
         fields = multipole_series.electrode_fields(ring, field, near.z[rows], orders)
-        effect = polarization.effect(answer, ring, fields, near.z[rows], near.punch[rows], side[rows])
+        effect = polarization.effect(answer, ring, fields, edge_frame(ring, near.z[rows]), near.punch[rows], side[rows])
         left[rows] -= effect.value * near.strength[rows, None]
     return left

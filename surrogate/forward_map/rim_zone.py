@@ -42,11 +42,12 @@ def part_slope(frame: EdgeFrame, zone: Zone) -> Array:
     return by_radial[:, None] * np.column_stack([frame.outwards.real, frame.outwards.imag])
 
 
-def ended(frame: EdgeFrame, zone: Zone, kept: int, base: Array, by_x: Array,
-          by_y: Array) -> tuple[Array, Array, Array]:
-    """A basis of the series and its slopes, each (n, readings, orders), whose orders above those kept end within a
-    zone."""
-    part, slope = np.ones((len(base), 1, base.shape[2])), np.zeros((2, len(base), 1, base.shape[2]))
-    part[..., kept:] -= part_at(frame.radial, zone)[:, None, None]
-    slope[..., kept:] -= part_slope(frame, zone).T[..., None, None]
-    return base * part, by_x * part + base * slope[0], by_y * part + base * slope[1]
+def counted(frame: EdgeFrame, orders: int, *ends: tuple[Zone, int]) -> tuple[Array, Array]:
+    """Parts (n, orders) of the orders of the series that count, and their slopes (n, orders, 2) by x and y over the
+    radius, where in each of some zones those above the first so many end."""
+    part, slope = np.ones((len(frame.radial), orders)), np.zeros((len(frame.radial), orders, 2))
+    for zone, kept in ends:
+        left, by_place = 1 - part_at(frame.radial, zone)[:, None], part_slope(frame, zone)[:, None]
+        slope[:, kept:] = slope[:, kept:] * left[..., None] - part[:, kept:, None] * by_place
+        part[:, kept:] *= left
+    return part, slope

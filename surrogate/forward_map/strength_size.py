@@ -5,6 +5,7 @@ its strain opens it; the size does not, so that errors over it stay those of a s
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,6 +22,13 @@ class Size:
     centre: Array  # (q,) mean training input
     weights: Array  # (1 + q + PUNCH (PUNCH + 1) / 2,) b0, b, c
 
+    @cached_property
+    def curvature(self) -> Array:
+        """(PUNCH, PUNCH) second derivatives of the logarithm by the first inputs."""
+        half = np.zeros((PUNCH, PUNCH))
+        half[np.triu_indices(PUNCH)] = self.weights[1 + len(self.centre):]
+        return half + half.T
+
 
 def fit(x: Array, size: Array) -> Size:
     """Least squares of the logarithm of sizes (n,) > 0 at inputs (n, q), of which the first are log d and g."""
@@ -32,12 +40,11 @@ def fit(x: Array, size: Array) -> Size:
 
 def at(size: Size, x: Array) -> tuple[Array, Array]:
     """Sizes (n,) at inputs (n, q), and the gradients (n, q) of their logarithms."""
-    u, q = x - size.centre, x.shape[1]
-    gradient = np.repeat(size.weights[None, 1:1 + q], len(x), axis=0)
-    for weight, i, j in zip(size.weights[1 + q:], *np.triu_indices(PUNCH), strict=True):
-        gradient[:, i] += weight * u[:, j]
-        gradient[:, j] += weight * u[:, i]
-    return np.exp(_regressors(u) @ size.weights), gradient
+    u, slope = x - size.centre, size.weights[1:1 + x.shape[1]]
+    bent = u[:, :PUNCH] @ size.curvature
+    gradient = np.repeat(slope[None], len(x), axis=0)
+    gradient[:, :PUNCH] += bent
+    return np.exp(size.weights[0] + u @ slope + 0.5 * np.sum(bent * u[:, :PUNCH], axis=1)), gradient
 
 
 def _regressors(u: Array) -> Array:

@@ -93,11 +93,15 @@ def predict(process: GaussianProcess, x: Array) -> tuple[Array, Array, Array]:
     """
     x = x - process.centre
     cross = _cross(process, x)
+    return *_mean(process, x, cross), _variance(process, cross, _regressors(x))
+
+
+def _variance(process: GaussianProcess, cross: Array, regressors: Array) -> Array:
     half = cross @ process.inverse.T
-    variance = np.maximum(process.amplitude**2 - np.sum(half**2, axis=1), 0.0)
-    unseen = _regressors(x) - half @ process.carried
-    trend = np.sum((unseen @ process.trend_covariance) * unseen, axis=1)
-    return *_mean(process, x, cross), variance + np.maximum(trend, 0.0)
+    variance = np.maximum(process.amplitude**2 - np.einsum("nk,nk->n", half, half), 0.0)
+    unseen = regressors - half @ process.carried
+    trend = np.einsum("np,pq,nq->n", unseen, process.trend_covariance, unseen)
+    return variance + np.maximum(trend, 0.0)
 
 
 def _cross(process: GaussianProcess, x: Array) -> Array:
@@ -108,6 +112,62 @@ def _mean(process: GaussianProcess, x: Array, cross: Array) -> tuple[Array, Arra
     weighted = cross * process.weights
     gradient = (weighted @ process.nodes - weighted.sum(1, keepdims=True) * (x / process.lengths)) / process.lengths
     return process.trend[0] + x @ process.trend[1:] + weighted.sum(1), gradient + process.trend[1:]
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Processes of the same inputs, whose kernels are worked out in one product."""
+
+    processes: tuple[GaussianProcess, ...]
+
+    @cached_property
+    def scale(self) -> Array:
+        """(processes, 1, q) reciprocal lengths."""
+        return 1 / np.stack([one.lengths for one in self.processes])[:, None]
+
+    @cached_property
+    def table(self) -> Array:
+        """(processes, q + 2, k) nodes, 1 and half their squares, whose products with inputs are exponents."""
+        nodes = np.stack([one.nodes.T for one in self.processes])
+        return np.concatenate([nodes, np.ones_like(nodes[:, :1]), -0.5 * np.sum(nodes**2, axis=1, keepdims=True)],
+                              axis=1)
+
+    @cached_property
+    def moments(self) -> Array:
+        """(processes, k, 1 + q) weights of the kernel, and these times the nodes."""
+        weights = np.stack([one.amplitude**2 * one.weights for one in self.processes])[..., None]
+        return np.concatenate([weights, weights * np.stack([one.nodes for one in self.processes])], axis=2)
+
+    @cached_property
+    def trend(self) -> Array:
+        """(1 + q, processes) trends."""
+        return np.stack([one.trend for one in self.processes], axis=1)
+
+
+def _kernels(together: Together, x: Array) -> tuple[Array, Array]:
+    """Inputs (n, q) less the centre over the lengths (processes, n, q), and kernels (processes, n, k) over the squared
+    amplitudes."""
+    u = x * together.scale
+    half = -0.5 * np.sum(u**2, axis=2, keepdims=True)
+    exponent = np.concatenate([u, half, np.ones_like(half)], axis=2) @ together.table
+    return u, np.exp(np.minimum(exponent, 0.0, out=exponent), out=exponent)
+
+
+def means(together: Together, x: Array) -> tuple[Array, Array]:
+    """Means (n, processes) and their gradients (n, processes, q) at x (n, q)."""
+    x, slope = x - together.processes[0].centre, together.trend[1:]
+    u, kernel = _kernels(together, x)
+    found = kernel @ together.moments
+    gradient = (found[..., 1:] - found[..., :1] * u) * together.scale
+    return found[..., 0].T + together.trend[0] + x @ slope, gradient.transpose(1, 0, 2) + slope.T
+
+
+def variances(together: Together, x: Array) -> Array:
+    """(n, processes) variances of y without noise at x (n, q), as `predict`."""
+    x = x - together.processes[0].centre
+    kernel, regressors = _kernels(together, x)[1], _regressors(x)
+    return np.column_stack([_variance(one, one.amplitude**2 * own, regressors)
+                            for one, own in zip(together.processes, kernel, strict=True)])
 
 
 def spread_evenly(n: int, most: int) -> Index:

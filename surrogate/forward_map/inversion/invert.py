@@ -11,13 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from surrogate.data.sensor_ring import radial
-from surrogate.forward_map import electrode_correction, rim_correction
+from surrogate.forward_map import electrode_correction
 from surrogate.forward_map.forward_map import (
     ForwardMap,
+    added_by_rim,
     linearise,
     noise_floor,
     place,
     reaches,
+    signal_and_slope,
     signal_size,
     strength_discrepancy,
     within_bounds,
@@ -196,8 +198,7 @@ def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: 
     unknown, usable = to_unknown(found.touch, forward.p0), found.broad.copy()
     near = np.flatnonzero(reaches(forward, place(forward.ring, unknown)))
     if len(near):
-        series = replace(forward, beside=rim_correction.zero_correction(forward.ring))
-        added = linearise(forward, unknown[near]).signal_V - linearise(series, unknown[near]).signal_V
+        added = added_by_rim(forward, unknown[near])
         usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
         usable[near] &= len(forward.known_mm) == 0
         again = locate(forward, signal[near] - added, sd[near], drift)
@@ -243,7 +244,7 @@ def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
     """(n, 4, 4) covariance of the scaled touches were the map exact; 0 without noise that exceeds rounding."""
     if noise_V < _ROUNDING_V:
         return np.zeros((len(unknown), 4, 4))
-    slope = linearise(forward, unknown).jacobian * forward.sd / noise_V
+    slope = signal_and_slope(forward, unknown).jacobian * forward.sd / noise_V
     return inverse(slope.transpose(0, 2, 1) @ slope + np.eye(4))
 
 

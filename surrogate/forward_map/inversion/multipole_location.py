@@ -6,10 +6,11 @@ from functools import lru_cache
 import numpy as np
 
 from surrogate.data import outlined_sheet
+from surrogate.data.edge_frame import edge_frame
 from surrogate.data.outlined_sheet import Sheet
 from surrogate.data.sensor_ring import Ring, radial
 from surrogate.forward_map import multipole_series
-from surrogate.forward_map.forward_map import ForwardMap, series_basis
+from surrogate.forward_map.forward_map import ForwardMap, series_signals
 from surrogate.forward_map.forward_map import place as scaled_place
 from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, no_drift, of, white, whitened
 from surrogate.statistics.levenberg_marquardt import minimise
@@ -122,12 +123,11 @@ def _over_size(forward: ForwardMap) -> tuple[Array, Array]:
 def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, mean: Array, spread: Array,
                state: Array) -> tuple[Array, Array]:
     z = scaled_place(forward.ring, state)
-    fields = multipole_series.electrode_fields(forward.ring, forward.field, z, multipole_series.ORDERS + 1)
-    base, by_x, by_y = series_basis(forward, fields, z)
+    fields = forward.fields(z)
     strength = state[:, 2:]
-    slopes = [multipole_series.combined(by, strength) / forward.ring.radius_mm for by in (by_x, by_y)]
+    base, moved = series_signals(forward, fields, edge_frame(forward.ring, z), strength)
     misfit = multipole_series.combined(base, strength) - signal
-    both = whitened(sd, np.concatenate([misfit[..., None], np.stack(slopes, axis=2), base], axis=2))
+    both = whitened(sd, np.concatenate([misfit[..., None], moved / forward.ring.radius_mm, base], axis=2))
     residual, jacobian = both[..., 0], both[..., 1:]
     holds = np.zeros((len(state), strength.shape[1], state.shape[1]))
     holds[:, :, 2:] = np.eye(strength.shape[1]) / spread[:, None]

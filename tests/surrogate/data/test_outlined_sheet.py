@@ -12,9 +12,10 @@ from eitsim.electrics.outline.edge_response import arriving, edge_responses
 from eitsim.scene.outline import Outline
 from eitsim.scene.scene import Body, Electrodes, Scene
 from surrogate.data import outlined_sheet
+from surrogate.data.edge_frame import edge_frame
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.outlined_sheet import Sheet
-from surrogate.data.sensor_ring import outwards, place, radial, radial_slope, ring_of, same_ring
+from surrogate.data.sensor_ring import outwards, place, radial, ring_of, same_ring
 
 S = 6e-4
 L_WITH_HOLE = Body(outline="polygon", thickness_m=0.005, holes_m=((0.03, 0.09, 0.006),), points_m=(
@@ -74,8 +75,8 @@ def test_radii_are_distances_to_the_edges_and_go_outwards_evenly() -> None:
     assert radial(ring, outwards(ring, radii)) == pytest.approx(radii, abs=1e-4)
     assert np.abs(place(ring, ring.origin_mm[None])) == pytest.approx(0.0)
     at, step = np.array([[45.0, 20.0]]), np.array([1e-5, 0.0])
-    squares = [radial(ring, at + sign * step)[0] ** 2 / 2 * ring.radius_mm**2 for sign in (1, -1)]
-    assert radial_slope(ring, at)[0, 0] == pytest.approx((squares[0] - squares[1]) / 2e-5, rel=1e-4)
+    nearer = [radial(ring, at + sign * step)[0] * ring.radius_mm for sign in (1, -1)]
+    assert edge_frame(ring, place(ring, at)).outwards.real == pytest.approx((nearer[0] - nearer[1]) / 2e-5, rel=1e-4)
 
 
 @pytest.mark.slow

@@ -74,19 +74,34 @@ def test_slopes_of_the_basis_are_differences_and_high_orders_end_in_their_zone(r
     q, h = 1 + 0.1 * np.random.default_rng(1).normal(size=20), 1e-6
     z = np.array([0.3 - 0.5j, 0.1 + 0.2j, 0.2 - 0.3j])
 
-    def at(moved: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
-        fields = multipole_series.electrode_fields(ring, q, moved, multipole_series.ORDERS + 1)
-        found = multipole_series.basis_and_slopes(ring, fields)
-        return list(rim_zone.ended(edge_frame(ring, moved), (0.33, 0.40), 3, *found))
+    strength = np.random.default_rng(2).normal(size=(3, multipole_series.ORDERS))
 
-    here, by_x, by_y = at(z)
+    def at(moved: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        fields = multipole_series.electrode_fields(ring, q, moved, multipole_series.ORDERS + 1)
+        parts = rim_zone.counted(edge_frame(ring, moved), multipole_series.ORDERS, ((0.33, 0.40), 3))
+        return multipole_series.signals(ring, fields, *parts, strength)
+
+    here, slopes = at(z)
     t = (np.hypot(0.2, 0.3) - 0.33) / (0.40 - 0.33)
     kept = np.ones((3, multipole_series.ORDERS))
     kept[:, 3:] = np.array([[0.0], [1.0], [1 - t**2 * (3 - 2 * t)]])
     whole = multipole_series.basis(*multipole_series.patterns(ring, q, z))
     np.testing.assert_allclose(here, whole * kept[:, None], rtol=1e-9, atol=1e-12)
-    for slope, way in ((by_x, h), (by_y, 1j * h)):
-        np.testing.assert_allclose(slope, (at(z + way)[0] - at(z - way)[0]) / (2 * h), atol=1e-6 * np.abs(slope).max())
+    for k, way in enumerate((h, 1j * h)):
+        change = multipole_series.combined(at(z + way)[0] - at(z - way)[0], strength) / (2 * h)
+        np.testing.assert_allclose(slopes[..., k], change, atol=1e-6 * np.abs(change).max())
+
+
+def test_norms_of_a_dipole_and_their_slopes_are_those_of_its_readings(ring: Ring) -> None:
+    z, h = np.array([0.3 - 0.5j, 0.1 + 0.2j]), 1e-6
+
+    def norms(moved: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return multipole_series.dipole_norms(ring, multipole_series.electrode_fields(ring, np.ones(20), moved, 2))
+
+    readings = multipole_series.basis(*multipole_series.patterns(ring, np.ones(20), z, 1))
+    np.testing.assert_allclose(norms(z)[0], np.linalg.norm(readings[..., 0], axis=1), rtol=1e-12)
+    slopes = np.column_stack([(norms(z + way)[0] - norms(z - way)[0]) / (2 * h) for way in (h, 1j * h)])
+    np.testing.assert_allclose(norms(z)[1], slopes, rtol=1e-6)
 
 
 def test_strengths_are_the_least_squares_ones(ring: Ring) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate.data.edge_frame import edge_frame
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series, polarization
 from surrogate.statistics import coefficient_process
@@ -56,11 +57,11 @@ def test_signals_of_a_bilinear_form_give_it_back(ring: Ring) -> None:
     truth = SharedProcess(np.zeros((1, 4)), np.array([2.6, 1.0, -1.5, 0.0]), np.array([1.0, 1.0, 0.5, 1.0]), weights)
     side = np.zeros(500)
     fields = multipole_series.electrode_fields(ring, ring.modes, z, polarization.RIM[0] + 1)
-    signal = polarization.effect(truth, ring, fields, z, punch, side).value * dipole[:, None]
+    signal = polarization.effect(truth, ring, fields, edge_frame(ring, z), punch, side).value * dipole[:, None]
     taught, asked = np.arange(400), np.arange(400, 500)
     learned = polarization.fit(ring, ring.modes, z[taught], punch[taught], side[taught], signal[taught],
                                dipole[taught], np.linalg.norm(signal[taught], axis=1))
-    effect = polarization.effect(learned, ring, fields[:, asked], z[asked], punch[asked], side[asked])
+    effect = polarization.effect(learned, ring, fields[:, asked], edge_frame(ring, z[asked]), punch[asked], side[asked])
     found = effect.value * dipole[asked, None]
     error = np.linalg.norm(found - signal[asked], axis=1) / np.linalg.norm(signal[asked], axis=1)
     print("relative error, median and largest:", np.median(error), error.max())
