@@ -165,14 +165,14 @@ def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tupl
     if found.punches is None:
         return answer.value, peak, np.stack([peak, peak])
     nodes, variance = _table_response(learner)
-    discrepancy = drawn(found.punches, variance)
+    discrepancy, k = drawn(found.punches, variance), found.broad
     mean, covariance = moments(drawn(found.punches, nodes))
-    own, widened = np.maximum(discrepancy.mean(axis=1), 0.0), np.maximum(found.misfit, 1.0)[:, None]
-    k = found.broad[:, None]
-    whole = np.where(k, np.sqrt(np.einsum("npp->np", covariance) * widened + own), peak)
+    own, widened = np.maximum(discrepancy.mean(axis=1), 0.0), np.maximum(found.misfit[k], 1.0)[:, None]
+    value, whole, sides = answer.value.copy(), peak.copy(), np.stack([peak, peak])
+    value[k], whole[k] = mean, np.sqrt(np.einsum("npp->np", covariance) * widened + own)
     likely = np.sqrt(one_sided(found.punches, nodes, mean) ** 2 * widened + own)
-    sides = np.where(k, np.maximum(likely, LEAST_SIDE * whole), peak)
-    return np.where(k, mean, answer.value), whole, sides
+    sides[:, k] = np.maximum(likely, LEAST_SIDE * whole[k])
+    return value, whole, sides
 
 
 @lru_cache(maxsize=8)

@@ -8,6 +8,9 @@ every punch whose likelihood, maximised over what else is unknown, is not too fa
 several punches share, the part that is cut off would always be that of the smallest or largest.
 """
 
+from __future__ import annotations
+
+import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -20,6 +23,7 @@ from surrogate.forward_map.inversion.multipole_location import Located
 from surrogate.forward_map.load_coordinates import force
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Index, Mask
+from touchcal.jit import compiled
 
 # Diameters of the table where none is known, and besides known ones; loads of each.
 DIAMETERS, OTHERS, LOADS = 48, 16, 96
@@ -64,6 +68,11 @@ class Posterior:
     # (2, n, D, G - 1) places on each interval, 0 to 1, between which its punches are likely; NaN where none is
     likely: Array
     cost: Array  # (n,) least squared distance of the strengths from the table's, in standard deviations
+
+    def some(self, rows: Mask) -> Posterior:
+        """Those of some frames."""
+        return Posterior(self.table, self.radial[rows], self.log_weight[rows], self.along[rows], self.spread[rows],
+                         self.likely[:, rows], self.cost[rows])
 
     @cached_property
     def draws(self) -> tuple[Index, Array]:
@@ -114,17 +123,13 @@ def _diameter_prior(forward: ForwardMap, others: int) -> Array:
 def posterior(table: Table, located: Located) -> Posterior:
     """Posterior of the punches of located touches."""
     radial = _radial(table, located.place_mm)
-    strengths = np.tensordot(radial, table.strengths, 1)
     nearest = np.abs(_square(table, located.place_mm)[:, None] - RADII).argmin(axis=1)
     # of the sum of both covariances, that of the signal in its inverse alone, which may be singular
-    known = (located.precision * np.outer(table.unit, table.unit))[:, None, None]
-    both = np.eye(len(table.unit)) + known @ table.covariance[nearest][:, :, :-1]
-    precision, size = np.linalg.solve(both, np.broadcast_to(known, both.shape)), np.linalg.slogdet(both)[1]
-    miss, step = strengths[:, :, :-1] - (located.strengths / table.unit)[:, None, None], np.diff(strengths, axis=2)
-    weighed = np.einsum("nijpq,nijq->nijp", precision, step, optimize=True)
-    curvature = np.maximum(np.sum(weighed * step, axis=-1), np.finfo(float).tiny)
-    best, width = -np.sum(weighed * miss, axis=-1) / curvature, 1 / np.sqrt(curvature)
-    cost = np.einsum("nijp,nijpq,nijq->nij", miss, precision, miss, optimize=True) - best**2 * curvature
+    part, axes = np.linalg.eigh(located.precision * np.outer(table.unit, table.unit))
+    root = np.ascontiguousarray((axes * np.sqrt(np.maximum(part, 0.0))[:, None]).transpose(0, 2, 1))
+    best, curvature, cost, size = _along_intervals(table.strengths, table.covariance, radial, nearest, root,
+                                                   located.strengths / table.unit)
+    width = 1 / np.sqrt(curvature)
     mass = _log_mass(-best / width, (1 - best) / width)
     log_weight = -0.5 * (cost + size) + mass + np.log(width) + table.log_prior
     log_weight -= log_weight.max(axis=(1, 2), keepdims=True)
@@ -132,6 +137,57 @@ def posterior(table: Table, located: Located) -> Posterior:
     nearest = cost + ((best - np.clip(best, 0, 1)) / width) ** 2
     likely = _likely(nearest, cost, size - 2 * table.log_diameter[:, None], best, width)
     return Posterior(table, radial, log_weight, *_truncated(best, width, mass), likely, nearest.min(axis=(1, 2)))
+
+
+@compiled
+def _along_intervals(strengths: Array, covariance: Array, radial: Array, nearest: Index, root: Array,
+                     located: Array) -> tuple[Array, Array, Array, Array]:
+    """Along each interval of the loads (n, D, G - 1), of the squared distance from located strengths (n, orders), of
+    precisions root' root: its least place, half its second derivative, its least value, and the logarithm of the
+    determinant of the covariance over the signal's, by the Cholesky factor of 1 + root covariance root'."""
+    n, (radii, diameters, loads, orders) = len(located), strengths.shape
+    best, curvature = np.empty((n, diameters, loads - 1)), np.empty((n, diameters, loads - 1))
+    cost, size = np.empty((n, diameters, loads - 1)), np.zeros((n, diameters, loads - 1))
+    half, factor = np.empty((orders, orders)), np.empty((orders, orders))
+    miss, step, seen = np.empty(orders), np.empty(orders), np.empty((2, orders))
+    for i in range(n):
+        for d in range(diameters):
+            for k in range(loads - 1):
+                for p in range(orders):
+                    miss[p], step[p] = -located[i, p], 0.0
+                    for r in range(radii):
+                        here = strengths[r, d, k, p]
+                        miss[p] += radial[i, r] * here
+                        step[p] += radial[i, r] * (strengths[r, d, k + 1, p] - here)
+                for p in range(orders):
+                    seen[0, p], seen[1, p] = 0.0, 0.0
+                    for q in range(orders):
+                        seen[0, p] += root[i, p, q] * miss[q]
+                        seen[1, p] += root[i, p, q] * step[q]
+                        half[p, q] = 0.0
+                        for r in range(orders):
+                            half[p, q] += root[i, p, r] * covariance[nearest[i], d, k, r, q]
+                for p in range(orders):
+                    for q in range(p + 1):
+                        whole = 1.0 if p == q else 0.0
+                        for r in range(orders):
+                            whole += half[p, r] * root[i, q, r]
+                        for r in range(q):
+                            whole -= factor[p, r] * factor[q, r]
+                        factor[p, q] = math.sqrt(whole) if p == q else whole / factor[q, q]
+                    size[i, d, k] += 2 * math.log(factor[p, p])
+                    for j in range(2):
+                        for r in range(p):
+                            seen[j, p] -= factor[p, r] * seen[j, r]
+                        seen[j, p] /= factor[p, p]
+                square, across, bent = 0.0, 0.0, 0.0
+                for p in range(orders):
+                    square += seen[0, p] ** 2
+                    across += seen[0, p] * seen[1, p]
+                    bent += seen[1, p] ** 2
+                bent = max(bent, 1e-300)
+                best[i, d, k], curvature[i, d, k], cost[i, d, k] = -across / bent, bent, square - across**2 / bent
+    return best, curvature, cost, size
 
 
 def _likely(nearest: Array, cost: Array, added: Array, best: Array, width: Array) -> Array:

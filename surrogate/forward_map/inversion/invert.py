@@ -78,7 +78,7 @@ class Inversion:
     misfit: Array  # (n,) squared residual over what noise and the map's error explain, a degree of freedom
     inside: Mask  # (n,) whether the solution's radius, d and F lie among those of the training touches
     broad: Mask  # (n,) whether d and F are the mean over the posterior of punches rather than its peak
-    punches: Posterior | None  # that posterior; None for touches that are read without it
+    punches: Posterior | None  # that posterior, of those touches; None where there is none
     below: Array  # (n, 4) one-sided standard deviations of the touch, towards smaller values
     above: Array  # (n, 4) and towards larger ones
 
@@ -90,27 +90,26 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drif
     norm = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
     interior = forward.floor * np.sqrt(forward.ring.copies)
     located = locate(forward, signal, np.hypot(noise_V, interior * norm), drift)
-    punches = posterior(make_table(forward), located)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
     usual = noise_floor(forward, near) * norm
     short = _descend(forward, signal, reading_covariance.white(np.hypot(noise_V, usual), drift),
-                     _starts(forward, signal, located, punches), SHORT)
+                     _starts(forward, signal, located), SHORT)
     start = _unknown(forward, _best(short, len(signal), 1).state)
     size = signal_size(forward, start)
     floor = noise_floor(forward, start) * size
     sd = reading_covariance.at(forward, start, size, noise_V, drift)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
     free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
-    found = _bounded(forward, _inversion(forward, free, punches, noise_V))
+    found = _bounded(forward, _inversion(forward, free, noise_V))
     # the signals whose size is not their norm, as where the dipole vanishes, are less sure than foreseen
     less = np.hypot(noise_V, interior * norm) / np.hypot(noise_V, interior * size)
     located = replace(located, precision=located.precision * (less**2)[:, None, None])
-    found = _without_rim(forward, signal, found, located, np.hypot(noise_V, floor), drift)
+    found = _with_punches(forward, signal, found, located, np.hypot(noise_V, floor), drift)
     rest = np.flatnonzero(~found.broad)
     if len(forward.known_mm) and len(rest):
         tried = _rows(branches, (rest[:, None] * BRANCHES + np.arange(BRANCHES)).ravel())
         selected = _selected(forward, signal[rest], of(sd, rest), _rows(free, rest), tried)
-        known = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, punches, noise_V), selected))
+        known = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, noise_V), selected))
         found = _with_rows(found, known, rest)
     return _along_ridge(forward, found)
 
@@ -136,7 +135,8 @@ def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, 
     frames = np.repeat(np.arange(len(signal)), len(state) // len(signal))
     discrepancy = strength_discrepancy(forward, _unknown(forward, state))
     return minimise(lambda s, which: _residuals(forward, signal[frames[which]], of(sd, frames[which]),
-                                                discrepancy[which], s), state, steps, lambda s: _within(forward, s))
+                                                discrepancy[which], s), state, steps, lambda s: _within(forward, s),
+                    frames)
 
 
 def _best(ends: Minimum, frames: int, most: int) -> Minimum:
@@ -158,7 +158,8 @@ def _selected(forward: ForwardMap, signal: Array, sd: Uncertainty, free: Minimum
 
     start = _within(forward, known_diameters.starts(branches, log_d).reshape(len(worth), -1))
     discrepancy = strength_discrepancy(forward, _unknown(forward, start[worth]))
-    tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state))
+    punch = np.tile(np.arange(len(log_d)), len(branches.cost))[worth]
+    tried = minimise(residuals, start[worth], HELD, lambda state: _within(forward, state), frames * len(log_d) + punch)
     ends = known_diameters.filled(tried, worth, start)
     return known_diameters.select(free, ends, len(log_d), 1 / (forward.rows + 2))
 
@@ -191,43 +192,49 @@ def _bounded(forward: ForwardMap, found: Inversion) -> Inversion:
     return replace(found, touch=touch, material=mean[:, 4:], inside=within_bounds(forward, touch))
 
 
-def _without_rim(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array,
-                 drift: Drift) -> Inversion:
-    """With the posterior of punches of signals less what the rim adds to them at the peak, and where it may speak: not
+def _with_punches(forward: ForwardMap, signal: Array, found: Inversion, located: Located, sd: Array,
+                  drift: Drift) -> Inversion:
+    """With the posterior of punches where it may speak, of signals less what the rim adds to them at the peak: not
     there where punches are known, since what the rim adds tells these from each other."""
-    unknown, usable = to_unknown(found.touch, forward.p0), found.broad.copy()
-    near = np.flatnonzero(reaches(forward, place(forward.ring, unknown)))
-    if len(near):
+    unknown = to_unknown(found.touch, forward.p0)
+    reached = reaches(forward, place(forward.ring, unknown))
+    usable, near = ~reached, np.flatnonzero(reached)
+    if len(near) and not len(forward.known_mm):
         added = added_by_rim(forward, unknown[near])
-        usable[near] &= np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
-        usable[near] &= len(forward.known_mm) == 0
+        small = np.linalg.norm(added, axis=1) < RIM_PART * np.linalg.norm(signal[near], axis=1)
+        near, added = near[small], added[small]
+        usable[near] = True
         again = locate(forward, signal[near] - added, sd[near], drift)
         located = Located(located.place_mm.copy(), located.strengths.copy(), located.precision.copy())
         located.place_mm[near], located.strengths[near], located.precision[near] = (
             again.place_mm, again.strengths, again.precision)
-    punches = posterior(make_table(forward), located)
-    return replace(found, punches=punches, broad=usable & resolved(punches))
+    if not np.any(usable):
+        return replace(found, broad=usable)
+    punches = posterior(make_table(forward), located.some(usable))
+    tells = resolved(punches)
+    usable[usable] = tells
+    return replace(found, punches=punches.some(tells) if np.any(tells) else None, broad=usable)
 
 
 def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
     """With d and F over the posterior of punches where that may speak, and one-sided standard deviations; a punch among
     the trained ones fits there, wherever about an end of their range the peak lies."""
-    assert found.punches is not None
-    nodes, k = found.punches.table.touch[None], found.broad
-    mean, covariance = moments(drawn(found.punches, nodes))
-    widened = np.maximum(found.misfit, 1.0)[:, None]
+    widened, k = np.maximum(found.misfit, 1.0)[:, None], found.broad
     touch, spread = found.touch.copy(), found.covariance.copy()
-    touch[k, 2:] = mean[k]
-    spread[k, :2, 2:], spread[k, 2:, :2] = 0.0, 0.0
-    spread[k, 2:, 2:] = covariance[k] * widened[k, :, None]
     sides = np.repeat(np.sqrt(np.einsum("npp->np", spread))[None], 2, axis=0)
-    sides[:, k, 2:] = np.maximum(one_sided(found.punches, nodes, mean) * np.sqrt(widened), LEAST_SIDE * sides[..., 2:]
-                                 )[:, k]
+    if found.punches is not None:
+        nodes = found.punches.table.touch[None]
+        mean, covariance = moments(drawn(found.punches, nodes))
+        touch[k, 2:] = mean
+        spread[k, :2, 2:], spread[k, 2:, :2] = 0.0, 0.0
+        spread[k, 2:, 2:] = covariance * widened[k, :, None]
+        least = LEAST_SIDE * np.sqrt(np.einsum("npp->np", spread[k, 2:, 2:]))
+        sides[:, k, 2:] = np.maximum(one_sided(found.punches, nodes, mean) * np.sqrt(widened[k]), least)
     inside = within_bounds(forward, touch)
     return replace(found, touch=touch, covariance=spread, inside=inside, below=sides[0], above=sides[1])
 
 
-def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noise_V: float) -> Inversion:
+def _inversion(forward: ForwardMap, end: Minimum, noise_V: float) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
     misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1])
@@ -237,7 +244,7 @@ def _inversion(forward: ForwardMap, end: Minimum, punches: Posterior, noise_V: f
     peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
     covariance = peak.joint[:, :4, :4]
     return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, within_bounds(forward, touch),
-                     np.ones(len(touch), bool), punches, np.zeros_like(touch), np.zeros_like(touch))
+                     np.zeros(len(touch), bool), None, np.zeros_like(touch), np.zeros_like(touch))
 
 
 def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
@@ -264,15 +271,17 @@ def _carried(slope: Array, covariance: Array) -> Array:
     return slope @ covariance @ slope.transpose(0, 2, 1)
 
 
-def _starts(forward: ForwardMap, signal: Array, located: Located, punches: Posterior) -> Array:
+def _starts(forward: ForwardMap, signal: Array, located: Located) -> Array:
     """(n BANDS, 4 + discrepancies) states with the most probable punch of each band of loads at the located places; of
     each band the touch whose foreseen signal is closest where that place is near the rim."""
-    chosen = starts(punches, BANDS)
-    unknown = np.empty((len(chosen), BANDS, 4))
-    unknown[..., :2] = located.place_mm[:, None]
-    unknown[..., 2], unknown[..., 3] = np.log(chosen[..., 0]), chosen[..., 1]
-    near = radial(forward.ring, located.place_mm) > forward.interior
-    if electrode_correction.teaches(forward.beside.rim) and np.any(near):
+    unknown = np.empty((len(signal), BANDS, 4))
+    near = electrode_correction.teaches(forward.beside.rim) & (
+        radial(forward.ring, located.place_mm) > forward.interior)
+    if not np.all(near):
+        chosen = starts(posterior(make_table(forward), located.some(~near)), BANDS)
+        unknown[~near, :, :2] = located.place_mm[~near, None]
+        unknown[~near, :, 2], unknown[~near, :, 3] = np.log(chosen[..., 0]), chosen[..., 1]
+    if np.any(near):
         unknown[near] = rim_starts(forward, signal[near], located.place_mm[near], BANDS)
     scaled = (unknown.reshape(-1, 4) - forward.mean) / forward.sd
     return np.column_stack([scaled, np.zeros((len(scaled), forward.discrepancies))])

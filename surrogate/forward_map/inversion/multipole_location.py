@@ -1,5 +1,7 @@
 """Where a touch is and how strong its multipoles are, before asking which punch made them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -35,6 +37,10 @@ class Located:
     strengths: Array  # (n, orders) p_n, V, by the signal alone
     precision: Array  # (n, orders, orders) inverse of their covariance by the signal alone, singular where it is silent
 
+    def some(self, rows: Mask) -> Located:
+        """Those of some frames."""
+        return Located(self.place_mm[rows], self.strengths[rows], self.precision[rows])
+
 
 def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Located:
     """Fit place and free strengths to signals (n, readings) of standard deviation sd (n,) a reading, V, and a drift.
@@ -57,7 +63,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Locat
     linear = jacobian[..., 2:]
     start[:, 2:] -= (np.linalg.pinv(linear) @ residual[..., None])[..., 0]
     found = minimise(residuals, start, STEPS,
-                     lambda state: np.column_stack([on_skin(forward, state[:, :2]), state[:, 2:]]))
+                     lambda state: np.column_stack([on_skin(forward, state[:, :2]), state[:, 2:]]), frames)
     best = np.argmin(found.cost.reshape(-1, PLACES), axis=1) + PLACES * np.arange(len(signal))
     state, normal = found.state[best], found.normal[best]
     # the place marginalised

@@ -171,12 +171,34 @@ def test_steps_that_raise_the_cost_are_not_taken() -> None:
     assert held.state[0, 0] == pytest.approx(0.5)
 
 
+def test_starts_of_one_problem_that_meet_end_as_one() -> None:
+    """Of four starts the first two and the last are of one problem; one of the first two is asked no more after they
+    met, the last ends in another minimum."""
+    asked: list[np.ndarray] = []
+
+    def residuals(state: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(which)
+        return 1e3 * (state**2 - 4), 2e3 * state[:, :, None]
+
+    start = np.array([[3.0], [2.5], [2.6], [-1.0]])
+    alone = levenberg_marquardt.minimise(residuals, start, 50)
+    whole, _ = np.concatenate(asked), asked.clear()
+    found = levenberg_marquardt.minimise(residuals, start, 50, problem=np.array([0, 0, 1, 0]))
+    assert np.allclose(alone.state.ravel(), [2, 2, 2, -2], atol=1e-6)
+    assert np.allclose(found.state, alone.state, atol=1e-6)
+    assert found.state[0] == found.state[1] != found.state[2]
+    counts = [np.bincount(which, minlength=4) for which in (whole, np.concatenate(asked))]
+    assert counts[1][:2].sum() < counts[0][:2].sum()
+    assert np.array_equal(counts[1][2:], counts[0][2:])
+
+
 def test_a_damped_step_is_that_of_marquardt() -> None:
     """(J'J + d diag(J'J))^-1 J'r."""
     rng = np.random.default_rng(6)
     residual, jacobian, damping = rng.normal(size=(2, 4)), rng.normal(size=(2, 4, 3)), np.array([0.0, 0.7])
-    for r, j, d, step in zip(residual, jacobian, damping, levenberg_marquardt._step(residual, jacobian, damping),
-                             strict=True):
+    turned = jacobian.transpose(0, 2, 1)
+    steps = levenberg_marquardt._step((turned @ residual[..., None])[..., 0], turned @ jacobian, damping)
+    for r, j, d, step in zip(residual, jacobian, damping, steps, strict=True):
         assert step == pytest.approx(np.linalg.solve(j.T @ j + d * np.diag(np.diag(j.T @ j)), j.T @ r))
 
 
