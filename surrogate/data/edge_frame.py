@@ -20,7 +20,7 @@ class EdgeFrame:
     outwards: Complex  # (n,) unit direction towards that edge, along which `radial` grows: z / |z| on a disc
     turn: Array  # (n, 2) derivatives of the angle of that direction by x and y; 0 along a straight edge
 
-    def some(self, kept: Index) -> EdgeFrame:
+    def some(self, kept: Index | slice) -> EdgeFrame:
         """Those of some places."""
         return EdgeFrame(self.z[kept], self.radial[kept], self.outwards[kept], self.turn[kept])
 

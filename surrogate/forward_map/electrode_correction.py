@@ -78,20 +78,23 @@ def _axes(folded: Array) -> Array:
     return axes[:int(np.argmax(left < LEFT_OUT)) + 1]
 
 
-def effect(rim: RimEffect, ring: Ring, z: Complex, punch: Array, side: Array) -> Effect:
-    """The effect over the size of the strengths and the norm of the dipole's pattern, at places z (n,) that it reaches,
-    (log d, g) (n, 2) and sides of the step (n,)."""
+def effect(rim: RimEffect, ring: Ring, z: Complex, punch: Array, side: Array,
+           dipole: tuple[Array, Array] | None = None) -> Effect:
+    """The effect over the size of the strengths, at places z (n,) that it reaches, (log d, g) (n, 2) and sides of the
+    step (n,), where the dipole's pattern has these norms (n,) and slopes (n, 2) of them; over that norm without."""
     place, chosen = fold(rim.symmetry, z)
-    mean, by_input = matern_process.predict(rim.process, _inputs(ring, place, punch, side))
+    mean, by_input = matern_process.predict(rim.process, _inputs(ring, place, punch, side), OF_STEP + 1)
     half = half_width(ring, punch[:, 0])
     felt = log_gap(np.abs(place), half)[1]
     turn = rim.symmetry.turn[chosen]
     by_y = np.where(rim.symmetry.mirrored[chosen], -1j, 1j) * turn
     along = np.stack([_input_slope(place, felt, turn), _input_slope(place, felt, by_y)], axis=2)
-    slope = np.concatenate([np.einsum("nki,nij->nkj", by_input[..., 2:5], along), by_input[..., :2]], axis=2)
-    slope[..., 2] -= by_input[..., 4] * (felt * half)[:, None]
-    directions = rim.directions[chosen]
-    return Effect((directions @ mean[..., None])[..., 0], directions @ slope)
+    whole = np.concatenate([mean[..., None], by_input[..., 2:5] @ along, by_input[..., :2]], axis=2)
+    whole[..., 3] -= by_input[..., 4] * (felt * half)[:, None]
+    if dipole is not None:
+        whole *= dipole[0][:, None, None]
+        whole[..., 1:3] += mean[..., None] * dipole[1][:, None]
+    return Effect(rim.directions[chosen] @ whole)
 
 
 def without(rim: RimEffect, ring: Ring, kept: Mask) -> RimEffect:

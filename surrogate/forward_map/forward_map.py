@@ -125,12 +125,25 @@ class ForwardMap:
 class Linearised:
     """The map and its derivatives at touches given as (x, y, log d, g)."""
 
-    signal_V: Array  # (n, readings) signal, V
-    jacobian: Array  # (n, readings, 4) derivative, V per unit of each
-    # (n, readings, discrepancies) derivative along each strength times that strength's standard deviation, along the
-    # signal times the simulator's relative error, by x and y times the shift of the series, then along each state of
-    # the material, V
-    discrepancy: Array
+    # (n, readings, 5 + discrepancies) signal, V, its derivatives, V per unit of each, and those by the discrepancies:
+    # along each strength times that strength's standard deviation, along the signal times the simulator's relative
+    # error, by x and y times the shift of the series, then along each state of the material, V
+    columns: Array
+
+    @property
+    def signal_V(self) -> Array:
+        """(n, readings) signal, V."""
+        return self.columns[..., 0]
+
+    @property
+    def jacobian(self) -> Array:
+        """(n, readings, 4) derivatives, V per unit of each."""
+        return self.columns[..., 1:5]
+
+    @property
+    def discrepancy(self) -> Array:
+        """(n, readings, discrepancies) derivatives by the discrepancies, V."""
+        return self.columns[..., 5:]
 
 
 def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None,
@@ -319,45 +332,31 @@ def _bounds(ring: Ring, touch: Array) -> Array:
 def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = None) -> Linearised:
     """Signal, derivatives and discrepancy of the map at touches (n, 4) given as (x, y, log d, g); `discrepancy`
     (n, orders) is that of the strengths, `strength_discrepancy` there or, cheaper, close by."""
-    here = signal_and_slope(forward, unknown)
-    sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
-    along = here.base * (here.size * sd)[:, None]
-    scale = simulator_error.at(forward.simulator, _gap(forward.ring, here.frame, unknown))
-    taught = rim_correction.teaches(forward.beside)
-    inner = np.ones(len(unknown)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
-        here.frame.radial, forward.zones.learned if taught else forward.zones.high_end)
-    shift = here.jacobian[..., :2] * (forward.shift_mm * inner)[:, None, None]
-    whole = (here.signal_V * scale[:, None])[..., None]
-    return Linearised(here.signal_V, here.jacobian, np.concatenate([along, whole, shift, here.by_card], axis=2))
-
-
-@dataclass(frozen=True)
-class _Signal:
-    signal_V: Array  # (n, readings) V
-    jacobian: Array  # (n, readings, 4) derivatives by (x, y, log d, g)
-    by_card: Array  # (n, readings, k) derivatives by the material
-    base: Array  # (n, readings, orders) signals of strengths of 1
-    size: Array  # (n, 1) size of the strengths, V
-    frame: EdgeFrame
-
-
-def signal_and_slope(forward: ForwardMap, unknown: Array) -> _Signal:
-    """As `linearise`, without the discrepancies."""
     z = place(forward.ring, unknown)
     fields, frame = forward.fields(z), edge_frame(forward.ring, z)
-    found = _strengths(forward, frame, unknown)
+    found, orders = _strengths(forward, frame, unknown), len(forward.strengths)
+    sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
     base, moved = series_signals(forward, fields, frame, found.value, forward.beside.replaces)
-    jacobian = base @ found.slope
-    jacobian[..., :2] += moved / forward.ring.radius_mm
-    signal, by_card = multipole_series.combined(base, found.value), base @ found.by_card
-    near = np.flatnonzero(_reached(forward, frame))
-    if len(near):
-        added, added_slope = _near_rim(forward, fields[:, near], frame.some(near), found.size[near],
-                                       found.size_slope[near], unknown[near])
-        signal[near] += added
-        jacobian[near] += added_slope
-        by_card[near] += added[..., None] * found.size_by_card
-    return _Signal(signal, jacobian, by_card, base, found.size[:, None], frame)
+    by = np.zeros((len(z), orders, 5 + forward.discrepancies))
+    by[..., 0], by[..., 1:5], by[..., 5 + forward.own:] = found.value, found.slope, found.by_card
+    np.einsum("npp->np", by[..., 5:5 + orders])[...] = found.size[:, None] * sd
+    columns = base @ by
+    columns[..., 1:3] += moved / forward.ring.radius_mm
+    near = _reached(forward, frame)
+    if np.any(near):
+        some = slice(None) if np.all(near) else np.flatnonzero(near)
+        added, added_slope = _near_rim(forward, fields[:, some], frame.some(some), found.size[some],
+                                       found.size_slope[some], unknown[some])
+        columns[some, :, 0] += added
+        columns[some, :, 1:5] += added_slope
+        columns[some, :, 5 + forward.own:] += added[..., None] * found.size_by_card
+    taught = rim_correction.teaches(forward.beside)
+    inner = np.ones(len(unknown)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
+        frame.radial, forward.zones.learned if taught else forward.zones.high_end)
+    scale = simulator_error.at(forward.simulator, _gap(forward.ring, frame, unknown))
+    columns[..., 5 + orders] = columns[..., 0] * scale[:, None]
+    columns[..., 6 + orders:8 + orders] = columns[..., 1:3] * (forward.shift_mm * inner)[:, None, None]
+    return Linearised(columns)
 
 
 def added_by_rim(forward: ForwardMap, unknown: Array) -> Array:
@@ -366,7 +365,8 @@ def added_by_rim(forward: ForwardMap, unknown: Array) -> Array:
     frame = edge_frame(forward.ring, z)
     found = _strengths(forward, frame, unknown)
     series = series_signals(forward, forward.fields(z), frame, found.value)[0]
-    return signal_and_slope(forward, unknown).signal_V - multipole_series.combined(series, found.value)
+    return linearise(forward, unknown, np.zeros_like(found.value)).signal_V - multipole_series.combined(
+        series, found.value)
 
 
 def series_signals(forward: ForwardMap, fields: Complex, frame: EdgeFrame, strength: Array,
@@ -403,23 +403,13 @@ def _near_rim(forward: ForwardMap, fields: Complex, frame: EdgeFrame, size: Arra
               unknown: Array) -> tuple[Array, Array]:
     """The signal by polarization and the electrodes' metal as far as it counts, and its derivatives by (x, y, log d,
     g)."""
-    punch, zone, fitted = unknown[:, 2:], forward.zones.learned, forward.beside
+    punch, fitted = unknown[:, 2:], forward.beside
     side = change_point.side(_gap(forward.ring, frame, unknown), fitted.step)
     effect = polarization.effect(fitted.polarization, forward.ring, fields, frame, punch, side)
-    answer = polarization.counted(effect, frame, zone)
-    if not electrode_correction.teaches(fitted.rim):
-        by_unknown = answer.slope / np.array([forward.ring.radius_mm, forward.ring.radius_mm, 1.0, 1.0])
-        return answer.value * size[:, None], (by_unknown * size[:, None, None]
-                                              + answer.value[..., None] * size_slope[:, None])
-    metal = polarization.counted(electrode_correction.effect(fitted.rim, forward.ring, frame.z, punch, side), frame,
-                                 zone)
-    norm, by_place = multipole_series.dipole_norms(fitted.rim.whole, fields)
-    norm_slope = np.column_stack([by_place / forward.ring.radius_mm, np.zeros_like(by_place)])
-    whole = answer.value + metal.value * norm[:, None]
-    by_unknown = answer.slope + metal.slope * norm[:, None, None]
-    by_unknown[..., :2] /= forward.ring.radius_mm
-    by_unknown += metal.value[..., None] * norm_slope[:, None]
-    return whole * size[:, None], by_unknown * size[:, None, None] + whole[..., None] * size_slope[:, None]
+    if electrode_correction.teaches(fitted.rim):
+        dipole = multipole_series.dipole_norms(fitted.rim.whole, fields)
+        effect.parts[:] += electrode_correction.effect(fitted.rim, forward.ring, frame.z, punch, side, dipole).parts
+    return polarization.counted(effect, frame, forward.zones.learned, forward.ring, size, size_slope)
 
 
 def places_at(forward: ForwardMap, radii: Array) -> Array:

@@ -20,7 +20,8 @@ from surrogate.forward_map.rim_zone import Zone, part_at, part_slope
 from surrogate.statistics import coefficient_process
 from surrogate.statistics.coefficient_process import SharedProcess
 from surrogate.statistics.gaussian_process import spread_evenly
-from touchcal.arrays import Array, Complex
+from touchcal.arrays import Array, Complex, Index
+from touchcal.jit import compiled
 
 # Orders of the series near the rim of a disc, where what the electrodes add is learned, too, and near edges of an
 # outline, and nodes of their coefficients, two for each pair of orders.
@@ -37,8 +38,12 @@ LENGTHS, STEP = np.array([6.0, 1.0, 1.0]), 2.0
 class Effect:
     """What is added to a signal, over the size of the strengths or another size."""
 
-    value: Array  # (n, readings)
-    slope: Array  # (n, readings, 4) derivative by (x / R, y / R, log d, g)
+    parts: Array  # (n, readings, 5) the effect and its derivatives by (x / R, y / R, log d, g)
+
+    @property
+    def value(self) -> Array:
+        """(n, readings) the effect."""
+        return self.parts[..., 0]
 
 
 def zero_correction() -> SharedProcess:
@@ -81,16 +86,12 @@ def effect(process: SharedProcess, ring: Ring, fields: Complex, frame: EdgeFrame
     form, by_form = _form(mean * scale), _form((gradient * scale[..., None]) @ _along(frame, half))
     by_form[:, 2] -= 2 * form
     series, by_series = _series(fields, frame, half, form.shape[1] // 2)
-    left = series @ form
-    value = _readings(ring, left @ series.transpose(0, 2, 1))
-    slopes = []
-    for q in range(4):
-        moved = series @ by_form[:, q] @ series.transpose(0, 2, 1)
-        if q < 3:
-            turned = left @ by_series[q].transpose(0, 2, 1)
-            moved += turned + turned.transpose(0, 2, 1)
-        slopes.append(_readings(ring, moved))
-    return Effect(value, np.stack(slopes, axis=2))
+    back, left = series.transpose(0, 2, 1)[:, None], (series @ form)[:, None]
+    tables = np.concatenate([left, series[:, None] @ by_form], axis=1) @ back
+    turned = left @ by_series.transpose(1, 0, 3, 2)
+    tables[:, 1:4] += turned
+    tables[:, 1:4] += turned.transpose(0, 1, 3, 2)
+    return Effect(_readings(tables, ring.source, ring.sink, ring.read, ring.ground))
 
 
 def _along(frame: EdgeFrame, half: Array) -> Array:
@@ -115,19 +116,42 @@ def _form(coefficients: Array) -> Array:
     return out[:, 0] if coefficients.ndim == 2 else out
 
 
-def _readings(ring: Ring, table: Array) -> Array:
-    """(n, readings) of tables (n, electrodes, electrodes) of driving by reading electrodes."""
-    flat, count = table.reshape(len(table), -1), table.shape[1]
-    plus = flat[:, ring.source * count + ring.read] + flat[:, ring.sink * count + ring.ground]
-    return plus - flat[:, ring.source * count + ring.ground] - flat[:, ring.sink * count + ring.read]
+@compiled
+def _readings(tables: Array, source: Index, sink: Index, read: Index, ground: Index) -> Array:
+    """(n, readings, k) of tables (n, k, electrodes, electrodes) of driving by reading electrodes."""
+    count, each = tables.shape[:2]
+    out = np.empty((count, len(source), each))
+    for i in range(count):
+        for r in range(len(source)):
+            for k in range(each):
+                table = tables[i, k]
+                out[i, r, k] = (table[source[r], read[r]] + table[sink[r], ground[r]]
+                                - table[source[r], ground[r]] - table[sink[r], read[r]])
+    return out
 
 
-def counted(effect: Effect, frame: EdgeFrame, zone: Zone) -> Effect:
-    """The part of an effect at some places that counts, as it sets in within a zone."""
-    part = part_at(frame.radial, zone)
-    slope = effect.slope * part[:, None, None]
-    slope[..., :2] += effect.value[..., None] * part_slope(frame, zone)[:, None]
-    return Effect(effect.value * part[:, None], slope)
+def counted(effect: Effect, frame: EdgeFrame, zone: Zone, ring: Ring, size: Array,
+            size_slope: Array) -> tuple[Array, Array]:
+    """What an effect over sizes (n,) of slopes (n, 4), by (x, y, log d, g), adds to signals and slopes, as far as it
+    counts within a zone."""
+    slope = part_slope(frame, zone) / ring.radius_mm
+    return _counted(effect.parts, ring.radius_mm, part_at(frame.radial, zone), slope, size, size_slope)
+
+
+@compiled
+def _counted(parts: Array, radius_mm: float, part: Array, part_slope: Array, size: Array,
+             size_slope: Array) -> tuple[Array, Array]:
+    count, readings = parts.shape[:2]
+    value, slope = np.empty((count, readings)), np.empty((count, readings, 4))
+    for i in range(count):
+        for r in range(readings):
+            value[i, r] = parts[i, r, 0] * part[i] * size[i]
+            for q in range(4):
+                slope[i, r, q] = parts[i, r, 1 + q] * part[i] * size[i] / (radius_mm if q < 2 else 1.0)
+                slope[i, r, q] += parts[i, r, 0] * part[i] * size_slope[i, q]
+            for q in range(2):
+                slope[i, r, q] += parts[i, r, 0] * part_slope[i, q] * size[i]
+    return value, slope
 
 
 def half_width(ring: Ring, log_d: Array) -> Array:

@@ -177,7 +177,10 @@ def spread_evenly(n: int, most: int) -> Index:
 
 def squared_distance(a: Array, b: Array) -> Array:
     """(n, m) |a - b|^2 of inputs (n, q) and (m, q)."""
-    return np.maximum(np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2 * a @ b.T, 0.0)
+    found = (-2 * a) @ b.T
+    found += np.sum(a**2, axis=1)[:, None]
+    found += np.sum(b**2, axis=1)
+    return np.maximum(found, 0.0, out=found)
 
 
 def squared_exponential(a: Array, b: Array) -> Array:

@@ -25,6 +25,12 @@ class Matern:
     weights: Array  # (k, outputs)
 
     @cached_property
+    def table(self) -> Array:
+        """(q + 2, k) what makes 5 |x/l - node|^2 of inputs x/l, their square and 1, all from the first node."""
+        nodes = (self.nodes - self.nodes[0]).T
+        return 5 * np.vstack([-2 * nodes, np.ones(nodes.shape[1]), np.sum(nodes**2, axis=0)])
+
+    @cached_property
     def moments(self) -> Array:
         """(k, (1 + q) outputs) weights, then these times each input of the nodes, from the first one."""
         return np.hstack([self.weights, *(column[:, None] * self.weights for column in (self.nodes - self.nodes[0]).T)])
@@ -45,17 +51,22 @@ def log_evidence(x: Array, y: Array, noise: float) -> float:
     return -_cost(factor, y, cho_solve((factor, True), y))[0]
 
 
-def predict(process: Matern, x: Array) -> tuple[Array, Array]:
-    """Mean (n, outputs) and its gradient (n, outputs, q) at x (n, q)."""
-    x = x / process.lengths
-    root = _root(x, process.nodes)
-    decay = np.exp(-root)
-    mean = ((1 + root + root**2 / 3) * decay) @ process.weights
-    along = (-5 / 3 * (1 + root) * decay) @ process.moments
-    whole, *each = np.split(along, 1 + x.shape[1], axis=1)
-    x = x - process.nodes[0]
-    gradient = [(x[:, j, None] * whole - each[j]) / length for j, length in enumerate(process.lengths)]
-    return mean, np.stack(gradient, axis=2)
+def predict(process: Matern, x: Array, moving: int | None = None) -> tuple[Array, Array]:
+    """Mean (n, outputs) and its gradient (n, outputs, q) at x (n, q), or by so many of the first inputs."""
+    x, count, outputs = x / process.lengths - process.nodes[0], moving or x.shape[1], process.weights.shape[1]
+    root = np.column_stack([x, np.sum(x**2, axis=1), np.ones(len(x))]) @ process.table
+    np.sqrt(np.maximum(root, 0.0, out=root), out=root)
+    decay = np.negative(root)
+    np.exp(decay, out=decay)
+    grown = root + 1
+    grown *= decay
+    root *= root
+    root *= decay
+    root /= 3
+    root += grown  # (1 + root + root^2 / 3) exp(-root)
+    mean, along = root @ process.weights, (grown @ process.moments[:, :(1 + count) * outputs]) * (-5 / 3)
+    along = along.reshape(len(x), 1 + count, outputs).transpose(0, 2, 1)
+    return mean, (x[:, None, :count] * along[..., :1] - along[..., 1:]) / process.lengths[:count]
 
 
 def _root(a: Array, b: Array) -> Array:

@@ -19,7 +19,6 @@ from surrogate.forward_map.forward_map import (
     noise_floor,
     place,
     reaches,
-    signal_and_slope,
     signal_size,
     strength_discrepancy,
     within_bounds,
@@ -251,7 +250,8 @@ def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
     """(n, 4, 4) covariance of the scaled touches were the map exact; 0 without noise that exceeds rounding."""
     if noise_V < _ROUNDING_V:
         return np.zeros((len(unknown), 4, 4))
-    slope = signal_and_slope(forward, unknown).jacobian * forward.sd / noise_V
+    here = linearise(forward, unknown, np.zeros((len(unknown), len(forward.strengths))))
+    slope = here.jacobian * forward.sd / noise_V
     return inverse(slope.transpose(0, 2, 1) @ slope + np.eye(4))
 
 
@@ -291,12 +291,12 @@ def _residuals(forward: ForwardMap, signal: Array, sd: Uncertainty, discrepancy:
                state: Array) -> tuple[Array, Array]:
     """Residuals (n, readings + p) and Jacobian (n, readings + p, p), p = 4 + discrepancies: whitened readings, then
     prior and discrepancies."""
-    here = linearise(forward, _unknown(forward, state), discrepancy)
-    misfit = here.signal_V + combined(here.discrepancy, state[:, 4:]) - signal
-    both = whitened(sd, np.concatenate([misfit[..., None], here.jacobian * forward.sd, here.discrepancy], axis=2))
-    misfit, jacobian = both[..., 0], both[..., 1:]
+    columns = linearise(forward, _unknown(forward, state), discrepancy).columns
+    columns[..., 0] += combined(columns[..., 5:], state[:, 4:]) - signal
+    columns[..., 1:5] *= forward.sd
+    both = whitened(sd, columns)
     identity = np.broadcast_to(np.eye(state.shape[1]), (len(state), state.shape[1], state.shape[1]))
-    return np.column_stack([misfit, state]), np.concatenate([jacobian, identity], axis=1)
+    return np.column_stack([both[..., 0], state]), np.concatenate([both[..., 1:], identity], axis=1)
 
 
 def _unknown(forward: ForwardMap, state: Array) -> Array:

@@ -97,8 +97,9 @@ def _shared(forward: ForwardMap, unknown: Array, gaps: Array) -> tuple[Array, Ar
 
 def whitened(sd: Uncertainty, values: Array) -> Array:
     """Values (n, readings, q) in V times the inverse root of the covariance."""
-    off = sd.axes @ (sd.shrink[..., None] * (sd.axes.transpose(0, 2, 1) @ values))
-    return (values - off) / sd.white[:, None, None]
+    left = values - sd.axes @ (sd.shrink[..., None] * (sd.axes.transpose(0, 2, 1) @ values))
+    left /= sd.white[:, None, None]
+    return left
 
 
 def of(sd: Uncertainty, frames: Index) -> Uncertainty:
