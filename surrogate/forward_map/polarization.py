@@ -10,6 +10,7 @@ the electrodes' own metal changes is left to `surrogate.forward_map.electrode_co
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -83,7 +84,8 @@ def effect(process: SharedProcess, ring: Ring, fields: Complex, frame: EdgeFrame
     half = half_width(ring, punch[:, 0])
     mean, gradient = coefficient_process.predict(process, _inputs(frame, punch, side, half))
     scale = half[:, None] ** -2
-    form, by_form = _form(mean * scale), _form((gradient * scale[..., None]) @ _along(frame, half))
+    along = (_along(frame, half) * scale[..., None]).transpose(0, 2, 1)
+    form, by_form = _form(mean * scale), _form(along @ gradient.transpose(0, 2, 1))
     by_form[:, 2] -= 2 * form
     series, by_series = _series(fields, frame, half, form.shape[1] // 2)
     back, left = series.transpose(0, 2, 1)[:, None], (series @ form)[:, None]
@@ -104,16 +106,20 @@ def _along(frame: EdgeFrame, half: Array) -> Array:
 
 
 def _form(coefficients: Array) -> Array:
-    """Symmetric matrices (n, 2 orders, 2 orders) of coefficients (n, 2 pairs), or (n, 4, ...) of derivatives (n, 2
-    pairs, 4); imaginary parts come first."""
-    values = coefficients[:, None] if coefficients.ndim == 2 else coefficients.transpose(0, 2, 1)
-    orders = orders_of(values.shape[2])
-    out = np.zeros((*values.shape[:2], 2 * orders, 2 * orders))
+    """Symmetric matrices (..., 2 orders, 2 orders) of coefficients (..., 2 pairs); imaginary parts come first."""
+    size = 2 * orders_of(coefficients.shape[-1])
+    return (coefficients @ _places(size // 2)).reshape(*coefficients.shape[:-1], size, size)
+
+
+@lru_cache(maxsize=4)
+def _places(orders: int) -> Array:
+    """(2 pairs, 4 orders^2) what each coefficient adds to each place of the matrix."""
+    out = np.zeros((2 * len(pairs(orders)), 2 * orders, 2 * orders))
     for k, (i, j) in enumerate(pairs(orders)):
         for part in (0, 1):
-            out[..., i + part * orders, j + part * orders] += values[..., 2 * k + part] / 2
-            out[..., j + part * orders, i + part * orders] += values[..., 2 * k + part] / 2
-    return out[:, 0] if coefficients.ndim == 2 else out
+            out[2 * k + part, i + part * orders, j + part * orders] += 0.5
+            out[2 * k + part, j + part * orders, i + part * orders] += 0.5
+    return out.reshape(len(out), -1)
 
 
 @compiled

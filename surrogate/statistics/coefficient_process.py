@@ -6,6 +6,7 @@ share the lengths of the kernel. Single rows need not determine their coefficien
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -29,6 +30,12 @@ class SharedProcess:
     centre: Array
     lengths: Array
     weights: Array  # (1 + q + k, coefficients)
+
+    @cached_property
+    def moments(self) -> Array:
+        """(k, (1 + q) coefficients) weights of the kernel, then these times each input of the nodes."""
+        weights = self.weights[len(self.weights) - len(self.nodes):]
+        return np.hstack([weights, *(column[:, None] * weights for column in self.nodes.T)])
 
 
 def fit(x: Array, design: Array, y: Array, lengths: Array, order: Array, most: int = NODES) -> SharedProcess:
@@ -55,13 +62,11 @@ def fit(x: Array, design: Array, y: Array, lengths: Array, order: Array, most: i
 def predict(process: SharedProcess, x: Array) -> tuple[Array, Array]:
     """Coefficients (n, c) and their derivatives (n, c, q) at x (n, q)."""
     u = (x - process.centre) / process.lengths
-    q = u.shape[1]
-    trend, weights = process.weights[:1 + q], process.weights[1 + q:]
-    kernel = squared_exponential(u, process.nodes)
-    mean = trend[0] + u @ trend[1:] + kernel @ weights
-    gradient = [trend[1 + j] + kernel @ (process.nodes[:, j, None] * weights) - u[:, j, None] * (kernel @ weights)
-                for j in range(q)]
-    return mean, np.stack(gradient, axis=2) / process.lengths
+    n, q = u.shape
+    trend = process.weights[:1 + q]
+    along = (squared_exponential(u, process.nodes) @ process.moments).reshape(n, 1 + q, -1).transpose(0, 2, 1)
+    gradient = trend[1:].T + along[..., 1:] - u[:, None] * along[..., :1]
+    return trend[0] + u @ trend[1:] + along[..., 0], gradient / process.lengths
 
 
 def _posterior(regressors: Array, gram: Array, right: Array, weight: Array, amplitude: Array,

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from surrogate.forward_map.forward_map import ForwardMap, linearise, place
 from surrogate.forward_map.ring_symmetry import fold
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
+from touchcal.jit import compiled
 
 # Radii, diameters and loads of the foreseen touches; radii are even in log(SOFT - radius), over the disc's.
 RADII, DIAMETERS, LOADS, SOFT = 14, 9, 20, 1.06
@@ -26,11 +27,13 @@ class Foreseen:
 
     unknown: Array  # (m, 4) as (x, y, log d, g)
     unit: Array  # (4,) unit of steps from them
-    direction: NDArray[np.float32]  # (m, readings) signal over its norm
-    norm: Array  # (m,) that norm, V
-    slope: NDArray[np.float32]  # (m 4, readings) its slopes by the units over that norm
-    along: Array  # (m, 4) these along the direction
-    damped: Array  # (m, 4, 4) inverse of the slopes' products, damped
+    norm: Array  # (m,) norm of the signal, V
+    axes: NDArray[np.float32]  # (readings, k) orthonormal readings that span all these, to rounding
+    direction: NDArray[np.float32]  # (m, k) signal over its squared norm, along the axes
+    # (m, 4, 4) root L of the inverse L L' of the damped products of the slopes over the norm
+    root: Array
+    slope: NDArray[np.float32]  # (m 4, k) slopes by the units over the squared norm, along the axes, times L'
+    along: Array  # (m, 4) what the signal itself has of these
 
 
 def rim_starts(forward: ForwardMap, signal: Array, place_mm: Array, bands: int) -> Array:
@@ -46,17 +49,33 @@ def rim_starts(forward: ForwardMap, signal: Array, place_mm: Array, bands: int) 
 
 
 def _closest(known: Foreseen, signal: NDArray[np.float32], bands: int) -> Array:
-    n, m = len(signal), len(known.norm)
-    over = signal @ known.direction.T / known.norm
-    toward = (signal @ known.slope.T).reshape(n, m, 4) / known.norm[:, None] - known.along
-    step = (known.damped @ toward[..., None])[..., 0]
-    left = np.sum(signal**2, axis=1)[:, None] / known.norm**2 - 2 * over + 1 - np.sum(toward * step, axis=2)
-    left *= known.norm**2
-    out = np.empty((n, bands, 4))
-    for k, group in enumerate(np.array_split(np.arange(m), bands)):
-        best = group[left[:, group].argmin(axis=1)]
-        out[:, k] = known.unknown[best] + np.clip(step[np.arange(n), best], -LONGEST, LONGEST) * known.unit
-    return out
+    ends = np.cumsum([0, *map(len, np.array_split(np.arange(len(known.norm)), bands))])
+    square, seen = np.einsum("nr,nr->n", signal, signal), signal @ known.axes
+    toward = seen @ known.slope.T
+    best = _least(square, seen @ known.direction.T, toward, known.along, known.norm, ends)
+    rows = np.arange(len(signal))[:, None]
+    left = toward.reshape(len(signal), -1, 4)[rows, best] - known.along[best]
+    step = (known.root[best] @ left[..., None])[..., 0]
+    return known.unknown[best] + np.clip(step, -LONGEST, LONGEST) * known.unit
+
+
+@compiled
+def _least(square: NDArray[np.float32], over: NDArray[np.float32], toward: NDArray[np.float32], along: Array,
+           norm: Array, ends: Index) -> Index:
+    """(n, bands) touch that leaves least of each signal, by its square (n,), what it has of directions (n, m) and of
+    slopes (n, m 4)."""
+    best = np.zeros((len(square), len(ends) - 1), np.int64)
+    for i in range(len(square)):
+        for k in range(len(ends) - 1):
+            least = np.inf
+            for j in range(ends[k], ends[k + 1]):
+                left = 1 - 2 * over[i, j]
+                for p in range(4):
+                    left -= (toward[i, 4 * j + p] - along[j, p]) ** 2
+                left = square[i] + left * norm[j] ** 2
+                if left < least:
+                    least, best[i, k] = left, j
+    return best
 
 
 @lru_cache(maxsize=8)
@@ -64,21 +83,23 @@ def _foreseen(forward: ForwardMap) -> Foreseen:
     unknown, spacing = _touches(forward)
     unit = np.array([PLACE_MM, PLACE_MM, LOG_D, spacing])
     parts = [_seen(forward, unknown[i:i + FORESEEN], unit) for i in range(0, len(unknown), FORESEEN)]
-    direction, norm, slope, along, damped = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Foreseen(unknown, unit, direction, norm, slope, along, damped)
+    direction, norm, slope, along, root = (np.concatenate(part) for part in zip(*parts, strict=True))
+    spanned, axes = np.linalg.eigh(direction.T @ direction + slope.T @ slope)
+    axes = axes[:, spanned > np.finfo(np.float32).eps ** 2 * spanned[-1]]
+    return Foreseen(unknown, unit, norm, axes.astype(np.float32), (direction / norm[:, None] @ axes).astype(np.float32),
+                    root, (slope / np.repeat(norm, 4)[:, None] @ axes).astype(np.float32), along)
 
 
-def _seen(forward: ForwardMap, unknown: Array, unit: Array) -> tuple[NDArray[np.float32], Array, NDArray[np.float32],
-                                                                     Array, Array]:
-    """Direction, norm, slopes, these along the direction, and their damped inverse."""
-    found = linearise(forward, unknown)
+def _seen(forward: ForwardMap, unknown: Array, unit: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Direction, norm, slopes times the root of their damped inverse, these along the direction, and that root."""
+    found = linearise(forward, unknown, np.zeros((len(unknown), len(forward.strengths))))
     fill = forward.beside.rim.fill
     signal, slope = found.signal_V @ fill.T, np.swapaxes(fill @ found.jacobian, 1, 2)
     norm = np.linalg.norm(signal, axis=1)
     signal, slope = signal / norm[:, None], slope * unit[:, None] / norm[:, None, None]
-    damped = np.linalg.inv(slope @ slope.transpose(0, 2, 1) + BENT**2 * np.eye(4))
-    return (signal.astype(np.float32), norm, slope.reshape(-1, slope.shape[2]).astype(np.float32),
-            (slope @ signal[..., None])[..., 0], damped)
+    root = np.linalg.cholesky(np.linalg.inv(slope @ slope.transpose(0, 2, 1) + BENT**2 * np.eye(4)))
+    slope = root.transpose(0, 2, 1) @ slope
+    return signal, norm, slope.reshape(-1, slope.shape[2]), (slope @ signal[..., None])[..., 0], root
 
 
 def _touches(forward: ForwardMap) -> tuple[Array, float]:
