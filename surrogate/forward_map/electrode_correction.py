@@ -94,7 +94,11 @@ def effect(rim: RimEffect, ring: Ring, z: Complex, punch: Array, side: Array,
     if dipole is not None:
         whole *= dipole[0][:, None, None]
         whole[..., 1:3] += mean[..., None] * dipole[1][:, None]
-    return Effect(rim.directions[chosen] @ whole)
+    parts = np.empty((len(place), rim.directions.shape[1], 5))
+    for one in np.unique(chosen):  # so that no directions are copied
+        rows = chosen == one
+        parts[rows] = rim.directions[one] @ whole[rows]
+    return Effect(parts)
 
 
 def without(rim: RimEffect, ring: Ring, kept: Mask) -> RimEffect:
