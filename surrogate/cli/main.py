@@ -94,7 +94,8 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
                                 calibrate=calibrate, exact_signals=exact_signals)
     model.save(out)
     with waiting("scoring the model, which calibrates its intervals"):
-        result = surrogate.evaluate(model, samples, levels, most_trained=METHODS[model.method].most_scored)
+        own = METHODS[model.method]
+        result = surrogate.evaluate(model, samples, levels, most_trained=own.most_scored, most_noisy=own.most_noisy)
     store.save_evaluation(out, result.scores, result.predictions)
     if as_json:
         print_json({"model": out, "training": model.record["training"], **result.scores})

@@ -25,6 +25,7 @@ class Method:
     # whether estimates say what of their standard deviation is due to noise and to the material
     separates_errors: bool = False
     most_scored: int | None = None  # training rows that are scored after the training, at most; None for all
+    most_noisy: int | None = None  # rows that are scored under each level of noise then, at most; None for all
 
     def learner(self) -> type[Learner]:
         """The class of its learner, imported now."""
@@ -43,7 +44,8 @@ METHODS = {method.name: method for method in (
     Method("forward", "surrogate.learners.forward:TouchInversion", "learned forward map, inverted",
            "A learned map from a touch to its signal, inverted by least squares for every frame; the mechanical "
            "outputs follow from the touch that was found.",
-           slow=True, handles_missing_channels=True, separates_errors=True, most_scored=600),
+           slow=True, handles_missing_channels=True, separates_errors=True, most_scored=600,
+           most_noisy=200),
     Method("mlp", "surrogate.learners.mlp:Mlp", "network of two hidden layers",
            "A network of two hidden layers on the signal's direction and size, trained by gradient descent.",
            epochs=2000),

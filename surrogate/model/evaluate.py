@@ -70,7 +70,8 @@ class Evaluation:
 
 
 def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Sequence[float] = (),
-             reference: str = "baseline", most_trained: int | None = None) -> Evaluation:
+             reference: str = "baseline", most_trained: int | None = None,
+             most_noisy: int | None = None) -> Evaluation:
     """Score a model on a data set; rows that it was trained on have scores of their own.
 
     Parameters
@@ -86,6 +87,8 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
         What a level lies below: the RMS of the untouched voltages, or of the signals.
     most_trained : int, optional
         Training rows that are scored at most, spread evenly; all where left out.
+    most_noisy : int, optional
+        Rows that are scored at each level of noise at most, spread evenly; all where left out.
 
     Returns
     -------
@@ -108,7 +111,7 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
     volts = {"baseline": rms(samples.baseline_V), "signal": rms(samples.signal_V)}
     samples, left_out = _readable(model, samples)
     part = parts_of(model, samples)
-    clean, noisy = (take(samples, rows) for rows in (_spread(part, most_trained), _unseen(part)))
+    clean, noisy = (take(samples, rows) for rows in (_spread(part, most_trained), _noisy(part, most_noisy)))
     table, predict_ms, force_sd = _predictions(model, clean, 0.0)
     calibrating = len(model.calibration.target)
     ends = zip(model.trained.lowest.tolist(), model.trained.highest.tolist(), strict=True)
@@ -150,12 +153,20 @@ def _unseen(part: NDArray[np.str_]) -> Mask:
     return found if found.any() else np.ones(len(part), bool)
 
 
+def _noisy(part: NDArray[np.str_], most: int | None) -> Index:
+    """Places of the unseen rows, of at most so many, spread evenly."""
+    unseen = np.flatnonzero(_unseen(part))
+    return unseen[spread_evenly(len(unseen), len(unseen) if most is None else most)]
+
+
 def _scored_words(part: NDArray[np.str_], clean: Samples, noisy: Samples | None) -> str:
     """Which rows have scores where not all have; empty where they do."""
     left, whole = len(part) - len(clean), int(np.sum(part == "train"))
     words = [f"{whole - left} of {whole} training rows are scored, spread evenly"] * (left > 0)
+    unseen = int(np.sum(_unseen(part)))
     if noisy is not None and len(noisy) < len(part):
-        words.append(f"under noise {len(noisy)} unseen rows alone")
+        words.append(f"under noise {len(noisy)} unseen rows alone" if len(noisy) == unseen else
+                     f"under noise {len(noisy)} of {unseen} unseen rows, spread evenly")
     return "; ".join(words) + "." if words else ""
 
 

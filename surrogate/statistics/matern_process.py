@@ -13,6 +13,7 @@ from touchcal.arrays import Array
 MAX_SEARCH, MAX_QUANTITIES = 600, 8  # most rows and quantities that the lengths are searched on
 # Bounds of the lengths over the spread of their input, of the noise over the amplitude, and the most iterations.
 LENGTH_BOUNDS, NOISE_BOUNDS, ITERATIONS = (0.1, 10.0), (1e-3, 1.0), 25
+BLOCK = 32  # places whose kernels are worked out together, to stay in the cache
 ROUNDING = 1e-5  # spread of an input over its largest value, or over 1, that counts as rounding
 
 
@@ -54,18 +55,24 @@ def log_evidence(x: Array, y: Array, noise: float) -> float:
 def predict(process: Matern, x: Array, moving: int | None = None) -> tuple[Array, Array]:
     """Mean (n, outputs) and its gradient (n, outputs, q) at x (n, q), or by so many of the first inputs."""
     x, count, outputs = x / process.lengths - process.nodes[0], moving or x.shape[1], process.weights.shape[1]
-    root = np.column_stack([x, np.sum(x**2, axis=1), np.ones(len(x))]) @ process.table
-    np.sqrt(np.maximum(root, 0.0, out=root), out=root)
-    decay = np.negative(root)
-    np.exp(decay, out=decay)
-    grown = root + 1
-    grown *= decay
-    root *= root
-    root *= decay
-    root /= 3
-    root += grown  # (1 + root + root^2 / 3) exp(-root)
-    mean, along = root @ process.weights, (grown @ process.moments[:, :(1 + count) * outputs]) * (-5 / 3)
-    along = along.reshape(len(x), 1 + count, outputs).transpose(0, 2, 1)
+    both = np.column_stack([x, np.sum(x**2, axis=1), np.ones(len(x))])
+    mean, along = np.empty((len(x), outputs)), np.empty((len(x), (1 + count) * outputs))
+    places = np.empty((3, min(BLOCK, len(x)), len(process.nodes)))
+    for begin in range(0, len(x), BLOCK):
+        some = slice(begin, begin + BLOCK)
+        root, decay, grown = places[:, :len(both[some])]
+        np.matmul(both[some], process.table, out=root)
+        np.sqrt(np.maximum(root, 0.0, out=root), out=root)
+        np.exp(np.negative(root, out=decay), out=decay)
+        np.add(root, 1, out=grown)
+        grown *= decay
+        np.matmul(grown, process.moments[:, :(1 + count) * outputs], out=along[some])
+        root *= root
+        root *= decay
+        root /= 3
+        root += grown  # (1 + root + root^2 / 3) exp(-root)
+        np.matmul(root, process.weights, out=mean[some])
+    along = -5 / 3 * along.reshape(len(x), 1 + count, outputs).transpose(0, 2, 1)
     return mean, (x[:, None, :count] * along[..., :1] - along[..., 1:]) / process.lengths[:count]
 
 

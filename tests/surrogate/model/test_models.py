@@ -119,6 +119,9 @@ def test_under_noise_unseen_rows_alone_are_scored_and_without_it_some_training_r
     assert {part: s["n"] for part, s in found.scores["noise"][0]["outputs"]["x0"].items()} == {"test": 30}
     assert found.scores["scored"] == ("20 of 140 training rows are scored, spread evenly; under noise 30 unseen rows "
                                       "alone.")
+    few = evaluate(models["ridge"], samples, [80], most_noisy=10).scores
+    assert few["noise"][0]["outputs"]["x0"]["test"]["n"] == 10
+    assert few["scored"] == "under noise 10 of 30 unseen rows, spread evenly."
     whole, part = evaluate(models["ridge"], samples), parts_of(models["ridge"], samples)
     both = found.predictions.merge(whole.predictions, on=["part", "scene", "output"])
     assert len(both) == len(found.predictions)
