@@ -244,7 +244,7 @@ def _left(ring: Ring, field: Array, z: Complex, found: Strengths, size: Array) -
     fields = multipole_series.electrode_fields(ring, field, z, multipole_series.ORDERS + 1)
     whole = np.ones((len(z), multipole_series.ORDERS))
     base, moved = multipole_series.signals(ring, fields, whole, np.zeros((*whole.shape, 2)), found.value)
-    explaining = np.linalg.pinv(np.concatenate([base, moved / ring.radius_mm], axis=2))
+    explaining = np.asarray(np.linalg.pinv(np.concatenate([base, moved / ring.radius_mm], axis=2)), np.float64)
     shift = multipole_series.combined(explaining, found.residual)[:, -2:]
     left = found.residual / (size * found.dipole)[:, None]
     return float(np.sqrt(np.mean(left**2) * left.shape[1] / (left.shape[1] - multipole_series.ORDERS))), float(

@@ -59,6 +59,8 @@ def signals(ring: Ring, fields: Complex, part: Array, slope: Array, strength: Ar
     """The basis (n, readings, ORDERS) where electrodes have these derivatives of their fields (ORDERS + 1 or more, n,
     electrodes) and orders count in parts (n, ORDERS) of slopes (n, ORDERS, 2), and derivatives (n, readings, 2), by x
     and y over the radius, of the signal of strengths (n, ORDERS)."""
+    # of one layout, so that the loop is compiled once
+    fields, strength = np.ascontiguousarray(fields), np.ascontiguousarray(strength)
     return _signals(fields, ring.source, ring.sink, ring.read, ring.ground, part, slope, strength)
 
 

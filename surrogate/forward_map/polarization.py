@@ -141,7 +141,8 @@ def counted(effect: Effect, frame: EdgeFrame, zone: Zone, ring: Ring, size: Arra
     """What an effect over sizes (n,) of slopes (n, 4), by (x, y, log d, g), adds to signals and slopes, as far as it
     counts within a zone."""
     slope = part_slope(frame, zone) / ring.radius_mm
-    return _counted(effect.parts, ring.radius_mm, part_at(frame.radial, zone), slope, size, size_slope)
+    return _counted(effect.parts, ring.radius_mm, part_at(frame.radial, zone), slope, np.ascontiguousarray(size),
+                    np.ascontiguousarray(size_slope))
 
 
 @compiled

@@ -88,17 +88,18 @@ def inverse(normal: Array) -> Array:
 
 def _squares(residuals: Residuals, state: Array, which: Index) -> tuple[Array, Array, Array, Array]:
     """Half the squared residuals (m,), residuals (m, r), gradients (m, p) and normal matrices (m, p, p)."""
-    parts = []
+    parts: list[tuple[Array, Array, Array, Array]] = []
     for begin in range(0, len(state), TOGETHER):
         some = slice(begin, begin + TOGETHER)
         residual, jacobian = residuals(state[some], which[some])
         turned = jacobian.transpose(0, 2, 1)
         parts.append((0.5 * np.einsum("mr,mr->m", residual, residual), residual,
                       (turned @ residual[..., None])[..., 0], turned @ jacobian))
-    return parts[0] if len(parts) == 1 else tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+    cost, residual, gradient, normal = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return cost, residual, gradient, normal
 
 
 def _step(gradient: Array, normal: Array, damping: Array) -> Array:
     damped = normal.copy()
     np.einsum("npp->np", damped)[...] *= 1 + damping[:, None]
-    return np.linalg.solve(damped, gradient[..., None])[..., 0]
+    return np.asarray(np.linalg.solve(damped, gradient[..., None])[..., 0], np.float64)

@@ -87,7 +87,7 @@ def test_slopes_of_the_basis_are_differences_and_high_orders_end_in_their_zone(r
     kept[:, 3:] = np.array([[0.0], [1.0], [1 - t**2 * (3 - 2 * t)]])
     whole = multipole_series.basis(*multipole_series.patterns(ring, q, z))
     np.testing.assert_allclose(here, whole * kept[:, None], rtol=1e-9, atol=1e-12)
-    for k, way in enumerate((h, 1j * h)):
+    for k, way in enumerate((complex(h), 1j * h)):
         change = multipole_series.combined(at(z + way)[0] - at(z - way)[0], strength) / (2 * h)
         np.testing.assert_allclose(slopes[..., k], change, atol=1e-6 * np.abs(change).max())
 
@@ -100,7 +100,7 @@ def test_norms_of_a_dipole_and_their_slopes_are_those_of_its_readings(ring: Ring
 
     readings = multipole_series.basis(*multipole_series.patterns(ring, np.ones(20), z, 1))
     np.testing.assert_allclose(norms(z)[0], np.linalg.norm(readings[..., 0], axis=1), rtol=1e-12)
-    slopes = np.column_stack([(norms(z + way)[0] - norms(z - way)[0]) / (2 * h) for way in (h, 1j * h)])
+    slopes = np.column_stack([(norms(z + way)[0] - norms(z - way)[0]) / (2 * h) for way in (complex(h), 1j * h)])
     np.testing.assert_allclose(norms(z)[1], slopes, rtol=1e-6)
 
 
