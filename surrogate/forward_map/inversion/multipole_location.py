@@ -63,7 +63,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Locat
     linear = jacobian[..., 2:]
     start[:, 2:] -= (np.linalg.pinv(linear) @ residual[..., None])[..., 0]
     found = minimise(residuals, start, STEPS,
-                     lambda state: np.column_stack([on_skin(forward, state[:, :2]), state[:, 2:]]), frames)
+                     lambda state: np.column_stack([on_skin(forward, state[:, :2]), state[:, 2:]]))
     best = np.argmin(found.cost.reshape(-1, PLACES), axis=1) + PLACES * np.arange(len(signal))
     state, normal = found.state[best], found.normal[best]
     # the place marginalised
