@@ -86,7 +86,8 @@ def of(name: str, model: Model, sets: Mapping[str, Samples]) -> Iterator[Row]:
         scales = interval_scales(model, noise_V, COVERAGES)
         for case, samples in sets.items():
             found = read(model, samples, noise_V)
-            yield from scored(name, case, level, samples, found, np.stack([one.of(found.sd) for one in scales]))
+            factors = np.stack([one.of(found.sd, found.near_edge) for one in scales])
+            yield from scored(name, case, level, samples, found, factors)
 
 
 def calibrated(model: Model, mesh: Samples) -> Iterator[Row]:

@@ -148,9 +148,16 @@ class Linearised:
 
 def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None,
         simulator: Array | None = None, near_edge: Mask | None = None) -> ForwardMap:
+    """The map of `fit_with_errors`."""
+    return fit_with_errors(ring, touch, signal_V, material, simulator, near_edge)[0]
+
+
+def fit_with_errors(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None,
+                    simulator: Array | None = None, near_edge: Mask | None = None) -> tuple[ForwardMap, Array]:
     """Learn the map from touches (n, 4) in mm and N, their signals (n, readings) in V, and standard normal states of
     their materials (n, k); simulator: relative error (n,) of these signals, which is counted along the signal itself;
-    near_edge: which of them (n,) lie near one straight edge of an outline, and no other.
+    near_edge: which of them (n,) lie near one straight edge of an outline, and no other. With it the errors (reached,
+    readings), V, of the touches that what is learned of the edge `reaches`, each as the others foresee it.
 
     ValueError where there are too few rows.
     """
@@ -167,7 +174,7 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
     taught = rim_correction.taught(ring, z, unknown[:, 2:], zones)
     if np.any(near_edge) and not taught:
         kept = ~near_edge
-        return fit(ring, touch[kept], signal_V[kept], material[kept], simulator[kept])
+        return fit_with_errors(ring, touch[kept], signal_V[kept], material[kept], simulator[kept])
     kept = near <= _learned_within(ring, near, zones, taught)
     inputs = _inputs(near[kept], zones.learned[1], unknown[kept], material[kept])
     field, size, processes, floor, shift = _series(ring, z[kept], inputs, touch[kept, 3], signal_V[kept])
@@ -177,7 +184,7 @@ def fit(ring: Ring, touch: Array, signal_V: Array, material: Array | None = None
                         simulator_error.learned_from(gap(ring, unknown), simulator),
                         NearEdges(far, inner) if np.any(near_edge) else None)
     if ring.sheet is not None and series.near_edges is None:
-        return series
+        return series, np.zeros((0, signal_V.shape[1]))
     step = float(gap(ring, unknown[~near_edge]).min()) if np.any(near_edge) else None
     return _with_rim(series, z, unknown, signal_V, material, step)
 
@@ -195,15 +202,15 @@ def _learned_within(ring: Ring, near: Array, zones: Zones, rim: bool) -> float:
 
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array, material: Array,
-              step: float | None) -> ForwardMap:
+              step: float | None) -> tuple[ForwardMap, Array]:
     frame = edge_frame(series.ring, z)
     found = _strengths(series, frame, unknown, material)
     base = series_signals(series, series.fields(z), frame, found.value)[0]
     left = signal_V - multipole_series.combined(base, found.value)
     rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
                                found.size * np.linalg.norm(base[..., 0], axis=1))
-    return replace(series, beside=rim_correction.fit(series.ring, series.field, rows, signal_V, series.zones,
-                                                     step))
+    beside, error_V = rim_correction.fit(series.ring, series.field, rows, signal_V, series.zones, step)
+    return replace(series, beside=beside), error_V
 
 
 def reaches(forward: ForwardMap, z: Complex) -> Mask:
@@ -215,6 +222,14 @@ def _reached(forward: ForwardMap, frame: EdgeFrame) -> Mask:
     if not rim_correction.teaches(forward.beside):
         return np.zeros(len(frame.z), bool)
     return frame.radial > forward.zones.learned[0]
+
+
+def near_an_edge(forward: ForwardMap, touch: Array) -> Mask:
+    """(n,) whether touches (n, 4) lie nearer to an edge of an outline than those that no edge was near to, where
+    touches near one taught; none on a disc."""
+    if forward.near_edges is None:
+        return np.zeros(len(touch), bool)
+    return gap(forward.ring, to_unknown(touch, forward.p0)) < forward.beside.step
 
 
 def gap(ring: Ring, unknown: Array) -> Array:

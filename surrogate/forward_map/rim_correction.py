@@ -13,6 +13,7 @@ from surrogate.forward_map import electrode_correction, multipole_series, polari
 from surrogate.forward_map.electrode_correction import RimEffect
 from surrogate.forward_map.rim_covariance import RimError
 from surrogate.forward_map.rim_zone import Zones
+from surrogate.forward_map.ring_symmetry import Symmetry
 from surrogate.statistics import change_point
 from surrogate.statistics.coefficient_process import SharedProcess
 from touchcal.arrays import Array, Complex, Index, Mask
@@ -62,16 +63,17 @@ def without(correction: FittedCorrection, ring: Ring, kept: Mask) -> FittedCorre
 
 
 def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array, zones: Zones,
-        step: float | None = None) -> FittedCorrection:
+        step: float | None = None) -> tuple[FittedCorrection, Array]:
     """Learn from touches and their signals (n, readings), V; the effect of electrodes and an error only where enough of
     them lie near the rim. What the series leaves is learned, or the whole signal where that errs less. step: gap over
-    the radius where what made the data changes its method, if that is known."""
+    the radius where what made the data changes its method, if that is known. With it the errors (near, readings), V, of
+    the touches near the rim, each as the others foresee it; none where nothing is learned."""
     kept = edge_frame(ring, rows.z).radial > zones.learned[0]
     near = rows.some(kept)
     touch = _touches(near.z, near.punch)
     fewest = _fewest(touch)
     if fewest < _least(ring):
-        return zero_correction(ring)
+        return zero_correction(ring), np.zeros((0, signal_V.shape[1]))
     answers = fewest >= polarization.MIN_ROWS
     whole = replace(near, left=signal_V[kept])
     replaces = answers and _size(_asked(ring, field, whole, change_point.NONE, answers, touch % FOLDS == 0)) < _size(
@@ -87,20 +89,28 @@ def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array, zones: Zones,
         counts = rim_zone.part_at(edge_frame(ring, near.z[asked]).radial, zones.learned)[:, None]
         error[asked] = (1 - counts) * near.left[asked] / near.size[asked, None] + counts * _asked(
             ring, field, learned, where, answers, asked)
-    return FittedCorrection(answer, rim, _error(ring, field, near, rim, error), replaces, where)
+    learned_error = error_of(ring, field, rim.symmetry, near.z, near.punch, near.gap, error)
+    return FittedCorrection(answer, rim, learned_error, replaces, where), error * near.size[:, None]
 
 
-def _error(ring: Ring, field: Array, near: Rows, rim: RimEffect, error: Array) -> RimError:
-    """From errors (n, readings) of rows that the others foresee, over their sizes."""
+def error_of(ring: Ring, field: Array, symmetry: Symmetry, z: Complex, punch: Array, gap: Array,
+             error: Array) -> RimError:
+    """From places (n,), (log d, g) (n, 2), gaps (n,) and errors (n, readings) of touches that others foresee, over
+    their sizes."""
     if ring.sheet is None:
-        return rim_covariance.learned_from(rim.symmetry, near.z, near.gap, near.punch[:, 1], error)
+        return rim_covariance.learned_from(symmetry, z, gap, punch[:, 1], error)
     coefficients, left = np.empty((len(error), polarization.ERROR * (2 * polarization.ERROR + 1))), np.empty_like(error)
     for rows in np.array_split(np.arange(len(error)), len(error) // BATCH + 1):
-        fields = multipole_series.electrode_fields(ring, field, near.z[rows], polarization.ERROR)
-        axes = rim_covariance.axes_of(polarization.products(ring, fields, near.z[rows], near.punch[rows, 0]))
+        fields = multipole_series.electrode_fields(ring, field, z[rows], polarization.ERROR)
+        axes = rim_covariance.axes_of(polarization.products(ring, fields, z[rows], punch[rows, 0]))
         coefficients[rows] = (axes.transpose(0, 2, 1) @ error[rows, :, None])[..., 0]
         left[rows] = error[rows] - multipole_series.combined(axes, coefficients[rows])
-    return rim_covariance.learned_from_coefficients(rim.symmetry, near.gap, near.punch[:, 1], error, coefficients, left)
+    return rim_covariance.learned_from_coefficients(symmetry, gap, punch[:, 1], error, coefficients, left)
+
+
+def folds(z: Complex, punch: Array) -> Index:
+    """(n,) which of FOLDS parts each touch at z (n,) by a punch (n, 2) belongs to, all rows of one touch to one."""
+    return _touches(z, punch) % FOLDS
 
 
 def _size(error: Array) -> float:

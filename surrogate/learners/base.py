@@ -29,6 +29,9 @@ class Estimate:
     # those of the normal variable
     below: Array
     above: Array
+    # (n,) whether the touch lies near one edge of an outline, where another part of the map, with errors of another
+    # kind, reads it: these have interval factors of their own
+    near_edge: Mask
     parts: Parts | None = None  # what makes up sd, for learners that can tell
 
 
@@ -47,7 +50,7 @@ class Parts:
 def regression(value: Array, variance: Array) -> Estimate:
     """The estimate of a learner that only maps signals to outputs: values and variances (n, outputs)."""
     sd = np.sqrt(variance)
-    return Estimate(value, sd, np.ones(len(value)), np.ones(len(value), bool), sd, sd)
+    return Estimate(value, sd, np.ones(len(value)), np.ones(len(value), bool), sd, sd, np.zeros(len(value), bool))
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from surrogate.forward_map.forward_map import (
     ForwardMap,
     by_one_edge,
     known_place,
+    near_an_edge,
     places_at,
     series_suffices,
 )
@@ -34,7 +35,7 @@ from touchcal.arrays import Array, Mask
 
 BATCH = 64  # frames solved together, to bound the memory
 # What an estimate holds for each frame, besides the parts of its standard deviations.
-_EACH = ("value", "sd", "misfit", "inside", "below", "above")
+_EACH = ("value", "sd", "misfit", "inside", "below", "above", "near_edge")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +58,8 @@ class TouchInversion(Learner):
         response = mechanical_response.fit(rows.ring, touch, rows.targets(mechanical), mechanical, states)
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
         near = rows.near_edge if rows.ring.sheet is not None else None
-        forward = forward_map.fit(rows.ring, touch, rows.signal_V, states, rows.signal_sd, near)
-        forward = with_places_held(forward, touch, rows.signal_V, states)
+        forward, error_V = forward_map.fit_with_errors(rows.ring, touch, rows.signal_V, states, rows.signal_sd, near)
+        forward = with_places_held(forward, touch, error_V)
         return cls(forward, response, np.array([order.index(name) for name in training.names]))
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
@@ -144,7 +145,7 @@ def answered(learner: TouchInversion, found: Inversion) -> Estimate:
     c = learner.columns
     parts = _parts(found.peak, slope, own, sd)
     return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, sides[0][:, c], sides[1][:, c],
-                    Parts(parts.noise[:, c], parts.material[:, c]))
+                    near_an_edge(learner.forward, found.touch), Parts(parts.noise[:, c], parts.material[:, c]))
 
 
 def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:

@@ -214,7 +214,7 @@ def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataF
     begun = time.process_time()
     found = estimate(model, noisy, noise)
     predict_ms = (time.process_time() - begun) / len(samples) * 1e3
-    scales = np.stack([scale.of(found.sd) for scale in interval_scales(model, noise, COVERAGES)])
+    scales = np.stack([scale.of(found.sd, found.near_edge) for scale in interval_scales(model, noise, COVERAGES)])
     part, target = parts_of(model, samples), samples.targets(model.names)
     tables = [_long(model, samples.scene, part, k, target[:, k], found.value[:, k],
                     (found.below * scales)[..., k], (found.above * scales)[..., k])

@@ -202,7 +202,7 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
         outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
         value[touched] = found.value
-        scale = predictor.scale.of(found.sd)
+        scale = predictor.scale.of(found.sd, found.near_edge)
         below[touched], above[touched] = (_widened(model, side * scale, strange, outside)
                                           for side in (found.below, found.above))
         flags[touched] = _flags(model, found, strange > 1, outside)

@@ -119,4 +119,5 @@ def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> 
     found = estimate(model, noisy, noise_V)
     error, branched = found.value - target, model.learner.branched(model.names)
     sd = np.where(error > 0, found.below, found.above)
-    return conformal_scales(error, sd, found.sd, len(rows.target), coverages, branched)
+    place = np.array([name in outputs.NAMES[:2] for name in model.names])  # x and y lie across some edges, along others
+    return conformal_scales(error, sd, found.sd, len(rows.target), coverages, branched, found.near_edge, place)

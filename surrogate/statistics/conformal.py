@@ -79,32 +79,42 @@ def conformal_scale(error: Array, sd: Array, rows: int, coverage: float = COVERA
 
 @dataclass(frozen=True, eq=False)
 class IntervalScale:
-    """How many standard deviations make an interval: one factor for rows sure of an output, one for the others."""
+    """How many standard deviations make an interval: one factor for rows sure of an output, one for the others, and
+    one for rows of another kind, whose errors have nothing to do with these."""
 
     edge: Array  # (outputs,) standard deviation above which the second factor holds; infinite where there is one
-    factor: Array  # (2, outputs)
+    factor: Array  # (3, outputs)
 
-    def of(self, sd: Array) -> Array:
-        """(n, outputs) factors of standard deviations (n, outputs)."""
-        return np.where(sd > self.edge, self.factor[1], self.factor[0])
+    def of(self, sd: Array, other_kind: Mask) -> Array:
+        """(n, outputs) factors of standard deviations (n, outputs) of rows of one kind and the other (n,)."""
+        return np.where(other_kind[:, None], self.factor[2], np.where(sd > self.edge, self.factor[1], self.factor[0]))
 
 
 def one_factor(factor: Array) -> IntervalScale:
     """The same factor (outputs,) whatever the standard deviation."""
-    return IntervalScale(np.full(len(factor), np.inf), np.stack([factor, factor]))
+    return IntervalScale(np.full(len(factor), np.inf), np.stack([factor] * 3))
 
 
 def at_least(scale: IntervalScale, other: IntervalScale) -> IntervalScale:
     """Factors no smaller than those of another, whichever side of its edge a row is on where the edges differ."""
+    largest = np.stack([other.factor[:2].max(axis=0)] * 2 + [other.factor[2]])
     return IntervalScale(scale.edge, np.maximum(scale.factor, np.where(
-        scale.edge == other.edge, other.factor, other.factor.max(axis=0))))
+        scale.edge == other.edge, other.factor, largest)))
 
 
 def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages: Sequence[float] = (COVERAGE,),
-                     branched: Mask | None = None) -> list[IntervalScale]:
-    """Factors for each coverage, as `conformal_scale`, of standard deviations on the side of the errors (n, k). Frames
-    with the UNSURE largest sd (n, k) have their own where they are enough rows for LEAST (Mondrian conformal
+                     branched: Mask | None = None, other_kind: Mask | None = None,
+                     alike: Mask | None = None) -> list[IntervalScale]:
+    """Factors for each coverage, as `conformal_scale`, of standard deviations on the side of the errors (n, k). Rows of
+    another kind (n,) have their own, where there are some of both kinds, one for all outputs (k,) that are alike; of
+    the rest, frames with the UNSURE largest sd (n, k) do where they are enough rows for LEAST (Mondrian conformal
     prediction: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005, section 4.5)."""
+    if other_kind is not None and other_kind.any() and not other_kind.all():
+        (one, ones), (other, others) = ((kept, max(round(rows * kept.mean()), 1)) for kept in (~other_kind, other_kind))
+        usual = conformal_scales(error[one], sides[one], sd[one], ones, coverages, branched)
+        return [IntervalScale(scale.edge, np.vstack([scale.factor[:2], _of_outputs(
+            error[other], sides[other], others, coverage, branched, alike)]))
+            for scale, coverage in zip(usual, coverages, strict=True)]
     edge = np.quantile(sd, 1 - UNSURE, axis=0)
     unsure = sd > edge
     edge[np.mean(unsure, axis=0) * rows < enough()] = np.inf
@@ -114,5 +124,14 @@ def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages
                                      coverage, None if branched is None else branched[[k]])[0])
 
     groups = [[(unsure[:, k] == which) | np.isinf(edge[k]) for k in range(len(edge))] for which in (False, True)]
-    return [IntervalScale(edge, np.array([[factor(k, kept, c) for k, kept in enumerate(group)] for group in groups]))
-            for c in coverages]
+    found = [np.array([[factor(k, kept, c) for k, kept in enumerate(group)] for group in groups]) for c in coverages]
+    return [IntervalScale(edge, np.vstack([one, one.max(axis=0)])) for one in found]
+
+
+def _of_outputs(error: Array, sides: Array, rows: int, coverage: float, branched: Mask | None,
+                alike: Mask | None) -> Array:
+    """(k,) as `conformal_scale`, the outputs (k,) that are alike with one factor, of all their errors."""
+    found = conformal_scale(error, sides, rows, coverage, branched)
+    if alike is not None and alike.any():
+        found[alike] = conformal_scale(error[:, alike].reshape(-1, 1), sides[:, alike].reshape(-1, 1), rows, coverage)
+    return found

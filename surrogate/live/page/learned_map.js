@@ -403,7 +403,8 @@ function learnedMap(given, edge) {
     const F = force(logD, g), by = 1 / Math.tanh(g);
     const sdF = F * Math.sqrt(4 * c(2, 2) + 4 * by * c(2, 3) + by * by * c(3, 3));
     const sds = [Math.sqrt(a), Math.sqrt(d), Math.exp(logD) * Math.sqrt(c(2, 2)), sdF];
-    const factor = sds.map((sd, i) => given.interval[sd > given.unsure_from[i] ? 1 : 0][i]);
+    const here = at(found.u), near = sheet && rim && rim.step !== null && 1 - here.radius - here.half < rim.step;
+    const factor = sds.map((sd, i) => given.interval[near ? 2 : sd > given.unsure_from[i] ? 1 : 0][i]);
     const named = ["x_mm", "y_mm", "d_mm", "F_N"], wide = given.ellipse * Math.max(factor[0], factor[1]) / given.normal;
     return {
       state: found.state, misfit: found.misfit, read: { x_mm: x, y_mm: y, d_mm: Math.exp(logD), F_N: F },

@@ -90,5 +90,6 @@ def estimate(learner: TouchInversion, found: Inversion, scale: IntervalScale, no
     plain = answered(learner, found)
     assert plain.parts is not None
     share = (plain.parts.noise / np.maximum(plain.sd, np.finfo(float).tiny)) ** 2
-    factor = np.sqrt(1 + ((normal / np.maximum(scale.of(plain.sd), np.finfo(float).tiny)) ** 2 - 1) * share)
+    calibrated = np.maximum(scale.of(plain.sd, plain.near_edge), np.finfo(float).tiny)
+    factor = np.sqrt(1 + ((normal / calibrated) ** 2 - 1) * share)
     return replace(plain, below=plain.below * factor, above=plain.above * factor)

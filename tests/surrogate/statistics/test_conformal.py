@@ -88,11 +88,36 @@ def test_rows_in_doubt_have_a_factor_of_their_own() -> None:
     seen, unseen = order[:rows], order[rows:]
     two, = conformal_scales(error[seen], sd[seen], sd[seen], rows)
     one = conformal_scale(error[seen], sd[seen], rows)
-    held = np.abs(error[unseen]) <= two.of(sd[unseen]) * sd[unseen]
+    held = np.abs(error[unseen]) <= two.of(sd[unseen], np.zeros(rows, bool)) * sd[unseen]
     unsure = sd[unseen] > 1.4
     assert np.mean((np.abs(error[unseen]) <= one * sd[unseen])[unsure]) < 0.75
     assert np.mean(held[unsure]) > 0.82
     assert np.mean(held) == pytest.approx(0.9, abs=0.06)
+
+
+def test_rows_of_another_kind_have_a_factor_of_their_own_however_few_they_are() -> None:
+    """Standard deviations of every third row are four times too small; one factor holds 90 % of all, fewer of these."""
+    rng = np.random.default_rng(7)
+    other = np.arange(600) % 3 == 0
+    sd = rng.uniform(0.5, 2.0, (600, 1))
+    error = rng.normal(size=sd.shape) * np.where(other, 4.0, 1.0)[:, None] * sd
+    found, = conformal_scales(error[:120], sd[:120], sd[:120], 120, other_kind=other[:120])
+    held = (np.abs(error) <= found.of(sd, other) * sd)[120:, 0]
+    one = conformal_scale(error[:120], sd[:120], 120)
+    assert np.mean((np.abs(error) <= one * sd)[120:, 0][other[120:]]) < 0.75
+    for kind in (other, ~other):
+        assert 0.82 < np.mean(held[kind[120:]]) < 0.97
+        assert found.factor[2 if kind is other else 0] == pytest.approx(
+            conformal_scale(error[:120][kind[:120]], sd[:120][kind[:120]], int(kind[:120].sum())))
+    pair = np.hstack([error, error[::-1]])[:120]
+    both, = conformal_scales(pair, np.tile(sd[:120], 2), np.tile(sd[:120], 2), 120, other_kind=other[:120],
+                             alike=np.ones(2, bool))
+    assert both.factor[2, 0] == both.factor[2, 1]
+    assert both.factor[0, 0] != both.factor[0, 1]
+    ratio = np.sort(np.abs(pair / sd[:120])[other[:120]].ravel())
+    assert both.factor[2, 0] == ratio[2 * 37 - 1]  # 40 rows, of which the 37th of 41 holds 90 %
+    alone, = conformal_scales(error[:120], sd[:120], sd[:120], 120, other_kind=np.ones(120, bool))
+    assert np.array_equal(alone.factor[2], alone.factor[:2].max(axis=0))
 
 
 def test_few_rows_have_one_factor() -> None:
@@ -100,7 +125,7 @@ def test_few_rows_have_one_factor() -> None:
     error, sd = rng.normal(size=(200, 2)), rng.uniform(0.5, 2.0, (200, 2))
     found, = conformal_scales(error, sd, sd, 200)
     assert np.isinf(found.edge).all()
-    assert np.array_equal(found.of(sd), np.tile(conformal_scale(error, sd, 200), (200, 1)))
+    assert np.array_equal(found.of(sd, np.zeros(200, bool)), np.tile(conformal_scale(error, sd, 200), (200, 1)))
 
 
 def test_equal_standard_deviations_have_one_factor() -> None:
@@ -110,7 +135,8 @@ def test_equal_standard_deviations_have_one_factor() -> None:
 
 
 def test_factors_are_at_least_those_of_another_scale_whatever_its_edge() -> None:
-    one, two = (IntervalScale(np.array([edge]), np.array([[1.0], [high]]))
+    one, two = (IntervalScale(np.array([edge]), np.array([[1.0], [high], [high]]))
                 for edge, high in ((np.inf, 1.0), (0.5, 3.0)))
-    assert at_least(one, two).of(np.array([[0.1], [2.0]])).tolist() == [[3.0], [3.0]]
-    assert at_least(two, one).of(np.array([[0.1], [2.0]])).tolist() == [[1.0], [3.0]]
+    alike = np.zeros(2, bool)
+    assert at_least(one, two).of(np.array([[0.1], [2.0]]), alike).tolist() == [[3.0], [3.0]]
+    assert at_least(two, one).of(np.array([[0.1], [2.0]]), alike).tolist() == [[1.0], [3.0]]
