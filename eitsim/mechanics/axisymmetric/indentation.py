@@ -66,10 +66,12 @@ class Equilibrium:
 
 
 def indentation_problem(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float,
-                        order: int = 2) -> IndentationProblem:
-    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over grid.feature_m."""
+                        order: int = 2, even: float = 0.0) -> IndentationProblem:
+    """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over grid.feature_m; order and even as
+    of grid.foam_grid."""
     unit = body.thickness_m
-    grid, profile, feature = foam_grid(body, punch, element_m, order), profile_of(punch, unit), feature_m(body, punch)
+    grid, profile = foam_grid(body, punch, element_m, order, even), profile_of(punch, unit)
+    feature = feature_m(body, punch)
     rigid = RigidPunch(profile, penalty * unit / feature, _FIRM * feature / unit)
     facets = contact.top_facets(grid, profile.radius + _REACH)
     return IndentationProblem(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, rigid, facets,

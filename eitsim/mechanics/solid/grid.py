@@ -81,11 +81,12 @@ def default_element_m(body: Body, punch: Punch) -> float:
     return _ELEMENT * feature_m(body, punch)
 
 
-def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Grid:
+def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2, even: float = 0.0) -> Grid:
     """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0. Lines lie at
     the edge of the punch and its edge radius inwards from there. element_m is the element size there, m; elements widen
-    with the distance from there, and all of them halve with it. ValueError unless 0 < element_m < thickness, the punch
-    is smaller than the disc and the elements' order is one of ELEMENTS."""
+    with the distance from there, outwards after so many even ones as fill that many feature lengths, and all of them
+    halve with it. ValueError unless 0 < element_m < thickness, the punch is smaller than the disc and the elements'
+    order is one of ELEMENTS."""
     unit = body.thickness_m
     if not 0 < element_m < unit:
         raise ValueError(f"element_m must lie between 0 and the thickness of {unit} m, got {element_m}.")
@@ -99,7 +100,7 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2) -> Gri
     start = max(edge - profile.edge_radius, 0.0)
 
     def width(r: Array) -> Array:
-        away = np.maximum((start - r) / _INWARDS, np.maximum((r - edge) / _OUTWARDS, 0))
+        away = np.maximum((start - r) / _INWARDS, np.maximum((r - edge - even * feature) / _OUTWARDS, 0))
         if tip:
             away = np.minimum(away, np.maximum(r - profile.edge_radius, 0) / _FROM_TIP)
         most = np.minimum(widest, np.inf if tip else drawn(r))

@@ -63,6 +63,21 @@ def test_elements_beyond_the_edge_double_where_the_grid_says() -> None:
     assert np.count_nonzero(radii > edge + 1e-9) == columns
 
 
+def test_even_elements_lie_outside_the_edge_before_they_widen() -> None:
+    """Over a feature of 0.5 mm as many as its length over the element size, rounded up, none wider; inside the edge
+    nothing changes."""
+    plain, even = (foam_grid(BODY, PUNCH, ELEMENT_m, order=1, even=e).lines for e in (0.0, 1.0))
+    size, feature = ELEMENT_m / BODY.thickness_m, feature_m(BODY, PUNCH) / BODY.thickness_m
+    edge = PUNCH.diameter_m / 2 / BODY.thickness_m
+    assert np.array_equal(plain[1], even[1])
+    before, inside = (r[r < edge + 1e-9] for r in (plain[0], even[0]))
+    assert np.array_equal(before, inside)
+    outside = even[0][even[0] > edge - 1e-9]
+    widths = np.diff(outside)
+    assert np.allclose(widths[outside[1:] < edge + feature], size, rtol=0.03)
+    assert np.all(np.diff(widths[outside[1:] > edge + feature]) > 0)
+
+
 def test_the_feature_is_the_fillet_or_a_twentieth_of_the_thickness() -> None:
     assert feature_m(BODY, Punch(fillet_m=0.2e-3)) == 0.2e-3
     assert feature_m(Body(thickness_m=4e-3), Punch(fillet_m=0.4e-3)) == pytest.approx(0.2e-3)
