@@ -196,8 +196,12 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, finenesse
         found = _added(touch, law, disc, replace(punch, x_m=x, y_m=y), given or OffsetDisc(edge.disc_m, edge.offset_m),
                        finenesses)
         assert found.rim is not None
-        towards = edge.towards if given is None else found.rim.towards
-        return replace(found, rim=replace(found.rim, towards=towards), volume=None,
+        assert found.volume is not None
+        towards = edge.towards if given is None else np.array([1.0, 0.0])
+        edges = _edges(body, punch)
+        volume = replace(found.volume, axis_m=np.array([punch.x_m, punch.y_m]),
+                         bearing_rad=math.atan2(towards[1], towards[0]), edges_m=np.stack([edges.start, edges.end], 1))
+        return replace(found, rim=replace(found.rim, towards=towards), volume=volume,
                        cpu_s=touch.cpu_s + cpu_s() - started)
     outline = given or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
     return replace(_added(touch, law, body, punch, outline, finenesses), cpu_s=touch.cpu_s + cpu_s() - started)
@@ -212,9 +216,8 @@ def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: Offs
     edges = (outline.start, outline.end) if isinstance(outline, OffsetOutline) else None
     out = with_error(touch, coarser, change, body, punch, edges, left)
     way = _WAY if punch.friction == "stick" else 0.0
-    volume = None if isinstance(outline, OffsetOutline) else volume_of(
-        after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law, body.thickness_m,
-        math.atan2(punch.y_m, punch.x_m))
+    volume = volume_of(after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law,
+                       body.thickness_m, np.array([punch.x_m, punch.y_m]), math.atan2(punch.y_m, punch.x_m))
     return replace(out, volume=volume, signal_errors=out.signal_errors + (way and way * signal_differences(
         body, punch, touch, no_correction(change.field), change.field, edges)))
 
