@@ -14,6 +14,7 @@ from eitsim.electrics.sheet.sheet_conductance import added_metric, touched_condu
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.outline import edge_distance_m
+from eitsim.scene.outline_electrodes import middles_m
 from eitsim.scene.results import Decision
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Punch, Scene, rim_gap_m
 from eitsim.simulation.derivatives.readings import check_differentiable
@@ -196,13 +197,38 @@ def test_a_punch_in_a_hole_is_sent_onto_the_skin():
 PAIR = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.1))
 
 
-def test_touches_near_each_other_are_refused_next_to_an_edge_and_far_ones_solved():
+def test_touches_near_each_other_are_solved_together_and_next_to_an_edge_with_all_edges():
     assert make_plan(replace(SCENE, punches=PAIR), CARD).refusal == ""
     askew = tuple(replace(punch, x_m=punch.x_m - 0.006, y_m=0.03) for punch in PAIR)
-    refused = make_plan(replace(SCENE, punches=askew), CARD).refusal
-    assert "mm from an edge of the skin, and near a neighbour and an edge of the skin at once is not built" in refused
+    plan = make_plan(replace(SCENE, punches=askew), CARD)
+    assert plan.refusal == ""
+    made = [d.decision.split(",")[0] for d in plan.decisions if "three dimensions" in d.decision]
+    assert made == ["mechanics in three dimensions near several edges"] * 2 + [
+        "touches 1 and 2 solved together in three dimensions"]
     far = (Punch(-0.005, 0.0, 0.008, force_N=0.1), Punch(0.03, 0.0, 0.008, force_N=0.1))
     assert make_plan(replace(SCENE, punches=far), CARD).refusal == ""
+    stuck = tuple(replace(punch, friction="stick") for punch in askew)
+    assert "only frictionless punches are solved together" in make_plan(replace(SCENE, punches=stuck), CARD).refusal
+
+
+@pytest.mark.slow
+def test_touches_near_each_other_and_an_edge_give_readings():
+    """A pair along the upper edge, symmetric about x = 0, in what it does and what is read of opposite electrodes."""
+    pair = tuple(Punch(x, 0.03, 0.008, force_N=0.1) for x in (-0.0065, 0.0065))
+    body = replace(SKIN, holes_m=())
+    scene = replace(SCENE, body=body, punches=pair, electrodes=replace(SCENE.electrodes, soft=True))
+    found = simulate(scene, CARD)
+    assert found.outcome == "ok", found.message
+    assert found.readings is not None
+    one, other = found.touches
+    assert one.depth_m == pytest.approx(other.depth_m, rel=1e-6)
+    near = solve_near_rim(CARD.hyperfoam, body, pair[0]).depth_m
+    assert 1e-4 < abs(one.depth_m / near - 1) < 0.05
+    assert found.error_estimate["signal"] < 0.04
+    z = found.readings.impedance_Ohm
+    middles = middles_m(body.shape, scene.electrodes)
+    mirror = [int(np.argmin(np.linalg.norm(middles - at * [-1, 1], axis=1))) for at in middles]
+    assert np.linalg.norm(z[np.ix_(mirror, mirror)] - z) < 1e-3 * np.linalg.norm(z)
 
 
 @pytest.mark.slow
