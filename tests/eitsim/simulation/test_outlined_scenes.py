@@ -258,6 +258,7 @@ def test_exact_says_that_edges_stay_left_out():
     assert any("exact does not change it" in d.reason for d in plan.decisions if d.error_bound > 0)
 
 
-def test_what_serves_discs_alone_says_so():
-    with pytest.raises(ValueError, match="sensitivities are not built for skins with an outline"):
-        check_differentiable(SCENE)
+def test_derivatives_near_an_edge_say_what_to_do():
+    check_differentiable(SCENE)
+    with pytest.raises(ValueError, match=r"not built for a touch near the edge of an outline.* larger signal in"):
+        check_differentiable(at(0.01, 0.03))
