@@ -6,7 +6,6 @@ from pathlib import Path
 
 from eitsim.scene.results import Result
 from eitsim.scene.scene import Scene
-from eitsim.simulation.plan import near_rim
 from matcal.card import MaterialCard
 from touchcal.terminal import counter
 
@@ -51,10 +50,6 @@ def check_output_files(scene: Scene, files: OutputFiles, outs: Mapping[str, Path
         raise ValueError("--fields is not built for a hold; leave out time_s in [hold].")
     if files.fields is not None and len(scene.punches) > 1:
         raise ValueError("--fields is built for one touch; leave it out or give one [punch].")
-    if files.fields is not None and scene.body.has_outline and any(
-            near_rim(scene, punch) for punch in scene.punches):
-        raise ValueError("--fields is not built for a touch near the edge of a skin with an outline; leave it out or "
-                         "move the punch inwards.")
     if files.skin is None and files.patterns is not None:
         raise ValueError("--skin-patterns has no effect without --skin; add --skin skin.vtu.")
     if files.skin is not None:

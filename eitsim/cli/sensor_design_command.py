@@ -24,14 +24,15 @@ def design(sensors: Annotated[list[Path], typer.Argument(
            unknown_diameter: Annotated[bool, typer.Option(
                "--unknown-diameter", help="The punch's diameter is read, too.")] = False,
            within_mm: Annotated[float | None, typer.Option(
-               help="Touches lie within this distance of the centre; else as far as the punch fits.")] = None,
-           places: Annotated[int, typer.Option(min=1, help="Touches that are solved; an even ring turns each into one "
-                                                           "for every electrode.")] = 24,
+               help="Touches lie within this distance of the centre, or of the centroid of an outline; else "
+                    "as far as the punch fits.")] = None,
+           places: Annotated[int, typer.Option(min=1, help="Touches that are solved; an even ring of a disc turns each "
+                                                           "into one for every electrode.")] = 24,
            out: Annotated[Path | None, typer.Option(
                help="Write the chosen readings (CSV) here, as pairs in [drive] of a sensor file names them.")] = None,
            as_json: JsonOption = False) -> None:
     """Rank drives, choices of readings and layouts of electrodes by the least standard deviations of x, y and F that
-    any unbiased reading of a touch can have (Cramer-Rao), over the disc and under white noise.
+    any unbiased reading of a touch can have (Cramer-Rao), over the skin and under white noise.
 
     Each sensor takes some 25 to 40 CPU seconds. Bounds hold for the same noise in every reading, however many there
     are, and count no error of a model.

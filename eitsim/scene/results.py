@@ -86,9 +86,10 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """The foam's displacement about a punch near the rim, by harmonics of the angle on the mesh of a meridian. Angles
-    count from the direction to the nearest point of the rim; harmonics are those of `eitsim.mechanics.harmonics.arcs`.
-    It is the solution on the mesh by which the rim's change was found, coarser than the axisymmetric section's."""
+    """The foam's displacement about a punch near an edge, by harmonics of the angle on the mesh of a meridian. Angles
+    count from the direction to the nearest point of the rim, or of the edge; harmonics are those of
+    `eitsim.mechanics.harmonics.arcs`. It is the solution on the mesh by which the rim's change was found, coarser than
+    the axisymmetric section's."""
 
     # (columns,) and (rows,) reference radii and heights of the nodes, m, increasing; 0 at the axis and at the top
     radius_m: Array
@@ -98,13 +99,17 @@ class Volume:
     facet_m: Array  # (facets,) reference radii of the middles of the facets where the punch may touch, m
     share: Array  # (k,) places on a circle, as in RimField
     pressure_Pa: Array  # (facets, k) contact pressure on the deformed surface, Pa, averages along the facets
-    # radius of the disc, distance of the punch's axis from its centre, and radius of the punch, m
+    # radius of the disc, distance of the punch's axis from its centre, m, as in RimField; and radius of the punch, m
     disc_m: float
     offset_m: float
     punch_m: float
-    # angle of the direction from the disc's centre to the punch's axis from the disc's x axis, rad
+    # angle of the direction that angles count from, from the x axis, rad
     bearing_rad: float
     law: Hyperfoam
+    axis_m: Array  # (2,) x and y of the punch's axis, m
+    # (edges, 2, 2) starts and ends of the edges of an outline, from the punch's axis, m; None on a disc
+    edges_m: Array | None = None
+    whole_turn: bool = False  # whether nothing is symmetric: harmonics and places are those of a whole turn
 
 
 @dataclass(frozen=True)

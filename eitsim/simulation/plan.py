@@ -119,23 +119,12 @@ def _neighbour_refusal(scene: Scene) -> str:
     if scene.hold.time_s:
         return (f"a hold (time_s in [hold]) is built for one touch, {len(scene.punches)} are given; give one [punch] "
                 "or leave out time_s.")
-    problems = ((group, _together_problem(scene, group)) for group in _clusters(scene))
+    problems = ((group, pair_problem(scene.body, [scene.punches[i] for i in group])) for group in _clusters(scene))
     return next((_apart_refusal(scene, group, problem) for group, problem in problems if problem), "")
 
 
 def _clusters(scene: Scene) -> tuple[tuple[int, ...], ...]:
     return clusters(scene.body, scene.punches, _NEIGHBOUR_SHARE * scene.accuracy.signal)
-
-
-def _together_problem(scene: Scene, group: Sequence[int]) -> str:
-    """Why these touches cannot be solved together, without a full stop; empty where they can."""
-    edge = "an edge of the skin" if scene.body.has_outline else "the rim"
-    for i in group:
-        if near_rim(scene, scene.punches[i]):
-            gap_mm = rim_gap_m(scene.body, scene.punches[i]) * 1e3
-            return (f"touch {i + 1} is also {gap_mm:.1f} mm from {edge}, and near a neighbour and {edge} at once is "
-                    "not built")
-    return pair_problem(scene.body, [scene.punches[i] for i in group])
 
 
 def _apart_refusal(scene: Scene, group: Sequence[int], problem: str) -> str:
@@ -150,11 +139,18 @@ def _apart_refusal(scene: Scene, group: Sequence[int], problem: str) -> str:
 
 
 def together(scene: Scene, *, exact: bool = False) -> tuple[tuple[int, ...], ...]:
-    """Numbers of the touches, two each, that are solved together: those that must be, with exact any two that can."""
+    """Numbers of the touches, two each, that are solved together: those that must be, with exact any two that can, far
+    from edges."""
     if len(scene.punches) < 2 or scene.hold.time_s:
         return ()
-    groups = ((0, 1),) if exact and len(scene.punches) == 2 else _clusters(scene)
-    return tuple(group for group in groups if not _together_problem(scene, group))
+    two = exact and len(scene.punches) == 2 and not near_edges(scene, (0, 1))
+    groups = ((0, 1),) if two else _clusters(scene)
+    return tuple(group for group in groups if not pair_problem(scene.body, [scene.punches[i] for i in group]))
+
+
+def near_edges(scene: Scene, group: Sequence[int]) -> bool:
+    """Whether any of these touches is so near to the rim, or to edges of an outline, that they count."""
+    return any(near_rim(scene, scene.punches[i]) for i in group)
 
 
 def _punch_refusal(scene: Scene, punch: Punch) -> str:
@@ -261,7 +257,9 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
                exact: bool) -> Iterator[Decision]:
     card, law, groups = material.card, material.law, together(scene, exact=exact)
     for i, (punch, stored) in enumerate(zip(scene.punches, reused, strict=True)):
-        yield _rim_decision(scene, punch, exact and not any(i in group for group in groups))
+        grouped = any(i in group and near_edges(scene, group) for group in groups)
+        yield _all_edges_decision(scene, punch) if grouped else _rim_decision(
+            scene, punch, exact and not any(i in group for group in groups))
         if stored is not None:
             yield stored
         elif punch.force_N is not None:
@@ -385,16 +383,25 @@ def _channel_decisions(scene: Scene) -> Iterator[Decision]:
                        "are those of the body without them", 0.0, unbounded=True)
 
 
-def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
+def _from_edge(scene: Scene, punch: Punch) -> str:
     gap = rim_gap_m(scene.body, punch)
     edge = "nearest edge" if scene.body.has_outline else "rim"
-    where = f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
+    return f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
+
+
+def _all_edges_decision(scene: Scene, punch: Punch) -> Decision:
+    edges, outline = ("several edges", "outline") if scene.body.has_outline else ("the rim", "rim")
+    return Decision(f"mechanics in three dimensions near {edges}, as a change of the axisymmetric touch",
+                    f"{_from_edge(scene, punch)}; circles about the punch are cut where the {outline} cuts them; a "
+                    "coarser mesh with fewer harmonics tells the error, which counts in the result's own; the bound is "
+                    f"of edges further away than {FINE.out_to:g} thicknesses",
+                    _other_edges_effect(scene, punch, FINE.out_to) if scene.body.has_outline else 0.0)
+
+
+def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
     if several_edges(scene, punch):
-        return Decision("mechanics in three dimensions near several edges, as a change of the axisymmetric touch",
-                        f"{where}; circles about the punch are cut where the outline cuts them; a coarser mesh with "
-                        "fewer harmonics tells the error, which counts in the result's own; the bound is of edges "
-                        f"further away than {FINE.out_to:g} thicknesses",
-                        _other_edges_effect(scene, punch, FINE.out_to))
+        return _all_edges_decision(scene, punch)
+    where = _from_edge(scene, punch)
     if scene.body.has_outline and near_rim(scene, punch):
         nearest = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m))
         straight = nearest.disc_m == STRAIGHT_M

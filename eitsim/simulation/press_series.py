@@ -17,6 +17,9 @@ from eitsim.electrics.sheet.sheet_conductance import driving_strain, surface_met
 from eitsim.mechanics.rim.displacement_field import Places, displacement, gradient, widening
 from eitsim.mechanics.rim.half_disc_fields import INWARDS, Lattice, lattice_of, turn
 from eitsim.scene.electrodes import arcs, lengths
+from eitsim.scene.nearest_edge import nearest_edge
+from eitsim.scene.outline import corners_and_edges, loops
+from eitsim.scene.outline_electrodes import edge_starts, patch_loops, places_along, stretches_along
 from eitsim.scene.results import Array, Touch, Volume
 from eitsim.scene.scene import Body, Punch, Scene, as_scene, profile_of
 from eitsim.simulation.material import material_of
@@ -47,9 +50,9 @@ class Block:
 
 def check_press(scene: Scene, steps: int = STEPS) -> None:
     """ValueError, before anything is solved, where a scene has no such series."""
-    if scene.hold.time_s or len(scene.punches) != 1 or scene.body.has_outline:
-        raise ValueError("a series of a press (.pvd) is built for one touch on a disc, without a hold; give one "
-                         "[punch], and leave out time_s in [hold] and the outline in [body].")
+    if scene.hold.time_s or len(scene.punches) != 1:
+        raise ValueError("a series of a press (.pvd) is built for one touch, without a hold; give one [punch], and "
+                         "leave out time_s in [hold].")
     if steps < 1:
         raise ValueError(f"--fields-steps must be 1 or more, got {steps}.")
 
@@ -75,7 +78,7 @@ def press_of(scene: Scene | Path | str, card: MaterialCard | Path | str, last: T
     Parameters
     ----------
     scene, card
-        One touch on a disc, without a hold, and its material, as in `simulate`.
+        One touch, without a hold, and its material, as in `simulate`.
     last
         The scene's own touch where it is solved already.
     steps
@@ -140,9 +143,11 @@ def write_press(scene: Scene, touches: Sequence[Touch], path: Path | str) -> Non
     path
         The .pvd; the VTU files lie in a folder of its name next to it. Times in it are forces, N, or depths, mm, where
         the scene gives the depth. Parts 0, 1 and 2 are the foam, on the half of the disc counter-clockwise of the line
-        from its centre through the punch; the punch; and the electrodes. "Warp By Vector" with displacement_m shows
-        all three as they are pressed. The foam's driving_strain_<name> is the skin's own at the top, and inside the
-        same measure of horizontal surfaces; contact_pressure_Pa is that of the touch without the rim, 0 below the top.
+        from its centre through the punch, or of an outline of the line from the punch towards the nearest edge, as far
+        as it is seen from there; the punch; and the electrodes, with the edges of an outline as number -1. "Warp By
+        Vector" with displacement_m shows all three as they are pressed. The foam's driving_strain_<name> is the skin's
+        own at the top, and inside the same measure of horizontal surfaces; contact_pressure_Pa is that of the touch
+        without the rim, 0 below the top.
 
     Raises
     ------
@@ -195,7 +200,8 @@ def volume_of(body: Body, punch: Punch, touch: Touch) -> Volume:
     if touch.section is None or touch.rim is not None:
         raise ValueError("this touch keeps no displacements inside the foam: it comes from a table, or lies near an "
                          "edge where they are not built. Solve it without one.")
-    section = touch.section
+    section, place = touch.section, np.array([punch.x_m, punch.y_m])
+    edges = np.stack(corners_and_edges(body.shape), axis=1) - place if body.has_outline else None
     rows = int(np.argmax(np.diff(section.nodes_m[:, 1]) < 0)) + 1  # nodes go column by column, upwards
     radius, height = section.nodes_m[::rows, 0], section.nodes_m[:rows, 1]
     moved = np.zeros((len(radius), rows, 3, 1))
@@ -203,7 +209,8 @@ def volume_of(body: Body, punch: Punch, touch: Touch) -> Volume:
     none = np.zeros(2)
     order = math.isqrt(section.elements.shape[1]) - 1
     return Volume(radius, height - height[-1], order, moved, none, none, np.zeros((2, 2)), body.radius_m,
-                  math.hypot(punch.x_m, punch.y_m), punch.diameter_m / 2, math.atan2(punch.y_m, punch.x_m), section.law)
+                  math.hypot(punch.x_m, punch.y_m), punch.diameter_m / 2, math.atan2(punch.y_m, punch.x_m), section.law,
+                  place, edges)
 
 
 def _blocks(scene: Scene, punch: Punch, touch: Touch, volume: Volume, *, pressed: bool) -> Iterator[Block]:
@@ -217,8 +224,8 @@ def _blocks(scene: Scene, punch: Punch, touch: Touch, volume: Volume, *, pressed
 
 
 def _foam(scene: Scene, punch: Punch, touch: Touch, volume: Volume) -> Block:
-    """The half disc on shared points: displacements, the strain that drives the skin, and contact pressure."""
-    lattice = lattice_of(volume, 1)
+    """The half of the skin on shared points: displacements, the strain that drives the skin, and contact pressure."""
+    lattice = lattice_of(volume, 1, _cut_rad(scene.body, punch))
     at, shape = _corners(lattice)
     axes = turn(volume, at)
     local = np.column_stack([at.radius_m, np.zeros_like(at.radius_m), at.height_m])
@@ -231,6 +238,14 @@ def _foam(scene: Scene, punch: Punch, touch: Touch, volume: Volume) -> Block:
     moved = (axes @ displacement(volume, at)[..., None])[..., 0]
     return Block("foam", points, _cells(shape), {
         "displacement_m": moved, DRIVING + scene.skin.strain: strain, "contact_pressure_Pa": pressure})
+
+
+def _cut_rad(body: Body, punch: Punch) -> float | None:
+    """Direction to the nearest edge of an outline, rad; None on a disc."""
+    if not body.has_outline:
+        return None
+    towards = nearest_edge(body.shape, (punch.x_m, punch.y_m)).towards
+    return math.atan2(towards[1], towards[0])
 
 
 def _corners(lattice: Lattice) -> tuple[Places, tuple[int, int, int]]:
@@ -294,18 +309,53 @@ def _punch(body: Body, punch: Punch, touch: Touch) -> Block:
 
 
 def _electrodes(scene: Scene, punch: Punch, touch: Touch) -> Block:
-    """Electrodes on the top at the rim: lines along it, or sectors of the surface; `electrode` is their number."""
+    """Electrodes on the top, along the edge or on the surface; `electrode` is their number, -1 that of the edges of an
+    outline."""
+    parts = list(_on_outline(scene) if scene.body.has_outline else _on_disc(scene))
+    first = np.cumsum([0, *(len(points) for _, points, _ in parts)])
+    plane = np.concatenate([points for _, points, _ in parts])
+    cells = [(kind, np.concatenate([numbers + start for (own, _, numbers), start in zip(parts, first, strict=False)
+                                    if own == kind])) for kind in dict.fromkeys(kind for kind, _, _ in parts)]
+    number = np.repeat(np.arange(len(parts), dtype=float), np.diff(first))
+    if scene.body.has_outline:
+        number[number >= scene.electrodes.count] = -1
+    return Block("electrodes", np.column_stack([plane, np.zeros(len(plane))]), cells,
+                 {"displacement_m": surface_displacement(plane, ((punch, touch),)), "electrode": number})
+
+
+def _on_disc(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
+    """Name of the cells, points (n, 2), m, and cells of each electrode at the rim: lines along it, or sectors."""
     patches = scene.electrodes.kind == "patch"
     ends, length = arcs(scene.body.radius_m, scene.electrodes), lengths(scene.electrodes) * patches
-    angle = np.linspace(ends[:, 0], ends[:, 1], _ALONG, axis=1)
-    radius = scene.body.radius_m - np.linspace(0 * length, length, _ALONG if patches else 1, axis=1)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    plane = (radius[:, :, None, None] * circle[:, None]).reshape(-1, 2)
-    number = np.arange(len(plane)).reshape(*radius.shape, _ALONG)
-    first, second = number[..., :-1], number[..., 1:]
-    cells = ("quad", [first[:, :-1], second[:, :-1], second[:, 1:], first[:, 1:]]) if patches else (
-        "line", [first, second])
-    return Block("electrodes", np.column_stack([plane, np.zeros(len(plane))]),
-                 [(cells[0], np.stack(cells[1], axis=-1).reshape(-1, len(cells[1])))],
-                 {"displacement_m": surface_displacement(plane, ((punch, touch),)),
-                  "electrode": np.repeat(np.arange(len(ends), dtype=float), radius.shape[1] * _ALONG)})
+    for (start, end), deep in zip(ends, length, strict=True):
+        angle = np.linspace(start, end, _ALONG)
+        radius = scene.body.radius_m - np.linspace(0, deep, _ALONG if patches else 1)
+        plane = radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        number = np.arange(radius.size * _ALONG).reshape(-1, _ALONG)
+        first, second = number[:, :-1], number[:, 1:]
+        corners = [first[:-1], second[:-1], second[1:], first[1:]] if patches else [first, second]
+        yield ("quad" if patches else "line", plane.reshape(-1, 2),
+               np.stack(corners, axis=-1).reshape(-1, len(corners)))
+
+
+def _on_outline(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
+    """As `_on_disc`: lines along the outer edge, or patches on the surface, then all edges."""
+    shape = scene.body.shape
+    if scene.electrodes.kind == "line":
+        starts = edge_starts(shape)
+        corners = np.concatenate([starts[:-1] + turn * starts[-1] for turn in (-1, 0, 1, 2)])
+        for start, end in stretches_along(shape, scene.electrodes):
+            arc = np.unique(np.append(np.linspace(start, end, _ALONG), corners[(corners > start) & (corners < end)]))
+            yield "line", places_along(shape, arc), _chain(len(arc))[:-1]
+    else:
+        own = np.column_stack([scene.electrodes.x_m, scene.electrodes.y_m])
+        for place, loop in zip(own, patch_loops(scene.electrodes), strict=True):
+            fan = np.column_stack([_chain(len(loop)), np.full(len(loop), len(loop))])
+            yield "triangle", np.vstack([loop, place]), fan
+    for loop in loops(shape):
+        yield "line", loop, _chain(len(loop))
+
+
+def _chain(count: int) -> Any:
+    """Numbers of points and of those after them (count, 2), around."""
+    return np.column_stack([np.arange(count), (np.arange(count) + 1) % count])

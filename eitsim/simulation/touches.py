@@ -20,7 +20,7 @@ from eitsim.mechanics.rim.two_punches import FINEST, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Body, Punch, Scene
-from eitsim.simulation.plan import near_rim, several_edges
+from eitsim.simulation.plan import near_edges, near_rim, several_edges
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from touchcal import cache
@@ -39,22 +39,25 @@ def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None],
                    exact: bool, *, keep: bool = False) -> tuple[Touch, ...]:
     """All touches, each alone, and what those of a group, solved together, change of each other; `keep` keeps those
     that are solved alone and takes those that were."""
-    touches = [found or _touch(law, scene, punch, exact, paired=any(i in group for group in groups), keep=keep)
-               for i, (punch, found) in enumerate(zip(scene.punches, stored, strict=True))]
+    paired = [any(i in group for group in groups) for i in range(len(scene.punches))]
+    # those of a group start from the axisymmetric touch, without what edges change, which a stored one may have
+    touches = [found if found is not None and not (pair and found.rim is not None) else _touch(
+        law, scene, punch, exact, paired=pair, keep=keep)
+               for punch, found, pair in zip(scene.punches, stored, paired, strict=True)]
     for i, j in groups:
         touches[i], touches[j] = solved_together(
             (touches[i], touches[j]), law, scene.body, (scene.punches[i], scene.punches[j]),
-            coarse=FINE if exact else COARSE, fine=FINEST if exact else FINE)
+            coarse=FINE if exact else COARSE, fine=FINEST if exact else FINE, edges=near_edges(scene, (i, j)))
     return tuple(touches)
 
 
 def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: bool = False,
            keep: bool = False) -> Touch:
     """A touch on the default mesh, and on one of half its element size where that misses the requested error or is not
-    exact; in three dimensions near the rim and, where that is built and no neighbour is solved together with it, to be
-    exact."""
-    whole = exact and not paired and not scene.body.has_outline and not rim_problem(scene.body, punch)
-    if near_rim(scene, punch) or whole:
+    exact; where no neighbour is solved together with it, in three dimensions near the rim and, where that is built, to
+    be exact."""
+    whole = exact and not scene.body.has_outline and not rim_problem(scene.body, punch)
+    if not paired and (near_rim(scene, punch) or whole):
         several = several_edges(scene, punch)
         return _kept("near several edges" if several else "near the rim",
                      partial(solve_near_rim, whole=exact, all_edges=several), law, scene.body, punch, keep)[0]

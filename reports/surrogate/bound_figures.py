@@ -1,4 +1,4 @@
-"""Maps of the physical limit over the disc: what any reading of a frame leaves open of a touch, by its place."""
+"""Maps of the physical limit over the skin: what any reading of a frame leaves open of a touch, by its place."""
 
 import numpy as np
 import pandas as pd
@@ -7,6 +7,7 @@ from matplotlib.collections import Collection
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.tri import Triangulation
+from numpy.typing import NDArray
 
 from reports.document import style
 from reports.document.numerals import number
@@ -53,9 +54,15 @@ def _panel(axes: Axes, part: pd.DataFrame, name: str, shades: LogNorm) -> Collec
                            shading="gouraud", rasterized=True)
     axes.set_aspect("equal")
     axes.grid(visible=False)
-    axes.set_xticks([-100, 0, 100])
-    axes.set_yticks([-100, 0, 100])
+    axes.set_xticks(_ticks(x))
+    axes.set_yticks(_ticks(y))
     return drawn
+
+
+def _ticks(values: NDArray[np.float64]) -> list[float]:
+    """Both ends to 10 mm outwards, and 0 between them."""
+    low, high = 10 * np.floor(values.min() / 10), 10 * np.ceil(values.max() / 10)
+    return [low, 0.0, high] if low < 0 < high else [low, high]
 
 
 def _caption(found: pd.DataFrame, level: float, materials: list[str]) -> str:

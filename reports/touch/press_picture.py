@@ -27,7 +27,8 @@ SUFFIXES = (".png", ".gif")
 # Libraries that draw without a display on Linux, of which VTK takes the first that is there.
 _OFF_SCREEN = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so.6")
 # Parts of a step, and what each needs among its point fields, next to a driving strain of the foam.
-FIELDS = {"foam": ["displacement_m"], "punch": ["displacement_m", "force_N"], "electrodes": ["displacement_m"]}
+FIELDS = {"foam": ["displacement_m"], "punch": ["displacement_m", "force_N"],
+          "electrodes": ["displacement_m", "electrode"]}
 PARTS = list(FIELDS)
 # Words of a driving strain, by the name of its field in a series.
 TITLES = {"driving_strain_principal": "largest strain in plane, %", "driving_strain_areal": "areal strain, %",
@@ -75,14 +76,28 @@ class Step:
 
     @property
     def across(self) -> NDArray[np.float64]:
-        """Unit vector (3,) from the foam out of its cut, the plane through the punch's axis and the disc's centre."""
-        along = self.axis_m / np.linalg.norm(self.axis_m) if self.axis_m.any() else np.array([1.0, 0.0, 0.0])
-        return np.array([along[1], -along[0], 0.0])
+        """Unit vector (3,) from the foam out of its cut, the plane through the punch's axis and the disc's centre, or
+        the nearest edge of an outline; the first points off the axis lie on it."""
+        away = (self.foam.points - self.axis_m) * np.array([1, 1, 0])
+        radius = np.linalg.norm(away, axis=1)
+        first = int(np.argmax(radius > 1e-3 * radius.max()))
+        return np.array([away[first, 1], -away[first, 0], 0.0]) / radius[first]
+
+    @property
+    def edges(self) -> Any:
+        """The edges of an outline as lines; no cells on a disc."""
+        return self.electrodes.extract_points(self.electrodes["electrode"] < 0, adjacent_cells=False)
+
+    @property
+    def middle_m(self) -> NDArray[np.float64]:
+        """Middle of the skin (3,), m: of an outline that of the box about it."""
+        points = self.edges.points
+        return (points.min(axis=0) + points.max(axis=0)) / 2 if len(points) else np.zeros(3)
 
     @property
     def rim_m(self) -> float:
-        """Radius of the disc, m."""
-        return float(np.linalg.norm(self.electrodes.points[:, :2], axis=1).max())
+        """Largest distance of the edge from the middle, m; the radius of a disc."""
+        return float(np.linalg.norm((self.electrodes.points - self.middle_m)[:, :2], axis=1).max())
 
 
 def draw_press(series: Path | str, out: Path | str) -> Path:
@@ -229,9 +244,11 @@ def view(step: Step, limits: tuple[float, float], size: tuple[int, int], *, near
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(size))
     plotter.set_background("white")
     plotter.enable_anti_aliasing("ssaa")
+    there = step.electrodes.extract_points(step.electrodes["electrode"] >= 0, adjacent_cells=False)
     foam, punch, electrodes = (part.warp_by_vector("displacement_m").extract_surface(algorithm="dataset_surface")
-                               for part in (step.foam, step.punch, step.electrodes))
-    whole = pyvista.Circle(radius=step.rim_m, resolution=200).extract_feature_edges()
+                               for part in (step.foam, step.punch, there))
+    edges: Any = step.edges
+    whole = edges if edges.n_cells else pyvista.Circle(radius=step.rim_m, resolution=200).extract_feature_edges()
     plotter.add_mesh(whole, color=_REMOVED, line_width=size[0] / 400)
     plotter.add_mesh(foam, scalars=100 * foam[step.driving], clim=limits, cmap=colours(limits), show_scalar_bar=False,
                      smooth_shading=True, split_sharp_edges=True, feature_angle=60, ambient=0.2)
@@ -249,11 +266,11 @@ def view(step: Step, limits: tuple[float, float], size: tuple[int, int], *, near
 
 
 def _look(camera: Any, step: Step, size: tuple[int, int], *, near: bool) -> None:
-    """Turn a camera to the cut, the plane through the punch's axis and the disc's centre."""
+    """Turn a camera to the cut."""
     axis, across = step.axis_m, step.across
     towards = np.cos(np.radians(_ABOVE)) * across + np.array([0, 0, np.sin(np.radians(_ABOVE))])
     span = _DIAMETERS * np.ptp(step.punch.points[:, 0]) if near else _DISCS * 2 * step.rim_m
-    camera.focal_point = axis if near else np.zeros(3)
+    camera.focal_point = axis if near else step.middle_m
     camera.position = camera.focal_point + 5 * span * towards
     camera.up = (0.0, 0.0, 1.0)
     camera.parallel_projection = True

@@ -1,7 +1,8 @@
 """The limit over the disc: standard deviations of x0, y0, d and F of one punch, by its place.
 
 Places of one sector from an electrode to the next are solved; the ring's turns make them the whole disc's, and turn the
-covariance of the place with them. (Its mirror is no symmetry of the readings: see `derivative_table`.)
+covariance of the place with them. (Its mirror is no symmetry of the readings: see `derivative_table`.) On an outline
+nothing turns, and places lie all over it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -12,7 +13,9 @@ import numpy as np
 import pandas as pd
 
 from eitsim.scene.electrodes import identical
+from eitsim.scene.outline import centroid_m
 from eitsim.scene.scene import Punch, Scene
+from eitsim.sensors.layout.touch_slopes import outline_places_m
 from eitsim.sweeps.measurement.instrument import below
 from matcal.card import MaterialCard
 from surrogate.bounds.fisher_information import correlation, information
@@ -25,6 +28,7 @@ from touchcal.arrays import Array
 
 # Distances from the centre, the centre aside, which lie closer towards the rim, and angles of a sector.
 RADII, ANGLES = 8, 4
+OUTLINED = 60  # places over an outline, which no turn makes more
 # Least distance of the punch's edge from the rim, over the radius of the disc; the skin's mesh refines towards none.
 GAP = 0.01
 
@@ -39,12 +43,17 @@ class Solved:
 
 
 def places(scene: Scene, radii: int = RADII, angles: int = ANGLES) -> list[tuple[float, float]]:
-    """Radius, mm, and angle, rad, of the places of a sector: the centre, then out to GAP from the rim.
+    """Radius, mm, and angle, rad, of the places of a sector: the centre, then out to GAP from the rim; on an outline as
+    many all over the skin, from its centroid outwards.
 
     ValueError where the sensor has no such sectors or the scene not one punch.
     """
     if len(scene.punches) != 1:
         raise ValueError(f"a map is that of one punch; the scene has {len(scene.punches)}. Give one [punch].")
+    if scene.body.has_outline:
+        x, y = 1e3 * outline_places_m(scene, OUTLINED).T
+        order = np.argsort(np.hypot(*(np.column_stack([x, y]) - 1e3 * centroid_m(scene.body.shape)).T))
+        return list(zip(np.hypot(x, y)[order].tolist(), np.arctan2(y, x)[order].tolist(), strict=True))
     if not _turns(scene):
         raise ValueError("the sensor does not look the same from each electrode to the next, and a map is solved in "
                          "one sector. Give equal, evenly spaced electrodes and a named pattern.")
@@ -79,13 +88,13 @@ def turned(covariance: Array, angle: float) -> Array:
 
 def over_disc(scene: Scene, card: MaterialCard, spreads: Mapping[str, MaterialSpread], noise_db: Sequence[float], *,
               rim: bool = False, each: Callable[[Iterable[int]], Iterable[int]] = iter) -> pd.DataFrame:
-    """Standard deviations of the scene's punch anywhere on the disc, one row a noise level, material and place.
+    """Standard deviations of the scene's punch anywhere on the skin, one row a noise level, material and place.
 
     spreads: name -> what is open of the material. Levels in dB below the RMS of the baseline voltages.
     """
     where = places(scene)
     found = list(solved(scene, card, (where[k] for k in each(range(len(where)))), rim=rim))
-    count = scene.electrodes.count
+    count = 1 if scene.body.has_outline else scene.electrodes.count
     return pd.DataFrame([row for level in noise_db for name, spread in spreads.items() for one in found
                          for row in _turned_rows(scene.punches[0], one, spread, level, name, count)])
 

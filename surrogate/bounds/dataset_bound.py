@@ -55,8 +55,9 @@ def floors(folder: Path | str, card_path: Path, noise_db: Sequence[float], *, ma
     """
     samples, card = read_samples(folder), read_card(card_path)
     if samples.ring.sheet is not None:
-        raise ValueError(f"{folder}: sensitivities, which limits follow from, are not built for skins with an outline. "
-                         "Evaluate without a card, and leave limits out.")
+        raise ValueError(f"{folder}: limits over a data set are taken from few places and the turns of a disc, and its "
+                         "skin has an outline. Give --scene FILE for the limit at a touch, with --map all over the "
+                         "skin; evaluate without a card.")
     prior = prior_of(samples)
     table = table_for(example_of(folder), card, prior, each=each)
     gradients = _gradients(samples)

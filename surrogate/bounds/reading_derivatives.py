@@ -31,7 +31,8 @@ def derivatives_of(scene: Scene, card: MaterialCard, *, rim: bool = False) -> De
     mechanics.
 
     rim: whether what the rim changes of the mechanics counts, which takes some 10 to 20 CPU seconds a touch instead of
-    1.5 or less; the electrics is that of the whole disc without it, too.
+    1.5 or less; the electrics is that of the whole skin without it, too. Near edges of an outline that is refused, see
+    `scene_sensitivity`.
     """
     if len(scene.punches) != 1 or scene.punches[0].force_N is None:
         raise ValueError("the limit is that of one touch under a force; give one [punch] with force_N.")

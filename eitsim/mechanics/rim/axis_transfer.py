@@ -1,8 +1,9 @@
 """Displacements as Fourier series about one axis, seen at points about another.
 
-Both frames count the angle from the direction to the other axis, so that the second is a mirror image of the first
-moved along the line through both. Between the nodes of the meridian's mesh stand cubics through the four nearest nodes
-of each line: gradients of a mesh's own quadratic elements jump between them.
+On half a turn both frames count the angle from the direction to the other axis, so that the second is a mirror image of
+the first moved along the line through both; on a whole one both count from the x axis. Between the nodes of the
+meridian's mesh stand cubics through the four nearest nodes of each line: gradients of a mesh's own quadratic elements
+jump between them.
 """
 
 from dataclasses import dataclass
@@ -45,9 +46,24 @@ class AxisTransfer:
 def view(columns: Array, rows: Array, harmonics: int, separation: float, radius: Array, angle: Array,
          height: Array) -> AxisTransfer:
     """Points (n,) at radius, angle and height about an axis seen from one at a distance `separation`, whose mesh of the
-    meridian has these columns and rows of nodes, and whose series so many harmonics."""
+    meridian has these columns and rows of nodes, and whose series so many harmonics of half a turn."""
     x, y = separation - radius * np.cos(angle), radius * np.sin(angle)
-    away, around = np.hypot(x, y), np.arctan2(y, x)
+    around = np.arctan2(y, x)
+    return _transfer(columns, rows, harmonics, np.hypot(x, y), around, height, angle + around, mirrored=True)
+
+
+def view_all_around(columns: Array, rows: Array, harmonics: int, other: Array, radius: Array, angle: Array,
+                    height: Array) -> AxisTransfer:
+    """As `view`, from an axis at x and y (2,) from this one, by harmonics of a whole turn."""
+    x, y = radius * np.cos(angle) - other[0], radius * np.sin(angle) - other[1]
+    around = np.arctan2(y, x)
+    return _transfer(columns, rows, harmonics, np.hypot(x, y), around, height, around - angle, mirrored=False)
+
+
+def _transfer(columns: Array, rows: Array, harmonics: int, away: Array, around: Array, height: Array, turned: Array, *,
+              mirrored: bool) -> AxisTransfer:
+    """Points (n,) at radii `away`, angles `around` and heights in the other's frame, whose local one is turned by
+    angles, or mirrored and turned, from this one's."""
     column, across, slope = cubics(columns, np.minimum(away, columns[-1]))
     row, up, rise = cubics(rows, height)
     shape = np.stack([slope[:, :, None] * up[:, None], across[:, :, None] * rise[:, None],
@@ -55,10 +71,11 @@ def view(columns: Array, rows: Array, harmonics: int, separation: float, radius:
     shape = np.where(away > columns[-1], 0.0, 1.0)[:, None, None, None] * shape
     steps = np.arange(_CUBIC)
     nodes = (column[:, None] + steps)[:, :, None] * len(rows) + (row[:, None] + steps)[:, None]
-    circles = AngularQuadrature(np.ones((len(away), 1)), *harmonics_at(around[:, None], harmonics))
-    both = angle + around
-    cosine, sine, none = np.cos(both), np.sin(both), np.zeros_like(both)
-    turn = np.array([[-cosine, sine, none], [sine, cosine, none], [none, none, none + 1]])
+    circles = AngularQuadrature(np.ones((len(away), 1)), *harmonics_at(around[:, None], harmonics, not mirrored),
+                                not mirrored)
+    cosine, sine, none = np.cos(turned), np.sin(turned), np.zeros_like(turned)
+    first = -1 if mirrored else 1
+    turn = np.array([[first * cosine, -first * sine, none], [sine, cosine, none], [none, none, none + 1]])
     return AxisTransfer(Points(np.ascontiguousarray(shape.reshape(len(away), -1, 3)),
                         np.ascontiguousarray(nodes.reshape(len(away), -1)), np.arange(len(away)), circles),
                  np.ascontiguousarray(np.moveaxis(turn, 2, 0)))

@@ -26,6 +26,16 @@ _METRIC = ([0, 0, 1], [0, 1, 1])
 
 
 @dataclass(frozen=True, eq=False)
+class Plane:
+    """The plane between a punch and its neighbour, thicknesses."""
+
+    towards: Array  # (2,) direction to the neighbour, which places on circles count from
+    distance: float  # of the plane from the punch's axis
+    rim: OffsetDisc  # the disc whose rim stands for it
+    past: float  # how far past it samples go on
+
+
+@dataclass(frozen=True, eq=False)
 class Samples:
     """Where the surface is sampled."""
 
@@ -35,13 +45,15 @@ class Samples:
     share: Array
     angle: Array
     outline: OffsetDisc | OffsetOutline  # what ends the circles: the rim, or a plane that stands for one, or edges
+    plane: Plane | None = None  # before a neighbour where edges end the circles
 
 
-def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc | OffsetOutline) -> Samples:
-    """Circles on the top, as far as they lie inside the outline."""
+def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc | OffsetOutline,
+            plane: Plane | None = None) -> Samples:
+    """Circles on the top, as far as they lie inside the outline, and within edges before a plane."""
     points, radius = _top_points(disc, model)
     if isinstance(outline, OffsetOutline):
-        return _around(disc, points, radius, outline)
+        return _around(disc, points, radius, outline, plane)
     share = np.linspace(0, 1, _ANGLES)
     start = outline.start(radius)[:, None]
     angle = start + (np.pi - start) * share
@@ -49,13 +61,15 @@ def samples(disc: ClippedDisc, model: IndentationProblem, outline: OffsetDisc | 
     return Samples(replace(points, circles=waves), radius, share, angle, outline)
 
 
-def _around(disc: ClippedDisc, points: Points, radius: Array, outline: OffsetOutline) -> Samples:
+def _around(disc: ClippedDisc, points: Points, radius: Array, outline: OffsetOutline, plane: Plane | None) -> Samples:
     """Whole circles, the samples off the skin at the nearest angle next to it; without those that nowhere meet it."""
     share = np.linspace(0, 1, _WHOLE_TURN)
-    turn = 2 * np.pi * share[:-1]
+    turn = 2 * np.pi * share[:-1] + (0.0 if plane is None else np.arctan2(plane.towards[1], plane.towards[0]))
     place = radius[:, None, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     away = np.sqrt([squared_distance(circle[:, None], outline.start, outline.end).min(axis=1) for circle in place])
     near = inside(place, outline.start, outline.end) | (away < _OFF)
+    if plane is not None:
+        near &= place @ plane.towards < plane.distance + plane.past
     met = int(np.argmin(near.any(axis=1))) or len(radius)  # circles of larger radii meet none
     step = np.arange(len(turn)) - np.arange(len(turn))[:, None]
     between = np.minimum(step % len(turn), -step % len(turn))
@@ -64,7 +78,7 @@ def _around(disc: ClippedDisc, points: Points, radius: Array, outline: OffsetOut
     angle = np.column_stack([angle, angle[:, :1]])
     waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed), True), True)
     kept = Points(points.shape[:met], points.nodes[:met], points.circle[:met], waves)
-    return Samples(kept, radius[:met], share, angle, outline)
+    return Samples(kept, radius[:met], share, angle, outline, plane)
 
 
 def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, neighbour: Array | None = None,
@@ -73,15 +87,19 @@ def field(at: Samples, alone: Array, whole: Array, moved: Array, unit: float, ne
     (n, k, 3, 3) of the touch alone, of the whole and of the neighbour, and the added displacement (n, k, 3), in the
     local frame and thicknesses of `unit`, m. NotConverged where the surface is turned inside out."""
     metric, normal = _added(alone, np.eye(3) if neighbour is None else neighbour, whole)
-    cosine, sine = np.cos(at.angle), np.sin(at.angle)
+    angle = at.angle if at.plane is None else at.angle - np.arctan2(at.plane.towards[1], at.plane.towards[0])
+    cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (-2, -1))
     metric = turn @ metric @ np.swapaxes(turn, -1, -2)
     moved = np.concatenate([(turn @ moved[..., :2, None])[..., 0], moved[..., 2:]], axis=-1)
     out = RimField(at.radius * unit, at.share, moved * unit, metric[..., *_METRIC], normal, np.inf, 0.0, towards,
                    neighbour is not None)
-    if isinstance(at.outline, OffsetOutline):
-        return replace(out, towards=np.array([1.0, 0.0]), whole_turn=True)
-    return replace(out, disc_m=at.outline.disc * unit, offset_m=at.outline.offset * unit)
+    ends = at.outline
+    if isinstance(ends, OffsetOutline):
+        if at.plane is None:
+            return replace(out, towards=np.array([1.0, 0.0]), whole_turn=True)
+        ends, out = at.plane.rim, replace(out, whole_turn=True)
+    return replace(out, disc_m=ends.disc * unit, offset_m=ends.offset * unit)
 
 
 def _added(alone: Array, neighbour: Array, whole: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, harmonics_at
+from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, OffsetOutline, harmonics_at
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes
 from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
@@ -20,8 +20,8 @@ from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
 
-# Angles at which the contact pressure is kept.
-_ANGLES = 25
+# Angles on half a turn, and on a whole one, at which the contact pressure is kept.
+_ANGLES, _WHOLE_TURN = 25, 97
 
 
 @dataclass(frozen=True)
@@ -32,33 +32,36 @@ class Places:
     radius_m: Array
     height_m: Array
     plane: Indices  # (n,) number of its half-plane
-    angle_rad: Array  # (planes,) angles of these from the direction to the nearest point of the rim, rad
+    angle_rad: Array  # (planes,) angles of these from the direction that the volume's angles count from, rad
     within_m: Array  # (n, 2) radius and height, m, of a place inside the element that each belongs to
 
 
-def volume_of(disc: ClippedDisc, outline: OffsetDisc, model: IndentationProblem, state: Equilibrium, x: Array,
-              law: Hyperfoam, unit: float, bearing_rad: float) -> Volume:
+def volume_of(disc: ClippedDisc, outline: OffsetDisc | OffsetOutline, model: IndentationProblem, state: Equilibrium,
+              x: Array, law: Hyperfoam, unit: float, axis_m: Array, bearing_rad: float) -> Volume:
     """What a touch keeps of a clipped disc's solution x; outside what it reaches, that of the axisymmetric state."""
     radius, height = model.grid.lines
     moved = np.zeros((len(model.grid.nodes), 3, len(disc.fixed)))
     moved[:, [0, 2], 0] = axisymmetric_assembly.nodal(model.grid, state.x[:-1])
     moved[:len(disc.base)] = disc.base + amplitudes(disc, x[:-1])
     middle = model.grid.nodes[disc.facing.nodes[:, [0, -1]], 0].mean(axis=1)
+    share = np.linspace(0, 1, _WHOLE_TURN if outline.whole_turn else _ANGLES)
+    ends = (outline.disc, outline.offset) if isinstance(outline, OffsetDisc) else (np.inf, 0.0)
     kept = Volume(
         radius_m=radius * unit, height_m=height * unit, order=disc.order,
         amplitude_m=moved.reshape(len(radius), len(height), *moved.shape[1:]) * unit, facet_m=middle * unit,
-        share=np.linspace(0, 1, _ANGLES), pressure_Pa=np.zeros((len(middle), _ANGLES)),
-        disc_m=outline.disc * unit, offset_m=outline.offset * unit, punch_m=disc.punch.profile.radius * unit,
-        bearing_rad=bearing_rad, law=law)
-    return replace(kept, pressure_Pa=_pressure(disc, outline, x, kept, unit) * law.mu_0_Pa)
+        share=share, pressure_Pa=np.zeros((len(middle), len(share))), disc_m=ends[0] * unit, offset_m=ends[1] * unit,
+        punch_m=disc.punch.profile.radius * unit, bearing_rad=bearing_rad, law=law, axis_m=axis_m,
+        whole_turn=outline.whole_turn)
+    return replace(kept, pressure_Pa=_pressure(disc, x, kept, unit) * law.mu_0_Pa)
 
 
-def _pressure(disc: ClippedDisc, outline: OffsetDisc, x: Array, volume: Volume, unit: float) -> Array:
+def _pressure(disc: ClippedDisc, x: Array, volume: Volume, unit: float) -> Array:
     """Contact pressure (facets, angles) on the deformed surface over mu_0, averages along the facets."""
     radius, share = disc.facing.radius[:, 0], volume.share
-    start = outline.start(radius)[:, None]
-    angle = start + (np.pi - start) * share
-    circles = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed)))
+    start, turn = _circles(volume, radius[:, None] * unit)
+    angle = start + turn * share
+    circles = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, len(disc.fixed), volume.whole_turn),
+                                volume.whole_turn)
     push = contact.pressure(disc.punch, contact_state(replace(
         disc, facing=replace(disc.facing, weight=circles.weight, circles=circles)), x).penetration)
     middle = np.repeat(volume.facet_m, contact.POINTS)
@@ -71,6 +74,14 @@ def _pressure(disc: ClippedDisc, outline: OffsetDisc, x: Array, volume: Volume, 
                        for part in (push, area)))
 
 
+def _circles(volume: Volume, radius_m: Array) -> tuple[Array, Array]:
+    """First angle of circles about the axis, and the turn from there that the places on them share, rad."""
+    if volume.whole_turn:
+        return np.zeros_like(radius_m), np.full_like(radius_m, 2 * np.pi)
+    start = OffsetDisc(volume.disc_m, volume.offset_m).start(radius_m)
+    return start, np.maximum(np.pi - start, np.finfo(float).tiny)
+
+
 def widening(deformation: Array) -> Array:
     """Current over reference area (n,) of a horizontal surface at deformation gradients (n, 3, 3)."""
     return np.linalg.norm(np.cross(deformation[..., 0], deformation[..., 1]), axis=-1)
@@ -81,7 +92,8 @@ def gradient(volume: Volume, at: Places) -> Array:
     _, slope, nodes = _shapes(volume, at)
     amplitude = volume.amplitude_m.reshape(-1, *volume.amplitude_m.shape[2:])
     angle = at.angle_rad[:, None]
-    waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, amplitude.shape[2]))
+    waves = AngularQuadrature(np.ones_like(angle), *harmonics_at(angle, amplitude.shape[2], volume.whole_turn),
+                              volume.whole_turn)
     found = gradients(Points(slope, nodes, at.plane, waves), amplitude)[..., 0].reshape(-1, 3, 3)
     return np.eye(3) + np.where(_outside(volume, at)[:, None, None], 0.0, found)
 
@@ -93,15 +105,18 @@ def displacement(volume: Volume, at: Places) -> Array:
     parts = np.zeros((len(value), *amplitude.shape[1:]))
     for shape, node in zip(value.T, nodes.T, strict=True):
         parts += shape[:, None, None] * amplitude[node]
-    cosine, sine = (table[at.plane, :, 0] for table in harmonics_at(at.angle_rad[:, None], amplitude.shape[2]))
+    cosine, sine = (table[at.plane, :, 0] for table in harmonics_at(at.angle_rad[:, None], amplitude.shape[2],
+                                                                    volume.whole_turn))
     moved = np.sum(parts * np.stack([cosine, sine, cosine], axis=1), axis=2)
     return np.where(_outside(volume, at)[:, None], 0.0, moved)
 
 
 def contact_pressure(volume: Volume, radius_m: Array, angle_rad: Array) -> Array:
     """Contact pressure (n,), Pa, on the deformed surface: linear between facets' middles and between angles."""
-    start = OffsetDisc(volume.disc_m, volume.offset_m).start(radius_m)
-    share = np.clip((angle_rad - start) / np.maximum(np.pi - start, np.finfo(float).tiny), 0.0, 1.0)
+    start, turn = _circles(volume, radius_m)
+    angle = angle_rad % (2 * np.pi)
+    angle = angle if volume.whole_turn else np.minimum(angle, 2 * np.pi - angle)
+    share = np.clip((angle - start) / turn, 0.0, 1.0)
     inside = np.clip(radius_m, volume.facet_m[0], volume.facet_m[-1])
     held = RegularGridInterpolator((volume.facet_m, volume.share), volume.pressure_Pa)(np.stack([inside, share], -1))
     return np.where(radius_m > volume.facet_m[-1], 0.0, held)

@@ -33,7 +33,7 @@ from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.nearest_edge import nearest_edge
-from eitsim.scene.outline import corners_and_edges
+from eitsim.scene.outline import circle, corners_and_edges
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
 from matcal.laws.hyperfoam import Hyperfoam
@@ -52,6 +52,8 @@ LEAST_GAP = 1e-5
 # surface's displacement (2-norm) to increments of the three-dimensional problem, 16 for 14 mm, 0.3 N and a gap of 1 mm,
 # and 1 N and 5 mm, 8 for 3 N and 5 mm; the added depth differs by 2 % at most.
 _WAY = 0.1
+# Chords of a polygon that stands for a disc where a neighbour is near, too.
+_CHORDS = 400
 # How often the force is halved for a start where the solution is not found from the axisymmetric state.
 _HALVINGS = 3
 # Iterations on the coarse mesh above which the finer one is not tried: ten times the work of the coarse one, mostly in
@@ -149,7 +151,7 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = Fa
     NotConverged where no equilibrium is found."""
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
-    edge = _edges(body, punch) if all_edges and body.has_outline else None
+    edge = edges_from(body, punch) if all_edges and body.has_outline else None
     if not whole:
         return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge,
                          rough=None if edge else ROUGH)
@@ -158,11 +160,24 @@ def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = Fa
                      fine=replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC)
 
 
-def _edges(body: Body, punch: Punch) -> OffsetOutline:
-    """All edges of an outline seen from a punch, m."""
+def edges_from(body: Body, punch: Punch) -> OffsetOutline:
+    """All edges of an outline seen from a punch, m; those of a polygon in place of a disc."""
     place = np.array([punch.x_m, punch.y_m])
+    if not body.has_outline:
+        corners = circle(np.zeros(2), body.radius_m, _CHORDS)
+        return OffsetOutline(corners - place, np.roll(corners, -1, axis=0) - place)
     start, end = corners_and_edges(body.shape)
     return OffsetOutline(start - place, end - place)
+
+
+def on_a_disc(body: Body, punch: Punch) -> tuple[Body, Punch]:
+    """The disc of an outline's area, and the punch on it as far from its rim, in the same direction, as from the
+    nearest edge; a disc as it is."""
+    if not body.has_outline:
+        return body, punch
+    edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
+    x, y = ((body.radius_m - edge.distance_m) * edge.towards).tolist()
+    return Body(radius_m=body.radius_m, thickness_m=body.thickness_m), replace(punch, x_m=x, y_m=y)
 
 
 def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
@@ -191,13 +206,14 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, finenesse
     started = cpu_s()
     if body.has_outline:
         edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
-        disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
-        x, y = ((disc.radius_m - edge.distance_m) * edge.towards).tolist()
-        found = _added(touch, law, disc, replace(punch, x_m=x, y_m=y), given or OffsetDisc(edge.disc_m, edge.offset_m),
-                       finenesses)
+        found = _added(touch, law, *on_a_disc(body, punch), given or OffsetDisc(edge.disc_m, edge.offset_m), finenesses)
         assert found.rim is not None
-        towards = edge.towards if given is None else found.rim.towards
-        return replace(found, rim=replace(found.rim, towards=towards), volume=None,
+        assert found.volume is not None
+        towards = edge.towards if given is None else np.array([1.0, 0.0])
+        edges = edges_from(body, punch)
+        volume = replace(found.volume, axis_m=np.array([punch.x_m, punch.y_m]),
+                         bearing_rad=math.atan2(towards[1], towards[0]), edges_m=np.stack([edges.start, edges.end], 1))
+        return replace(found, rim=replace(found.rim, towards=towards), volume=volume,
                        cpu_s=touch.cpu_s + cpu_s() - started)
     outline = given or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
     return replace(_added(touch, law, body, punch, outline, finenesses), cpu_s=touch.cpu_s + cpu_s() - started)
@@ -212,9 +228,8 @@ def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: Offs
     edges = (outline.start, outline.end) if isinstance(outline, OffsetOutline) else None
     out = with_error(touch, coarser, change, body, punch, edges, left)
     way = _WAY if punch.friction == "stick" else 0.0
-    volume = None if isinstance(outline, OffsetOutline) else volume_of(
-        after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law, body.thickness_m,
-        math.atan2(punch.y_m, punch.x_m))
+    volume = volume_of(after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law,
+                       body.thickness_m, np.array([punch.x_m, punch.y_m]), math.atan2(punch.y_m, punch.x_m))
     return replace(out, volume=volume, signal_errors=out.signal_errors + (way and way * signal_differences(
         body, punch, touch, no_correction(change.field), change.field, edges)))
 

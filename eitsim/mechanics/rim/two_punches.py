@@ -5,7 +5,8 @@ axis (`eitsim.mechanics.harmonics.clipped_disc`, unclipped). With F_1, F_2 the g
 F_1 + F_2 - 1, the stress P(F) is split at the plane in the middle of the gap: frame 1 balances P(F) - P(F_2) in its
 half and P(F_1) in the other, frame 2 the mirror image, so that the sum is P(F) everywhere and neither series has to
 follow the other's edge. Solving either frame with the other's field given, as in Schwarz's method, and both at once, a
-pass, leads there.
+pass, leads there. Near edges both frames have all of them and whole turns; integrals over the skin alone leave its
+edges free.
 """
 
 from collections.abc import Sequence
@@ -18,11 +19,21 @@ from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, CutVolumeQuadrature, amplitudes, clipped_disc
 from eitsim.mechanics.harmonics.equilibrium import reaction, solve
-from eitsim.mechanics.rim.axis_transfer import AxisTransfer, view
-from eitsim.mechanics.rim.clipped_surface import deformation, displacement, field, samples
+from eitsim.mechanics.rim.axis_transfer import AxisTransfer, view, view_all_around
+from eitsim.mechanics.rim.clipped_surface import Plane, deformation, displacement, field, samples
 from eitsim.mechanics.rim.correction import RimCorrection, with_error
 from eitsim.mechanics.rim.interaction import edge_gap_m
-from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, Solution, carried_over, correction_of, set_up
+from eitsim.mechanics.rim.solve_near_rim import (
+    COARSE,
+    FINE,
+    Resolution,
+    Solution,
+    carried_over,
+    correction_of,
+    edges_from,
+    on_a_disc,
+    set_up,
+)
 from eitsim.mechanics.solid import hyperfoam_3d
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.results import RimField, Touch
@@ -43,6 +54,8 @@ _LEAST_PART = 1 / 32
 _FIX = "Try smaller forces or a larger gap."
 # Radius, thicknesses, of the disc whose rim stands for the plane in the middle.
 _PLANE = 1e5
+# How far past that plane the surface is sampled for interpolation up to it, thicknesses, at most.
+_PAST = 0.3
 # The finest that is offered, for exact runs.
 FINEST = Resolution(3.0, 9, 18)
 
@@ -55,6 +68,7 @@ class _Frame:
     # distance of the plane in the middle from the punch's axis, and of the other axis
     half: float
     separation: float
+    towards: Array  # (2,) direction to the other axis, on a whole turn from the x axis
     near: NDArray[np.bool_]  # (points, angles) whether a point of the foam lies in this punch's half
     # those points, and all (facets points x angles) of the surface that the punch may touch, seen from the other
     foam: AxisTransfer
@@ -93,65 +107,79 @@ def pair_problem(body: Body, punches: Sequence[Punch]) -> str:
 
 
 def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punches: Sequence[Punch], *,
-                    coarse: Resolution = COARSE, fine: Resolution = FINE) -> tuple[Touch, Touch]:
+                    coarse: Resolution = COARSE, fine: Resolution = FINE, edges: bool = False) -> tuple[Touch, Touch]:
     """Two axisymmetric touches with what each changes of the other, far from the rim, symmetric about the line through
-    both axes. Two finenesses and the last pass give the errors. ValueError where `pair_problem` names one, NotConverged
-    where no equilibrium is found."""
+    both axes; or with what all edges change, too, at several times the cost. Two finenesses and the last pass give the
+    errors. ValueError where `pair_problem` names one, NotConverged where no equilibrium is found."""
     if problem := pair_problem(body, punches):
         raise ValueError(f"{problem}.")
     started = cpu_s()
-    rough = _settled(_frames(law, body, punches, coarse))
-    found = _settled(_frames(law, body, punches, fine), rough)
+    rough = _settled(_frames(law, body, punches, coarse, edges))
+    found = _settled(_frames(law, body, punches, fine, edges), rough)
     spent, out = (cpu_s() - started) / 2, []
-    disc, seen = _on_a_disc(body, punches)
-    for i, (touch, punch) in enumerate(zip(touches, seen, strict=True)):
-        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), disc, punch)
+    for i, (touch, (disc, punch)) in enumerate(zip(touches, _on_discs(body, punches, edges), strict=True)):
+        around = edges_from(body, punches[i])
+        one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), disc, punch,
+                         (around.start, around.end) if edges else None)
         out.append(replace(one, depth_error=one.depth_error + found.moved,
                            signal_errors=one.signal_errors + found.moved, cpu_s=touch.cpu_s + spent))
     return out[0], out[1]
 
 
-def _on_a_disc(body: Body, punches: Sequence[Punch]) -> tuple[Body, list[Punch]]:
-    """The disc on which errors of signals are found, and the punches there: those of an outline about its middle."""
-    if not body.has_outline:
-        return body, list(punches)
+def _on_discs(body: Body, punches: Sequence[Punch], edges: bool) -> list[tuple[Body, Punch]]:
+    """The disc on which errors of signals are found, and each punch there: of an outline far from edges about the
+    middle of both, near them as far from the rim."""
+    if edges or not body.has_outline:
+        return [on_a_disc(body, punch) for punch in punches]
     x, y = (sum(getattr(punch, axis) for punch in punches) / len(punches) for axis in ("x_m", "y_m"))
-    return (Body(radius_m=body.radius_m, thickness_m=body.thickness_m),
-            [replace(punch, x_m=punch.x_m - x, y_m=punch.y_m - y) for punch in punches])
+    disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
+    return [(disc, replace(punch, x_m=punch.x_m - x, y_m=punch.y_m - y)) for punch in punches]
 
 
-def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Resolution) -> tuple[_Frame, ...]:
+def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Resolution,
+            edges: bool) -> tuple[_Frame, ...]:
     unit = body.thickness_m
     gap = edge_gap_m(*punches) / unit
     parts = []
     for punch in punches:
         model, load = set_up(law, body, punch, fineness)
         model, state = load.state(model, sticks=False)
-        disc = clipped_disc(model, state, OffsetDisc(_PLANE, 0.0), fineness.harmonics, fineness.angles,
+        outline = edges_from(body, punch).scaled(1 / unit) if edges else OffsetDisc(_PLANE, 0.0)
+        disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles,
                             model.punch.profile.radius + fineness.out_to, held=load.force is None)
         parts.append(Solution(disc, model, state, np.zeros(disc.unknowns + 1), ()))
     separation = gap + sum(part.model.punch.profile.radius for part in parts)
-    return tuple(_frame(own, other, separation, gap) for own, other in zip(parts, parts[::-1], strict=True))
+    there = np.array([punches[1].x_m - punches[0].x_m, punches[1].y_m - punches[0].y_m])
+    towards = there / np.linalg.norm(there) if edges else np.array([1.0, 0.0])
+    ways = (towards, -towards if edges else towards)
+    return tuple(_frame(own, other, separation, gap, way)
+                 for own, other, way in zip(parts, parts[::-1], ways, strict=True))
 
 
-def _frame(alone: Solution, other: Solution, separation: float, gap: float) -> _Frame:
+def _frame(alone: Solution, other: Solution, separation: float, gap: float, towards: Array) -> _Frame:
     model, disc = alone.model, alone.disc
     half = model.punch.profile.radius + gap / 2
-    harmonics, angles = len(disc.fixed), disc.weight.shape[1]
-    angle = (np.arange(angles) + 0.5) / angles * np.pi
+    angles = disc.weight.shape[1]
     at = disc.foam.shape[..., 2]
     radius = 1 / at.sum(axis=1)
     height = radius * np.sum(at * model.grid.nodes[disc.foam.nodes, 1], axis=1)
-    near = radius[:, None] * np.cos(angle) < half
-
-    def seen(radius: Array, angle: Array, height: Array) -> AxisTransfer:
-        return view(other.disc.columns, other.model.grid.lines[1], harmonics, separation, radius, angle, height)
-
+    radii, circle = np.unique(np.round(radius, 10), return_inverse=True)
+    angle = disc.outline.sampled(radii, angles)[0][circle]
+    near = radius[:, None] * (np.cos(angle) * towards[0] + np.sin(angle) * towards[1]) < half
     where = np.broadcast_arrays(radius[:, None], angle, height[:, None])
-    foam = seen(*(part[near] for part in where))
-    under, around = np.broadcast_arrays(disc.facing.radius, angle)
-    surface = seen(under.ravel(), around.ravel(), np.zeros(under.size))
-    return _Frame(alone, half, separation, near, foam, surface)
+    foam = _seen(other, separation * towards, *(part[near] for part in where))
+    around = disc.outline.sampled(disc.facing.radius[:, 0], angles)[0]
+    under = np.broadcast_to(disc.facing.radius, around.shape)
+    surface = _seen(other, separation * towards, under.ravel(), around.ravel(), np.zeros(under.size))
+    return _Frame(alone, half, separation, towards, near, foam, surface)
+
+
+def _seen(other: Solution, away: Array, radius: Array, angle: Array, height: Array) -> AxisTransfer:
+    """Points (n,) about one axis seen from the other, which lies at x and y (2,) from it."""
+    disc, rows = other.disc, other.model.grid.lines[1]
+    if disc.outline.whole_turn:
+        return view_all_around(disc.columns, rows, len(disc.fixed), away, radius, angle, height)
+    return view(disc.columns, rows, len(disc.fixed), float(np.linalg.norm(away)), radius, angle, height)
 
 
 def _settled(frames: tuple[_Frame, ...], before: _Pair | None = None) -> _Pair:
@@ -228,10 +256,11 @@ def _surface_field(pair: _Pair, i: int, unit: float, towards: Array) -> RimField
     must have so that, with the other's alone, they are those of the whole."""
     frame, theirs = pair.frames[i], pair.frames[1 - i]
     added, other_added = (amplitudes(pair.frames[k].disc, pair.x[k][:-1]) for k in (i, 1 - i))
-    at = samples(frame.disc, frame.model, OffsetDisc(_PLANE, _PLANE - frame.half))
+    middle, outline = OffsetDisc(_PLANE, _PLANE - frame.half), frame.disc.outline
+    plane = Plane(towards, frame.half, middle, min(_PAST, (frame.half - frame.model.punch.profile.radius) / 2))
+    at = samples(frame.disc, frame.model, *((outline, plane) if outline.whole_turn else (middle, None)))
     flat = np.broadcast_to(at.radius[:, None], at.angle.shape).ravel()
-    seen = view(theirs.disc.columns, theirs.model.grid.lines[1], len(theirs.disc.fixed), frame.separation, flat,
-                at.angle.ravel(), np.zeros(flat.size))
+    seen = _seen(theirs.alone, frame.separation * frame.towards, flat, at.angle.ravel(), np.zeros(flat.size))
 
     def others(amplitude: Array) -> Array:
         return seen.gradient(amplitude).reshape(*at.angle.shape, 3, 3)

@@ -13,6 +13,7 @@ from eitsim.mechanics.axisymmetric.hold import relaxed
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.half_disc_fields import volume_fields
 from eitsim.mechanics.rim.solve_near_rim import FINE, Resolution, corrected
+from eitsim.scene.outline import corners_and_edges
 from eitsim.scene.results import Section, Volume
 from eitsim.scene.scene import Body, Punch
 from eitsim.simulation.foam_fields import section_fields, write_vtu
@@ -70,7 +71,7 @@ def homogeneous(gradient):
     amplitude[:, :, 0, 2], amplitude[:, :, 1, 2] = half * radius[:, None], -half * radius[:, None]
     amplitude[:, :, 2, 0] = third * (height + 0.01)
     return Volume(radius, height, 2, amplitude, np.array([0.0, 0.01]), np.linspace(0, 1, 3), np.zeros((2, 3)), 0.1,
-                  0.04, 0.05, BEARING, LAW)
+                  0.04, 0.05, BEARING, LAW, 0.04 * np.array([np.cos(BEARING), np.sin(BEARING)]))
 
 
 def test_cells_fill_the_half_disc_and_stay_upright(read):
@@ -208,6 +209,50 @@ def test_a_homogeneous_field_is_exact(touch):
     assert np.allclose(tensor(fields, "deformation_gradient"), turned, atol=1e-9)
     from_axis = points - [0.04 * np.cos(BEARING), 0.04 * np.sin(BEARING), -0.01]
     assert np.allclose(fields["displacement_m"], from_axis @ (turned - np.eye(3)), atol=1e-12)
+
+
+SQUARE = Body(thickness_m=0.01, outline="rectangle", width_m=0.2, height_m=0.2)
+
+
+def outlined(gradient, body, axis_m, *, whole_turn):
+    """A homogeneous field in an outline, by the harmonics of half a turn or of a whole one."""
+    kept = homogeneous(gradient)
+    amplitude = np.zeros((9, 5, 3, 8)) if whole_turn else kept.amplitude_m
+    if whole_turn:
+        amplitude[..., ::2] = kept.amplitude_m
+    edges = np.stack(corners_and_edges(body.shape), axis=1) - axis_m
+    return replace(kept, amplitude_m=amplitude, axis_m=np.array(axis_m), edges_m=edges, whole_turn=whole_turn,
+                   punch_m=0.005)
+
+
+@pytest.mark.parametrize("whole_turn", [False, True])
+def test_cells_fill_an_outline_and_a_homogeneous_field_is_exact(touch, whole_turn):
+    gradient, axis = np.diag([1.1, 0.9, 0.7]), np.array([0.08, 0.06])
+    points, blocks, fields = volume_fields(replace(touch, volume=outlined(
+        gradient, SQUARE, axis, whole_turn=whole_turn)))
+    cells = [meshio.CellBlock(name, numbers) for name, numbers in blocks]
+    found = np.concatenate(list(volumes(points, cells)))
+    assert found.min() > 0
+    assert found.sum() == pytest.approx(0.2 * 0.2 * 0.01, rel=1e-4)  # what lies next to the corners is cut off
+    assert np.abs(points[:, :2]).max() == pytest.approx(0.1, abs=1e-12)
+    turn = np.array([[np.cos(BEARING), -np.sin(BEARING), 0], [np.sin(BEARING), np.cos(BEARING), 0], [0, 0, 1]])
+    near = np.linalg.norm(points[:, :2] - axis, axis=1) < 0.19  # outside the mesh the foam rests
+    turned = turn @ gradient @ turn.T
+    assert np.allclose(tensor(fields, "deformation_gradient")[near], turned, atol=1e-9)
+    from_axis = points - [*axis, -0.01]
+    assert np.allclose(fields["displacement_m"][near], (from_axis @ (turned - np.eye(3)))[near], atol=1e-12)
+
+
+def test_what_a_hole_hides_has_no_cells(touch):
+    """Seen from a punch at x = -50 mm, a square hole at the origin hides a wedge up to the edge at 100 mm."""
+    corners = ((-0.01, -0.01), (0.01, -0.01), (0.01, 0.01), (-0.01, 0.01))
+    body = replace(SQUARE, holes_m=(corners,))
+    points, blocks, _ = volume_fields(replace(touch, volume=outlined(np.eye(3), body, (-0.05, 0.0), whole_turn=True)))
+    cells = [meshio.CellBlock(name, numbers) for name, numbers in blocks]
+    found = np.concatenate(list(volumes(points, cells)))
+    assert found.min() > 0
+    hidden = (0.15 * 0.0375 - 0.04 * 0.01)  # between the rays past the near corners, from the hole's near side on
+    assert found.sum() == pytest.approx((0.2 * 0.2 - hidden) * 0.01, rel=1e-3)
 
 
 def test_a_solution_turned_inside_out_is_refused(touch):

@@ -16,10 +16,18 @@ import pytest
 from eitsim.electrics.mesh.p2_triangles import HALVINGS
 from eitsim.scene.drive import Drive
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.scene import Accuracy, Punch, Scene
+from eitsim.scene.outline import edge_distance_m
+from eitsim.scene.scene import Accuracy, Body, Punch, Scene
 from eitsim.sensors.layout.reading_choice import bounds, chosen
 from eitsim.sensors.layout.sensor_design import design_sensor
-from eitsim.sensors.layout.touch_slopes import UNKNOWNS, TouchSlopes, reading_slopes, touch_slopes, untouched_V
+from eitsim.sensors.layout.touch_slopes import (
+    UNKNOWNS,
+    TouchSlopes,
+    outline_places_m,
+    reading_slopes,
+    touch_slopes,
+    untouched_V,
+)
 from eitsim.sensors.sensor_file import Sensor, pairs_of, read_sensor
 from eitsim.simulation.derivatives.readings import scene_sensitivity
 from matcal.card import MaterialCard, write_card
@@ -64,6 +72,46 @@ def test_a_turned_place_has_the_slopes_that_are_solved_there(slopes: TouchSlopes
     assert not np.allclose(slopes.place_mm[row], slopes.place_mm[1])
     missed = np.linalg.norm(reading_slopes(slopes, own_pairs(SCENE))[row] - by, axis=0)
     assert np.all(missed < 0.01 * np.linalg.norm(by, axis=0))
+
+
+SKIN = Body(thickness_m=0.005, outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.006),))
+OUTLINED = Scene(SKIN, (Punch(diameter_m=0.010, force_N=0.2),), electrodes=Electrodes(count=8, width_m=0.008),
+                 drive=Drive(pattern="skip-1"))
+
+
+def test_on_an_outline_places_keep_from_edges_holes_and_electrodes_and_none_is_turned() -> None:
+    found = touch_slopes(OUTLINED, CARD, places=1)
+    assert found.place_mm.shape == (1, 2)
+    there = replace(OUTLINED.punches[0], x_m=found.place_mm[0, 0] / 1e3, y_m=found.place_mm[0, 1] / 1e3)
+    solved_there = scene_sensitivity(replace(OUTLINED, punches=(there,), accuracy=Accuracy(math.inf)), CARD,
+                                     halvings=HALVINGS - 1)
+    by = solved_there.signal_by[:, [solved_there.parameters.index(name) for name in UNKNOWNS]]
+    pairs = own_pairs(OUTLINED)
+    assert np.abs(reading_slopes(found, pairs)[0] - by).max() < 1e-8 * np.abs(by).max()
+    grid = Electrodes(kind="surface", count=4, x_m=(-0.03, 0.02, 0.02, -0.03), y_m=(-0.02, -0.02, 0.02, 0.02),
+                      width_m=0.006, shape="disc", contact_impedance_Ohm_m2=1e-4)
+    for electrodes in (OUTLINED.electrodes, grid):
+        at = outline_places_m(replace(OUTLINED, electrodes=electrodes), 100)
+        assert at.shape == (100, 2)
+        assert edge_distance_m(SKIN.shape, at).min() > 0.006
+        quarters = np.unique((at > 0) @ [1, 2], return_counts=True)[1]
+        assert quarters.min() > 15
+        if electrodes.kind == "surface":
+            middles = np.column_stack([grid.x_m, grid.y_m])
+            assert np.linalg.norm(at[:, None] - middles, axis=-1).min() > 0.009
+    assert np.linalg.norm(outline_places_m(OUTLINED, 50, 0.02), axis=1).max() < 0.02
+    with pytest.raises(ValueError, match="finds no place"):
+        touch_slopes(replace(OUTLINED, punches=(Punch(diameter_m=0.09, force_N=0.2),)), CARD)
+
+
+@pytest.mark.slow
+def test_on_an_outline_drives_are_rated_and_readings_chosen() -> None:
+    found = design_sensor(OUTLINED, CARD, readings=12, places=6)
+    assert found.places == 6
+    assert found.drives[0].over_own <= 1
+    assert found.choice is not None
+    assert found.choice.readings == 12
+    assert np.all(found.choice.median > found.drives[-1].median * 0.1)
 
 
 def test_each_reading_taken_adds_most_to_the_log_det() -> None:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
 from eitsim.cli.output_files import OutputFiles, check_output_files
+from eitsim.electrics.forward.sheet_fields import write_skin_vtu
+from eitsim.electrics.sheet.sheet_conductance import added_metric, touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.scene.outline import edge_distance_m
+from eitsim.scene.outline_electrodes import middles_m
 from eitsim.scene.results import Decision
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Punch, Scene, rim_gap_m
 from eitsim.simulation.derivatives.readings import check_differentiable
 from eitsim.simulation.error_budget import explain_excess
+from eitsim.simulation.foam_fields import write_vtu
 from eitsim.simulation.plan import least_gap_m, make_plan, near_rim, rim_effect
 from eitsim.simulation.result_json import result_document
 from eitsim.simulation.simulate import simulate
@@ -92,10 +97,38 @@ def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
     assert added > 1e-3 * touch.depth_m
 
 
-def test_fields_in_the_foam_near_an_edge_are_refused_before_anything_is_solved():
-    with pytest.raises(ValueError, match="--fields is not built for a touch near the edge of a skin"):
-        check_output_files(at(0.01, 0.03), OutputFiles(fields=Path("fields.vtu")))
-    check_output_files(SCENE, OutputFiles(fields=Path("fields.vtu")))
+@pytest.mark.slow
+@pytest.mark.parametrize(("x_m", "y_m"), [(0.01, 0.03), (0.051, 0.031), (-0.03, 0.01)])
+def test_fields_near_edges_are_those_that_the_electrics_sampled(x_m, y_m, tmp_path):
+    """On the skin to rounding, in the foam to what its coarser mesh costs; and foam fills the skin up to the edge."""
+    scene = at(x_m, y_m)
+    found = simulate(scene, CARD)
+    pairs = tuple(zip(scene.punches, found.touches, strict=True))
+    check_output_files(scene, OutputFiles(fields=tmp_path / "fields.vtu", skin=tmp_path / "skin.vtu"))
+    write_vtu(found.touches[0], tmp_path / "fields.vtu")
+    write_skin_vtu(scene, found.touches, CARD.conductivity, tmp_path / "skin.vtu", [0])
+    skin = meshio.read(tmp_path / "skin.vtu")
+    metric, _ = added_metric(skin.points[:, :2], pairs)
+    largest = np.sqrt(np.linalg.eigvalsh(metric)[:, 1]) - 1
+    np.testing.assert_allclose(skin.point_data["largest_in_plane_strain"], largest, atol=1e-9)
+    sheet = touched_conductance(skin.points[:, :2], pairs, scene.skin, CARD.conductivity)
+    written = skin.point_data["sheet_conductance_S"].reshape(-1, 3, 3)[:, :2, :2]
+    np.testing.assert_allclose(written, sheet, rtol=1e-9, atol=1e-12)
+    foam = meshio.read(tmp_path / "fields.vtu")
+    assert foam.point_data["displacement_m"][:, 2].min() == pytest.approx(-found.touches[0].depth_m, rel=0.01)
+    top = np.abs(foam.points[:, 2]) < 1e-12
+    plane = foam.points[top, :2]
+    assert edge_distance_m(SKIN, plane).min() > -1e-4  # chords of the round hole
+    gradient = foam.point_data["deformation_gradient"].reshape(-1, 3, 3)[top]
+    own = (np.swapaxes(gradient, 1, 2) @ gradient)[:, :2, :2]
+    metric, _ = added_metric(plane, pairs)
+    away = np.linalg.norm(plane - [x_m, y_m], axis=1)
+    under, outside = away < 0.004, (away > 0.0075) & (away < 0.02)  # about the punch's edge meshes differ
+    alone, _ = added_metric(plane, ((scene.punches[0], replace(found.touches[0], rim=None)),))
+    off, added = (np.sqrt(np.mean((one - metric)[outside] ** 2)) for one in (own, alone))
+    print("strain of the foam's own mesh off, r.m.s.", off, "of what edges add", off / added)
+    assert np.abs(own - metric)[under].max() < 0.01 * np.abs(metric - np.eye(2)).max()
+    assert off < 0.5 * added
 
 
 def test_the_least_gap_is_solved_in_a_corner_without_three_dimensions():
@@ -164,13 +197,38 @@ def test_a_punch_in_a_hole_is_sent_onto_the_skin():
 PAIR = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.1))
 
 
-def test_touches_near_each_other_are_refused_next_to_an_edge_and_far_ones_solved():
+def test_touches_near_each_other_are_solved_together_and_next_to_an_edge_with_all_edges():
     assert make_plan(replace(SCENE, punches=PAIR), CARD).refusal == ""
     askew = tuple(replace(punch, x_m=punch.x_m - 0.006, y_m=0.03) for punch in PAIR)
-    refused = make_plan(replace(SCENE, punches=askew), CARD).refusal
-    assert "mm from an edge of the skin, and near a neighbour and an edge of the skin at once is not built" in refused
+    plan = make_plan(replace(SCENE, punches=askew), CARD)
+    assert plan.refusal == ""
+    made = [d.decision.split(",")[0] for d in plan.decisions if "three dimensions" in d.decision]
+    assert made == ["mechanics in three dimensions near several edges"] * 2 + [
+        "touches 1 and 2 solved together in three dimensions"]
     far = (Punch(-0.005, 0.0, 0.008, force_N=0.1), Punch(0.03, 0.0, 0.008, force_N=0.1))
     assert make_plan(replace(SCENE, punches=far), CARD).refusal == ""
+    stuck = tuple(replace(punch, friction="stick") for punch in askew)
+    assert "only frictionless punches are solved together" in make_plan(replace(SCENE, punches=stuck), CARD).refusal
+
+
+@pytest.mark.slow
+def test_touches_near_each_other_and_an_edge_give_readings():
+    """A pair along the upper edge, symmetric about x = 0, in what it does and what is read of opposite electrodes."""
+    pair = tuple(Punch(x, 0.03, 0.008, force_N=0.1) for x in (-0.0065, 0.0065))
+    body = replace(SKIN, holes_m=())
+    scene = replace(SCENE, body=body, punches=pair, electrodes=replace(SCENE.electrodes, soft=True))
+    found = simulate(scene, CARD)
+    assert found.outcome == "ok", found.message
+    assert found.readings is not None
+    one, other = found.touches
+    assert one.depth_m == pytest.approx(other.depth_m, rel=1e-6)
+    near = solve_near_rim(CARD.hyperfoam, body, pair[0]).depth_m
+    assert 1e-4 < abs(one.depth_m / near - 1) < 0.05
+    assert found.error_estimate["signal"] < 0.04
+    z = found.readings.impedance_Ohm
+    middles = middles_m(body.shape, scene.electrodes)
+    mirror = [int(np.argmin(np.linalg.norm(middles - at * [-1, 1], axis=1))) for at in middles]
+    assert np.linalg.norm(z[np.ix_(mirror, mirror)] - z) < 1e-3 * np.linalg.norm(z)
 
 
 @pytest.mark.slow
@@ -200,6 +258,7 @@ def test_exact_says_that_edges_stay_left_out():
     assert any("exact does not change it" in d.reason for d in plan.decisions if d.error_bound > 0)
 
 
-def test_what_serves_discs_alone_says_so():
-    with pytest.raises(ValueError, match="sensitivities are not built for skins with an outline"):
-        check_differentiable(SCENE)
+def test_derivatives_near_an_edge_say_what_to_do():
+    check_differentiable(SCENE)
+    with pytest.raises(ValueError, match=r"not built for a touch near the edge of an outline.* larger signal in"):
+        check_differentiable(at(0.01, 0.03))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import eitsim
-from eitsim.scene.scene import profile_of
+from eitsim.scene.scene import from_edge_m, profile_of
 from eitsim.simulation.press_series import loaded
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
@@ -137,6 +137,36 @@ def test_electrodes_lie_at_the_rim_as_wide_as_given(touches, tmp_path, kind, cel
     assert len(np.unique(found.point_data["electrode"])) == 16
 
 
+OUTLINED = eitsim.Body(outline="rectangle", width_m=0.2, height_m=0.12, holes_m=((-0.06, 0.0, 0.01),))
+
+
+@pytest.mark.parametrize(("electrodes", "cells"), [
+    (eitsim.Electrodes(first_angle_rad=0.54), ["line"]),  # one around a corner
+    (eitsim.Electrodes(kind="surface", count=4, x_m=(-0.08, 0.08, 0.08, -0.08), y_m=(-0.05, -0.05, 0.05, 0.05),
+                       shape="disc"), ["triangle", "line"])])
+def test_an_outline_is_cut_towards_its_nearest_edge_and_drawn_with_its_electrodes(touches, tmp_path, electrodes, cells):
+    scene = replace(SCENE, body=OUTLINED, electrodes=electrodes)
+    eitsim.write_press(scene, touches[-1:], tmp_path / "press.pvd")
+    foam, found = block(tmp_path / "press.pvd", "foam", 1), block(tmp_path / "press.pvd", "electrodes", 1)
+    inside = from_edge_m(OUTLINED, foam.points[:, :2])
+    assert inside.min() > -1e-3  # chords of the round hole
+    assert foam.points[:, 1].min() == pytest.approx(-0.06, abs=1e-9)
+    assert foam.points[:, 0].min() > 0.02 - 1e-9  # the nearest edge is the lower one
+    assert volumes(foam.points + foam.point_data["displacement_m"], foam.cells).min() > 0
+    assert [one.type for one in found.cells] == cells
+    number = found.point_data["electrode"]
+    np.testing.assert_array_equal(np.unique(number), np.arange(-1, electrodes.count))
+    on_edge = np.abs(from_edge_m(OUTLINED, found.points[:, :2])) < 1e-9
+    assert on_edge[number == -1].all()
+    if electrodes.kind == "line":
+        assert on_edge.all()
+        for k in range(electrodes.count):
+            own = found.points[number == k]
+            assert np.linalg.norm(np.diff(own, axis=0), axis=1).sum() == pytest.approx(0.01)
+    else:
+        assert from_edge_m(OUTLINED, found.points[number >= 0, :2]).min() > 0.004
+
+
 def test_a_depth_is_reached_in_equal_steps():
     punch = eitsim.Punch(depth_m=0.002)
     assert loaded(punch, 0.25) == replace(punch, depth_m=0.0005)
@@ -145,7 +175,7 @@ def test_a_depth_is_reached_in_equal_steps():
 @pytest.mark.parametrize("scene", [
     replace(SCENE, punches=SCENE.punches * 2), replace(SCENE, hold=eitsim.Hold(time_s=(1.0,)))])
 def test_what_has_no_series_says_so_before_anything_is_solved(scene):
-    with pytest.raises(ValueError, match=r"\(.pvd\) is built for one touch on a disc, without a hold"):
+    with pytest.raises(ValueError, match=r"\(.pvd\) is built for one touch, without a hold"):
         eitsim.press_of(scene, CARD)
 
 

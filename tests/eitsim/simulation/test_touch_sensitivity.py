@@ -12,6 +12,7 @@ import pytest
 
 from eitsim.electrics.cem.adjoint import impedance_by_field
 from eitsim.electrics.cem.assembly import SkinMesh, impedance, potentials, quadrature_points
+from eitsim.electrics.cem.ring_scattering import reaches
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
@@ -20,7 +21,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import reached
 from eitsim.mechanics.rim.solve_near_rim import COARSE as COARSE_RIM
 from eitsim.mechanics.rim.solve_near_rim import rim_change, solve_near_rim
 from eitsim.scene.results import RimField, Touch
-from eitsim.scene.scene import Body, Electrodes, Hold, Punch, Scene, Skin
+from eitsim.scene.scene import Accuracy, Body, Electrodes, Hold, Punch, Scene, Skin
 from eitsim.simulation.derivatives.conductance_variation import Variation, conductance_change, moved, variations
 from eitsim.simulation.derivatives.readings import Sensitivity, scene_sensitivity, write_sensitivity
 from eitsim.simulation.derivatives.tangent import Settled, changed, rim_line, sampled, settled
@@ -50,7 +51,8 @@ def mesh(punch: Punch = PUNCH, electrodes: Electrodes = LINES) -> SkinMesh:
 
 @lru_cache(maxsize=4)
 def varied(punch: Punch = PUNCH, free_m: float = 0.1) -> dict[str, Variation]:
-    return {v.name: v for v in variations(mesh(punch).nodes_m, [base(punch)], LAW, free_m)}
+    return {v.name: v for v in variations(mesh(punch).nodes_m, [base(punch)], LAW,
+                                           reaches(Body(free_m), [(punch, base(punch).touch)]))}
 
 
 def adjoint(variation: Variation, punch: Punch = PUNCH) -> np.ndarray:
@@ -103,7 +105,8 @@ def resolved(law: Hyperfoam, punch: Punch, by_load: float = 0.0) -> tuple:
 
 def test_patches_stay_where_they_are():
     at_rest, z = mesh(PUNCH, PATCHES), 1e-2
-    found = {v.name: v for v in variations(at_rest.nodes_m, [base()], LAW, 0.09)}["x_mm"]
+    found = {v.name: v for v in variations(
+        at_rest.nodes_m, [base()], LAW, reaches(Body(0.09), [(PUNCH, base().touch)]))}["x_mm"]
 
     def at(by_mm: float) -> np.ndarray:
         on = moved(at_rest, found.velocity, by_mm)
@@ -319,6 +322,50 @@ def test_several_touches_have_their_own_derivatives_and_one_foam():
     by_scale = sum(mu * column(found, f"mu_{i + 1}_Pa") for i, mu in enumerate(FOAM.mu_Pa))
     by_force = sum(punch.force_N * column(found, f"F_N_{i + 1}") for i, punch in enumerate(scene.punches))
     assert distance(by_scale, -by_force) < 1e-5
+
+
+def test_on_a_disc_given_as_400_corners_derivatives_are_the_discs():
+    turn = 2 * np.pi * (np.arange(400) + 0.5) / 400
+    corners = 0.1 * np.sqrt(2 * np.pi / (400 * np.sin(2 * np.pi / 400))) * np.column_stack([np.cos(turn), np.sin(turn)])
+    polygon = Body(outline="polygon", points_m=tuple((x, y) for x, y in corners.tolist()))
+    disc, found = (scene_sensitivity(Scene(body, (PUNCH,), electrodes=Electrodes(count=8)), CARD, halvings=1)
+                   for body in (Body(), polygon))
+    off = {name: distance(column(found, name), column(disc, name)) for name in disc.parameters}
+    print(off)
+    assert max(value for name, value in off.items() if not name.startswith("z_")) < 0.01
+    assert max(off.values()) < 0.1  # by contact impedances, on a mesh that is not halved
+
+
+GRID = Scene(Body(thickness_m=0.005, outline="rectangle", width_m=0.14, height_m=0.1),
+             (Punch(0.011, 0.012, 0.010, 0.2),), electrodes=Electrodes(
+    kind="surface", count=8, x_m=(-0.045, -0.015, 0.025, 0.05) * 2, y_m=(-0.025,) * 4 + (0.03,) * 4,
+    width_m=0.005, contact_impedance_Ohm_m2=1e-4, shape="disc", soft=True))
+
+
+@pytest.mark.slow
+def test_between_electrodes_on_the_surface_derivatives_by_place_are_those_of_full_solutions():
+    found, (punch,) = scene_sensitivity(GRID, CARD), GRID.punches
+    touch = settled(FOAM, GRID.body, punch).touch
+
+    def signal(x_m: float, y_m: float) -> np.ndarray:
+        there = replace(punch, x_m=punch.x_m + x_m, y_m=punch.y_m + y_m)
+        return solve(GRID.body, GRID.skin, GRID.electrodes, GRID.drive, ((there, touch),), LAW, method="mesh",
+                     signal=5e-4).signal_V.ravel()
+
+    step = 5e-4
+    for name, way in (("x_mm", (step, 0)), ("y_mm", (0, step))):
+        by_difference = (signal(*way) - signal(-way[0], -way[1])) / (2e3 * step)
+        off = distance(column(found, name), by_difference)
+        print(name, off)
+        assert off < 0.02
+
+
+@pytest.mark.parametrize(("punch", "named"), [
+    (Punch(0.06, 0.012, 0.010, 0.2), "near the edge of an outline"),
+    (Punch(0.02, 0.027, 0.010, 0.2), r"a contact that reaches an electrode, as touch 1 does number 6 \(from 0\)")])
+def test_on_an_outline_contacts_that_reach_an_edge_or_an_electrode_are_refused(punch: Punch, named: str):
+    with pytest.raises(ValueError, match=named):
+        scene_sensitivity(replace(GRID, punches=(punch,), accuracy=Accuracy(0.1)), CARD)
 
 
 @pytest.mark.parametrize(("scene", "named"), [

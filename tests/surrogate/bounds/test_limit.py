@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.scene import Punch, Scene
+from eitsim.scene.outline import edge_distance_m
+from eitsim.scene.scene import Body, Punch, Scene
 from eitsim.sweeps.design.card_draws import Cards
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
@@ -218,3 +219,23 @@ def test_a_map_turns_with_the_ring(ring: Ring, monkeypatch: pytest.MonkeyPatch) 
     assert np.hypot(found["x_mm"], found["y_mm"]).max() == pytest.approx(92.0)
     with pytest.raises(ValueError, match="does not look the same"):
         cramer_rao.places(replace(scene, electrodes=Electrodes(width_m=(0.01, *[0.02] * 15))))
+
+
+def test_a_map_of_an_outline_has_its_own_places_and_turns_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the centroid outwards, off edges and holes; of synthetic readings that know nothing of a ring."""
+    def of_scene(scene: Scene, card: MaterialCard, *, rim: bool) -> Derivatives:
+        (punch,) = scene.punches
+        by = np.eye(8)[:, :4] * np.array([1 + punch.x_m, 2 + punch.y_m, 3.0, 4.0])
+        return Derivatives(("x_mm", "y_mm", "d_mm", "F_N"), by, np.ones(8))
+
+    monkeypatch.setattr(cramer_rao, "derivatives_of", of_scene)
+    body = Body(thickness_m=0.005, outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.03, 0.0, 0.004),))
+    scene = Scene(body, (Punch(diameter_m=0.01, force_N=0.5),), electrodes=Electrodes(count=8, width_m=0.006))
+    card = MaterialCard("synthetic", None, None, None)
+    found = cramer_rao.over_disc(scene, card, {"known": known_material()}, [80.0])
+    assert len(found) == cramer_rao.OUTLINED
+    at = found[["x_mm", "y_mm"]].to_numpy(float)
+    assert edge_distance_m(body.shape, at / 1e3).min() >= 0.005 + 0.25 * 0.005
+    assert np.all(np.diff(np.linalg.norm(at, axis=1)) >= 0)
+    assert found["sd_x0_mm"].to_numpy(float) * (1 + at[:, 0] / 1e3) == pytest.approx(1e-4, rel=1e-6)
+    assert found["sd_y0_mm"].to_numpy(float) * (2 + at[:, 1] / 1e3) == pytest.approx(1e-4, rel=1e-6)
