@@ -104,16 +104,16 @@ def at_least(scale: IntervalScale, other: IntervalScale) -> IntervalScale:
 
 def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages: Sequence[float] = (COVERAGE,),
                      branched: Mask | None = None, other_kind: Mask | None = None,
-                     alike: Mask | None = None) -> list[IntervalScale]:
+                     shared: Mask | None = None) -> list[IntervalScale]:
     """Factors for each coverage, as `conformal_scale`, of standard deviations on the side of the errors (n, k). Rows of
-    another kind (n,) have their own, where there are some of both kinds, one for all outputs (k,) that are alike; of
-    the rest, frames with the UNSURE largest sd (n, k) do where they are enough rows for LEAST (Mondrian conformal
+    another kind (n,) have their own, where there are some of both kinds, and the outputs (k,) that are shared have one
+    there; of the rest, frames with the UNSURE largest sd (n, k) do where they are enough rows for LEAST (Mondrian conformal
     prediction: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005, section 4.5)."""
     if other_kind is not None and other_kind.any() and not other_kind.all():
         (one, ones), (other, others) = ((kept, max(round(rows * kept.mean()), 1)) for kept in (~other_kind, other_kind))
         usual = conformal_scales(error[one], sides[one], sd[one], ones, coverages, branched)
         return [IntervalScale(scale.edge, np.vstack([scale.factor[:2], _of_outputs(
-            error[other], sides[other], others, coverage, branched, alike)]))
+            error[other], sides[other], others, coverage, branched, shared)]))
             for scale, coverage in zip(usual, coverages, strict=True)]
     edge = np.quantile(sd, 1 - UNSURE, axis=0)
     unsure = sd > edge
@@ -129,9 +129,9 @@ def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages
 
 
 def _of_outputs(error: Array, sides: Array, rows: int, coverage: float, branched: Mask | None,
-                alike: Mask | None) -> Array:
-    """(k,) as `conformal_scale`, the outputs (k,) that are alike with one factor, of all their errors."""
+                shared: Mask | None) -> Array:
+    """(k,) as `conformal_scale`, but one for the outputs (k,) that are shared, of all their errors."""
     found = conformal_scale(error, sides, rows, coverage, branched)
-    if alike is not None and alike.any():
-        found[alike] = conformal_scale(error[:, alike].reshape(-1, 1), sides[:, alike].reshape(-1, 1), rows, coverage)
+    if shared is not None and shared.any():
+        found[shared] = conformal_scale(error[:, shared].reshape(-1, 1), sides[:, shared].reshape(-1, 1), rows, coverage)
     return found

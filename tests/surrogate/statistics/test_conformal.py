@@ -111,7 +111,7 @@ def test_rows_of_another_kind_have_a_factor_of_their_own_however_few_they_are() 
             conformal_scale(error[:120][kind[:120]], sd[:120][kind[:120]], int(kind[:120].sum())))
     pair = np.hstack([error, error[::-1]])[:120]
     both, = conformal_scales(pair, np.tile(sd[:120], 2), np.tile(sd[:120], 2), 120, other_kind=other[:120],
-                             alike=np.ones(2, bool))
+                             shared=np.ones(2, bool))
     assert both.factor[2, 0] == both.factor[2, 1]
     assert both.factor[0, 0] != both.factor[0, 1]
     ratio = np.sort(np.abs(pair / sd[:120])[other[:120]].ravel())
@@ -137,6 +137,6 @@ def test_equal_standard_deviations_have_one_factor() -> None:
 def test_factors_are_at_least_those_of_another_scale_whatever_its_edge() -> None:
     one, two = (IntervalScale(np.array([edge]), np.array([[1.0], [high], [high]]))
                 for edge, high in ((np.inf, 1.0), (0.5, 3.0)))
-    alike = np.zeros(2, bool)
-    assert at_least(one, two).of(np.array([[0.1], [2.0]]), alike).tolist() == [[3.0], [3.0]]
-    assert at_least(two, one).of(np.array([[0.1], [2.0]]), alike).tolist() == [[1.0], [3.0]]
+    one_kind = np.zeros(2, bool)
+    assert at_least(one, two).of(np.array([[0.1], [2.0]]), one_kind).tolist() == [[3.0], [3.0]]
+    assert at_least(two, one).of(np.array([[0.1], [2.0]]), one_kind).tolist() == [[1.0], [3.0]]
