@@ -11,7 +11,7 @@ DATA_HELP = "Data set: the least root mean square error over its touches."
 NOISE_HELP = "Noise levels in dB below the RMS of the baseline voltages, separated by commas."
 MATERIAL_HELP = "Count what the card's posterior leaves open, too."
 RIM_HELP = "Of one touch: count what the rim changes of the mechanics."
-MAP_HELP = "Of one touch: the limit of its punch anywhere on the skin, in some 50 CPU seconds; on an outline 120."
+MAP_HELP = "Of one touch: the limit of its punch anywhere on the skin, in some 50 CPU seconds; on an outline 70."
 OUT_HELP = "CSV to write; as MODEL_DIR/limits.csv (of a data set) or limit_map.csv (of a map) reports show it."
 
 

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import secrets
 import socket
-import sys
 import threading
 import time
 from collections import deque
@@ -27,9 +26,6 @@ HOST = "127.0.0.1"
 PAGE = Path(__file__).parent / "page"
 # Frames that wait for a watcher at most, before the oldest is left out; watchers at most
 WAITING, WATCHERS = 25, 8
-# How long the thread that reads frames may hold the interpreter while the page's messages wait for it, s: each of these
-# asks for it several times.
-SWITCH_S = 2e-4
 INSTALL = "python -m pip install 'touchcal[live]'"
 
 
@@ -193,8 +189,5 @@ def serve(show: Show, port: int = 0, say: Callable[[str], object] = print) -> No
             app, log_level="critical", access_log=False, ws_max_size=4 * MOST_BYTES, limit_concurrency=64,
             timeout_graceful_shutdown=1, server_header=False))
         say(f"http://{HOST}:{port}/{token}/")
-        usual_s = sys.getswitchinterval()
-        sys.setswitchinterval(SWITCH_S)
         with contextlib.suppress(KeyboardInterrupt):
             server.run(sockets=[listening])
-        sys.setswitchinterval(usual_s)
