@@ -107,8 +107,8 @@ def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages
                      shared: Mask | None = None) -> list[IntervalScale]:
     """Factors for each coverage, as `conformal_scale`, of standard deviations on the side of the errors (n, k). Rows of
     another kind (n,) have their own, where there are some of both kinds, and the outputs (k,) that are shared have one
-    there; of the rest, frames with the UNSURE largest sd (n, k) do where they are enough rows for LEAST (Mondrian conformal
-    prediction: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005, section 4.5)."""
+    there; of the rest, frames with the UNSURE largest sd (n, k) do where they are enough rows for LEAST (Mondrian
+    conformal prediction: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005, section 4.5)."""
     if other_kind is not None and other_kind.any() and not other_kind.all():
         (one, ones), (other, others) = ((kept, max(round(rows * kept.mean()), 1)) for kept in (~other_kind, other_kind))
         usual = conformal_scales(error[one], sides[one], sd[one], ones, coverages, branched)
@@ -133,5 +133,6 @@ def _of_outputs(error: Array, sides: Array, rows: int, coverage: float, branched
     """(k,) as `conformal_scale`, but one for the outputs (k,) that are shared, of all their errors."""
     found = conformal_scale(error, sides, rows, coverage, branched)
     if shared is not None and shared.any():
-        found[shared] = conformal_scale(error[:, shared].reshape(-1, 1), sides[:, shared].reshape(-1, 1), rows, coverage)
+        one, side = (values[:, shared].reshape(-1, 1) for values in (error, sides))
+        found[shared] = conformal_scale(one, side, rows, coverage)
     return found
