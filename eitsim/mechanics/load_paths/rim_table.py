@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.table import carried_over, edge_of, lagrange_weights
@@ -99,11 +99,9 @@ def within(rim: RimTable, signal: float, strain: str) -> RimTable:
     which = STRAINS.index(strain)
     measured = rim.measured[..., 1 + which]
     far = measured > np.maximum(signal, _KNOWN_TO * _own_errors(rim, which))
-    places = np.argwhere(np.isfinite(measured))
+    places, cells = np.argwhere(np.isfinite(measured)), np.argwhere(_served(rim))
     kept = rim.error_estimate.copy()
-    for cell in cells_of(rim):
-        if far[tuple(places[_about(places, cell)].T)].any():
-            kept[cell] = np.inf
+    kept[tuple(cells[(_about(places, cells) & far[tuple(places.T)]).any(axis=1)].T)] = np.inf
     return replace(rim, error_estimate=kept)
 
 
@@ -180,7 +178,12 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
 
 def cells_of(rim: RimTable) -> list[Cell]:
     """The cells whose touches are served."""
-    return [(i, j) for i, j in np.argwhere(np.isfinite(rim.error_estimate).all(axis=-1)).tolist()]
+    return [(i, j) for i, j in np.argwhere(_served(rim)).tolist()]
+
+
+def _served(rim: RimTable) -> NDArray[np.bool_]:
+    """(gaps - 1, depths) whether a cell's touches are served."""
+    return np.array(np.isfinite(rim.error_estimate).all(axis=-1))
 
 
 def middles_of(rim: RimTable, cells: Sequence[Cell], diameters: Sequence[float]) -> list[tuple[float, float, float]]:
@@ -210,8 +213,8 @@ def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) ->
     return replace(rim, error_estimate=error_estimate, measured=measured)
 
 
-def _about(places: NDArray[np.integer], cell: Cell) -> NDArray[np.bool_]:
-    """Which of some cells (n, 2) lie next to a cell, itself among them, or are the nearest where all are farther
-    away."""
-    separation = np.abs(places - cell).max(axis=1)
-    return separation <= max(separation.min(), 1)
+def _about(places: NDArray[np.integer], cells: ArrayLike) -> NDArray[np.bool_]:
+    """(..., n) which of some cells (n, 2) lie next to cells (..., 2), themselves among them, or are the nearest where
+    all are farther away."""
+    separation: Array = np.abs(places - np.asarray(cells)[..., None, :]).max(axis=-1)
+    return separation <= np.maximum(separation.min(axis=-1, keepdims=True), 1)
