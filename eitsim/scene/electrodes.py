@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -142,6 +143,7 @@ def unread(drive: Drive, electrodes: Electrodes) -> NDArray[np.bool_]:
     return np.isnan(read_out(drive, among_all(electrodes, np.zeros((count, count))))).ravel()
 
 
+@lru_cache(maxsize=8)
 def check(radius_m: float, electrodes: Electrodes) -> None:
     """ValueError where electrodes cannot be as they are given on a disc; names the key of [electrodes]."""
     require(electrodes.kind != "surface", "kind", "\"surface\" needs an outline in [body]; a disc is a rectangle whose "

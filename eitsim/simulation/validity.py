@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -32,7 +33,12 @@ def unresolvable(scene: Scene, material: Material) -> str:
 
 def positive_from(law: Conductivity) -> float | None:
     """Strain at which the cubic c(e) first falls to 0 in compression; None where it stays positive."""
-    roots = np.roots(np.trim_zeros([*law.a[::-1], 1.0], "f"))
+    return _first_root(tuple(law.a.tolist()))
+
+
+@lru_cache(maxsize=8)
+def _first_root(a: tuple[float, ...]) -> float | None:
+    roots = np.roots(np.trim_zeros([*a[::-1], 1.0], "f"))
     real = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real < 0) & (roots.real > _FLAT)]
     return float(real.max()) if real.size else None
 

@@ -111,6 +111,7 @@ def _together(alone: list[_Alone], middle: Array, couple: Callable[..., Array]) 
     return voltage - voltage.mean(axis=0), 2 * field @ voltage, same, crossed
 
 
+@lru_cache(maxsize=8)
 def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
     """Why `solve_rim` refuses these line electrodes, with the remedy; empty where it does not.
 

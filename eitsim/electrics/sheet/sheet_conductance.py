@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from itertools import accumulate
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -168,14 +168,19 @@ def changes(rim: RimField, local_m: Array) -> tuple[Array, Array]:
 
 def _changed(rim: RimField, local_m: Array) -> Array:
     """xx, xy and yy of the metric and the normal factor (..., 4)."""
-    parts = np.concatenate([rim.metric, rim.normal[..., None]], axis=-1)
-    return _mirrored(rim, local_m, _sampled(rim, local_m, parts, (1.0, 0.0, 1.0, 1.0)))
+    return _mirrored(rim, local_m, _sampled(rim, local_m, _changes_around(rim), (1.0, 0.0, 1.0, 1.0)))
+
+
+@lru_cache(maxsize=4)
+def _changes_around(rim: RimField) -> Array:
+    """Cubics of the metric and the normal factor, which a touch's meshes share."""
+    return _around(rim, np.concatenate([rim.metric, rim.normal[..., None]], axis=-1))
 
 
 def moved(rim: RimField, local_m: Array) -> Array:
     """Displacement (..., 3), m, that the rim or a neighbour adds at places (..., 2) about the punch, axes as in
     RimField; interpolated as `_sampled`."""
-    return _mirrored(rim, local_m, _sampled(rim, local_m, rim.displacement_m, (0.0, 0.0, 0.0)))
+    return _mirrored(rim, local_m, _sampled(rim, local_m, _around(rim, rim.displacement_m), (0.0, 0.0, 0.0)))
 
 
 def _mirrored(rim: RimField, local_m: Array, found: Array) -> Array:
@@ -185,11 +190,15 @@ def _mirrored(rim: RimField, local_m: Array, found: Array) -> Array:
     return found
 
 
-def _sampled(rim: RimField, local_m: Array, parts: Array, unchanged: Sequence[float]) -> Array:
-    """Values (..., parts) of samples (n, k, parts) at places: linear in the radius and cubic in the angle between them,
-    `unchanged` beyond the last circle and nearer to the neighbour."""
+def _around(rim: RimField, parts: Array) -> Array:
+    """Cubics (n, sectors, 4, parts) of samples (n, k, parts) in the angle, highest power first."""
     ends = "periodic" if rim.whole_turn else "not-a-knot"
-    cubics = np.ascontiguousarray(CubicSpline(rim.share, parts, axis=1, bc_type=ends).c.transpose(2, 1, 0, 3))
+    return np.ascontiguousarray(CubicSpline(rim.share, parts, axis=1, bc_type=ends).c.transpose(2, 1, 0, 3))
+
+
+def _sampled(rim: RimField, local_m: Array, cubics: Array, unchanged: Sequence[float]) -> Array:
+    """Values (..., parts) at places by cubics of `_around`: linear in the radius between them, `unchanged` outside the
+    last circle and nearer to the neighbour."""
     out = np.empty((*local_m.shape[:-1], len(unchanged)))
     _interpolate(np.ascontiguousarray(local_m).reshape(-1, 2), rim.disc_m, rim.offset_m, rim.neighbour,
                  rim.whole_turn, rim.radius_m, rim.share, cubics, np.array(unchanged), out.reshape(-1, len(unchanged)))
@@ -266,13 +275,22 @@ def extrapolated_share(touches: Sequence[Touch], skin: Skin, law: Conductivity) 
         far = np.abs(strain - np.clip(strain, *law.strain_range)) > NEAR_RANGE
         k, step = np.sqrt(meridian * hoop), np.log(edges[1:] / edges[:-1])
         h = np.tanh(k / meridian * step)
-        y = np.array(list(accumulate(zip(k, h, strict=True), lambda y, kh: kh[0] * (y + kh[0] * kh[1])
-                                     / (kh[0] + y * kh[1]), initial=k[0])))
+        y = _outwards(k, h)
         slope = (y[1:] + y[:-1]) / 2 / meridian  # d ln f / d ln r
         f = np.exp(np.cumsum(slope * step) - slope * step / 2)
         part = np.abs((meridian - 1) * slope + hoop - 1) * f * np.diff(edges) * edges[-1] / np.exp(slope @ step)
         far_part, whole = far_part + float(part[far].sum()), whole + float(part.sum())
     return far_part / whole if whole > 0 else 0.0
+
+
+@compiled
+def _outwards(k, h):
+    """Admittances (n + 1,) of a harmonic from the core, k[0], out through rings (n,), as in `admittance`."""
+    out = np.empty(len(k) + 1)
+    out[0] = k[0]
+    for j in range(len(k)):
+        out[j + 1] = k[j] * (out[j] + k[j] * h[j]) / (k[j] + out[j] * h[j])
+    return out
 
 
 def _angle_inside(radius: Array, distance: float, disc: float) -> Array:
