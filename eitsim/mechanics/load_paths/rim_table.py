@@ -183,7 +183,7 @@ def cells_of(rim: RimTable) -> list[Cell]:
 
 def _served(rim: RimTable) -> NDArray[np.bool_]:
     """(gaps - 1, depths) whether a cell's touches are served."""
-    return np.isfinite(rim.error_estimate).all(axis=-1)
+    return np.array(np.isfinite(rim.error_estimate).all(axis=-1))
 
 
 def middles_of(rim: RimTable, cells: Sequence[Cell], diameters: Sequence[float]) -> list[tuple[float, float, float]]:
@@ -217,5 +217,4 @@ def _about(places: NDArray[np.integer], cells: ArrayLike) -> NDArray[np.bool_]:
     """(..., n) which of some cells (n, 2) lie next to cells (..., 2), themselves among them, or are the nearest where
     all are farther away."""
     separation: Array = np.abs(places - np.asarray(cells)[..., None, :]).max(axis=-1)
-    near: NDArray[np.bool_] = separation <= np.maximum(separation.min(axis=-1, keepdims=True), 1)
-    return near
+    return separation <= np.maximum(separation.min(axis=-1, keepdims=True), 1)
