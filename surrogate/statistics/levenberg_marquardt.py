@@ -89,7 +89,7 @@ def inverse(normal: Array) -> Array:
 def _squares(residuals: Residuals, state: Array, which: Index) -> tuple[Array, Array, Array, Array]:
     """Half the squared residuals (m,), residuals (m, r), gradients (m, p) and normal matrices (m, p, p)."""
     parts: list[tuple[Array, Array, Array, Array]] = []
-    for begin in range(0, len(state), TOGETHER):
+    for begin in range(0, max(len(state), 1), TOGETHER):
         some = slice(begin, begin + TOGETHER)
         residual, jacobian = residuals(state[some], which[some])
         turned = jacobian.transpose(0, 2, 1)

@@ -192,6 +192,11 @@ def test_starts_of_one_problem_that_meet_end_as_one() -> None:
     assert np.array_equal(counts[1][2:], counts[0][2:])
 
 
+def test_no_problems_have_no_minima() -> None:
+    found = levenberg_marquardt.minimise(_powers, np.zeros((0, 2)), 60, problem=np.zeros(0, np.intp))
+    assert (found.state.shape, found.normal.shape, found.residual.shape) == ((0, 2), (0, 2, 2), (0, 3))
+
+
 def test_a_damped_step_is_that_of_marquardt() -> None:
     """(J'J + d diag(J'J))^-1 J'r."""
     rng = np.random.default_rng(6)
