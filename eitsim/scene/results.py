@@ -112,7 +112,7 @@ class Volume:
     whole_turn: bool = False  # whether nothing is symmetric: harmonics and places are those of a whole turn
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Touch:
     """One solved touch, axisymmetric about its punch but for `rim` ("Solution" of the mechanics)."""
 

@@ -148,11 +148,18 @@ def scattered_gradient(found: Scattered, circle: Circle, points_m: Array) -> Arr
     """Gradients (n, 2, N), V/m, of what one circle sends out and gets back, at points (n, 2); outside the circle of
     what comes back only harmonics that have grown by _GROWN at most, since their series converges nowhere far."""
     centre, reach = circle
-    place = (points_m @ np.array([1, 1j]) - centre)[:, None] / reach
+    place = np.asarray((points_m @ np.array([1, 1j]) - centre)[:, None] / reach, dtype=complex)
     m = np.arange(1, len(found.outgoing) + 1)
-    back = np.where(np.abs(place) ** m <= _GROWN, place ** (m - 1) * m, 0)
-    slope = back @ found.returned - (place ** -(m + 1) * m) @ found.outgoing.conj()
+    back = np.where(m * np.log(np.abs(place)) <= math.log(_GROWN), _powers(place, 0, len(m)), 0) * m
+    slope = back @ found.returned - (_powers(np.reciprocal(place), 2, len(m)) * m) @ found.outgoing.conj()
     return np.stack([slope.real, -slope.imag], axis=1) / reach
+
+
+def _powers(place: Complex, first: int, count: int) -> Complex:
+    """(n, count) powers of places (n, 1) from the first on, as products, which take a tenth of powers' time."""
+    factor = np.repeat(place, count, axis=1)
+    factor[:, :1] = place**first
+    return np.asarray(np.cumprod(factor, axis=1), dtype=complex)
 
 
 def together(scatterings: Sequence[Array], orders: int) -> Array:

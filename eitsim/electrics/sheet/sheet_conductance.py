@@ -240,10 +240,16 @@ def _start(disc, offset, radius):
 def stretches(touch: Touch, radius_m: Array) -> tuple[Array, Array, Array]:
     """Stretches (meridian, hoop, normal) at any radii: monotone cubics between the samples, so that an edge neither
     overshoots nor turns negative; the first sample's towards the axis, 1 beyond the last."""
-    samples = np.column_stack([touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal])
-    values = PchipInterpolator(touch.radius_m, samples)(np.clip(radius_m, *touch.radius_m[[0, -1]]))
+    values = _stretch_cubics(touch)(np.clip(radius_m, *touch.radius_m[[0, -1]]))
     values = np.where(np.asarray(radius_m)[..., None] > touch.radius_m[-1], 1.0, values)
     return values[..., 0], values[..., 1], values[..., 2]
+
+
+@lru_cache(maxsize=4)
+def _stretch_cubics(touch: Touch) -> PchipInterpolator:
+    """Cubics of the three stretches, which a touch's readings, errors and fields share."""
+    return PchipInterpolator(touch.radius_m, np.column_stack([
+        touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal]))
 
 
 def extrapolated_fraction(body: Body, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> float:
@@ -275,7 +281,7 @@ def extrapolated_share(touches: Sequence[Touch], skin: Skin, law: Conductivity) 
         far = np.abs(strain - np.clip(strain, *law.strain_range)) > NEAR_RANGE
         k, step = np.sqrt(meridian * hoop), np.log(edges[1:] / edges[:-1])
         h = np.tanh(k / meridian * step)
-        y = _outwards(k, h)
+        y = _outwards(k[:1], k[:, None], h[:, None])[:, 0]
         slope = (y[1:] + y[:-1]) / 2 / meridian  # d ln f / d ln r
         f = np.exp(np.cumsum(slope * step) - slope * step / 2)
         part = np.abs((meridian - 1) * slope + hoop - 1) * f * np.diff(edges) * edges[-1] / np.exp(slope @ step)
@@ -284,12 +290,14 @@ def extrapolated_share(touches: Sequence[Touch], skin: Skin, law: Conductivity) 
 
 
 @compiled
-def _outwards(k, h):
-    """Admittances (n + 1,) of a harmonic from the core, k[0], out through rings (n,), as in `admittance`."""
-    out = np.empty(len(k) + 1)
-    out[0] = k[0]
+def _outwards(core, k, h):
+    """Admittances (n + 1, orders) of harmonics from the core (orders,) out through rings, k and h (n, orders), as in
+    `admittance`."""
+    out = np.empty((len(k) + 1, len(core)))
+    out[0] = core
     for j in range(len(k)):
-        out[j + 1] = k[j] * (out[j] + k[j] * h[j]) / (k[j] + out[j] * h[j])
+        for m in range(len(core)):
+            out[j + 1, m] = k[j, m] * (out[j, m] + k[j, m] * h[j, m]) / (k[j, m] + out[j, m] * h[j, m])
     return out
 
 
@@ -309,10 +317,7 @@ def admittance(core: Array, stationary: Array, meridian: Array, radii_m: Array) 
     (orders, n): there Y' = k (Y + k h)/(k + Y h) with h = tanh(k ln(rho'/rho)/s).
     """
     h = np.tanh(stationary / meridian * np.log(radii_m[1:] / radii_m[:-1]))
-    y = core
-    for k, hk in zip(stationary.T, h.T, strict=True):
-        y = k * (y + k * hk) / (k + y * hk)
-    return y
+    return _outwards(np.ascontiguousarray(core), *(np.ascontiguousarray(part.T) for part in (stationary, h)))[-1]
 
 
 def dipole(radius: Array, radial: Array, hoop: Array) -> float:
