@@ -2,11 +2,12 @@
 // What is done with mouse, finger, wheel and keys becomes the controls that a skin is sent.
 
 const MOVE_MM = 1, FAR_MM = 5, FORCE_STEP_N = 0.05, GROWS_IN_S = 4, SENT_EVERY_MS = 12;
+const GROWTH_SENT_EVERY_MS = 40; // a force that grows by a hundredth of its most; oftener, answers would queue
 
 function pressing({ hello, edge, picture }, send) {
   const byId = id => document.getElementById(id), canvas = byId("skin"), limits = hello.limits;
   const place = { x_mm: limits.start_mm[0], y_mm: limits.start_mm[1] };
-  let moved = true, down = false, held = false, grown = 0, last = performance.now(), sent = 0, waits = false;
+  let moved = true, down = false, held = false, grown = 0, last = performance.now(), sent = 0, waits = false, grew = false;
 
   byId("force").max = Math.floor(limits.force_N / FORCE_STEP_N) * FORCE_STEP_N;
   byId("force").value = limits.force_N / 4;
@@ -39,6 +40,7 @@ function pressing({ hello, edge, picture }, send) {
     waits = now - sent < SENT_EVERY_MS;
     if (waits) return;
     sent = now;
+    grew = false;
     send({ ...cursor(), force_N: down && !refusal() ? force() : 0, noise_mV: Number(byId("noise").value),
            drift_mV_per_min: Number(byId("drift").value), sent_ms: now });
   }
@@ -92,10 +94,10 @@ function pressing({ hello, edge, picture }, send) {
 
   // Once a picture: forces that grow, and what came too soon after the last message; whether anything changed.
   function tick(now) {
-    if (held && byId("grow").checked && force() < limits.force_N) {
-      grown += (now - last) / 1e3 * limits.force_N / GROWS_IN_S;
-      changed();
-    } else if (waits) changed();
+    const growing = held && byId("grow").checked && force() < limits.force_N;
+    if (growing) grown += (now - last) / 1e3 * limits.force_N / GROWS_IN_S;
+    grew = grew || growing;
+    if (waits || grew && (!growing || now - sent > GROWTH_SENT_EVERY_MS)) changed();
     last = now;
     const was = moved;
     moved = false;
