@@ -65,7 +65,7 @@ class ForwardMap:
     field: Array  # (modes,) harmonic coefficients of one electrode's field; none on a skin with an outline
     size: Size  # positive size of the strengths over F, V/N
     strengths: tuple[GaussianProcess, ...]  # p_n over the size and F, n = 1 ...
-    beside: FittedCorrection  # what the rim adds or takes the place of the series there, and the error there
+    correction: FittedCorrection  # what the rim adds or takes the place of the series there, and the error there
     p0: float  # pressure p0 of the load g, N/mm^2
     floor: float  # standard deviation of what the series leaves in the interior, a reading, over the size of the signal
     shift_mm: float  # standard deviation of the place, along x or y, by what the series leaves in the interior
@@ -209,8 +209,8 @@ def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array, m
     left = signal_V - multipole_series.combined(base, found.value)
     rows = rim_correction.Rows(z, unknown[:, 2:], gap(series.ring, unknown), left, found.size,
                                found.size * np.linalg.norm(base[..., 0], axis=1))
-    beside, error_V = rim_correction.fit(series.ring, series.field, rows, signal_V, series.zones, step)
-    return replace(series, beside=beside), error_V
+    correction, error_V = rim_correction.fit(series.ring, series.field, rows, signal_V, series.zones, step)
+    return replace(series, correction=correction), error_V
 
 
 def reaches(forward: ForwardMap, z: Complex) -> Mask:
@@ -219,7 +219,7 @@ def reaches(forward: ForwardMap, z: Complex) -> Mask:
 
 
 def _reached(forward: ForwardMap, frame: EdgeFrame) -> Mask:
-    if not rim_correction.teaches(forward.beside):
+    if not rim_correction.teaches(forward.correction):
         return np.zeros(len(frame.z), bool)
     return frame.radial > forward.zones.learned[0]
 
@@ -229,7 +229,7 @@ def near_an_edge(forward: ForwardMap, touch: Array) -> Mask:
     touches near one taught; none on a disc."""
     if forward.near_edges is None:
         return np.zeros(len(touch), bool)
-    return gap(forward.ring, to_unknown(touch, forward.p0)) < forward.beside.step
+    return gap(forward.ring, to_unknown(touch, forward.p0)) < forward.correction.step
 
 
 def gap(ring: Ring, unknown: Array) -> Array:
@@ -272,8 +272,8 @@ def noise_floor(forward: ForwardMap, unknown: Array) -> Array:
     floor = np.full(len(unknown), forward.floor)
     near = reaches(forward, place(forward.ring, unknown))
     if np.any(near):
-        error = rim_covariance.size_at(forward.beside.error, gap(forward.ring, unknown[near]), unknown[near, 3])
-        shared = forward.beside.rim.directions.shape[2] or forward.beside.error.directions
+        error = rim_covariance.size_at(forward.correction.error, gap(forward.ring, unknown[near]), unknown[near, 3])
+        shared = forward.correction.rim.directions.shape[2] or forward.correction.error.directions
         floor[near] = np.maximum(floor[near], error / np.sqrt(shared))
     return floor * np.sqrt(forward.ring.copies)
 
@@ -282,7 +282,7 @@ def signal_size(forward: ForwardMap, unknown: Array) -> Array:
     """(n,) norm, V, of all readings of the ring by a dipole of the size of the strengths, at touches (n, 4) given as
     (x, y, log d, g): that of the signal, but for strengths that vanish."""
     z = place(forward.ring, unknown)
-    norm = multipole_series.dipole_norms(forward.beside.rim.whole, forward.fields(z))[0]
+    norm = multipole_series.dipole_norms(forward.correction.rim.whole, forward.fields(z))[0]
     return _strengths(forward, edge_frame(forward.ring, z), unknown).size * norm
 
 
@@ -351,7 +351,7 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     fields, frame = forward.fields(z), edge_frame(forward.ring, z)
     found, orders = _strengths(forward, frame, unknown), len(forward.strengths)
     sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
-    base, moved = series_signals(forward, fields, frame, found.value, forward.beside.replaces)
+    base, moved = series_signals(forward, fields, frame, found.value, forward.correction.replaces)
     by = np.zeros((len(z), orders, 5 + forward.discrepancies))
     by[..., 0], by[..., 1:5], by[..., 5 + forward.own:] = found.value, found.slope, found.by_card
     np.einsum("npp->np", by[..., 5:5 + orders])[...] = found.size[:, None] * sd
@@ -365,7 +365,7 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
         columns[some, :, 0] += added
         columns[some, :, 1:5] += added_slope
         columns[some, :, 5 + forward.own:] += added[..., None] * found.size_by_card
-    taught = rim_correction.teaches(forward.beside)
+    taught = rim_correction.teaches(forward.correction)
     inner = np.ones(len(unknown)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
         frame.radial, forward.zones.learned if taught else forward.zones.high_end)
     scale = simulator_error.at(forward.simulator, _gap(forward.ring, frame, unknown))
@@ -418,7 +418,7 @@ def _near_rim(forward: ForwardMap, fields: Complex, frame: EdgeFrame, size: Arra
               unknown: Array) -> tuple[Array, Array]:
     """The signal by polarization and the electrodes' metal as far as it counts, and its derivatives by (x, y, log d,
     g)."""
-    punch, fitted = unknown[:, 2:], forward.beside
+    punch, fitted = unknown[:, 2:], forward.correction
     side = change_point.side(_gap(forward.ring, frame, unknown), fitted.step)
     effect = polarization.effect(fitted.polarization, forward.ring, fields, frame, punch, side)
     if electrode_correction.teaches(fitted.rim):

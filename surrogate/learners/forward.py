@@ -96,8 +96,8 @@ class TouchInversion(Learner):
 
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""
-        rim = rim_correction.without(self.forward.beside, whole, kept)
-        return replace(self, forward=replace(self.forward, ring=ring, beside=rim))
+        rim = rim_correction.without(self.forward.correction, whole, kept)
+        return replace(self, forward=replace(self.forward, ring=ring, correction=rim))
 
     def drifting(self, root: Array) -> DriftingInversion:
         """The inversion with a drift in the covariance of the readings."""

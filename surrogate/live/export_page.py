@@ -87,7 +87,7 @@ def document(model: TrainedModel) -> dict[str, Any]:
         "p0": forward.p0, "floor": forward.floor, "shift_mm": forward.shift_mm, "mean": forward.mean.tolist(),
         "sd": forward.sd.tolist(), "bounds": forward.bounds.tolist(), "margin_mm": MARGIN_MM, "margin": MARGIN,
         "most_radius": RIM, "candidates": _packed(spiral(forward, CANDIDATES)),
-        "rim": _rim(forward) if rim_correction.teaches(forward.beside) else None,
+        "rim": _rim(forward) if rim_correction.teaches(forward.correction) else None,
         "weakest_V": WEAK * model.trained.weakest_V, "misfit": MISFIT_FACTOR * max(model.trained.misfit, 1.0),
         "interval": np.maximum(scale.factor[:, k], normal(COVERAGE)).tolist(),
         "unsure_from": np.minimum(scale.edge[k], np.finfo(float).max).tolist(),
@@ -111,7 +111,7 @@ def _process(process: GaussianProcess) -> dict[str, Any]:
 
 def _rim(forward: ForwardMap) -> dict[str, Any]:
     """What an edge adds: the skin's answer, on a disc what electrodes add, and how large the error is."""
-    fitted = forward.beside
+    fitted = forward.correction
     answer, metal, error = fitted.polarization, fitted.rim, fitted.error
     return {
         "replaces": bool(fitted.replaces), "step": fitted.step if np.isfinite(fitted.step) else None,

@@ -33,7 +33,7 @@ class Correction:
     offset: Array  # (readings,) V there
     slope: Array  # (readings, 4) V per unit of each
     log_d: Array  # (k,) log d, increasing
-    beside: Array  # (k, readings) V more there
+    more_V: Array  # (k, readings) V more there
 
     def at(self, unknown: Array) -> tuple[Array, Array]:
         """(n, readings) V, and (n, readings, 4) its derivatives, at touches (n, 4) as (x, y, log d, g)."""
@@ -41,10 +41,10 @@ class Correction:
         right = np.clip(np.searchsorted(self.log_d, at), 1, len(self.log_d) - 1)
         width = np.diff(self.log_d)[right - 1]
         share = ((at - self.log_d[right - 1]) / width)[:, None]
-        more = (1 - share) * self.beside[right - 1] + share * self.beside[right]
+        more = (1 - share) * self.more_V[right - 1] + share * self.more_V[right]
         slope = np.repeat(self.slope[None], len(unknown), axis=0)
         between = (at == unknown[:, LOG_D])[:, None]
-        slope[..., LOG_D] += np.where(between, self.beside[right] - self.beside[right - 1], 0.0) / width[:, None]
+        slope[..., LOG_D] += np.where(between, self.more_V[right] - self.more_V[right - 1], 0.0) / width[:, None]
         return self.offset + (unknown - self.centre) @ self.slope.T + more, slope
 
 
@@ -73,7 +73,7 @@ def simulated_posterior(simulator: Simulator, forward: ForwardMap, signal_V: Arr
     touches = _spread(found, SOLVED)
     missed = _missed(simulator, forward, correction, touches)
     if np.linalg.norm(missed @ whiten.T, axis=1).max() > SMALL:
-        correction = _beside(forward, correction, touches, missed)
+        correction = _with_missed(forward, correction, touches, missed)
         found = sampled(forward, signal_V, whiten, own.touch, seed, correction=correction)
     left = _missed(simulator, forward, correction, _spread(found, HELD_OUT)) @ whiten.T
     return SimulatedPosterior(replace(found, cpu_s=time.process_time() - begun),
@@ -103,10 +103,10 @@ def _missed(simulator: Simulator, forward: ForwardMap, correction: Correction, t
     return np.array([solved(simulator, touch).signal_V for touch in touches]) - foreseen
 
 
-def _beside(forward: ForwardMap, correction: Correction, touches: Array, missed: Array) -> Correction:
+def _with_missed(forward: ForwardMap, correction: Correction, touches: Array, missed: Array) -> Correction:
     """With what it misses at touches (k, 4), none at its centre."""
     log_d = np.append(to_unknown(touches, forward.p0)[:, LOG_D], correction.centre[LOG_D])
     kept, first = np.unique(log_d.round(9), return_index=True)
     if len(kept) < 2:
         return correction
-    return replace(correction, log_d=kept, beside=np.vstack([missed, np.zeros(missed.shape[1])])[first])
+    return replace(correction, log_d=kept, more_V=np.vstack([missed, np.zeros(missed.shape[1])])[first])

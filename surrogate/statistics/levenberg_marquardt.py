@@ -59,11 +59,11 @@ def _pairs(problem: Index) -> Index:
     """(pairs, 2) starts of one problem."""
     order = np.argsort(problem, kind="stable")
     problem, found = problem[order], []
-    for apart in range(1, len(problem)):
-        first = np.flatnonzero(problem[apart:] == problem[:-apart])
+    for step in range(1, len(problem)):
+        first = np.flatnonzero(problem[step:] == problem[:-step])
         if not len(first):
             break
-        found.append(np.column_stack([order[first], order[first + apart]]))
+        found.append(np.column_stack([order[first], order[first + step]]))
     return np.concatenate(found) if found else np.zeros((0, 2), np.intp)
 
 

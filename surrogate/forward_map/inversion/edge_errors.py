@@ -29,12 +29,12 @@ def with_places_held(forward: ForwardMap, touch: Array, error_V: Array) -> Forwa
     if forward.near_edges is None or not len(near):
         return forward
     gaps, ratio = gap(forward.ring, unknown[near]), _foreseen(forward, unknown[near], error_V)
-    error = forward.beside.error
+    error = forward.correction.error
     nearest = np.abs(gaps[:, None] - error.gap).argmin(axis=1)
     larger = [max(float(np.quantile(ratio[nearest == k], COVERAGE, axis=0).max()) / normal(COVERAGE), 1.0)
               if np.any(nearest == k) else 1.0 for k in range(len(error.gap))]
     held = replace(error, error=error.error * np.array(larger)[:, None])
-    return replace(forward, beside=replace(forward.beside, error=held))
+    return replace(forward, correction=replace(forward.correction, error=held))
 
 
 def _foreseen(forward: ForwardMap, unknown: Array, error_V: Array) -> Array:
@@ -44,9 +44,9 @@ def _foreseen(forward: ForwardMap, unknown: Array, error_V: Array) -> Array:
     part, out = rim_correction.folds(z, punch), np.empty((len(unknown), 2))
     for k in np.unique(part):
         own, others = np.flatnonzero(part == k), part != k
-        error = rim_correction.error_of(forward.ring, forward.field, forward.beside.error.symmetry, z[others],
+        error = rim_correction.error_of(forward.ring, forward.field, forward.correction.error.symmetry, z[others],
                                         punch[others], gaps[others], relative[others])
-        held_out = replace(forward, beside=replace(forward.beside, error=error))
+        held_out = replace(forward, correction=replace(forward.correction, error=error))
         for rows in np.array_split(own, len(own) // BATCH + 1):
             out[rows] = _off(held_out, unknown[rows], error_V[rows])
     return out

@@ -86,7 +86,7 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drif
     """Invert signals (n, readings) in V under white noise of standard deviation noise_V on each reading, and a drift
     between the frames where one is given."""
     drift = drift or no_drift(signal.shape[1])
-    norm = np.linalg.norm(signal @ forward.beside.rim.fill.T, axis=1)
+    norm = np.linalg.norm(signal @ forward.correction.rim.fill.T, axis=1)
     interior = forward.floor * np.sqrt(forward.ring.copies)
     located = locate(forward, signal, np.hypot(noise_V, interior * norm), drift)
     near = np.column_stack([located.place_mm, np.tile(forward.mean[2:], (len(signal), 1))])
@@ -275,7 +275,7 @@ def _starts(forward: ForwardMap, signal: Array, located: Located) -> Array:
     """(n BANDS, 4 + discrepancies) states with the most probable punch of each band of loads at the located places; of
     each band the touch whose foreseen signal is closest where that place is near the rim."""
     unknown = np.empty((len(signal), BANDS, 4))
-    near = electrode_correction.teaches(forward.beside.rim) & (
+    near = electrode_correction.teaches(forward.correction.rim) & (
         radial(forward.ring, located.place_mm) > forward.interior)
     if not np.all(near):
         chosen = starts(posterior(make_table(forward), located.some(~near)), BANDS)

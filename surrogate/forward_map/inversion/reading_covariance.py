@@ -71,7 +71,7 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float, drift: 
 def own_error(forward: ForwardMap, unknown: Array, size: Array) -> tuple[Array, Array, Array]:
     """The map's own error at such touches: standard deviation (n,) of what is white, V, orthonormal axes (n, readings,
     k) of the rest, and standard deviations (n, k) along these, V."""
-    ring, fitted = forward.ring, forward.beside
+    ring, fitted = forward.ring, forward.correction
     floor, z = forward.floor * np.sqrt(ring.copies) * size, place(ring, unknown)
     near = reaches(forward, z)
     directions = fitted.error.directions
@@ -88,7 +88,7 @@ def own_error(forward: ForwardMap, unknown: Array, size: Array) -> tuple[Array, 
 
 def _shared(forward: ForwardMap, unknown: Array, gaps: Array) -> tuple[Array, Array, Array]:
     """Where errors over their norm lie near an edge, as `rim_covariance.spread`."""
-    z, error = place(forward.ring, unknown), forward.beside.error
+    z, error = place(forward.ring, unknown), forward.correction.error
     if error.answer is None:
         return rim_covariance.spread(error, z, gaps)
     design = polarization.products(forward.ring, forward.fields(z)[:polarization.ERROR], z, unknown[:, 2])

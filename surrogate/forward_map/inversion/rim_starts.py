@@ -39,9 +39,10 @@ class Foreseen:
 def rim_starts(forward: ForwardMap, signal: Array, place_mm: Array, bands: int) -> Array:
     """(n, bands, 4) touches (x, y, log d, g), in each band of loads the one whose signal comes closest to (n, readings)
     by one step, for frames located at places (n, 2)."""
-    known, symmetry = _foreseen(forward), forward.beside.rim.symmetry
+    known, symmetry = _foreseen(forward), forward.correction.rim.symmetry
     _, chosen = fold(symmetry, place(forward.ring, place_mm))
-    folded = (symmetry.readings[chosen] @ (signal @ forward.beside.rim.fill.T)[..., None])[..., 0].astype(np.float32)
+    whole = signal @ forward.correction.rim.fill.T
+    folded = (symmetry.readings[chosen] @ whole[..., None])[..., 0].astype(np.float32)
     touch = np.concatenate([_closest(known, folded[i:i + FRAMES], bands) for i in range(0, len(folded), FRAMES)])
     z = (touch[..., 0] + 1j * touch[..., 1]) / symmetry.turn[chosen, None]
     z = np.asarray(np.where(symmetry.mirrored[chosen, None], z.conj(), z), np.complex128)
@@ -93,7 +94,7 @@ def _foreseen(forward: ForwardMap) -> Foreseen:
 def _seen(forward: ForwardMap, unknown: Array, unit: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Direction, norm, slopes times the root of their damped inverse, these along the direction, and that root."""
     found = linearise(forward, unknown, np.zeros((len(unknown), len(forward.strengths))))
-    fill = forward.beside.rim.fill
+    fill = forward.correction.rim.fill
     signal, slope = found.signal_V @ fill.T, np.swapaxes(fill @ found.jacobian, 1, 2)
     norm = np.linalg.norm(signal, axis=1)
     signal, slope = signal / norm[:, None], slope * unit[:, None] / norm[:, None, None]
@@ -107,7 +108,7 @@ def _touches(forward: ForwardMap) -> tuple[Array, float]:
     (_, d_lo, f_lo), (reach, d_hi, f_hi) = forward.bounds
     lightest, heaviest = (np.arcsinh(f / (d**2 * forward.p0)) for f, d in ((f_lo, d_hi), (f_hi, d_lo)))
     load = np.linspace(lightest, heaviest, LOADS + 2)[1:-1]
-    sector = 2 * np.pi / len(forward.beside.rim.symmetry.turn)
+    sector = 2 * np.pi / len(forward.correction.rim.symmetry.turn)
     count = min(max(round(sector / ANGLE), 1), MOST_ANGLES)
     angle = (np.arange(-ACROSS, count + ACROSS) + 0.5) * sector / count
     inner, outer = np.log(SOFT - forward.interior), np.log(SOFT - reach / forward.ring.radius_mm)

@@ -74,7 +74,7 @@ def best(touch: Followed) -> int:
 
 def unseen(forward: ForwardMap, unsure: Unsure) -> Followed:
     """What the training touches say of a touch before any frame."""
-    directions = forward.beside.error.directions
+    directions = forward.correction.error.directions
     constants = len(unsure.kept) + forward.discrepancies + directions + len(unsure.drift)
     log_weight, log_d, sd = _diameters(forward)
     mean, covariance = np.tile(forward.mean, (len(log_d), 1)), np.tile(np.diag(forward.sd**2), (len(log_d), 1, 1))
@@ -99,7 +99,7 @@ def later(forward: ForwardMap, touch: Followed, step_s: float) -> Followed:
     gone = np.linalg.norm((touch.mean - touch.anchor) / RENEWED, axis=1)
     far = gone > AT_ONCE
     # the material and the drift stay what they are
-    whole, directions = len(forward.ring.read) + forward.own, forward.beside.error.directions
+    whole, directions = len(forward.ring.read) + forward.own, forward.correction.error.directions
     own = np.r_[:whole, whole + forward.materials:whole + forward.materials + directions]
     shared = touch.shared.copy()
     shared[:, :, own] *= np.where(far, np.exp(-gone), 1.0)[:, None, None]

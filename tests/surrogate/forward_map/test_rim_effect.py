@@ -60,7 +60,7 @@ def test_the_rim_effect_improves_the_map_near_the_rim(whole: forward_map.Forward
     touch, signal = synthetic(100, 1, (), 85.0)
     near = np.hypot(touch[:, 0], touch[:, 1]) > 70
     unknown = to_unknown(touch, whole.p0)[near]
-    series = replace(whole, beside=replace(whole.beside, rim=electrode_correction.zero_correction(ring)))
+    series = replace(whole, correction=replace(whole.correction, rim=electrode_correction.zero_correction(ring)))
     left = [np.median(np.linalg.norm(forward_map.linearise(one, unknown).signal_V - signal[near], axis=1)
                       / np.linalg.norm(signal[near], axis=1)) for one in (series, whole)]
     print("relative error of series, and with the effect of the rim:", left)
@@ -93,15 +93,15 @@ def test_copies_of_a_touch_do_not_tell_its_error(ring: Ring, synthetic: Syntheti
     touch, signal = synthetic(120, 4, (), 85.0)
     near = np.hypot(touch[:, 0], touch[:, 1]) > 40
     touch, signal = touch[near], signal[near]
-    once = forward_map.fit(ring, touch, signal).beside.error.error
-    twice = forward_map.fit(ring, np.repeat(touch, 2, axis=0), np.repeat(signal, 2, axis=0)).beside.error.error
+    once = forward_map.fit(ring, touch, signal).correction.error.error
+    twice = forward_map.fit(ring, np.repeat(touch, 2, axis=0), np.repeat(signal, 2, axis=0)).correction.error.error
     assert np.median(twice) > np.median(once) / 3
 
 
 def test_touches_far_from_the_rim_and_few_readings_are_learned(ring: Ring, synthetic: Synthetic) -> None:
     touch, signal = synthetic(40, 5, (), 30.0)
     learned = forward_map.fit(ring, touch, signal)
-    assert not electrode_correction.teaches(learned.beside.rim)
+    assert not electrode_correction.teaches(learned.correction.rim)
     assert np.all(np.isfinite(forward_map.linearise(learned, to_unknown(touch, learned.p0)).signal_V))
 
 
@@ -138,7 +138,7 @@ def test_derivatives_are_those_of_the_signal_where_the_whole_is_learned(
     sizes = iter([0.0, 1.0])
     monkeypatch.setattr(rim_correction, "_size", lambda _: next(sizes))
     learned = forward_map.fit(ring, *synthetic(360, 0, (), 85.0))
-    assert (learned.beside.replaces, whole.beside.replaces) == (True, False)
+    assert (learned.correction.replaces, whole.correction.replaces) == (True, False)
     at = to_unknown(synthetic(60, 5, (), 85.0)[0], learned.p0)
     found = forward_map.linearise(learned, at)
     plain = forward_map.linearise(whole, at)

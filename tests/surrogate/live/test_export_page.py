@@ -89,8 +89,8 @@ def test_the_map_in_the_browser_is_that_of_the_model(
     columns |= dict(zip(("x_mm", "y_mm", "d_mm", "F_N"), touch.T, strict=True))
     model = surrogate.train(make_dataset(tmp_path / "disc", 460, 4, **columns), "forward", seed=1)
     forward = model.learner.forward
-    assert len(forward.beside.rim.process.nodes)
-    assert len(forward.beside.polarization.nodes)
+    assert len(forward.correction.rim.process.nodes)
+    assert len(forward.correction.polarization.nodes)
     export_page(model, tmp_path / "page.html")
     opened(page, tmp_path / "page.html")
     asked, fresh_V = synthetic(30, 5, (), 86.0)

@@ -243,11 +243,11 @@ def test_draws_under_a_linear_map_and_a_gaussian_prior_are_those_of_the_closed_f
 def test_a_correction_is_what_it_was_made_from_and_its_derivatives_are_its_own() -> None:
     rng = np.random.default_rng(3)
     centre, log_d = np.array([10.0, 5.0, 2.6, 1.0]), np.array([2.4, 2.6, 2.9])
-    beside = rng.normal(size=(3, 6))
-    beside[1] = 0.0
-    made = Correction(centre, rng.normal(size=6), rng.normal(size=(6, 4)), log_d, beside)
+    more = rng.normal(size=(3, 6))
+    more[1] = 0.0
+    made = Correction(centre, rng.normal(size=6), rng.normal(size=(6, 4)), log_d, more)
     at = centre + np.outer(log_d - 2.6, [0, 0, 1, 0])
-    assert made.at(at)[0] == pytest.approx(made.offset + (at - centre) @ made.slope.T + beside)
+    assert made.at(at)[0] == pytest.approx(made.offset + (at - centre) @ made.slope.T + more)
     for log_d_off in (0.11, 0.5, -0.4):
         touch = (centre + np.array([0.3, -0.2, log_d_off, 0.4]))[None]
         by = [(made.at(touch + h)[0] - made.at(touch - h)[0]) / 2e-6 for h in 1e-6 * np.eye(4)[:, None]]
