@@ -294,9 +294,9 @@ def _outwards(core, k, h):
     """Admittances (n + 1, orders) of harmonics from the core (orders,) out through rings, k and h (n, orders), as in
     `admittance`."""
     out = np.empty((len(k) + 1, len(core)))
-    out[0] = core
-    for j in range(len(k)):
-        for m in range(len(core)):
+    for m in range(len(core)):
+        out[0, m] = core[m]
+        for j in range(len(k)):
             out[j + 1, m] = k[j, m] * (out[j, m] + k[j, m] * h[j, m]) / (k[j, m] + out[j, m] * h[j, m])
     return out
 
