@@ -177,6 +177,8 @@ def serve(show: Show, port: int = 0, say: Callable[[str], object] = print) -> No
 
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # else a frame that follows another waits until the browser acknowledges that one, which it delays by 40 ms
+        listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         try:
             listening.bind((HOST, port))
         except OSError as error:
