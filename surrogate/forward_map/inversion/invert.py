@@ -44,8 +44,7 @@ from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
 from touchcal.arrays import Array, Index, Mask
 
 BANDS = 5  # bands of loads that each give one start
-# Steps of every start, of the best BRANCHES of each frame after that, and of the best of these after that.
-SHORT, MIDDLE, LONG = 12, 12, 100
+SHORT, LONG = 12, 100  # steps of every start, and of the best BRANCHES of each frame after that
 BRANCHES, HELD = 2, 20  # branches of each frame that known punches are tried from, and the steps of each
 LEAST_SIDE = 0.25  # least one-sided standard deviation over the two-sided one
 RIM_PART = 0.01  # part of a signal that the rim may add where the table of punches speaks for the peak
@@ -97,8 +96,8 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drif
     size = signal_size(forward, start)
     floor = noise_floor(forward, start) * size
     sd = reading_covariance.at(forward, start, size, noise_V, drift)
-    branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, MIDDLE)
-    free = _descend(forward, signal, sd, _best(branches, len(signal), 1).state, LONG)
+    branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, LONG)
+    free = _best(branches, len(signal), 1)
     found = _bounded(forward, _inversion(forward, free, noise_V))
     # the signals whose size is not their norm, as where the dipole vanishes, are less sure than foreseen
     less = np.hypot(noise_V, interior * norm) / np.hypot(noise_V, interior * size)

@@ -14,7 +14,7 @@ from surrogate.data.sensor_ring import Ring, radial
 from surrogate.forward_map import multipole_series
 from surrogate.forward_map.forward_map import ForwardMap, series_signals
 from surrogate.forward_map.forward_map import place as scaled_place
-from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, no_drift, of, white, whitened
+from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, of, white, whitened
 from surrogate.statistics.levenberg_marquardt import minimise
 from touchcal.arrays import Array, Index, Mask
 
@@ -74,23 +74,32 @@ def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Locat
 def _starts(forward: ForwardMap, signal: Array, drift: Drift) -> tuple[Array, Array]:
     """(n PLACES, 2) candidates whose first MATCHED orders leave least of the signals, mm, and sizes (n PLACES,) of the
     strengths there, V; a drift is projected off both."""
-    place, axes, size = planes(forward, CANDIDATES, drift)
+    place, base, products = planes(forward, CANDIDATES)
+    drifted = np.tensordot(drift.axes, base, axes=(0, 0))
+    products = products - np.einsum("dpk,dpl->pkl", drifted, drifted)
     signal = signal - signal @ drift.axes @ drift.axes.T
-    match = np.sum(np.tensordot(signal, axes, axes=(1, 1)) ** 2, axis=2)
+    along = np.tensordot(signal, base, axes=(1, 0))
+    match = np.einsum("npk,pkl,npl->np", along, _pseudo_inverse(products), along, optimize=True)
     chosen = np.argsort(-match, axis=1)[:, :PLACES]
     norm = np.maximum(np.linalg.norm(signal, axis=1), np.finfo(float).tiny ** 0.25)
-    return place[chosen.ravel()], (norm[:, None] / size[chosen]).ravel()
+    return place[chosen.ravel()], (norm[:, None] / np.sqrt(products[:, 0, 0])[chosen]).ravel()
 
 
-@lru_cache(maxsize=32)
-def planes(forward: ForwardMap, count: int, drift: Drift) -> tuple[Array, Array, Array]:
-    """Places (count, 2), mm, orthonormal axes (count, readings, MATCHED) of the signals of the first orders there, and
-    norms (count,) of those of unit dipoles."""
+def _pseudo_inverse(products: Array) -> Array:
+    """Inverses of products (n, k, k), of which a direction that all but vanishes is left out."""
+    scale = np.sqrt(np.einsum("npp->np", products))
+    both = np.maximum(scale[:, :, None] * scale[:, None, :], np.finfo(float).tiny)
+    return np.asarray(np.linalg.pinv(products / both, rcond=1e-10, hermitian=True) / both, np.float64)
+
+
+@lru_cache(maxsize=4)
+def planes(forward: ForwardMap, count: int) -> tuple[Array, Array, Array]:
+    """Places (count, 2), mm, signals (readings, count, MATCHED) of unit strengths of the first orders there, and their
+    products (count, MATCHED, MATCHED)."""
     place = spiral(forward, count)
     z = scaled_place(forward.ring, place)
     base = multipole_series.basis(*multipole_series.patterns(forward.ring, forward.field, z, MATCHED))
-    base -= drift.axes @ (drift.axes.T @ base)
-    return place, np.linalg.qr(base)[0], np.linalg.norm(base[..., 0], axis=1)
+    return place, np.ascontiguousarray(base.transpose(1, 0, 2)), base.transpose(0, 2, 1) @ base
 
 
 def spiral(forward: ForwardMap, count: int) -> Array:
@@ -181,7 +190,7 @@ def _from_edges(forward: ForwardMap, sheet: Sheet, place_mm: Array, least_mm: fl
         found += np.maximum(least_mm - distance, 0.0)[:, None] * slope
     off = np.flatnonzero(outlined_sheet.edge_distance_mm(sheet, found)[0] < 0.999 * least_mm)
     if len(off):
-        known = planes(forward, CANDIDATES, no_drift(len(forward.ring.read)))[0]
+        known = planes(forward, CANDIDATES)[0]
         found[off] = known[np.linalg.norm(known - place_mm[off, None], axis=2).argmin(axis=1)]
     return found
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion.multipole_location import planes
-from surrogate.forward_map.inversion.reading_covariance import no_drift
 from touchcal.arrays import Array, Index
 
 PLACES = 150
@@ -25,7 +24,7 @@ class _Pairs:
 
 @lru_cache(maxsize=2)
 def _pairs(forward: ForwardMap) -> _Pairs:
-    axes = planes(forward, PLACES, no_drift(len(forward.ring.read)))[1]
+    axes = np.linalg.qr(planes(forward, PLACES)[1].transpose(1, 0, 2))[0]
     first, second = np.triu_indices(PLACES, 1)
     products = np.einsum("ird,jre->ijed", axes, axes, optimize=True)
     across = products[first, second]
