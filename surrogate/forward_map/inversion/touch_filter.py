@@ -115,19 +115,21 @@ def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, s
     floor, axes, sd = reading_covariance.own_error(forward, state, signal_size(forward, state))
     white, at_rim = np.hypot(floor, unsure.rest_V), axes * sd[:, None]
     drift = np.broadcast_to(unsure.drift.T, (len(state), *unsure.drift.T.shape))
+    remembered = before.shared[:, :, :len(kept)][:, :, kept] @ unsure.axes
     for _ in range(STEPS):
         here = linearise(forward, state, discrepancy)
         slope = unsure.axes.T @ here.jacobian[:, kept]
         common = unsure.axes.T @ np.concatenate([here.discrepancy, at_rim, drift], axis=2)[:, kept]
         innovation = (signal - here.signal_V)[:, kept] @ unsure.axes - _times(slope, before.mean - state)
-        update = _update(before, slope, white, common, innovation, unsure)
+        update = _update(before, slope, white, remembered, common, innovation, unsure)
         trial = on_range(forward, before.mean + update.step)
         bent = BENT * np.sum(((trial - state) / STRAIGHT) ** 2, axis=1) * np.linalg.norm(here.signal_V, axis=1)
         state = trial
         if np.all(bent < ENOUGH * np.hypot(white, unsure.noise_V)):
             break
     weighed = _weighed(before, innovation - _times(slope, update.step), update, unsure.noise_V)
-    return _fewer(replace(weighed, mean=state, covariance=update.covariance, shared=update.shared,
+    covariance, shared = _carried(before, update, white, unsure)
+    return _fewer(replace(weighed, mean=state, covariance=covariance, shared=shared,
                           anchor=state if start is not None else before.anchor,
                           since=state[best(before)] if not before.frames else weighed.since,
                           misfit=update.cost / innovation.shape[1]))
@@ -142,8 +144,10 @@ def _with_force(forward: ForwardMap, mean: Array, touch: Array) -> Array:
 @dataclass(frozen=True, eq=False)
 class _Update:
     step: Array  # (k, 4) from the means
-    covariance: Array  # (k, 4, 4)
-    shared: Array  # (k, 4, constants)
+    gain: Array  # (k, 4, r)
+    slope: Array  # (k, r, 4)
+    common: Array  # (k, r, rest)
+    across: Array  # (k, 4, r) covariance of the error s - mean with the innovation
     cost: Array  # (k,) squared innovation over its covariance
     onto: Array  # (k, m, r) orthonormal readings that the touch and errors other than white ones reach
     whole: Array  # (k, r, r) covariance of the innovation along these
@@ -168,13 +172,13 @@ def _weighed(before: Followed, left: Array, update: _Update, noise_V: float) -> 
                    left=mean, frames=frames + 1, since=before.mean[best(before)] if again else before.since)
 
 
-def _update(before: Followed, slope: Array, white: Array, common: Array, innovation: Array, unsure: Unsure) -> _Update:
+def _update(before: Followed, slope: Array, white: Array, remembered: Array, common: Array, innovation: Array,
+            unsure: Unsure) -> _Update:
     """The consider filter's update by m readings of these slopes (k, m, 4), whose errors are white constants of
-    standard deviations (k,) and `common` (k, m, rest) times the others; solved along the few readings that anything but
-    white errors reaches."""
-    own, others = np.flatnonzero(unsure.kept), np.s_[len(unsure.kept):]
+    standard deviations (k,), which the error of the mean remembers (k, 4, m), and `common` (k, m, rest) times the
+    others; solved along the few readings that anything but white errors reaches."""
     scaled = white[:, None, None]
-    by_constants = scaled * (before.shared[:, :, own] @ unsure.axes) + before.shared[:, :, others] @ _turned(common)
+    by_constants = scaled * remembered + before.shared[:, :, len(unsure.kept):] @ _turned(common)
     onto = np.asarray(np.linalg.qr(np.concatenate([slope, _turned(by_constants), common], axis=2))[0], np.float64)
     slope, common, by_constants = _turned(onto) @ slope, _turned(onto) @ common, by_constants @ onto
     across = before.covariance @ _turned(slope) + by_constants
@@ -183,14 +187,19 @@ def _update(before: Followed, slope: Array, white: Array, common: Array, innovat
     along, rest = _parts(onto, innovation)
     solved = np.linalg.solve(whole, np.concatenate([_turned(across), along[..., None]], axis=2))
     gain = _turned(np.asarray(solved[..., :4], np.float64))
-    covariance = before.covariance - gain @ _turned(across)
-    shared = before.shared - gain @ (slope @ before.shared)
-    shared[:, :, own] -= scaled * (gain @ _turned(onto) @ unsure.axes.T)
-    shared[:, :, others] -= gain @ common
     elsewhere_V2 = white**2 + unsure.noise_V**2
-    return _Update(_times(gain, along), (covariance + _turned(covariance)) / 2, shared,
-                   np.sum(along * solved[..., 4], axis=1) + rest / elsewhere_V2, onto, whole,
-                   elsewhere_V2)
+    return _Update(_times(gain, along), gain, slope, common, across,
+                   np.sum(along * solved[..., 4], axis=1) + rest / elsewhere_V2, onto, whole, elsewhere_V2)
+
+
+def _carried(before: Followed, update: _Update, white: Array, unsure: Unsure) -> tuple[Array, Array]:
+    """Covariances (k, 4, 4) and shared ones (k, 4, constants) after an update."""
+    gain = update.gain
+    covariance = before.covariance - gain @ _turned(update.across)
+    shared = before.shared - gain @ (update.slope @ before.shared)
+    shared[:, :, np.flatnonzero(unsure.kept)] -= white[:, None, None] * (gain @ _turned(update.onto) @ unsure.axes.T)
+    shared[:, :, len(unsure.kept):] -= gain @ update.common
+    return (covariance + _turned(covariance)) / 2, shared
 
 
 def _parts(onto: Array, readings: Array) -> tuple[Array, Array]:

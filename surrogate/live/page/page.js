@@ -38,6 +38,7 @@
     frame = message;
     frames.push(frame);
     arrivals.push(performance.now());
+    if (hands && frame.answers_ms !== null) hands.take(frame.answers_ms);
     while (frames.length && frames[0].time_s < frame.time_s - HISTORY_S) frames.shift();
     while (arrivals.length && arrivals[0] < performance.now() - 2000) arrivals.shift();
   }

@@ -2,12 +2,15 @@
 // What is done with mouse, finger, wheel and keys becomes the controls that a skin is sent.
 
 const MOVE_MM = 1, FAR_MM = 5, FORCE_STEP_N = 0.05, GROWS_IN_S = 4, SENT_EVERY_MS = 12;
-const GROWTH_SENT_EVERY_MS = 40; // a force that grows by a hundredth of its most; oftener, answers would queue
+// A force grows by a hundredth of its most meanwhile; it is sent once the press before is answered, so that none queues,
+// or after the longer time.
+const GROWTH_SENT_EVERY_MS = 40, UNANSWERED_MS = 500;
 
 function pressing({ hello, edge, picture }, send) {
   const byId = id => document.getElementById(id), canvas = byId("skin"), limits = hello.limits;
   const place = { x_mm: limits.start_mm[0], y_mm: limits.start_mm[1] };
-  let moved = true, down = false, held = false, grown = 0, last = performance.now(), sent = 0, waits = false, grew = false;
+  let moved = true, down = false, held = false, grown = 0, last = performance.now(), sent = 0, answered = 0, waits = false;
+  let grew = false;
 
   byId("force").max = Math.floor(limits.force_N / FORCE_STEP_N) * FORCE_STEP_N;
   byId("force").value = limits.force_N / 4;
@@ -97,13 +100,17 @@ function pressing({ hello, edge, picture }, send) {
     const growing = held && byId("grow").checked && force() < limits.force_N;
     if (growing) grown += (now - last) / 1e3 * limits.force_N / GROWS_IN_S;
     grew = grew || growing;
-    if (waits || grew && (!growing || now - sent > GROWTH_SENT_EVERY_MS)) changed();
+    const due = now - sent > (answered < sent ? UNANSWERED_MS : GROWTH_SENT_EVERY_MS);
+    if (waits || grew && (!growing || due)) changed();
     last = now;
     const was = moved;
     moved = false;
     return was;
   }
 
+  // The press that was sent at this time is answered.
+  function take(sent_ms) { answered = sent_ms; }
+
   changed();
-  return { cursor, refusal, tick };
+  return { cursor, refusal, tick, take };
 }
