@@ -6,6 +6,7 @@ import http.client
 import json
 import random
 import signal
+import socket
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 import surrogate
+from surrogate.live.serve import Show, serve
 from touchcal.csv_numbers import write_numbers
 
 websockets = pytest.importorskip("websockets.sync.client")
@@ -47,11 +49,11 @@ def status(address: str, origin: str | None) -> int:
     return refused.value.response.status_code
 
 
-def pressed(socket, press: dict = PRESS) -> dict:
+def pressed(connection, press: dict = PRESS) -> dict:
     """The first frame that answers a press and reads it."""
-    socket.send(json.dumps(press))
+    connection.send(json.dumps(press))
     for _ in range(500):
-        frame = json.loads(socket.recv(timeout=60))
+        frame = json.loads(connection.recv(timeout=60))
         if frame.get("read") and frame["true"] and frame["true"]["x_mm"] == press["x_mm"]:
             return frame
     raise AssertionError("no frame reads the press")
@@ -64,6 +66,18 @@ def test_the_page_is_served_with_a_strict_policy(address: str) -> None:
     assert "script-src 'self'" in str(page.getheader("content-security-policy"))
     assert (page.getheader("cache-control"), page.getheader("referrer-policy")) == ("no-store", "no-referrer")
     assert asked(address, urlsplit(address).path + "page.js").status == 200
+
+
+def test_frames_do_not_wait_until_the_one_before_is_acknowledged(monkeypatch: pytest.MonkeyPatch) -> None:
+    uvicorn, at_once = pytest.importorskip("uvicorn"), []
+
+    def accepting(server, sockets: list[socket.socket]) -> None:
+        with socket.create_connection(sockets[0].getsockname()), sockets[0].accept()[0] as accepted:
+            at_once.append(accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+
+    monkeypatch.setattr(uvicorn.Server, "run", accepting)
+    serve(Show({}, iter(()), lambda moment: None, []), say=lambda address: None)
+    assert at_once == [1]
 
 
 def test_only_this_machine_is_listened_to(address: str) -> None:
@@ -85,18 +99,18 @@ def test_foreign_hosts_origins_and_missing_tokens_get_403(address: str) -> None:
 
 
 def test_a_press_is_read(address: str) -> None:
-    with connected(address) as socket:
-        assert json.loads(socket.recv())["source"] == "learned"
-        frame = pressed(socket)
+    with connected(address) as connection:
+        assert json.loads(connection.recv())["source"] == "learned"
+        frame = pressed(connection)
         assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx((20.0, -10.0), abs=0.2)
 
 
 def test_what_is_pressed_is_lifted_when_the_browser_goes_away(address: str) -> None:
-    with connected(address) as socket:
-        pressed(socket)
-    with connected(address) as socket:
-        socket.recv()
-        frames = [json.loads(socket.recv(timeout=60)) for _ in range(100)]
+    with connected(address) as connection:
+        pressed(connection)
+    with connected(address) as connection:
+        connection.recv()
+        frames = [json.loads(connection.recv(timeout=60)) for _ in range(100)]
     assert frames[-1]["true"] is None
 
 
@@ -110,22 +124,22 @@ def test_five_thousand_malformed_messages_do_not_end_the_server(address: str) ->
                            "".join(chr(rng.randrange(1, 0xD7FF)) for _ in range(rng.randrange(200))),
                            json.dumps(rng.choice([1, "a", None, [1, 2], {"a": {}}]))])
 
-    with connected(address) as socket:
+    with connected(address) as connection:
         for _ in range(5000):
-            socket.send(malformed())
-        pressed(socket)
+            connection.send(malformed())
+        pressed(connection)
     for odd in (b"\x00\xff" * 40, "x" * 100_000):  # bytes, and too much: this browser is cut off, nobody else
-        with connected(address) as socket:
-            socket.send(odd)
-    with connected(address) as socket:
-        pressed(socket, PRESS | {"x_mm": -5.0})
+        with connected(address) as connection:
+            connection.send(odd)
+    with connected(address) as connection:
+        pressed(connection, PRESS | {"x_mm": -5.0})
 
 
 @pytest.mark.slow
 def test_ctrl_c_stops_it_without_a_traceback(start: Start, live_folder: Path) -> None:
     process, address = start(live_folder)
-    with connected(address) as socket:
-        socket.recv()
+    with connected(address) as connection:
+        connection.recv()
         process.send_signal(signal.SIGINT)
         assert process.wait(60) == 0
     assert process.stderr is not None
@@ -138,9 +152,9 @@ def test_a_recording_is_shown_and_read(start: Start, inner_model: surrogate.Mode
     frames = inner_model.baseline_V + np.outer(np.arange(60) >= 40, signal_V) + rng.normal(0, 1e-6, (60, 208))
     write_numbers(tmp_path / "frames.csv", [f"v_{k:03d}" for k in range(208)], frames)
     _, address = start(live_folder, "--replay", tmp_path / "frames.csv")
-    with connected(address) as socket:
-        assert json.loads(socket.recv())["limits"] is None
-        frame = last_read(socket)
+    with connected(address) as connection:
+        assert json.loads(connection.recv())["limits"] is None
+        frame = last_read(connection)
     assert frame["true"] is None
     assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
 
@@ -149,12 +163,12 @@ def test_lines_of_a_device_are_shown_and_read(start: Start, inner_model: surroga
     signal_V, target = touch_of(inner_model)
     process, address = start(live_folder, "-", "--noise-V", "1e-6", stdin=subprocess.PIPE)
     assert process.stdin is not None
-    with connected(address) as socket:
-        socket.recv()
+    with connected(address) as connection:
+        connection.recv()
         for volts in [inner_model.baseline_V, "no frame", *[inner_model.baseline_V + signal_V] * 4]:
             process.stdin.write((volts if isinstance(volts, str) else ",".join(map(repr, volts.tolist()))) + "\n")
         process.stdin.close()
-        frame = last_read(socket)
+        frame = last_read(connection)
     assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
 
 
@@ -164,11 +178,11 @@ def touch_of(model: surrogate.Model) -> tuple[np.ndarray, np.ndarray]:
     return model.calibration.signal_V[k], model.calibration.target[k]
 
 
-def last_read(socket) -> dict:
+def last_read(connection) -> dict:
     """The last frame with a touch before the input ends."""
     read: dict = {}
     for _ in range(2000):
-        frame = json.loads(socket.recv(timeout=30))
+        frame = json.loads(connection.recv(timeout=30))
         read = frame if frame.get("read") else read
         if frame["note"] == "the input ended":
             return read
