@@ -170,7 +170,7 @@ def arriving(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     """(circles orders, N) amplitudes a_m, V, of Re a_m (zeta/r)^m in the potential of the untouched skin about circles,
     1 A into each electrode and 1/N A out of every one."""
     order = np.tile(np.arange(1, orders + 1), len(circles))
-    wave, slope = _outgoing(response.arriving, circles, orders)
+    wave, slope = outgoing_waves(response.arriving, circles, orders)
     inflow = wave * (response.arriving.contact_S / response.conductance_S)[:, None]
     return (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
 
@@ -202,9 +202,9 @@ def _returning(response: EdgeResponse, circles: Sequence[Circle], orders: int) -
     """
     sheet, order = response.conductance_S, np.tile(np.arange(1, orders + 1), len(circles))
     edges = response.returning
-    wave, slope = _outgoing(edges, circles, orders)
+    wave, slope = outgoing_waves(edges, circles, orders)
     inflow = wave * (edges.contact_S / sheet)[:, None]
-    loads = -sheet * (edges.value.T @ slope + edges.over.T @ inflow)
+    loads = edge_loads(edges, sheet, wave, slope)
     moved = response.response_Ohm @ np.hstack([loads.real, loads.imag])
     moved = moved[:, :len(order)] + 1j * moved[:, len(order):]
     scale = 1 / (4 * np.pi * order[:, None])
@@ -214,7 +214,14 @@ def _returning(response: EdgeResponse, circles: Sequence[Circle], orders: int) -
     return same, crossed
 
 
-def _outgoing(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
+def edge_loads(edges: Edges, conductance_S: float, wave: Complex, slope: Complex) -> Complex:
+    """Currents (k, m) into the unknowns of edges whose potentials are what edges send back of harmonics that go out, as
+    `outgoing_waves`."""
+    inflow = wave * (edges.contact_S / conductance_S)[:, None]
+    return np.asarray(-conductance_S * (edges.value.T @ slope + edges.over.T @ inflow), dtype=complex)
+
+
+def outgoing_waves(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
     """(zeta/r)^-m about each circle at points of edges (q, circles orders), and its slope along the normals times the
     lengths of the points."""
     waves, slopes = [], []
