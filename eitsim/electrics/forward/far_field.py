@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, gradients, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.electrics.outline.touch_mesh import fields_mesh
@@ -72,7 +72,11 @@ def _sampled(fields: Fields, thickness_m: float, places_m: Array, inner_m: Array
     each other as `fades` asks in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,)."""
     size = fields.size_m
     away = np.linalg.norm(fields.points_m[:, :, None] - places_m, axis=-1)
-    parts = parts_of(size, away, thickness_m, inner_m, contact_m, fades)
+    outside, parts = away.max(axis=1) > inner_m - size[:, None], np.ones(len(size), dtype=int)
+    for within, spacing in fades:
+        near = ((away.min(axis=1) < contact_m + within * thickness_m) & outside).any(axis=1)
+        if near.any():
+            parts[near] = max(1, math.ceil(size[near].max() / (spacing * thickness_m)))
     whole = parts == 1
     points, area, gradient = [fields.points_m[whole]], [fields.area_m2[whole]], [fields.gradient[whole]]
     for count in np.unique(parts[~whole]).tolist():
@@ -83,18 +87,6 @@ def _sampled(fields: Fields, thickness_m: float, places_m: Array, inner_m: Array
         gradient.append(finer)
     return (np.vstack([part.reshape(-1, 2) for part in points]), np.concatenate([part.ravel() for part in area]),
             np.concatenate([_flat(part) for part in gradient]))
-
-
-def parts_of(size_m: Array, away_m: Array, thickness_m: float, inner_m: Array, contact_m: Array,
-             fades: Sequence[tuple[float, float]]) -> Indices:
-    """(cells,) into how many parts of its sides a cell of a size (cells,) is cut, whose points are so far (cells, q, k)
-    from places with inner radii and ends of contact (k,), as `fades` asks."""
-    outside, parts = away_m.max(axis=1) > inner_m - size_m[:, None], np.ones(len(size_m), dtype=int)
-    for within, spacing in fades:
-        near = ((away_m.min(axis=1) < contact_m + within * thickness_m) & outside).any(axis=1)
-        if near.any():
-            parts[near] = max(1, math.ceil(size_m[near].max() / (spacing * thickness_m)))
-    return parts
 
 
 def _flat(gradient: Array) -> Array:

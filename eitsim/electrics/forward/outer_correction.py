@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, gradients, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Circle, Scattered, outgoing_gradient, position, ring_share
-from eitsim.electrics.forward.far_field import DEGREE, Fields, first_order, parts_of, untouched_fields
+from eitsim.electrics.forward.far_field import DEGREE, Fields, first_order, untouched_fields
 from eitsim.electrics.outline.edge_response import Edges, edge_loads, edges_of, outgoing_waves
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance
 from eitsim.numerics.conductor_elimination import Elimination, solve
@@ -25,7 +25,10 @@ from matcal.laws.conductivity import Conductivity
 
 # Up to so many thicknesses outside a contact cells are sampled in parts of so many thicknesses, the last that applies.
 _FADES = ((8.0, 1.0), (3.0, 1 / 3))
-# Part of the first order, in untouched fields and without signs, that the cells left out may have.
+# Length of parts of cells over the width of the ring in which the circle's change fades, on that ring.
+_ACROSS = 0.5
+# Part of the first order, in untouched fields and without signs, that the cells left out may have; and of the size of
+# the strongest of the fields there, as combinations of electrodes, from which others count.
 _LEFT_OUT = 1e-4
 # What is left over what `_faded` changes: fields inside the circle's last tenth are taken to first order in its depth.
 _LEFT = 1 / 3
@@ -43,11 +46,12 @@ class _UniformSkin:
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Points of some cells of a mesh."""
+    """Points of some cells of a mesh, and the combinations of electrodes whose fields count there."""
 
     points_m: Array  # (n, 2)
     area_m2: Array  # (n,)
     slope: csr_array  # (2 n, nodes) x and y of gradients at the points by potentials of nodes
+    combination: Array  # (electrodes, N)
 
 
 @lru_cache(maxsize=4)
@@ -68,7 +72,9 @@ def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, p
     radius = np.linalg.norm(away, axis=1)
     share = ring_share(radius, reach_m)[:, None, None]
     change = sheet_conductance(samples.points_m, punch, touch, skin, law) - conductance_S * np.eye(2)
-    potential = known.fields.potential + _returned(known, conductance_S, circle, rings)
+    combined = samples.combination
+    rings = replace(rings, outgoing=rings.outgoing @ combined)
+    potential = known.fields.potential @ combined + _returned(known, conductance_S, circle, rings)
     field = _at(samples, potential) + outgoing_gradient(rings, circle, samples.points_m)
     fading, area = radius < reach_m, samples.area_m2
     left = (1 - share) * change
@@ -80,7 +86,8 @@ def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, p
     currents[:len(potential)] = samples.slope.T @ flow.reshape(-1, flow.shape[-1])
     answer = solve(known.response, currents)[:len(potential)]
     third = first_order(area, _at(samples, answer), left)
-    return _power(field, flow) + currents[:len(potential)].T @ answer + third, _LEFT * unsure
+    whole = _power(field, flow) + currents[:len(potential)].T @ answer + third
+    return combined @ whole @ combined.T, _LEFT * (combined @ unsure @ combined.T)
 
 
 def _samples(known: _UniformSkin, body: Body, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
@@ -90,17 +97,36 @@ def _samples(known: _UniformSkin, body: Body, conductance_S: float, punch: Punch
     away, size, inner = np.linalg.norm(fields.points_m - place, axis=-1), fields.size_m, FULL * reach_m
     cells = np.flatnonzero(away.max(axis=1) > inner - size)
     change = sheet_conductance(fields.points_m[cells], punch, touch, skin, law) - conductance_S * np.eye(2)
-    weight = np.sum(np.linalg.norm(change, axis=(2, 3)) * known.heat[cells], axis=1)
+    change = np.sqrt(change[..., 0, 0] ** 2 + 2 * change[..., 0, 1] ** 2 + change[..., 1, 1] ** 2)
+    weight = np.sum(change * known.heat[cells], axis=1)
     order = np.argsort(weight)
-    cells = cells[order[np.cumsum(weight[order]) > _LEFT_OUT * weight.sum()]]
-    parts = parts_of(size[cells], away[cells, :, None], body.thickness_m, np.array([inner]),
-                     np.array([touch.contact_radius_m]), _FADES)
+    counts = order[np.cumsum(weight[order]) > _LEFT_OUT * weight.sum()]
+    cells, change = cells[counts], change[counts]
+    combination = _combinations(fields.gradient[cells], change * fields.area_m2[cells])
+    parts = _parts(size[cells], away[cells].min(axis=1), body.thickness_m, touch.contact_radius_m, reach_m)
     found = [_sampled(replace(fields.mesh, cells=fields.mesh.cells[cells[parts == count]]), count)
              for count in np.unique(parts).tolist()]
     points, area, slope, nodes = (np.concatenate(part) for part in zip(*found, strict=True))
     start = np.arange(0, slope.size + 1, slope.shape[1])
     return _Samples(points, area, csr_array((slope.ravel(), nodes.ravel(), start), shape=(
-        len(slope), len(fields.mesh.nodes_m))))
+        len(slope), len(fields.mesh.nodes_m))), combination)
+
+
+def _combinations(gradient: Array, weight: Array) -> Array:
+    """(electrodes, N) orthonormal combinations of electrodes whose fields (cells, q, 2, electrodes), weighted by
+    (cells, q), are no smaller than _LEFT_OUT of the strongest."""
+    flat = (gradient * np.sqrt(weight)[..., None, None]).reshape(-1, gradient.shape[-1])
+    power, combination = np.linalg.eigh(flat.T @ flat)
+    return combination[:, power >= _LEFT_OUT**2 * power[-1]]
+
+
+def _parts(size_m: Array, away_m: Array, thickness_m: float, contact_m: float, reach_m: float) -> Indices:
+    """(cells,) into how many parts the sides of cells of a size are cut, so far from the punch."""
+    longest = np.full(len(size_m), np.inf)
+    for within, spacing in _FADES:
+        longest[away_m < contact_m + within * thickness_m] = spacing * thickness_m
+    longest[away_m < reach_m] = _ACROSS * (1 - FULL) * reach_m
+    return np.maximum(np.ceil(size_m / longest), 1).astype(int)
 
 
 def _sampled(mesh: SkinMesh, parts: int) -> tuple[Array, Array, Array, Indices]:

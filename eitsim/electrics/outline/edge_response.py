@@ -33,8 +33,6 @@ _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
 _ROUGHLY, _RETURNED = 1e-3, 5e-3
 # Sides of the mesh of what edges send back, before it is halved, are no longer than the edges over this, about.
 _SHORT = 100
-# Fewer triangles than this, on which untouched readings are known, are halved once more for what electrodes send.
-_HALVED = 5000
 _SOLVED = 64  # Currents for which potentials are solved at once.
 # Nodes of a P2 triangle's sides, counter-clockwise: both ends, the middle.
 _SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
@@ -72,9 +70,9 @@ Variations = tuple[tuple[EdgeResponse, float], ...]
 
 @lru_cache(maxsize=8)
 def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, Variations]:
-    """What arrives on one of the meshes by which the untouched skin was solved (`solve_untouched`), what returns on a
-    coarser one, even along edges, halved; varied by what arrives on a coarser one, and by what returns on its own
-    before it was halved.
+    """What arrives on one of the meshes by which the untouched skin was solved (`solve_untouched`), halved, what
+    returns on a coarser one, even along edges, halved; varied by what arrives on a coarser one, and by what returns on
+    its own before it was halved.
 
     Errors fall with the square of the number of nodes of adapted meshes, with a power of the size of halved ones that
     the sharpest corner of the outline determines (`order_of_halving`).
@@ -84,8 +82,7 @@ def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: floa
                            for enough in (_ROUGHLY, READINGS, _RETURNED))
     rough, exact, returning = (with_quarter_points(skin_mesh(mesh, electrodes))
                                for mesh in (rough, exact, refined(known, partial(_along, _around_m(outline) / _SHORT))))
-    if len(exact.cells) < _HALVED or len(exact.cells) == len(rough.cells):
-        exact = uniform_refinement(exact)
+    exact = uniform_refinement(exact)
     found = response_on(exact, uniform_refinement(returning), conductance_S, z)
     coarse = response_on(rough, returning, conductance_S, z)
     share = (len(rough.cells) / len(exact.cells)) ** 2
