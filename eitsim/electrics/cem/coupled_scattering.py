@@ -118,11 +118,12 @@ def _elements(step: Array, power: list[Array], to_punch: Array | None) -> Array:
     what flows from these (e, q, n) to the punch, both per step."""
     slope, value = 2 * _SLOPE, _VALUE
     length = step[:, None, None, None]
-    terms = [(slope, slope, power[0] / length), (slope, value, power[1]),
-             (value, slope, power[1].swapaxes(-1, -2)), (value, value, power[2] * length)]
     count = power[0].shape[-1]
-    parts = [np.einsum("qa,qb,eqmn->eambn", one, other, term / 2, optimize=True) for one, other, term in terms]
-    whole = np.sum(parts, axis=0).reshape(len(step), 3 * count, 3 * count)
+    terms = np.concatenate([power[0] / length, power[1], power[1].swapaxes(-1, -2), power[2] * length], axis=1)
+    nodal = np.concatenate([(one[:, :, None] * other[:, None] / 2).reshape(len(one), -1) for one, other in (
+        (slope, slope), (slope, value), (value, slope), (value, value))])
+    parts = (nodal.T @ terms.reshape(len(step), len(nodal), -1)).reshape(len(step), 3, 3, count, count)
+    whole = parts.swapaxes(2, 3).reshape(len(step), 3 * count, 3 * count)
     if to_punch is not None:
         flow = np.einsum("qa,eqm->eam", value, to_punch * step[:, None, None] / 2).reshape(len(step), -1)
         joined = np.concatenate([whole, -flow[:, :, None]], axis=2)

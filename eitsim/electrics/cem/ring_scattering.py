@@ -25,9 +25,6 @@ Circle = tuple[complex, float]
 
 FULL = 0.9  # Part of their reach over which the rings carry the whole change of conductance.
 
-# Growth of a harmonic from the circle outwards up to which it counts in what comes back: of 16 at 1.2 times the radius.
-_GROWN = 20.0
-
 
 def ring_share(radius_m: Array, reach_m: float) -> Array:
     """Part of the change of conductance that the rings carry: 1, falling smoothly to 0 at their reach."""
@@ -145,14 +142,29 @@ def impedance_change(coupling: Coupling, conductance_S: float, scattering: Array
 
 
 def scattered_gradient(found: Scattered, circle: Circle, points_m: Array) -> Array:
-    """Gradients (n, 2, N), V/m, of what one circle sends out and gets back, at points (n, 2); outside the circle of
-    what comes back only harmonics that have grown by _GROWN at most, since their series converges nowhere far."""
-    centre, reach = circle
-    place = np.asarray((points_m @ np.array([1, 1j]) - centre)[:, None] / reach, dtype=complex)
+    """Gradients (n, 2, N), V/m, of what one circle sends out and gets back, at points (n, 2); the series of what comes
+    back converges no further than the circle's image in the edge."""
+    place = _places(circle, points_m)
     m = np.arange(1, len(found.outgoing) + 1)
-    back = np.where(m * np.log(np.abs(place)) <= math.log(_GROWN), _powers(place, 0, len(m)), 0) * m
-    slope = back @ found.returned - (_powers(np.reciprocal(place), 2, len(m)) * m) @ found.outgoing.conj()
-    return np.stack([slope.real, -slope.imag], axis=1) / reach
+    slope = (_powers(place, 0, len(m)) * m) @ found.returned + _outgoing_slope(found, place)
+    return np.stack([slope.real, -slope.imag], axis=1) / circle[1]
+
+
+def outgoing_gradient(found: Scattered, circle: Circle, points_m: Array) -> Array:
+    """Gradients (n, 2, N), V/m, of what one circle sends out alone, at points (n, 2)."""
+    slope = _outgoing_slope(found, _places(circle, points_m))
+    return np.stack([slope.real, -slope.imag], axis=1) / circle[1]
+
+
+def _places(circle: Circle, points_m: Array) -> Complex:
+    """(n, 1) places from the centre over the radius."""
+    centre, reach = circle
+    return np.asarray((points_m @ np.array([1, 1j]) - centre)[:, None] / reach, dtype=complex)
+
+
+def _outgoing_slope(found: Scattered, place: Complex) -> Complex:
+    m = np.arange(1, len(found.outgoing) + 1)
+    return -(_powers(np.reciprocal(place), 2, len(m)) * m) @ found.outgoing.conj()
 
 
 def _powers(place: Complex, first: int, count: int) -> Complex:

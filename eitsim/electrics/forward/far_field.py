@@ -10,8 +10,7 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
-from eitsim.electrics.outline.adapted_mesh import READINGS
-from eitsim.electrics.outline.touch_mesh import FIELDS, fields_mesh
+from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.outline import area_m2
@@ -25,18 +24,16 @@ _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 _TRIANGLES = 2000
 # Degree of exactness of the quadrature where cells are not cut: that of products of their gradients; where touches meet
 # strains vary within a cell too, and it is the element's own.
-_DEGREE = 2
+DEGREE = 2
 # Strains fall by e in less than a thickness: up to so many thicknesses outside a contact cells are sampled in parts of
-# so many thicknesses, the last that applies; near an edge the rings leave out more.
+# so many thicknesses, the last that applies.
 _FADES = ((8.0, 1.0),)
-_NEAR_AN_EDGE = (*_FADES, (3.0, 1 / 3))
-# What rings send out and get back counts so many of their reaches from the punch, and where an edge is near and they
-# leave out more: the series of what comes back converges no further than the punch's image in the edge.
-_SEEN, _SEEN_NEAR_AN_EDGE = 1.2, 2.0
+# What rings send out and get back counts so many of their reaches from the punch.
+_SEEN = 1.2
 
 
 @dataclass(frozen=True, eq=False)
-class _Fields:
+class Fields:
     """Untouched potentials of 1 A into each electrode on a fixed mesh."""
 
     mesh: SkinMesh
@@ -52,24 +49,24 @@ class _Fields:
 
 
 @lru_cache(maxsize=8)
-def _untouched(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS,
-               degree: int | None = _DEGREE) -> _Fields:
-    mesh = _mesh(body, electrodes, conductance_S, known_to)
+def untouched_fields(body: Body, electrodes: Electrodes, conductance_S: float, degree: int | None = DEGREE) -> Fields:
+    """The potentials, on a mesh that is fine enough outside touches, and their gradients by a quadrature."""
+    mesh = _mesh(body, electrodes, conductance_S)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     nodes = potential[:len(mesh.nodes_m)]
     gradient, area = gradients(mesh, nodes, degree=degree)
-    return _Fields(mesh, nodes, quadrature_points(mesh, degree=degree), area, gradient)
+    return Fields(mesh, nodes, quadrature_points(mesh, degree=degree), area, gradient)
 
 
-def _mesh(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float) -> SkinMesh:
+def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
     if body.has_outline:
-        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES, known_to)
+        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES)
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
     radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
 
 
-def _sampled(fields: _Fields, thickness_m: float, places_m: Array, inner_m: Array, contact_m: Array,
+def _sampled(fields: Fields, thickness_m: float, places_m: Array, inner_m: Array, contact_m: Array,
              fades: Sequence[tuple[float, float]]) -> tuple[Array, Array, Array]:
     """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; as close to
     each other as `fades` asks in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,)."""
@@ -105,18 +102,16 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     The second order, taken near the rings alone, lies between 0 and twice this, which a disc of small change has.
     """
     place = np.array([punch.x_m, punch.y_m])
-    known_to, fades, seen = ((FIELDS, _FADES, _SEEN) if touch.rim is None
-                             else (READINGS, _NEAR_AN_EDGE, _SEEN_NEAR_AN_EDGE))
-    points, area, field = _sampled(_untouched(body, electrodes, conductance_S, known_to), body.thickness_m, place[None],
-                                   np.array([FULL * reach_m]), np.array([touch.contact_radius_m]), fades)
+    points, area, field = _sampled(untouched_fields(body, electrodes, conductance_S), body.thickness_m, place[None],
+                                   np.array([FULL * reach_m]), np.array([touch.contact_radius_m]), _FADES)
     radius = np.linalg.norm(points - place, axis=1)
     change = sheet_conductance(points, punch, touch, skin, law) - conductance_S * np.eye(2)
     change *= (1 - ring_share(radius, reach_m))[:, None, None]
-    near = np.flatnonzero((radius > FULL * reach_m) & (radius < seen * reach_m))
+    near = np.flatnonzero((radius > FULL * reach_m) & (radius < _SEEN * reach_m))
     if rings is not None:
         field[near] += scattered_gradient(rings, (position(punch), reach_m), points[near])
-    second = _first_order(area[near], field[near], change[near] @ change[near] / (-2 * conductance_S))
-    return _first_order(area, field, change) + second, second
+    second = first_order(area[near], field[near], change[near] @ change[near] / (-2 * conductance_S))
+    return first_order(area, field, change) + second, second
 
 
 def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: float,
@@ -128,7 +123,7 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
     places = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     inner = np.array([touch.contact_radius_m for _, touch in touches])
     outer = np.array([[touch.radius_m[-1]] for _, touch in touches])
-    fields = _untouched(body, electrodes, conductance_S, degree=None)
+    fields = untouched_fields(body, electrodes, conductance_S, degree=None)
     points, area, gradient = _sampled(fields, body.thickness_m, places, inner, inner, _FADES)
     away = np.linalg.norm(points - places[:, None], axis=-1)
     outside = np.all(away > inner[:, None], axis=0) & (np.sum(away < outer, axis=0) > 1)
@@ -136,10 +131,10 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
     alone = [sheet_conductance(points, punch, touch, skin, law) for punch, touch in touches]
     rest = (len(touches) - 1) * conductance_S * np.eye(2)
     change = touched_conductance(points, touches, skin, law) - np.sum(alone, axis=0) + rest
-    return _first_order(area[outside], gradient[outside], change)
+    return first_order(area[outside], gradient[outside], change)
 
 
-def _first_order(area: Array, gradient: Array, change: Array) -> Array:
+def first_order(area: Array, gradient: Array, change: Array) -> Array:
     """-int grad u_k . ds grad u_l of symmetric changes ds (n, 2, 2)."""
     x, y = gradient[:, 0], gradient[:, 1]
     xx, xy, yy = (area * change[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))

@@ -15,6 +15,7 @@ from eitsim.electrics.cem.coupled_scattering import coupled_scattering
 from eitsim.electrics.cem.floating_electrodes import floating
 from eitsim.electrics.cem.ring_scattering import Coupling, position
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
+from eitsim.electrics.forward.outer_correction import outer_correction
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
@@ -222,10 +223,11 @@ def _outside(sensor: _Sensor, touches: Touches, rooms: Sequence[float], circles:
         found = rings.scattered(one.coupling, sensor.conductance_S, own)
         part = slice(k * ORDERS, (k + 1) * ORDERS)
         field = replace(found, outgoing=found.outgoing[part], returned=found.returned[part])
-        change, second = born_correction(sensor.body, sensor.electrodes, sensor.conductance_S, *touch, sensor.skin,
-                                         sensor.law, room, field)
+        by = born_correction if touch[1].rim is None else outer_correction
+        change, left = by(sensor.body, sensor.electrodes, sensor.conductance_S, *touch, sensor.skin, sensor.law, room,
+                          field)
         changes.append(change)
-        unsure.append(second)
+        unsure.append(left)
     return np.sum(changes, axis=0), np.sum(unsure, axis=0)
 
 

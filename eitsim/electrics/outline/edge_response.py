@@ -33,8 +33,6 @@ _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
 _ROUGHLY, _RETURNED = 1e-3, 5e-3
 # Sides of the mesh of what edges send back, before it is halved, are no longer than the edges over this, about.
 _SHORT = 100
-# Fewer triangles than this, on which untouched readings are known, are halved once more for what electrodes send.
-_HALVED = 5000
 _SOLVED = 64  # Currents for which potentials are solved at once.
 # Nodes of a P2 triangle's sides, counter-clockwise: both ends, the middle.
 _SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
@@ -72,9 +70,9 @@ Variations = tuple[tuple[EdgeResponse, float], ...]
 
 @lru_cache(maxsize=8)
 def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: float) -> tuple[EdgeResponse, Variations]:
-    """What arrives on one of the meshes by which the untouched skin was solved (`solve_untouched`), what returns on a
-    coarser one, even along edges, halved; varied by what arrives on a coarser one, and by what returns on its own
-    before it was halved.
+    """What arrives on one of the meshes by which the untouched skin was solved (`solve_untouched`), halved, what
+    returns on a coarser one, even along edges, halved; varied by what arrives on a coarser one, and by what returns on
+    its own before it was halved.
 
     Errors fall with the square of the number of nodes of adapted meshes, with a power of the size of halved ones that
     the sharpest corner of the outline determines (`order_of_halving`).
@@ -84,8 +82,7 @@ def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: floa
                            for enough in (_ROUGHLY, READINGS, _RETURNED))
     rough, exact, returning = (with_quarter_points(skin_mesh(mesh, electrodes))
                                for mesh in (rough, exact, refined(known, partial(_along, _around_m(outline) / _SHORT))))
-    if len(exact.cells) < _HALVED or len(exact.cells) == len(rough.cells):
-        exact = uniform_refinement(exact)
+    exact = uniform_refinement(exact)
     found = response_on(exact, uniform_refinement(returning), conductance_S, z)
     coarse = response_on(rough, returning, conductance_S, z)
     share = (len(rough.cells) / len(exact.cells)) ** 2
@@ -170,7 +167,7 @@ def arriving(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     """(circles orders, N) amplitudes a_m, V, of Re a_m (zeta/r)^m in the potential of the untouched skin about circles,
     1 A into each electrode and 1/N A out of every one."""
     order = np.tile(np.arange(1, orders + 1), len(circles))
-    wave, slope = _outgoing(response.arriving, circles, orders)
+    wave, slope = outgoing_waves(response.arriving, circles, orders)
     inflow = wave * (response.arriving.contact_S / response.conductance_S)[:, None]
     return (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
 
@@ -202,9 +199,9 @@ def _returning(response: EdgeResponse, circles: Sequence[Circle], orders: int) -
     """
     sheet, order = response.conductance_S, np.tile(np.arange(1, orders + 1), len(circles))
     edges = response.returning
-    wave, slope = _outgoing(edges, circles, orders)
+    wave, slope = outgoing_waves(edges, circles, orders)
     inflow = wave * (edges.contact_S / sheet)[:, None]
-    loads = -sheet * (edges.value.T @ slope + edges.over.T @ inflow)
+    loads = edge_loads(edges, sheet, wave, slope)
     moved = response.response_Ohm @ np.hstack([loads.real, loads.imag])
     moved = moved[:, :len(order)] + 1j * moved[:, len(order):]
     scale = 1 / (4 * np.pi * order[:, None])
@@ -214,7 +211,14 @@ def _returning(response: EdgeResponse, circles: Sequence[Circle], orders: int) -
     return same, crossed
 
 
-def _outgoing(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
+def edge_loads(edges: Edges, conductance_S: float, wave: Complex, slope: Complex) -> Complex:
+    """Currents (k, m) into the unknowns of edges whose potentials are what edges send back of harmonics that go out, as
+    `outgoing_waves`."""
+    inflow = wave * (edges.contact_S / conductance_S)[:, None]
+    return np.asarray(-conductance_S * (edges.value.T @ slope + edges.over.T @ inflow), dtype=complex)
+
+
+def outgoing_waves(edges: Edges, circles: Sequence[Circle], orders: int) -> tuple[Complex, Complex]:
     """(zeta/r)^-m about each circle at points of edges (q, circles orders), and its slope along the normals times the
     lengths of the points."""
     waves, slopes = [], []

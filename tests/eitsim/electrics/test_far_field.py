@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from eitsim.electrics.cem.assembly import gradients, quadrature_points
-from eitsim.electrics.cem.ring_scattering import Scattered, scattered_gradient
 from eitsim.electrics.forward import far_field
 from eitsim.electrics.outline.triangles import refined, skin_mesh, triangulated
 from eitsim.scene.results import Touch
@@ -55,16 +54,3 @@ def test_what_rings_leave_out_on_a_large_thin_sheet_is_followed(monkeypatch: pyt
     print(off)
     assert off[1] < 0.01
     assert off[1] < off[0] / 10
-
-
-def test_what_comes_back_counts_outside_its_circle_while_it_grows_little():
-    """A field of one harmonic of order 1 and one of order 16: the first counts at twice the radius, the second does
-    not; what goes out counts anywhere."""
-    points = 0.01 * np.array([[1.1, 0.0], [2.0, 0.0]])
-    for order, counted in ((1, (1.0, 1.0)), (16, (1.0, 0.0))):
-        amplitude = (np.arange(1, 17) == order)[:, None].astype(complex)
-        back, out = (scattered_gradient(Scattered(np.zeros((1, 1)), outgoing, returned), (0j, 0.01), points)[:, :, 0]
-                     for outgoing, returned in ((0 * amplitude, amplitude), (amplitude, 0 * amplitude)))
-        radius = points[:, 0] / 0.01
-        np.testing.assert_allclose(back[:, 0], np.array(counted) * order * radius ** (order - 1) / 0.01, rtol=1e-12)
-        np.testing.assert_allclose(out[:, 0], -order * radius ** -(order + 1.0) / 0.01, rtol=1e-12)
