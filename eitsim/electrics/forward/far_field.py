@@ -3,15 +3,20 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, potentials, quadrature_points
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.electrics.outline.touch_mesh import fields_mesh
-from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, touched_conductance
+from eitsim.electrics.sheet.sheet_conductance import (
+    principal_conductances,
+    sheet_conductance,
+    stretches,
+    touched_conductance,
+)
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.outline import area_m2
 from eitsim.scene.results import Touch
@@ -30,6 +35,9 @@ DEGREE = 2
 _FADES = ((8.0, 1.0),)
 # What rings send out and get back counts so many of their reaches from the punch.
 _SEEN = 1.2
+# Part of the change by the rings that the cells left out may make to first order, fields and changes without signs.
+_LEFT_OUT = 1e-5
+_SAMPLES = 64  # radii at which the largest change of conductance is taken for what may be left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +54,16 @@ class Fields:
     def size_m(self) -> Array:
         """(cells,) root of the area of each."""
         return np.sqrt(self.area_m2.sum(axis=1))
+
+    @cached_property
+    def heat(self) -> Array:
+        """(cells, q) squared gradients, summed over electrodes, times areas."""
+        return np.asarray(self.area_m2 * np.sum(self.gradient**2, axis=(2, 3)))
+
+    def some(self, cells: Indices) -> "Fields":
+        """Those in some cells."""
+        return Fields(replace(self.mesh, cells=self.mesh.cells[cells]), self.potential, self.points_m[cells],
+                      self.area_m2[cells], self.gradient[cells])
 
 
 @lru_cache(maxsize=8)
@@ -94,16 +112,22 @@ def _flat(gradient: Array) -> Array:
 
 
 def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
-                    law: Conductivity, reach_m: float, rings: Scattered | None = None) -> tuple[Array, Array]:
+                    law: Conductivity, reach_m: float, rings: Scattered | None = None,
+                    change_Ohm: float = 0.0) -> tuple[Array, Array]:
     """Change (count, count), Ohm, of the impedance matrix by what the rings leave out, and the part of it of second
     order in ds: -int grad u_k . (ds - ds^2 / 2S) grad u_l, ds the change of conductance less `ring_share` of it, u the
     untouched fields, or those that the rings leave.
 
-    The second order, taken near the rings alone, lies between 0 and twice this, which a disc of small change has.
+    The second order, taken near the rings alone, lies between 0 and twice this, which a disc of small change has. Cells
+    that could add no more than _LEFT_OUT of what the rings change, of this Frobenius norm, are left out.
     """
-    place = np.array([punch.x_m, punch.y_m])
-    points, area, field = _sampled(untouched_fields(body, electrodes, conductance_S), body.thickness_m, place[None],
-                                   np.array([FULL * reach_m]), np.array([touch.contact_radius_m]), _FADES)
+    place, whole = np.array([punch.x_m, punch.y_m]), untouched_fields(body, electrodes, conductance_S)
+    cells = _counting(whole, conductance_S, punch, touch, skin, law, reach_m, _LEFT_OUT * change_Ohm)
+    if not len(cells):
+        nothing = np.zeros((electrodes.count, electrodes.count))
+        return nothing, nothing
+    points, area, field = _sampled(whole.some(cells), body.thickness_m, place[None], np.array([FULL * reach_m]),
+                                   np.array([touch.contact_radius_m]), _FADES)
     radius = np.linalg.norm(points - place, axis=1)
     change = sheet_conductance(points, punch, touch, skin, law) - conductance_S * np.eye(2)
     change *= (1 - ring_share(radius, reach_m))[:, None, None]
@@ -112,6 +136,19 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
         field[near] += scattered_gradient(rings, (position(punch), reach_m), points[near])
     second = first_order(area[near], field[near], change[near] @ change[near] / (-2 * conductance_S))
     return first_order(area, field, change) + second, second
+
+
+def _counting(fields: Fields, conductance_S: float, punch: Punch, touch: Touch, skin: Skin, law: Conductivity,
+              reach_m: float, left_out_Ohm: float) -> Indices:
+    """Cells outside the rings, without those whose changes add up to no more than what is left out."""
+    away = np.linalg.norm(fields.points_m - np.array([punch.x_m, punch.y_m]), axis=-1)
+    cells = np.flatnonzero(away.max(axis=1) > FULL * reach_m - fields.size_m)
+    radii = np.linspace(FULL * reach_m - fields.size_m[cells].max(initial=0.0), away.max(), _SAMPLES)
+    sheets = principal_conductances(law, skin, *stretches(touch, radii))
+    largest = np.max([np.abs(one - conductance_S) for one in sheets], axis=0)
+    weight = np.sum(np.interp(away[cells], radii, largest) * fields.heat[cells], axis=1)
+    order = np.argsort(weight)
+    return cells[np.sort(order[np.cumsum(weight[order]) > left_out_Ohm])]
 
 
 def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: float,

@@ -182,7 +182,7 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
         coarse, fine = fine, _changed(sensor, circles, own)
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
-    outside, unsure = _outside(sensor, touches, rooms, circles, own)
+    outside, unsure = _outside(sensor, touches, rooms, circles, own, float(np.linalg.norm(fine)))
     cut, strain = _difference(sensor, fine, coarse) / 15, _difference(sensor, fine, fine + unsure)
     if sensor.body.has_outline:
         error = math.hypot(MISSED, cut, strain, *_varied(sensor, circles, own, fine),
@@ -214,8 +214,8 @@ def _series_left(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequ
 
 
 def _outside(sensor: _Sensor, touches: Touches, rooms: Sequence[float], circles: Sequence[_Circles],
-             scatterings: Sequence[Array]) -> tuple[Array, Array]:
-    """Change by what the rings leave out, and what is unsure of it."""
+             scatterings: Sequence[Array], change_Ohm: float) -> tuple[Array, Array]:
+    """Change by what the rings leave out, where these change so much, and what is unsure of it."""
     changes, unsure = [], []
     for touch, room in zip(touches, rooms, strict=True):
         (one, own, k), *_ = [(one, own, k) for one, own in zip(circles, scatterings, strict=True)
@@ -223,7 +223,7 @@ def _outside(sensor: _Sensor, touches: Touches, rooms: Sequence[float], circles:
         found = rings.scattered(one.coupling, sensor.conductance_S, own)
         part = slice(k * ORDERS, (k + 1) * ORDERS)
         field = replace(found, outgoing=found.outgoing[part], returned=found.returned[part])
-        by = born_correction if touch[1].rim is None else outer_correction
+        by = outer_correction if touch[1].rim is not None else partial(born_correction, change_Ohm=change_Ohm)
         change, left = by(sensor.body, sensor.electrodes, sensor.conductance_S, *touch, sensor.skin, sensor.law, room,
                           field)
         changes.append(change)

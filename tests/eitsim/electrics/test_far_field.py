@@ -16,6 +16,7 @@ from eitsim.scene.scene import Body, Electrodes, Punch, Scene, Skin
 from matcal.laws.conductivity import Conductivity
 
 LAW, SKIN = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal")
+RADIUS = np.linspace(0, 0.05, 401)
 SHEET = Scene(Body(thickness_m=0.002, outline="rectangle", width_m=0.6, height_m=0.4),
               electrodes=Electrodes(count=8, width_m=0.02))
 
@@ -36,16 +37,35 @@ def test_a_quadrature_in_parts_is_exact_and_converges():
     assert off[2] < off[1] / 20
 
 
+def touch() -> Touch:
+    """A punch of 10 mm that squeezes the skin by 0.3 under it, and by e less each 2 mm further."""
+    rest, normal = np.ones_like(RADIUS), 1 - 0.3 * np.exp(-np.maximum(RADIUS - 0.005, 0) / 0.002)
+    parts: list[Any] = [RADIUS, 0 * rest, 0 * rest, rest, rest, normal, 0 * rest, 0.005, *[0.0] * 9, 0, (), 0.0]
+    return Touch(*parts)
+
+
+@pytest.mark.parametrize("part", [1e-5, 1e-3])
+def test_cells_left_out_change_no_more_than_is_said(part: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(far_field, "_LEFT_OUT", part)
+
+    def outside(change_Ohm: float) -> np.ndarray:
+        return far_field.born_correction(SHEET.body, SHEET.electrodes, 6e-4, Punch(0.05, 0.17, 0.01), touch(), SKIN,
+                                         LAW, 0.01, change_Ohm=change_Ohm)[0]
+
+    whole = outside(0.0)
+    some = outside(float(np.linalg.norm(whole)))
+    off = float(np.linalg.norm(some - whole) / np.linalg.norm(whole))
+    print(off)
+    assert 0 < off < part
+    assert not outside(1e9).any()
+
+
 def test_what_rings_leave_out_on_a_large_thin_sheet_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if the foam were thinner still, within one in a hundred of a small part; triangles of 11 mm alone miss more
     than ten times as much."""
-    radius = np.linspace(0, 0.05, 401)
-    rest, normal = np.ones_like(radius), 1 - 0.3 * np.exp(-np.maximum(radius - 0.005, 0) / 0.002)
-    parts: list[Any] = [radius, 0 * rest, 0 * rest, rest, rest, normal, 0 * rest, 0.005, *[0.0] * 9, 0, (), 0.0]
-
     def left_out(thickness_m: float) -> np.ndarray:
         return far_field.born_correction(replace(SHEET.body, thickness_m=thickness_m), SHEET.electrodes, 6e-4,
-                                         Punch(0.05, 0.19, 0.01), Touch(*parts), SKIN, LAW, 0.01)[0]
+                                         Punch(0.05, 0.19, 0.01), touch(), SKIN, LAW, 0.01)[0]
 
     coarse, found = left_out(0.02), left_out(0.002)
     monkeypatch.setattr(far_field, "_FADES", ((0.016 / 0.0005, 1.0),))
