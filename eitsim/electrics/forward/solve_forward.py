@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -60,7 +60,7 @@ class _Sensor:
     law: Conductivity
     channels: Channels
 
-    @property
+    @cached_property
     def conductance_S(self) -> float:
         return sheet.untouched_conductance(self.law, self.skin)
 
