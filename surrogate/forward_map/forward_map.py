@@ -320,8 +320,8 @@ def strength_covariance(forward: ForwardMap, unknown: Array) -> Array:
     found = _strengths(forward, frame, unknown)
     own = (found.size[:, None] * strength_discrepancy(forward, unknown)) ** 2
     scale = simulator_error.at(forward.simulator, gap_of(forward.ring, frame, unknown))
-    alike = np.concatenate([(found.value * scale[:, None])[..., None], found.by_card], axis=2)
-    return own[..., None] * np.eye(own.shape[1]) + alike @ alike.transpose(0, 2, 1)
+    common = np.concatenate([(found.value * scale[:, None])[..., None], found.by_card], axis=2)
+    return own[..., None] * np.eye(own.shape[1]) + common @ common.transpose(0, 2, 1)
 
 
 def _near_rim(forward: ForwardMap, fields: Complex, frame: EdgeFrame, size: Array, size_slope: Array,
