@@ -234,6 +234,7 @@ def test_what_sticks_slips_far_less_near_the_rim():
     assert slipped[True] < 0.1 * slipped[False]
 
 
+@pytest.mark.slow
 def test_the_rim_deepens_a_touch_the_more_the_nearer():
     added = {}
     for gap in (0.002, 0.005, 0.012):
