@@ -41,7 +41,7 @@ def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Sam
         before, after = (estimate(m, samples.signal_V[:6], noise) for m in (models[method], again))
         assert np.array_equal(before.value, after.value)
         assert np.array_equal(before.sd, after.sd)
-        assert np.array_equal(interval_scale(models[method], noise).factor, interval_scale(again, noise).factor)
+    assert np.array_equal(interval_scale(models[method]).factor, interval_scale(again).factor)
     assert (again.names, again.seed, again.method) == (NAMES, 1, method)
     assert again.record == json.loads(json.dumps(models[method].record))
 
