@@ -1,6 +1,6 @@
 """Error against run time of one hyperfoam fit: starts and tolerance, and lmfit's own least squares on the same curves.
 
-Run by `make bench`, which pins threads; writes results/calibration.csv beside this file. The curves are the synthetic
+Run by `make bench`, which pins threads; writes results/calibration.csv next to this file. The curves are the synthetic
 plain files, whose truth is known.
 """
 
@@ -66,7 +66,7 @@ def by_lmfit(data: tuple[Curve, ...], start: Hyperfoam, tolerance: float) -> Hyp
 
 def distance(law: Hyperfoam, best: Hyperfoam, data: tuple[Curve, ...]) -> float:
     """RMS of the stress by which a law misses the best fit's, over the RMS of the best fit's, in the mode where it
-    misses more: the error that a search leaves, beside that of noisy data."""
+    misses more: the error that a search leaves, next to that of noisy data."""
     fitted = [(modelled(law, curve), modelled(best, curve)) for curve in data]
     return max(float(np.linalg.norm(own - aim) / np.linalg.norm(aim)) for own, aim in fitted)
 

@@ -5,7 +5,7 @@ thickness, and in its plane (meridian and hoop together), in L2 over the area of
 the norm on the whole surface, as the skin reads them from a touch. The reference has quadratic elements of half the
 least size listed. Rates are fitted to the changes from one mesh to the next, which no reference can flatter. Each
 touch's last row has ten times the default penalty of the contact. Run by `make bench`,
-which pins threads; writes results/convergence.csv and results/convergence_rates.csv beside this file.
+which pins threads; writes results/convergence.csv and results/convergence_rates.csv next to this file.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Error against run time of one set of 208 readings: linear and quadratic elements, meshes that know nothing of the
 touch and meshes that follow it, direct solutions and updates condensed to the touched part, and rings that scatter.
 
-Run by `make bench`, which pins threads; writes results/electrics.csv beside this file. dV is compared with that on a
+Run by `make bench`, which pins threads; writes results/electrics.csv next to this file. dV is compared with that on a
 mesh of a family of its own (circles of Apollonius, `electrics_random`); reference_change is what dV on the finest
 template, of yet another family, is off from it. The touches are solved with Table 1's foam and are axisymmetric also
 near the rim, so that every method solves the same problem.

@@ -5,9 +5,9 @@ The impedance matrix by elimination of weights (eitsim) and by LU of the system'
 each without and with refinements whose residuals are summed from differences of potentials, against potentials refined
 in extended precision until they settle. The contrast is that of a disc, or of a row of elements that cuts the sheet in
 two; the anisotropy that of tensors everywhere, the ratio of their eigenvalues, whose axes turn from place to place.
-reference_change is what the last refinement in extended precision changed; digits_lost is of the matrix beside its
+reference_change is what the last refinement in extended precision changed; digits_lost is of the matrix next to its
 largest entry, resistance_error the largest relative error of the resistance between two electrodes; condition that of
-the earthed matrix in the 1-norm, estimated. Run by `make bench`; writes results/electrics_stiff.csv beside this file.
+the earthed matrix in the 1-norm, estimated. Run by `make bench`; writes results/electrics_stiff.csv next to this file.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Electrodes alike and not, narrow to touching, 4 to 64: cost of the untouched skin, and dV by two methods.
 
 CPU seconds of the first rim and of the next conductance, how far dV by rings and by the mesh that follows the touch lie
-apart (2-norm), and what each tells of its error. Run by `make bench`; writes results/electrodes.csv beside this file.
+apart (2-norm), and what each tells of its error. Run by `make bench`; writes results/electrodes.csv next to this file.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Run by `make bench` with 100 replicas a case (some 15 CPU minutes), or by hand with REPLICAS [CASE ...];
 `20 plain machine --posterior` does the same for the intervals of the sampled posterior. Writes
-results/coverage.csv beside this file. Cases:
+results/coverage.csv next to this file. Cases:
 
 plain       the plain files of data_raw, six-term truth, fitted by BIC
 machine     its load-frame files through the whole reduction, with relaxation; gap, load zero and drift drawn anew

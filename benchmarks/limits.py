@@ -5,7 +5,7 @@ for d = 14 mm at 0.3 and 1 N, noise 60 dB below the RMS of the baseline, with a 
 leaves open of it. Near 1 N the signal of this punch is largest and falls under more force, so that the force is told
 worst there. Places are those of one sector, as in `surrogate limit --map`. Mechanics is axisymmetric: what the
 rim changes of it is left out; the last rows tell what that costs at one place, 20 mm from the rim. Give a card with a
-posterior: python benchmarks/limits.py card.json; writes results/limits.csv beside this file.
+posterior: python benchmarks/limits.py card.json; writes results/limits.csv next to this file.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Table 1's foam under flat punches at four places, one near the rim, on line elec
 draws); effect of that on dV, and what the derivative of the untouched readings misses of it, 2-norms over that of dV
 and of the effect; the truth is the touch solved again on the changed electrodes. By "measure": CPU time to measure a
 row with every term, 16 bits and one frame. By "fields": CPU time to take all five fields of a row on a grid and to
-compress them, and bytes of a row. Run by `make bench`, which pins threads; writes results/measured.csv beside this
+compress them, and bytes of a row. Run by `make bench`, which pins threads; writes results/measured.csv next to this
 file.
 """
 

@@ -2,7 +2,7 @@
 
 Errors of depth, of the normal strain of the surface (L2), of the largest pressure, and of the 208 touch signals dV that
 follow from the touch (2-norm). Each size runs in a process of its own, so that its peak memory is its own. Run by
-`make bench`, which pins threads; writes results/mechanics.csv beside this file.
+`make bench`, which pins threads; writes results/mechanics.csv next to this file.
 """
 
 from __future__ import annotations

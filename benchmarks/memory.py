@@ -3,7 +3,7 @@
 The default scene and the largest reduced ones: small fillets make small elements, wide punches many of them. `added`
 is what the touch needs beyond an interpreter that has imported the solver and loaded its kernels; compiling them first
 takes some 80 MB more, so run it again after a change of them. Run by `make bench`, which pins threads; writes
-results/memory.csv beside this file.
+results/memory.csv next to this file.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ left out at the gaps where a wanted signal of 1 to 30 % allows it. So is a neigh
 disc against the same solved together: depth and strain of the worse touch, dV of both, d_mm and F_N of the first, and
 gap_mm between the edges, bounds as a result tells them; pairs that are not found together are named and left out. Run
 by `make bench`, which pins threads; --scenes and --only shorten it, --only keeps the other omissions' rows of before;
-writes results/omissions.csv (a row a touch) and results/omissions_summary.csv beside this file.
+writes results/omissions.csv (a row a touch) and results/omissions_summary.csv next to this file.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The mesh is an unstructured one of linear triangles; each case is another random
 elimination, EIDORS what it caches for a model, pyEIT its element matrices; the first case, which makes these, counts
 apart. EIDORS is compared reading by reading; pyEIT, with its point electrodes, has nothing to compare. Which peers are
 run, `electric_peers` says; `peers_signal` sets error against time. Run by `make bench`, which pins threads; writes
-results/peers_electrics.csv beside this file.
+results/peers_electrics.csv next to this file.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ finest mesh; CPU seconds of the solve, for CalculiX of its whole process, for FE
 with axisymmetric elements, which it turns into a sector of solids itself; with hyperfoam everywhere it fails, and so it
 gets a linear elastic far field. FElupe has no filleted punch, so it solves the sphere alone. A peer that is not
 installed is left out with a note; FELUPE_PYTHON may name an interpreter that has FElupe. Run by `make bench`, which
-pins threads; writes results/peers_mechanics.csv beside this file.
+pins threads; writes results/peers_mechanics.csv next to this file.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ of 0.1 m with 16 electrodes and adjacent patterns; pyEIT does not take the tenso
 difference from the next coarser one. On an unstructured mesh of linear triangles, finer and finer, cpu_s is that of one
 set of readings for a new conductance, what is kept of the mesh not counted; on eitsim's own mesh, which follows the
 place, everything counts. pyEIT's point electrodes are another model, whose error is in its own. Which peers are run,
-`electric_peers` says. Run by `make bench`, which pins threads; writes results/peers_signal.csv beside this file.
+`electric_peers` says. Run by `make bench`, which pins threads; writes results/peers_signal.csv next to this file.
 """
 
 from __future__ import annotations

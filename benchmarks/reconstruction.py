@@ -2,7 +2,7 @@
 
 Frames are simulated touches of Table 1 (axisymmetric mechanics, rings that scatter), images those of
 `eitsim reconstruct` at its default noise figure. Noise is white, in dB below the RMS of the untouched readings; its
-rows are medians over DRAWS frames. Run by `make bench`, which pins threads; writes results/reconstruction.csv beside
+rows are medians over DRAWS frames. Run by `make bench`, which pins threads; writes results/reconstruction.csv next to
 this file.
 """
 

@@ -5,7 +5,7 @@ the radial displacement (2-norm) and of the 208 touch signals (2-norm) when the 
 bound is their envelope. "hand-over": the same at the gap from which the plan leaves the rim out, the jump there.
 "error": the same differences to a finer solution in three dimensions, and the estimates. "series": those to a fine
 solution on the whole disc, the punch's centre 40, 25, 15 and 10 mm from the rim. Run by `make bench`, which pins
-threads; writes results/rim.csv beside this file.
+threads; writes results/rim.csv next to this file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Effective draws per CPU second: the marginalised sampler against lmfit's emcee and plain emcee on raw parameters.
 
-Run by `make bench`, which pins threads; writes results/sampler.csv beside this file. Same data (the synthetic plain
+Run by `make bench`, which pins threads; writes results/sampler.csv next to this file. Same data (the synthetic plain
 files, three terms), same likelihood (independent noise, as many effective points), for the other methods the CPU time
 of ours and SHARES of it.
 Raw parameters are scaled to the fit and started in a small ball about it, which is kinder than a blind start.

@@ -3,7 +3,7 @@
 Touches of 14 mm at three forces, far from the rim and near it, each solved at several `[accuracy] signal` and with
 every omission taken back (`exact`); dv_error is the distance of the 208 signals dV (2-norm) from a finer solution
 that takes the rim into account (`finely_solved`), reference_error what that tells of itself, told_error what the result
-states without the plan's bounds. Run by `make bench`, which pins threads; writes results/scenes.csv beside this file.
+states without the plan's bounds. Run by `make bench`, which pins threads; writes results/scenes.csv next to this file.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@
 those on a mesh halved once more than the finest listed; set-up, mechanics and all parameters are in the CPU time of
 each row's solution. "error_without_mesh", of contact impedances: that of the untouched readings, to differences of the
 impedance matrix that an integral equation on the rim gives. "scale": relative residual of sum mu_i dV/dmu_i =
--F dV/dF, which holds exactly. Run by `make bench`, which pins threads; writes results/sensitivity.csv beside this file.
+-F dV/dF, which holds exactly. Run by `make bench`, which pins threads; writes results/sensitivity.csv next to
+this file.
 """
 
 from __future__ import annotations

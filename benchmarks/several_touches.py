@@ -1,6 +1,6 @@
 """Error against run time of the readings of two touches, by the gap between their edges.
 
-Run by `make bench`, which pins threads; writes results/several_touches.csv beside this file. Two 14 mm punches under
+Run by `make bench`, which pins threads; writes results/several_touches.csv next to this file. Two 14 mm punches under
 1 N (Table 1's foam) are solved alone, their strains added; dV is compared with two solutions on a triangulation (level
 4) that is finer than any listed. "sum" adds the signals of single touches and tells what their scattering is worth.
 """

@@ -1,6 +1,6 @@
 """Stiff and extreme cases of material and touch: what holds, what is lost, and what it cost.
 
-Run by `make bench`; writes results/stiff.csv beside this file. The electrical cases are in results/electrics_stiff.csv.
+Run by `make bench`; writes results/stiff.csv next to this file. Electrical cases are in results/electrics_stiff.csv.
 depth_mm has eight digits, for laws and forces that are to give the same depth.
 """
 

@@ -5,7 +5,7 @@ answered 32 at a time; `lone` gives one at a time, and tells how long an answer 
 start-up (the calibration of the intervals), which start_s tells. `paced` writes lines into a pipe at the pace of a
 sensor, as `surrogate predict -` reads them: frames_per_s and delay_ms, from a line's turn to its answer, are wall time,
 and a model keeps up where frames_per_s is nearly the pace. Run as `python benchmarks/streaming.py MODEL_DIR...`; writes
-results/streaming.csv beside this file.
+results/streaming.csv next to this file.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Scenes are light: touches beyond the rim, which are refused at once, so that the sweep itself is what is measured; the
 rows of a second table hold random numbers in all columns, as solved ones do. Run by `make bench`, which pins threads;
-writes results/sweep_memory.csv and results/sweep_parts.csv beside this file.
+writes results/sweep_memory.csv and results/sweep_parts.csv next to this file.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Errors of two touches read from one frame, the simulator's readings of both under white noise, by the gap between.
 
-Run as `python benchmarks/two_touches.py MODEL_DIR DATA_SET CARD`; writes results/two_touches.csv beside this file. Two
+Run as `python benchmarks/two_touches.py MODEL_DIR DATA_SET CARD`; writes results/two_touches.csv next to this file. Two
 punches of one diameter, 14 mm, under 1.2 and 0.8 N, about a point at most 10 mm from the centre in x and in y; a single
-touch beside them, without a gap and without errors, tells whether one is taken for two.
+touch next to them, without a gap and without errors, tells whether one is taken for two.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ ratios to the paper's eight errors, at the places and with the rows of the paper
 and changes how it is learned: hidden units, scaling of readings, contact areas of whole elements of a mesh.
 
 A row each variant and output: RMSE of training and of unseen rows and the paper's, and the second singular value of
-the signals over the first, which tells how much they carry besides one number. All data are synthetic. Strains and
+the signals over the first, which tells how much more than one number they carry. All data are synthetic. Strains and
 coatings that scenes have no word for take the place of the skin's rule in this process alone. Writes
 results/variants.csv after each variant; rows that are not measured again stay.
 """

@@ -26,7 +26,6 @@ TABLE_SHARE = 0.25  # Part of the requested signal error that a table's own may 
 # Arrays of a table and of what the rim changes.
 _PATHS = ("depths", "radius", "values", "slopes", "error_estimate")
 _CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers", "error_estimate", "measured")
-_KEPT_AS = {"error_estimate": "told"}  # Names under which arrays are kept, where they are not the fields' own.
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
@@ -36,16 +35,16 @@ RIM_SHARE = 1.0  # Part of the requested signal error that a table of changes ma
 def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False) -> tuple[Table, str]:
     """The table of a shape, with what the rim changes where that is asked for, from the cache or solved and put there,
     and a note where the cache cannot be used."""
-    key = {"shape": asdict(shape), "depths": DEPTHS}
+    key = {"shape": asdict(shape), "depths": DEPTHS, "arrays": _PATHS}
     arrays, note = cache.kept(cache.key_of(key, MECHANICS), lambda: _arrays(build(shape, run, DEPTHS)))
-    part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _PATHS}
+    part = {name: np.asarray(arrays[name]) for name in _PATHS}
     table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["error_estimate"],
                   deviation_of(arrays["error"]), int(arrays["checks"]), float(arrays["cpu_s"]))
     if not rim:
         return table, note
-    key |= {"rim": asdict(GRID)}
+    key |= {"rim": asdict(GRID), "arrays": _CHANGES}
     arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _kept(build_rim(table, run, GRID), _CHANGES))
-    part = {name: np.asarray(arrays[_KEPT_AS.get(name, name)]) for name in _CHANGES}
+    part = {name: np.asarray(arrays[name]) for name in _CHANGES}
     return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note or words
 
 
@@ -64,7 +63,7 @@ def deviation_of(kept: Array) -> Deviation:
 
 
 def _kept(table: Table | RimTable, names: tuple[str, ...]) -> dict[str, Any]:
-    kept = {_KEPT_AS.get(name, name): getattr(table, name) for name in names}
+    kept = {name: getattr(table, name) for name in names}
     return kept | {"cpu_s": np.array(table.cpu_s)}
 
 

@@ -8,11 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from surrogate.data.edge_frame import EdgeFrame, edge_frame
-from surrogate.data.outputs import ROUNDING
 from surrogate.data.sensor_ring import Ring, outwards, place, radial
-from surrogate.data.skin_edges import by_one_straight_edge
 from surrogate.forward_map import (
     electrode_correction,
+    known_places,
     multipole_series,
     polarization,
     rim_correction,
@@ -21,6 +20,8 @@ from surrogate.forward_map import (
     simulator_error,
     strength_size,
 )
+from surrogate.forward_map.known_places import MIN_ROWS, NearEdges, gap, gap_of, zones_of
+from surrogate.forward_map.known_places import alone_mm as alone_mm
 from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
 from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection
@@ -31,28 +32,12 @@ from surrogate.statistics import change_point, gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess, Together
 from touchcal.arrays import Array, Complex, Mask
 
-MIN_ROWS = 14  # fewest training rows that the map is learned from
 # Least relative error of a reading that is believed; a series that leaves less only says that the data are exact.
 MIN_NOISE_FLOOR = 1e-5
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole_series.ORDERS, polarization.RIM[0], polarization.EDGE[0]) + 1
-# Least standard deviation of the unknowns, as of log d where all punches have one diameter, and the part of a diameter
-# by which another one is still that.
-ONE_LOG_D, ONE_D = 1e-6, 5e-5
-# Half a punch's diameter over its distance to an edge up to which touches near one are learned: five orders of the
-# fields' series about it leave its fifth power.
-CONVERGES = 0.55
-INNER = 0.4  # part of the touches that no edge is near to which teach the series where nearer ones teach, too
+ONE_LOG_D = 1e-6  # least standard deviation of the unknowns, as of log d where all punches have one diameter
 TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2
-
-
-@dataclass(frozen=True)
-class NearEdges:
-    """How near to the edges of an outline, as `EdgeFrame.radial`, touches come that no edge is near to, and those that
-    teach the series; what is learned of one edge has taken over from there."""
-
-    far: float
-    inner: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,37 +153,24 @@ def fit_with_errors(ring: Ring, touch: Array, signal_V: Array, material: Array |
         raise ValueError(f"{len(touch) - np.sum(near_edge)} training rows are too few for the forward map; it needs "
                          f"{MIN_ROWS} or more. Sweep more scenes.")
     p0, near = light_pressure(touch), radial(ring, touch)
-    far, z, unknown = float(near[~near_edge].max()), place(ring, touch), to_unknown(touch, p0)
-    inner = float(np.quantile(near[~near_edge], INNER)) if np.any(near_edge) else far
-    zones = zones_of(ring, inner)
+    z, unknown, edges = place(ring, touch), to_unknown(touch, p0), known_places.near_edges_of(near, near_edge)
+    zones = zones_of(ring, edges.inner)
     taught = rim_correction.taught(ring, z, unknown[:, 2:], zones)
     if np.any(near_edge) and not taught:
         kept = ~near_edge
         return fit_with_errors(ring, touch[kept], signal_V[kept], material[kept], simulator[kept])
-    kept = near <= _learned_within(ring, near, zones, taught)
+    kept = near <= known_places.learned_within(ring, near, zones, taught)
     inputs = _inputs(near[kept], zones.learned[1], unknown[kept], material[kept])
     field, size, processes, floor, shift = _series(ring, z[kept], inputs, touch[kept, 3], signal_V[kept])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
                         p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
-                        np.maximum(unknown.std(0), ONE_LOG_D), _bounds(ring, touch), known_mm(touch[:, 2]), len(touch),
-                        simulator_error.learned_from(gap(ring, unknown), simulator),
-                        NearEdges(far, inner) if np.any(near_edge) else None)
+                        np.maximum(unknown.std(0), ONE_LOG_D), known_places.bounds_of(ring, touch),
+                        known_mm(touch[:, 2]), len(touch), simulator_error.learned_from(gap(ring, unknown), simulator),
+                        edges if np.any(near_edge) else None)
     if ring.sheet is not None and series.near_edges is None:
         return series, np.zeros((0, signal_V.shape[1]))
     step = float(gap(ring, unknown[~near_edge]).min()) if np.any(near_edge) else None
     return _with_rim(series, z, unknown, signal_V, material, step)
-
-
-def zones_of(ring: Ring, inner: float) -> Zones:
-    """Zones of a disc, or of a skin with an outline whose series is learned from touches as near as `inner`."""
-    return rim_zone.DISC if ring.sheet is None else rim_zone.zones_from(inner)
-
-
-def _learned_within(ring: Ring, near: Array, zones: Zones, rim: bool) -> float:
-    """How near to the edge, as touches are (n,), the series is learned: as far as the interior reaches, and on a disc
-    as far as high orders go where nothing is learned of the rim; at least the innermost MIN_ROWS."""
-    reach = zones.high_end[0] if ring.sheet is None and not rim else zones.learned[1]
-    return max(reach, float(np.sort(near)[MIN_ROWS - 1]))
 
 
 def _with_rim(series: ForwardMap, z: Complex, unknown: Array, signal_V: Array, material: Array,
@@ -230,15 +202,6 @@ def near_an_edge(forward: ForwardMap, touch: Array) -> Mask:
     if forward.near_edges is None:
         return np.zeros(len(touch), bool)
     return gap(forward.ring, to_unknown(touch, forward.p0)) < forward.correction.step
-
-
-def gap(ring: Ring, unknown: Array) -> Array:
-    """(n,) gap between punch and rim over the disc's radius."""
-    return _gap(ring, edge_frame(ring, place(ring, unknown)), unknown)
-
-
-def _gap(ring: Ring, frame: EdgeFrame, unknown: Array) -> Array:
-    return 1 - frame.radial - polarization.half_width(ring, unknown[:, 2])
 
 
 def _series(ring: Ring, z: Complex, inputs: Array, force_N: Array,
@@ -286,62 +249,9 @@ def signal_size(forward: ForwardMap, unknown: Array) -> Array:
     return _strengths(forward, edge_frame(forward.ring, z), unknown).size * norm
 
 
-def extent(ring: Ring, touch: Array) -> Array:
-    """(n, 3) radius, d and F of touches (n, 4); with an outline the radius is how much nearer to the edges they are
-    than the farthest place."""
-    radius = np.hypot(touch[:, 0], touch[:, 1]) if ring.sheet is None else ring.radius_mm * radial(ring, touch)
-    return np.column_stack([radius, touch[:, 2:]])
-
-
 def within_bounds(forward: ForwardMap, touch: Array) -> Mask:
-    """(n,) whether radius, d and F of touches (n, 4) lie within the bounds of the training touches, rounding aside: a
-    range may be one diameter."""
-    reached, (lowest, highest) = extent(forward.ring, touch), forward.bounds
-    slack = np.array([ROUNDING, ROUNDING if highest[1] > lowest[1] else ONE_D, ROUNDING]) * highest
-    return known_place(forward, touch) & np.all(
-        (reached >= np.r_[0.0, lowest[1:]] - slack) & (reached <= highest + slack), axis=1)
-
-
-def known_place(forward: ForwardMap, touch: Array) -> Mask:
-    """(n,) whether no edge is near to touches (n, 4), or one straight edge that is no nearer than to the training
-    touches and leaves the series enough room; all on a disc."""
-    ring = forward.ring
-    if ring.sheet is None:
-        return np.ones(len(touch), bool)
-    known = forward.near_edges
-    near, nearest = radial(ring, touch), forward.bounds[1, 0] / ring.radius_mm + ROUNDING
-    if known is None:
-        return near <= nearest
-    return (near <= known.far + ROUNDING) | (
-        (near <= nearest) & by_one_edge(ring, touch, known.far) & series_suffices(ring, touch))
-
-
-def series_suffices(ring: Ring, touch: Array) -> Mask:
-    """(n,) whether the fields' series about the punches of touches (n, 4) converge so fast that few orders do."""
-    return touch[:, 2] / 2 <= CONVERGES * ring.radius_mm * (1 - radial(ring, touch))
-
-
-def by_one_edge(ring: Ring, touch: Array, far: float) -> Mask:
-    """(n,) whether touches on a skin with an outline that begin with x and y in mm have but one straight edge as near
-    as touches come that no edge is near to."""
-    assert ring.sheet is not None
-    return by_one_straight_edge(touch[:, :2], ring.sheet.start_mm, ring.sheet.end_mm, alone_mm(ring, far))
-
-
-def alone_mm(ring: Ring, far: float) -> float:
-    """Distance to an edge of an outline, mm, within which touches are learned near one straight edge alone."""
-    return (1 - far) * ring.radius_mm
-
-
-def _bounds(ring: Ring, touch: Array) -> Array:
-    """Lowest and highest (radius, d, F), widened twice as far as n uniform draws end inside their range, span / n; not
-    towards the edges of a skin with an outline, where touches of another kind may follow."""
-    reached = extent(ring, touch)
-    lowest, highest = reached.min(axis=0), reached.max(axis=0)
-    gap = 2 * (highest - lowest) / len(touch)
-    if ring.sheet is not None:
-        gap[0] = 0.0
-    return np.array([np.maximum(lowest - gap, lowest / 2), highest + gap])
+    """(n,) whether the map knows the places of touches (n, 4), and their d and F lie within those of the training."""
+    return known_places.within(forward.ring, forward.bounds, forward.near_edges, touch)
 
 
 def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = None) -> Linearised:
@@ -368,7 +278,7 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     taught = rim_correction.teaches(forward.correction)
     inner = np.ones(len(unknown)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
         frame.radial, forward.zones.learned if taught else forward.zones.high_end)
-    scale = simulator_error.at(forward.simulator, _gap(forward.ring, frame, unknown))
+    scale = simulator_error.at(forward.simulator, gap_of(forward.ring, frame, unknown))
     columns[..., 5 + orders] = columns[..., 0] * scale[:, None]
     columns[..., 6 + orders:8 + orders] = columns[..., 1:3] * (forward.shift_mm * inner)[:, None, None]
     return Linearised(columns)
@@ -409,9 +319,9 @@ def strength_covariance(forward: ForwardMap, unknown: Array) -> Array:
     frame = edge_frame(forward.ring, place(forward.ring, unknown))
     found = _strengths(forward, frame, unknown)
     own = (found.size[:, None] * strength_discrepancy(forward, unknown)) ** 2
-    scale = simulator_error.at(forward.simulator, _gap(forward.ring, frame, unknown))
-    alike = np.concatenate([(found.value * scale[:, None])[..., None], found.by_card], axis=2)
-    return own[..., None] * np.eye(own.shape[1]) + alike @ alike.transpose(0, 2, 1)
+    scale = simulator_error.at(forward.simulator, gap_of(forward.ring, frame, unknown))
+    common = np.concatenate([(found.value * scale[:, None])[..., None], found.by_card], axis=2)
+    return own[..., None] * np.eye(own.shape[1]) + common @ common.transpose(0, 2, 1)
 
 
 def _near_rim(forward: ForwardMap, fields: Complex, frame: EdgeFrame, size: Array, size_slope: Array,
@@ -419,7 +329,7 @@ def _near_rim(forward: ForwardMap, fields: Complex, frame: EdgeFrame, size: Arra
     """The signal by polarization and the electrodes' metal as far as it counts, and its derivatives by (x, y, log d,
     g)."""
     punch, fitted = unknown[:, 2:], forward.correction
-    side = change_point.side(_gap(forward.ring, frame, unknown), fitted.step)
+    side = change_point.side(gap_of(forward.ring, frame, unknown), fitted.step)
     effect = polarization.effect(fitted.polarization, forward.ring, fields, frame, punch, side)
     if electrode_correction.teaches(fitted.rim):
         dipole = multipole_series.dipole_norms(fitted.rim.whole, fields)

@@ -70,14 +70,13 @@ def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array, zones: Zones,
     the touches near the rim, each as the others foresee it; none where nothing is learned."""
     kept = edge_frame(ring, rows.z).radial > zones.learned[0]
     near = rows.some(kept)
-    touch = _touches(near.z, near.punch)
-    fewest = _fewest(touch)
+    fewest, part = _fewest(_touches(near.z, near.punch)), folds(near.z, near.punch)
     if fewest < _least(ring):
         return zero_correction(ring), np.zeros((0, signal_V.shape[1]))
     answers = fewest >= polarization.MIN_ROWS
     whole = replace(near, left=signal_V[kept])
-    replaces = answers and _size(_asked(ring, field, whole, change_point.NONE, answers, touch % FOLDS == 0)) < _size(
-        _asked(ring, field, near, change_point.NONE, answers, touch % FOLDS == 0))
+    replaces = answers and _size(_asked(ring, field, whole, change_point.NONE, answers, part == 0)) < _size(
+        _asked(ring, field, near, change_point.NONE, answers, part == 0))
     learned = whole if replaces else near
     _, left = _answer(ring, field, learned, change_point.NONE, answers)
     where = electrode_correction.step_of(ring, near.z, near.punch, near.gap, left,
@@ -85,7 +84,7 @@ def fit(ring: Ring, field: Array, rows: Rows, signal_V: Array, zones: Zones,
     answer, rim = _both(ring, field, learned, where, answers)
     error = np.empty_like(near.left)
     for k in range(FOLDS):
-        asked = touch % FOLDS == k
+        asked = part == k
         counts = rim_zone.part_at(edge_frame(ring, near.z[asked]).radial, zones.learned)[:, None]
         error[asked] = (1 - counts) * near.left[asked] / near.size[asked, None] + counts * _asked(
             ring, field, learned, where, answers, asked)

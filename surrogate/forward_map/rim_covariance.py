@@ -31,7 +31,7 @@ class RimError:
     error: Array
     # (maps, bins, readings, DIRECTIONS) directions that errors of touches that each map folds share, over the norm of
     # these, and (bins,) what part of its square they leave
-    alike: Array
+    shared: Array
     rest: Array
     # (bins, q, q) root of the covariance of errors of unit norm along the axes of the products of the series; of a disc
     # none
@@ -40,12 +40,12 @@ class RimError:
     @property
     def directions(self) -> int:
         """Directions that errors of one touch share."""
-        return min(self.alike.shape[2:]) if self.answer is None else self.answer.shape[2]
+        return min(self.shared.shape[2:]) if self.answer is None else self.answer.shape[2]
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:
         """(maps, bins, readings, DIRECTIONS) axes of unit norm of the shared errors, and their standard deviations."""
-        axes, sd, _ = np.linalg.svd(self.alike, full_matrices=False)
+        axes, sd, _ = np.linalg.svd(self.shared, full_matrices=False)
         return np.asarray(axes, np.float64), np.asarray(sd, np.float64)
 
 
@@ -62,7 +62,7 @@ def learned_from(symmetry: Symmetry, z: Complex, gap: Array, load: Array, error:
     folded = np.einsum("nij,nj->ni", symmetry.readings[fold(symmetry, z)[1]], error)
     bins, norm = _bins(gap), _norm(error)
     unit = folded / norm[:, None]
-    shared, rest = (np.stack(part) for part in zip(*(_alike(unit[b]) for b in bins), strict=True))
+    shared, rest = (np.stack(part) for part in zip(*(_shared(unit[b]) for b in bins), strict=True))
     back = np.asarray(np.linalg.pinv(symmetry.readings, rcond=1e-9), np.float64)
     return RimError(symmetry, *_sizes(bins, gap, load, norm), back[:, None] @ shared, rest)
 
@@ -106,7 +106,7 @@ def _ends(rows: int) -> list[int]:
     return ends[1:]
 
 
-def _alike(unit: Array) -> tuple[Array, float]:
+def _shared(unit: Array) -> tuple[Array, float]:
     """Principal directions (readings, DIRECTIONS) of errors (n, readings) of unit norm, times their standard
     deviations, and what part of the squared norm they leave."""
     _, values, axes = np.linalg.svd(unit / np.sqrt(len(unit)), full_matrices=False)
@@ -148,4 +148,4 @@ def axes_of(design: Array) -> Array:
 
 def without(of: RimError, kept: Mask) -> RimError:
     """The errors of the readings that are kept, over the size of all."""
-    return replace(of, alike=of.alike[:, :, kept])
+    return replace(of, shared=of.shared[:, :, kept])

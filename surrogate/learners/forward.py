@@ -14,21 +14,14 @@ from surrogate.data.samples import Samples, take
 from surrogate.data.sensor_ring import Ring, radial
 from surrogate.forward_map import forward_map, rim_correction
 from surrogate.forward_map.amplitude import amplitude
-from surrogate.forward_map.forward_map import (
-    MIN_ROWS,
-    ForwardMap,
-    by_one_edge,
-    known_place,
-    near_an_edge,
-    places_at,
-    series_suffices,
-)
+from surrogate.forward_map.forward_map import ForwardMap, near_an_edge, places_at
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
 from surrogate.forward_map.inversion.edge_errors import with_places_held
 from surrogate.forward_map.inversion.invert import LEAST_SIDE, Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.forward_map.inversion.reading_covariance import Drift, drift_of
+from surrogate.forward_map.known_places import MIN_ROWS, by_one_edge, known_place, series_suffices
 from surrogate.learners.base import Estimate, Learner, Parts, Training
 from surrogate.statistics.metrics import rms
 from touchcal.arrays import Array, Mask
@@ -92,7 +85,8 @@ class TouchInversion(Learner):
     def reads(self, touch: Array) -> Mask:
         """(n,) whether touches (n, 4) lie where the map holds: on a skin with an outline no nearer to its edges than
         the touches that taught it, and near one of them at most."""
-        return known_place(self.forward, touch)
+        known = self.forward
+        return known_place(known.ring, float(known.bounds[1, 0]), known.near_edges, touch)
 
     def without(self, whole: Ring, ring: Ring, kept: Mask) -> TouchInversion:
         """The inversion whose misfit leaves out the readings of the whole ring that are not kept."""

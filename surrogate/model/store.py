@@ -20,7 +20,7 @@ from touchcal.errors import InputFileError
 from touchcal.json_file import digest, file_digest, read_json, write_json
 from touchcal.whole_file import written
 
-SCHEMA = 12
+SCHEMA = 13
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
 # What ties both files: the key of model.json with the hash of arrays.npz, and the array with the hash of the other keys

@@ -31,6 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("runs")
 
 
+@pytest.mark.slow
 def test_a_fit_of_plain_curves_is_reported(folder: Path, read_pdf: Reader) -> None:
     call(matcal, "fit", DATA / "uniaxial.csv", DATA / "shear.csv", "--out", folder / "card.json",
          "--report", folder / "card.pdf")
@@ -47,6 +48,7 @@ def test_a_fit_of_plain_curves_is_reported(folder: Path, read_pdf: Reader) -> No
     assert "fitted to shear alone" in text
 
 
+@pytest.mark.slow
 def test_a_touch_and_a_sweep_are_reported(folder: Path, read_pdf: Reader) -> None:
     card, scene, design = folder / "table1.json", folder / "scene.toml", folder / "design.toml"
     card.write_text(json.dumps(CARD))

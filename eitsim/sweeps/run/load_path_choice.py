@@ -41,7 +41,8 @@ _SERVED = {("punch", "x_mm"), ("punch", "y_mm"), ("punch", "force_N"), ("punch",
            ("punch", "contact_impedance_Ohm_m2"), ("punch", "diameter_mm"), ("skin", "thickness_um"),
            ("accuracy", "signal")}
 _NEUTRAL = ("electrodes", "drive")  # Tables whose keys change no touch.
-# Touches near the rim from which on a table of changes repays its cost, and rows by which their part is told.
+_RIM_ERROR = ("error_estimate", "measured")  # Arrays of a table of changes that are kept of a family's.
+# Touches near the rim from which on a table of changes repays its cost, and rows by which their part is found.
 RIM_REPAYS, _ROWS = 25, 200
 
 # Touches from which on the paths of another law repay their cost, for each of its diameters, and of each law that tells
@@ -269,10 +270,10 @@ def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, 
     family = Family(deep, span, np.asarray(arrays["values"]), np.asarray(arrays["slopes"]))
     if table.rim is None:
         return family, note
-    key |= {"rim": asdict(reuse.GRID)}
+    key |= {"rim": asdict(reuse.GRID), "arrays": _RIM_ERROR}
     arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _rim_error(with_rim(family, table, run)))
-    changes = replace(table.rim, error_estimate=np.asarray(arrays["told"]), measured=np.asarray(arrays["measured"]),
-                      cpu_s=float(arrays["cpu_s"]))
+    changes = replace(table.rim, cpu_s=float(arrays["cpu_s"]),
+                      **{name: np.asarray(arrays[name]) for name in _RIM_ERROR})
     return replace(family, table=replace(family.table, rim=changes)), note or words
 
 
@@ -290,4 +291,4 @@ def _arrays(family: Family) -> dict[str, Any]:
 def _rim_error(family: Family) -> dict[str, Any]:
     rim = family.table.rim
     assert rim is not None
-    return {"told": rim.error_estimate, "measured": rim.measured, "cpu_s": np.array(rim.cpu_s)}
+    return {name: getattr(rim, name) for name in _RIM_ERROR} | {"cpu_s": np.array(rim.cpu_s)}

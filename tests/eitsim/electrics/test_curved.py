@@ -185,6 +185,7 @@ def skin_file(skins: ModuleType, tmp_path: Path) -> Path:
     return tmp_path / "skin.toml"
 
 
+@pytest.mark.slow
 def test_the_command_gives_readings_without_and_with_the_patch(command: Callable[..., CompletedProcess[str]],
                                                                skin_file: Path) -> None:
     done = command("eitsim", "solve-mesh", str(skin_file), "--json")

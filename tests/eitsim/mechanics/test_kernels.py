@@ -50,6 +50,7 @@ def touched(**environment):
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_a_touch_without_compilation_is_the_touch_with_it():
     fast, plain = touched(NUMBA_DISABLE_JIT="0"), touched(NUMBA_DISABLE_JIT="1")
     assert fast["compiled"]

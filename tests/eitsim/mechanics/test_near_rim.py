@@ -234,6 +234,7 @@ def test_what_sticks_slips_far_less_near_the_rim():
     assert slipped[True] < 0.1 * slipped[False]
 
 
+@pytest.mark.slow
 def test_the_rim_deepens_a_touch_the_more_the_nearer():
     added = {}
     for gap in (0.002, 0.005, 0.012):
@@ -249,6 +250,7 @@ def test_the_rim_deepens_a_touch_the_more_the_nearer():
         assert 100 * part == pytest.approx(other, abs=0.06 + 0.05 * other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap_m", "depth_m"), [(0.002, 3.8186e-3), (0.005, 3.6999e-3)])
 def test_a_straight_edge_deepens_a_touch_as_hexahedra_in_three_dimensions_have_it(gap_m, depth_m):
     """benchmarks/edge_touches.py, whose peer knows these depths to 0.01 %; without the edge they are 1 to 5 % less."""

@@ -85,6 +85,7 @@ def test_a_circle_that_nothing_cuts_is_whole():
     np.testing.assert_allclose(cut.inside, [1 - 4 * math.acos(5 / 6) / math.pi, 0.0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_one_straight_edge_is_the_rim_of_a_large_disc_at_any_bearing():
     """Half a turn, symmetric, and a whole one on an outline that is askew."""
     gap = 0.011
@@ -101,12 +102,14 @@ def test_one_straight_edge_is_the_rim_of_a_large_disc_at_any_bearing():
         assert np.sqrt(np.mean((found - known) ** 2)) < 0.03 * np.sqrt(np.mean((known - np.eye(2)) ** 2))
 
 
+@pytest.mark.slow
 def test_a_polygon_of_400_corners_is_the_disc():
     rim = change(OffsetDisc(0.05, 0.04))
     edge = change(outline(round_loop(0.05 / math.sqrt(np.sinc(2 / 400)), -0.04)))
     assert edge.depth_m == pytest.approx(rim.depth_m, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_corner_adds_more_than_its_edges_and_is_symmetric_about_its_diagonal():
     one = change(outline(rectangle(0.3, 0.01, 0.3, 0.3))).depth_m
     corner = change(outline(rectangle(0.3, 0.01, 0.3, 0.01)))

@@ -63,6 +63,7 @@ def test_depths_are_those_of_half_the_foam_before_a_plane_of_symmetry(gap, chang
     assert found == pytest.approx(change, rel=0.3)
 
 
+@pytest.mark.slow
 def test_an_equal_pair_is_symmetric_however_it_lies():
     for turn in (0.0, 0.7):
         punches = equal(30, turn=turn)
@@ -220,6 +221,7 @@ def test_the_plan_says_who_is_solved_together_and_who_cannot_be():
     assert sum("solved" in d.decision and "touches" in d.decision for d in separation.decisions) == 2
 
 
+@pytest.mark.slow
 def test_a_scene_of_two_close_touches_gives_readings(monkeypatch):
     monkeypatch.setattr(solving, "COARSE", TINY)
     monkeypatch.setattr(solving, "FINE", COARSE)

@@ -1,4 +1,4 @@
-"""Fields beside the rows of a sweep: the same however it was stopped or grown, fixed by the design, damage is named."""
+"""Fields next to the rows of a sweep: the same however it was stopped or grown, fixed by the design; damage named."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def test_scatter_and_lateral_strain_reach_the_experiment(tmp_path: Path) -> None
 def test_the_real_headerless_table() -> None:
     path = SHARED / "Treloar1944_UT.txt"
     if not path.exists():
-        pytest.skip("real files are not beside the checkout")
+        pytest.skip("real files are not next to the checkout")
     with pytest.raises(InputFileError, match=r"stress=1:MPa,stretch=2"):
         read(path)
     got = read(path, parse_selection("stress=1:MPa,stretch=2"))

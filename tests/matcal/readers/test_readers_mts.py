@@ -91,7 +91,7 @@ def test_synthetic_record() -> None:
     assert "SYNTHETIC" in got.metadata["Test"]
 
 
-@pytest.mark.skipif(not REAL.exists(), reason="real files are not beside the checkout")
+@pytest.mark.skipif(not REAL.exists(), reason="real files are not next to the checkout")
 def test_real_split_test() -> None:
     got = read(REAL)
     assert (got.rows, len(got.paths)) == (8888, 5)

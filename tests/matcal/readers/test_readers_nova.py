@@ -62,7 +62,7 @@ def test_what_is_no_record_of_current_is_refused(text: str, says: str, line: int
     assert caught.value.line == line
 
 
-@pytest.mark.skipif(not REAL.exists(), reason="real files are not beside the checkout")
+@pytest.mark.skipif(not REAL.exists(), reason="real files are not next to the checkout")
 def test_real_exports() -> None:
     got = read(REAL / "HDV_G_DMAB_first400.txt")
     assert got.rows == 399

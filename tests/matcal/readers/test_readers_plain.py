@@ -145,7 +145,7 @@ def test_true_stress_is_not_taken_for_nominal() -> None:
     assert quantity_of("Nominal stress") == "stress"
 
 
-@pytest.mark.skipif(not SHARED.exists(), reason="real files are not beside the checkout")
+@pytest.mark.skipif(not SHARED.exists(), reason="real files are not next to the checkout")
 def test_real_foam_tables() -> None:
     compression = read(SHARED / "foam_leap" / "foam_leap_UC.csv").columns
     assert compression["stretch"].min() == 0.4

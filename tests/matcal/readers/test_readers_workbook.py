@@ -73,7 +73,7 @@ def test_damaged_workbooks_are_refused(data: bytes, tmp_path: Path) -> None:
         read(tmp_path / "book.xlsx")
 
 
-@pytest.mark.skipif(not SHARED.exists(), reason="real files are not beside the checkout")
+@pytest.mark.skipif(not SHARED.exists(), reason="real files are not next to the checkout")
 def test_real_workbooks() -> None:
     got = read(SHARED / "autolab_nova" / "3_GC_PFOS_5ppm_5s_CA.xlsx")
     assert (got.vendor, got.rows) == ("nova", 498)

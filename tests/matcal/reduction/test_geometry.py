@@ -1,4 +1,4 @@
-"""Whose sizes count: given, the file's own, or beside it; what contradicts is said or refused."""
+"""Whose sizes count: given, the file's own, or next to it; what contradicts is said or refused."""
 
 from __future__ import annotations
 

@@ -274,7 +274,7 @@ def test_machine_files_without_what_they_need_are_refused(tmp_path: Path) -> Non
         _reduced(*STRIP, specimen=other)
 
 
-@pytest.mark.skipif(not REAL.exists(), reason="real files are not beside the checkout")
+@pytest.mark.skipif(not REAL.exists(), reason="real files are not next to the checkout")
 def test_real_files_reduce_and_say_how(tmp_path: Path) -> None:
     gel = _written(tmp_path, "gel.toml", "[uniaxial]\ndiameter_mm = 8\nheight_mm = 2\n")
     (got,) = reduce_tests([(None, (p,)) for p in sorted((REAL / "mts_testsuite").iterdir())], gel)

@@ -202,7 +202,7 @@ def test_a_pressure_is_turned_into_a_mean_stress(tmp_path: Path) -> None:
         assert any("sign is turned" in s for s in got.decisions) == (sign < 0)
 
 
-@pytest.mark.skipif(not REAL.exists(), reason="real files are not beside the checkout")
+@pytest.mark.skipif(not REAL.exists(), reason="real files are not next to the checkout")
 def test_gamma_that_is_called_lambda_and_a_gel_that_is_compressed_twice(tmp_path: Path) -> None:
     shear = _reduced(REAL / "foam_leap" / "foam_leap_SS.csv", "shear")
     assert (shear.strain.min(), shear.strain.max()) == (-0.15, 0.15)

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from reports.__main__ import app
 from reports.benchmarks.catalogue import BENCHES, Bench, cheapest, points
 from reports.benchmarks.precision import report
 from reports.benchmarks.precision_figures import seconds
@@ -18,6 +19,7 @@ from reports.benchmarks.stored_tables import write
 from reports.document.verdict import GOOD, NOT_USABLE, USABLE
 from touchcal.code_version import ROOT, script_hash
 from touchcal.errors import InputFileError
+from touchcal.terminal import run
 
 Reader = Callable[[Path], Any]
 
@@ -207,15 +209,22 @@ def test_times_get_the_unit_of_the_largest(values: tuple[float, ...], text: str)
     assert seconds(*values).replace("\u00a0", " ") == text
 
 
+@pytest.mark.slow
 def test_the_command_writes_into_a_folder(tmp_path: Path) -> None:
     write_electrics(tmp_path)
     command = [sys.executable, "-m", "reports", "precision", "--results", str(tmp_path), "--out"]
     done = subprocess.run([*command, str(tmp_path)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "precision.pdf").is_file()
-    refused = subprocess.run([*command, str(tmp_path / "p.txt")], capture_output=True, text=True)
-    assert refused.returncode == 2
-    assert "ends in .pdf" in refused.stderr
+
+
+def test_a_file_that_is_no_pdf_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                          capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("sys.argv", ["", "precision", "--results", str(tmp_path), "--out", str(tmp_path / "p.txt")])
+    with pytest.raises(SystemExit) as end:
+        run(app, "python -m reports")
+    assert end.value.code == 2
+    assert "ends in .pdf" in capsys.readouterr().err
 
 
 def test_every_bench_reads_the_columns_of_its_stored_table() -> None:

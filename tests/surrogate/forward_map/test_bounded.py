@@ -1,14 +1,9 @@
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import cast
-
 import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from surrogate.data.sensor_ring import Ring
-from surrogate.forward_map.forward_map import ForwardMap, within_bounds
 from surrogate.forward_map.inversion import reading_covariance
 
 COVARIANCE = np.array([[[0.5, 0.2, 0.1], [0.2, 0.04**2 * 60, 0.03], [0.1, 0.03, 0.3]]])
@@ -33,10 +28,3 @@ def test_far_within_nothing_changes_and_far_outside_the_bound_is_not_believed() 
 def test_a_certain_value_is_left() -> None:
     mean = np.array([[0.3, 0.2, -1.0], [0.3, 1.2, -1.0]])
     assert np.array_equal(reading_covariance.truncated_normal_mean(mean, np.zeros((2, 3, 3)), 1, -0.5, 1.0), mean)
-
-
-def test_rounding_takes_no_touch_out_of_a_range_of_one_diameter(ring: Ring) -> None:
-    forward = cast(ForwardMap, SimpleNamespace(ring=ring, bounds=np.array([[3.0, 14.0, 0.1], [60.0, 14.0, 2.0]])))
-    touch = np.array([[1.0, 2.0, 14.0 - 1e-13, 1.0], [1.0, 2.0, 14.001, 1.0], [59.0, 12.0, 14.0, 1.0],
-                      [0.0, 0.0, 14.0 + 1e-13, 2.0]])
-    assert within_bounds(forward, touch).tolist() == [True, False, False, True]

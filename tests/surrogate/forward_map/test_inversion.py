@@ -95,7 +95,7 @@ def test_unknown_noise_widens_the_covariance(learned: ForwardMap, synthetic: Syn
 
 
 def test_a_frame_does_not_depend_on_its_company(learned: ForwardMap, synthetic: Synthetic) -> None:
-    _, signal = synthetic(6, 4)
+    _, signal = synthetic(3, 4)
     together = invert(learned, signal, QUIET_V).touch
     alone = np.concatenate([invert(learned, frame[None], QUIET_V).touch for frame in signal])
     assert np.allclose(together, alone, rtol=1e-6)

@@ -88,6 +88,7 @@ def test_touches_near_the_rim_are_told_to_err_more_and_alike(whole: forward_map.
     assert np.max(noisy.shrink) < np.max(told.shrink)
 
 
+@pytest.mark.slow
 def test_copies_of_a_touch_do_not_tell_its_error(ring: Ring, synthetic: Synthetic) -> None:
     """Rows of the same touches, as a sweep with several cards has them: the error is that of touches left out."""
     touch, signal = synthetic(120, 4, (), 85.0)
@@ -105,6 +106,7 @@ def test_touches_far_from_the_rim_and_few_readings_are_learned(ring: Ring, synth
     assert np.all(np.isfinite(forward_map.linearise(learned, to_unknown(touch, learned.p0)).signal_V))
 
 
+@pytest.mark.slow
 def test_diameters_that_differ_by_rounding_are_learned_as_one(ring: Ring, synthetic: Synthetic) -> None:
     touch, signal = synthetic(140, 6, (12.0,), 85.0)
     jittered = touch.copy()

@@ -14,6 +14,7 @@ import matcal
 import surrogate
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
+from eitsim.mechanics.load_paths import build_table
 from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.table import shape_of
 from eitsim.mechanics.load_paths.types import Table
@@ -28,8 +29,10 @@ SCENE = eitsim.Scene(accuracy=eitsim.Accuracy(0.05))
 
 @pytest.fixture(scope="module")
 def table() -> Table:
-    """Shallow load paths of a punch of 14 mm."""
-    return build(shape_of(CARD.hyperfoam, SCENE.body, eitsim.Punch(diameter_m=0.014)), depths=(0.06, 0.075, 0.09))
+    """Shallow load paths of a punch of 14 mm, whose error comes from a few touches."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(build_table, "_CHECKS", 4)
+        return build(shape_of(CARD.hyperfoam, SCENE.body, eitsim.Punch(diameter_m=0.014)), depths=(0.06, 0.075, 0.09))
 
 
 @pytest.fixture(scope="module")

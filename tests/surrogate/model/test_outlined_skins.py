@@ -18,7 +18,8 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import radial
-from surrogate.forward_map.forward_map import CONVERGES, linearise
+from surrogate.forward_map.forward_map import linearise
+from surrogate.forward_map.known_places import CONVERGES
 from surrogate.forward_map.load_coordinates import to_unknown
 
 Array = NDArray[np.float64]

@@ -11,8 +11,10 @@ from subprocess import CompletedProcess
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from eitsim.cli.display import show_calibration
+from eitsim.cli.main import app
 from eitsim.electrics.cem.boundary_integral import rim_admittance, solve_rim
 from eitsim.scene.drive import Drive, matrices, readings
 from eitsim.scene.electrodes import Electrodes
@@ -237,6 +239,7 @@ def test_differences_and_what_is_no_ohmmeter_are_refused_with_the_reason() -> No
     assert parameters_of(found) == {}
 
 
+@pytest.mark.slow
 def test_a_model_that_explains_little_is_refused() -> None:
     """Linear, reciprocal readings of a network that is no sheet: impedances by chance."""
     one, rng = sensor(), np.random.default_rng(0)
@@ -269,9 +272,27 @@ def test_a_recording_without_untouched_frame_is_refused() -> None:
         calibrate(sensor(), replace(frames, touch=np.array(["a"])))
 
 
+SENSOR = ('[electrodes]\ncount = 8\n[drive]\ncurrent_mA = 1\ncurrents = "currents.csv"\n'
+          'measurements = "measurements.csv"\n')
+
+
 @pytest.fixture(scope="module")
-def document() -> dict:
-    return calibration_document(calibrate(sensor(), recording(hidden(6, ("contacts",), noise=1e-6)[1])))
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder in which the command calibrates a sensor whose contacts are hidden, and what it prints."""
+    folder, one = tmp_path_factory.mktemp("fitted"), sensor()
+    np.savetxt(folder / "currents.csv", one.protocol.currents_A * 1e3, delimiter=",")
+    np.savetxt(folder / "measurements.csv", one.protocol.weights[0], delimiter=",")
+    np.savetxt(folder / "frames.csv", hidden(6, ("contacts",), noise=1e-6)[1].reshape(1, -1), delimiter=",")
+    (folder / "sensor.toml").write_text(SENSOR, encoding="utf-8")
+    frames, described, out = (str(folder / name) for name in ("frames.csv", "sensor.toml", "sensor.json"))
+    done = CliRunner().invoke(app, ["sensor", "fit", frames, "--sensor", described, "--out", out, "--json"])
+    assert done.exit_code == 0, done.output
+    return folder, done.stdout
+
+
+@pytest.fixture(scope="module")
+def document(fitted: tuple[Path, str]) -> dict:
+    return json.loads((fitted[0] / "sensor.json").read_text())
 
 
 def test_a_calibrated_sensor_is_read_back_and_predicts_other_drives(document: dict, tmp_path: Path) -> None:
@@ -320,42 +341,31 @@ def test_one_function_reads_both_files_of_a_sensor_and_says_which(document: dict
         read_described_sensor(tmp_path / "neither")
 
 
-SENSOR = ('[electrodes]\ncount = 8\n[drive]\ncurrent_mA = 1\ncurrents = "currents.csv"\n'
-          'measurements = "measurements.csv"\n')
-
-
 def test_the_conductance_is_shown_in_siemens(document: dict, capsys: pytest.CaptureFixture[str]) -> None:
     show_calibration(document, Path("sensor.json"))
     value_mS = 1e3 * np.exp(document["parameters"]["ln_conductance_S"]["value"])
     assert f"sheet conductance: {value_mS:.4g} mS" in capsys.readouterr().out
 
 
-def test_the_commands_fit_and_predict(command: Callable[..., CompletedProcess[str]], tmp_path: Path) -> None:
-    one, (_, volts) = sensor(), hidden(7, ("contacts", "gains"))
-    np.savetxt(tmp_path / "currents.csv", one.protocol.currents_A * 1e3, delimiter=",")
-    np.savetxt(tmp_path / "measurements.csv", one.protocol.weights[0], delimiter=",")
-    np.savetxt(tmp_path / "frames.csv", volts.reshape(1, -1), delimiter=",")
-    (tmp_path / "sensor.toml").write_text(SENSOR, encoding="utf-8")
-    done = command("eitsim", "sensor", "fit", "frames.csv", "--sensor", "sensor.toml", "--out", "sensor.json", "--json",
-                   cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
+def test_the_commands_fit_and_predict(command: Callable[..., CompletedProcess[str]], fitted: tuple[Path, str]) -> None:
+    (folder, printed), volts = fitted, hidden(6, ("contacts",), noise=1e-6)[1]
+    said = json.loads(printed)
     assert said["absolute_model"] == "usable"
     assert said["stage"] in said["unexplained"]
     assert set(said["parameters"]["gain_00"]) == {"value", "sd", "prior_sd"}
-    done = command("eitsim", "sensor", "predict", "sensor.json", "--out", "own.csv", cwd=tmp_path)
+    done = command("eitsim", "sensor", "predict", "sensor.json", "--out", "own.csv", cwd=folder)
     assert done.returncode == 0, done.stderr
-    own = read_recording(tmp_path / "own.csv").readings[0]
+    own = read_recording(folder / "own.csv").readings[0]
     assert np.linalg.norm(own - volts.ravel()) < 1e-3 * np.linalg.norm(volts)
     done = command("eitsim", "sensor", "predict", "sensor.json", "--currents", "currents.csv", "--measurements",
-                   "measurements.csv", "--out", "same.csv", cwd=tmp_path)
+                   "measurements.csv", "--out", "same.csv", cwd=folder)
     assert done.returncode == 0, done.stderr
-    np.testing.assert_allclose(read_recording(tmp_path / "same.csv").readings[0], own, rtol=1e-12)
+    np.testing.assert_allclose(read_recording(folder / "same.csv").readings[0], own, rtol=1e-12)
     done = command("eitsim", "sensor", "predict", "sensor.json", "--currents", "currents.csv", "--out", "no.csv",
-                   cwd=tmp_path)
+                   cwd=folder)
     assert done.returncode == 2
     assert "--currents and --measurements belong together" in done.stderr
-    assert not (tmp_path / "no.csv").exists()
+    assert not (folder / "no.csv").exists()
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="recordings of real sensors are not here")

@@ -36,6 +36,7 @@ def recording(volts: np.ndarray) -> Recording:
     return Recording(volts.reshape(1, -1), np.array([0]), None, np.array([""]), "voltage", Path("synthetic"))
 
 
+@pytest.mark.slow
 def test_a_dead_electrode_is_named_and_its_drives_are_left_out() -> None:
     """Its readings are empty; its drives, in which no current flows, read noise alone."""
     volts = frame(0)

@@ -127,6 +127,7 @@ def test_a_recording_without_untouched_frame_is_refused() -> None:
                                                          one.source))
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_recording(command: Callable[..., CompletedProcess[str]], tmp_path: Path) -> None:
     sensor = real("gains", "leaks")
     covariance = np.diag(1e-4 * HELD.prior_sd**2)

@@ -200,6 +200,7 @@ def test_labels_in_other_coordinates_are_placed_on_the_outline(turned: bool) -> 
     assert np.exp(found.size.ln_moment[0]) == pytest.approx(20.0 * 1e-3 / SHEET_S, rel=0.02)
 
 
+@pytest.mark.slow
 def test_corrected_frames_are_those_of_the_described_sensor(tmp_path: Path) -> None:
     own = read_back(stated(e3=1.5), tmp_path)
     found = to_ideal(own)
