@@ -21,7 +21,6 @@ from surrogate.forward_map import (
     strength_size,
 )
 from surrogate.forward_map.known_places import MIN_ROWS, NearEdges, gap, gap_of, zones_of
-from surrogate.forward_map.known_places import alone_mm as alone_mm
 from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
 from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection

@@ -11,7 +11,7 @@ from eitsim.sensors.labels import PLACE
 from surrogate.data.sensor_ring import Ring
 from surrogate.data.skin_edges import Circle, Edges, Polygons
 from surrogate.data.skin_from_above import SkinFromAbove, skin_of_sheet
-from surrogate.forward_map.forward_map import alone_mm
+from surrogate.forward_map.known_places import alone_mm
 from surrogate.learners.forward import TouchInversion
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader

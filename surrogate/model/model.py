@@ -2,7 +2,6 @@
 
 import warnings
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -45,8 +44,7 @@ class Model(TrainedModel):
             noise. What is found and done is warned of.
         held_s : float, optional
             Time since loading, s, for which the foam has relaxed: F, sigma_max and sigma_ave are those then. Where left
-            out they are those of the training, long-term ones as a rule; how far off these may be is warned of once for
-            each model that is loaded.
+            out they are those of the training, long-term ones as a rule.
         gain_drift, contact_drift : float
             Standard deviations of the relative changes of the channels' gains against ground and of the contact
             impedances between the untouched and the touched frames; method forward.
@@ -78,24 +76,12 @@ class Model(TrainedModel):
         known = untouched(reference)
         noise = noise_V if noise_V is not None else known.noise_V or 0.0
         found = compared(self.baseline_V, self.ring, known.volts, noise, scale_baseline)
-        for words in filter(None, (found.words, self._not_yet_stated(holding_caution(self, held_s)))):
+        for words in filter(None, (found.words, holding_caution(self, held_s))):
             warnings.warn(words, stacklevel=2)
         drift = frame_drift(self.ring, self.baseline_V, gain_drift, contact_drift, scene)
         ready = prepare(self, known.volts * found.gain, noise * found.noise_factor, dead, held_s=held_s,
                         drift=drift)
         return si_table(self, predict(ready, frames * found.gain))
-
-    @cached_property
-    def _stated(self) -> set[str]:
-        """Cautions that hold for every prediction of this model and were stated with one."""
-        return set()
-
-    def _not_yet_stated(self, words: str) -> str:
-        """A caution the first time, empty after that."""
-        if words in self._stated:
-            return ""
-        self._stated.add(words)
-        return words
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed.

@@ -40,7 +40,7 @@ from touchcal import cache
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
 SKIN = Conductivity(30.0, [-2, 2, -1], (0, 0.4))
 SPREAD, COUNT = 0.002, 12
-DEPTHS = (0.068, 0.07, 0.072, 0.074)
+DEPTHS = (0.06, 0.07, 0.085)
 DEEP = (0.055, 0.07, 0.085, 0.1)  # depths that a table of what the rim changes needs
 
 
@@ -77,10 +77,10 @@ def stored(family, law: Hyperfoam, punch: Punch):
 def test_drawn_laws_are_recovered_within_the_stated_error(family) -> None:
     """Touches solved anew on the mesh of the paths at a few depths, and together three times nearer than those of the
     central law, which for one of the laws is near."""
-    span, depths = family.span, (0.067, 0.07, 0.073)
+    span, depths = family.span, (0.072, 0.075, 0.078)
     free = [law for law in LAWS if not any(law is one for one in (span.central, *span.chosen, *span.held_out))]
     assert len(span.chosen) == 2
-    for law in (free[0], span.chosen[0]):
+    for law in [*free[:2], span.chosen[0]]:
         levels, off = [*course_of(law, Body(), Punch()).levels], []
         scaled = replace(span.central, mu_Pa=span.central.mu_Pa / (span.central.mu_0_Pa / law.mu_0_Pa))
         for depth in depths:
@@ -112,7 +112,7 @@ def test_a_law_of_the_span_keeps_the_pressures_that_were_solved(family) -> None:
 
 
 def test_a_scene_says_that_its_law_is_a_mean_and_a_law_beyond_is_solved_directly(family) -> None:
-    scene = scene_from({"punch": {"x_mm": 20, "force_N": 0.28}, "accuracy": {"signal": 0.05}})
+    scene = scene_from({"punch": {"x_mm": 20, "force_N": 0.25}, "accuracy": {"signal": 0.05}})
     near, far = (solve_scene(scene, MaterialCard("drawn", law, None, SKIN), table=family)
                  for law in (LAWS[0], replace(FOAM, alpha=1.01 * FOAM.alpha)))
     (said,) = [d for d in near.plan.decisions if d.decision == "load path reused"]
