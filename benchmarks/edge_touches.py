@@ -7,8 +7,10 @@ meshes; it shares no code with eitsim. Columns are relative to the peer's finest
 depth_difference, and the 2-norm of differences of the surface's strains, within 30 mm of the punch's edge ("strain");
 "edge": that of what the edge changes of the strains, near it less far from all edges, each program by itself, where
 most of what a mesh misses under the punch cancels; both over the 2-norm of the whole strain. "peer": the two finest
-meshes of the peer to each other, its own error and more. "finer" is `solve_near_rim` with whole=True; "as if no edge"
-leaves the edge out of eitsim's touch, which shows what it changes.
+meshes of the peer to each other, its own error and more. "near the edge" is on
+the mesh of tables, "finer near the edge" on that of exact touches near several edges. "one edge" and "one edge, exact"
+are `solve_near_rim`; the stored table is older and has no rows of them (see `edge_resolutions`). "as if no edge" leaves
+the edge out of eitsim's touch, which shows what it changes.
 
 The peer solves its equations on a GPU where PyTorch finds one. MESHES take a processor minutes and know strains in
 plane to 5 to 15 %. The stored table has FINE, 90 GiB of a GPU: EDGE_PEER names a folder that keeps what the peer found
@@ -33,7 +35,9 @@ from rim import strains, two_norm
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.correction import no_correction
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import FINE as TABLES
+from eitsim.mechanics.rim.solve_near_rim import FULL_DISC, corrected, solve_near_rim
+from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import STRAINS, Body, Punch
 
 BODY = Body(outline="rectangle", width_m=0.24, height_m=0.2)
@@ -93,6 +97,7 @@ def rows() -> Iterator[dict[str, object]]:
     whole, areas = places()
     far = [driving(mesh["gradient"]) for mesh in by_peer(FAR_GAP_M, whole)[-2:]]
     alone = solve_touch(TABLE_1, BODY, PUNCH)
+    fine_alone = solve_touch(TABLE_1, BODY, PUNCH, element_m=default_element_m(BODY, PUNCH) / 2)
     for gap in GAPS_M:
         inside = whole[:, 0] < PUNCH.diameter_m / 2 + gap - 1e-6
         points, area = whole[inside], areas[inside]
@@ -101,11 +106,15 @@ def rows() -> Iterator[dict[str, object]]:
         rough_change, change = rough - far[0][:, inside], fine - far[1][:, inside]
         depth_m, rough_m = (1e-3 * float(mesh["depth"]) for mesh in peer[:-3:-1])
         punch = replace(PUNCH, x_m=(BODY.width_m or 0) / 2 - gap - PUNCH.diameter_m / 2)
-        near, finer = (solve_near_rim(TABLE_1, BODY, punch, whole=whole) for whole in (False, True))
+        near = corrected(alone, TABLE_1, BODY, punch)
+        finer = corrected(fine_alone, TABLE_1, BODY, punch, coarse=TABLES,
+                          fine=replace(FULL_DISC, out_to=TABLES.out_to))
+        one, exact = (solve_near_rim(TABLE_1, BODY, punch, whole=whole) for whole in (False, True))
         assert near.rim is not None
         without = replace(alone, rim=no_correction(near.rim))
         before = strains(without, no_correction(near.rim), points)
-        for what, touch in (("near the edge", near), ("finer near the edge", finer), ("as if no edge", without)):
+        for what, touch in (("near the edge", near), ("finer near the edge", finer), ("one edge", one),
+                            ("one edge, exact", exact), ("as if no edge", without)):
             assert touch.rim is not None
             found = strains(touch, touch.rim, points)
             yield {"what": what, "gap_mm": gap * 1e3, "depth_mm": touch.depth_m * 1e3, "peer_depth_mm": depth_m * 1e3,
@@ -114,7 +123,7 @@ def rows() -> Iterator[dict[str, object]]:
                    **differences(rough, fine, fine, area, "peer_strain"),
                    **differences(found - before, change, fine, area, "edge"),
                    **differences(rough_change, change, fine, area, "peer_edge"), "cpu_s": touch.cpu_s,
-                   "peer_cpu_s": float(sum(one["cpu_s"] for one in peer)), "peer_unknowns": int(peer[-1]["unknowns"]),
+                   "peer_cpu_s": float(sum(mesh["cpu_s"] for mesh in peer)), "peer_unknowns": int(peer[-1]["unknowns"]),
                    "peer_element_mm": float(peer[-1]["element"]), "peer_machine": str(peer[-1]["machine"])}
 
 

@@ -78,9 +78,15 @@ class Resolution:
     widest: float = 0.5
     parts: int = 2  # into which elements about the punch's edge are split
     inside: float = 0.05  # how far inside it, thicknesses
+    # widest parts of an element on either side of the punch's fillet, over the distance of its farther end from there
+    grading: float = np.inf
 
 
 ROUGH, COARSE, FINE = Resolution(8.0, 4, 10), Resolution(6.0, 5, 12), Resolution(4.0, 7, 14)
+# Of a touch near one edge of an outline: strains in plane, which the surface shows steepest just outside the fillet and
+# at the edge, are less than half as far off as by FINE (benchmarks/edge_resolutions.py). The second one to be exact.
+ONE_EDGE = Resolution(4.0, 12, 16, widest=1.0, parts=4, inside=0.0, grading=0.4)
+ONE_EDGE_FINER = Resolution(3.0, 16, 22, parts=4, inside=0.0, grading=0.3)
 # Strains in plane, steep next to the punch and where the foam's side is free, are half to three quarters as far off as
 # by FINE, 10 to 2 mm from an edge (benchmarks/edge_touches.py).
 FULL_DISC = Resolution(3.0, 9, 18, np.inf, widest=0.25, parts=4, inside=0.12)
@@ -146,18 +152,19 @@ def rim_problem(body: Body, punch: Punch) -> str:
 def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
     """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the
     axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
-    (see `eitsim.scene.nearest_edge`), or with all_edges the whole of it, corners and holes too, at twice the cost and
-    more. whole: on finer meshes and, on a disc, out to all of it. ValueError where `rim_problem` names one,
-    NotConverged where no equilibrium is found."""
+    (see `eitsim.scene.nearest_edge`), on a finer mesh than a rim; or with all_edges the whole of it, corners and holes
+    too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. ValueError where
+    `rim_problem` names one, NotConverged where no equilibrium is found."""
     if problem := rim_problem(body, punch):
         raise ValueError(f"{problem}.")
     edge = edges_from(body, punch) if all_edges and body.has_outline else None
+    one_edge = body.has_outline and not all_edges
     if not whole:
         return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge,
-                         rough=None if edge else ROUGH)
+                         fine=ONE_EDGE if one_edge else FINE, rough=None if edge else ROUGH)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
-    return corrected(touch, law, body, punch, coarse=FINE, edge=edge,
-                     fine=replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC)
+    fine = replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC
+    return corrected(touch, law, body, punch, coarse=FINE, edge=edge, fine=ONE_EDGE_FINER if one_edge else fine)
 
 
 def edges_from(body: Body, punch: Punch) -> OffsetOutline:
@@ -311,16 +318,23 @@ def _narrowed(model: IndentationProblem, fineness: Resolution) -> IndentationPro
     """The problem with elements split about the punch's edge, and none wider than the widest as far as the change
     reaches."""
     r, z = (lines[::model.grid.order] for lines in model.grid.lines)
-    edge = model.punch.profile.radius
+    edge, fillet = model.punch.profile.radius, model.punch.profile.edge_radius
     steep = (r[:-1] > edge - fineness.inside - _NEAR) & (r[1:] < edge + _OUTSIDE)
-    parts = [max(math.ceil((b - a) / fineness.widest), fineness.parts if split else 1)
+    far = [max(b - edge, edge - fillet - a) for a, b in itertools.pairwise(r.tolist())]
+    parts = [max(math.ceil((b - a) / _widest(fineness, away)), fineness.parts if split else 1)
              if a < edge + fineness.out_to else 1
-             for (a, b), split in zip(itertools.pairwise(r), steep, strict=True)]
+             for (a, b), split, away in zip(itertools.pairwise(r), steep, far, strict=True)]
     r = np.concatenate([[0.0], *(a + (b - a) * np.arange(1, n + 1) / n
                                  for (a, b), n in zip(itertools.pairwise(r), parts, strict=True))])
     grid = tensor_grid(r, z, order=model.grid.order)
     last = model.grid.nodes[model.facets.nodes[-1, -1], 0]
     return replace(model, grid=grid, facets=top_facets(grid, last - _NEAR))
+
+
+def _widest(fineness: Resolution, away: float) -> float:
+    """The widest parts, thicknesses, of an element whose farther end is so far away from the punch's fillet; negative
+    or 0: within it."""
+    return min(fineness.widest, fineness.grading * away) if away > _NEAR else fineness.widest
 
 
 def _under(model: IndentationProblem, load: Load, sticks: bool, outline: OffsetDisc | OffsetOutline,

@@ -22,10 +22,13 @@ from eitsim.mechanics.rim.correction import within_face
 from eitsim.mechanics.rim.solve_near_rim import (
     COARSE,
     FINE,
+    ONE_EDGE,
+    ONE_EDGE_FINER,
     Resolution,
     corrected,
     rim_change,
     rim_problem,
+    set_up,
     solve_near_rim,
 )
 from eitsim.mechanics.solid import hyperfoam_3d
@@ -258,6 +261,25 @@ def test_a_straight_edge_deepens_a_touch_as_hexahedra_in_three_dimensions_have_i
     punch = Punch(x_m=0.12 - gap_m - 0.007, diameter_m=0.014, force_N=1.0)
     assert solve_near_rim(FOAM, body, punch).depth_m == pytest.approx(depth_m, rel=1.5e-3)
     assert solve_touch(FOAM, body, punch).depth_m < 0.99 * depth_m
+
+
+@pytest.mark.parametrize("fineness", [ONE_EDGE, ONE_EDGE_FINER])
+def test_near_one_edge_elements_are_split_by_their_distance_from_the_fillet(fineness):
+    def lines(fineness: Resolution) -> np.ndarray:
+        model, _ = set_up(FOAM, BODY, Punch(force_N=1.0), fineness)
+        return model.grid.lines[0][::model.grid.order]
+
+    def steepest(r: np.ndarray) -> float:
+        """Largest width of an element over the distance of the farther end of the unsplit one that it is part of."""
+        whole, edge = lines(replace(fineness, grading=np.inf, widest=np.inf, parts=1)), Punch(force_N=1.0)
+        outer = edge.diameter_m / 2 / BODY.thickness_m
+        away = np.maximum(whole[1:] - outer, outer - edge.fillet_m / BODY.thickness_m - whole[:-1])
+        part_of = np.searchsorted(whole, (r[1:] + r[:-1]) / 2) - 1
+        counts = (away[part_of] > 1e-9) & (whole[part_of] < outer + fineness.out_to)
+        return float(np.max(np.diff(r)[counts] / away[part_of][counts]))
+
+    assert steepest(lines(fineness)) <= fineness.grading * (1 + 1e-9)
+    assert steepest(lines(replace(fineness, grading=np.inf))) > fineness.grading * (1 + 1e-9)
 
 
 def test_harmonics_converge_geometrically():
