@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, gradients, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Circle, Scattered, outgoing_gradient, position, ring_share
 from eitsim.electrics.forward.far_field import DEGREE, Fields, first_order, untouched_fields
+from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.outline.edge_response import Edges, edge_loads, edges_of, outgoing_waves
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance
 from eitsim.numerics.conductor_elimination import Elimination, solve
@@ -56,7 +57,7 @@ class _Samples:
 
 @lru_cache(maxsize=4)
 def _uniform_skin(body: Body, electrodes: Electrodes, conductance_S: float) -> _UniformSkin:
-    fields, z = untouched_fields(body, electrodes, conductance_S), contact_impedances(electrodes)
+    fields, z = untouched_fields(body, electrodes, conductance_S, READINGS), contact_impedances(electrodes)
     sheet = np.full(len(fields.mesh.cells), conductance_S)
     return _UniformSkin(fields, fields.area_m2 * np.sum(fields.gradient**2, axis=(2, 3)),
                         eliminated(fields.mesh, sheet, z), edges_of(fields.mesh, z))
