@@ -10,7 +10,7 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
-from eitsim.electrics.outline.touch_mesh import fields_mesh
+from eitsim.electrics.outline.touch_mesh import FIELDS, fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import (
     principal_conductances,
     sheet_conductance,
@@ -67,18 +67,20 @@ class Fields:
 
 
 @lru_cache(maxsize=8)
-def untouched_fields(body: Body, electrodes: Electrodes, conductance_S: float, degree: int | None = DEGREE) -> Fields:
-    """The potentials, on a mesh that is fine enough outside touches, and their gradients by a quadrature."""
-    mesh = _mesh(body, electrodes, conductance_S)
+def untouched_fields(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS,
+                     degree: int | None = DEGREE) -> Fields:
+    """The potentials, on a mesh on which the readings of a skin with an outline are known to a relative error, and
+    their gradients by a quadrature."""
+    mesh = _mesh(body, electrodes, conductance_S, known_to)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     nodes = potential[:len(mesh.nodes_m)]
     gradient, area = gradients(mesh, nodes, degree=degree)
     return Fields(mesh, nodes, quadrature_points(mesh, degree=degree), area, gradient)
 
 
-def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
+def _mesh(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float) -> SkinMesh:
     if body.has_outline:
-        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES)
+        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES, known_to)
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
     radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)

@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, gradients, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Circle, Scattered, outgoing_gradient, position, ring_share
 from eitsim.electrics.forward.far_field import DEGREE, Fields, first_order, untouched_fields
+from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.outline.edge_response import Edges, edge_loads, edges_of, outgoing_waves
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance
 from eitsim.numerics.conductor_elimination import Elimination, solve
@@ -39,7 +40,6 @@ class _UniformSkin:
     """The uniform skin on one mesh: its untouched fields, its response, and its edges."""
 
     fields: Fields
-    heat: Array  # (cells, q) squared gradients, summed over electrodes, times areas
     response: Elimination
     edges: Edges
 
@@ -56,10 +56,9 @@ class _Samples:
 
 @lru_cache(maxsize=4)
 def _uniform_skin(body: Body, electrodes: Electrodes, conductance_S: float) -> _UniformSkin:
-    fields, z = untouched_fields(body, electrodes, conductance_S), contact_impedances(electrodes)
+    fields, z = untouched_fields(body, electrodes, conductance_S, READINGS), contact_impedances(electrodes)
     sheet = np.full(len(fields.mesh.cells), conductance_S)
-    return _UniformSkin(fields, fields.area_m2 * np.sum(fields.gradient**2, axis=(2, 3)),
-                        eliminated(fields.mesh, sheet, z), edges_of(fields.mesh, z))
+    return _UniformSkin(fields, eliminated(fields.mesh, sheet, z), edges_of(fields.mesh, z))
 
 
 def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
@@ -98,7 +97,7 @@ def _samples(known: _UniformSkin, body: Body, conductance_S: float, punch: Punch
     cells = np.flatnonzero(away.max(axis=1) > inner - size)
     change = sheet_conductance(fields.points_m[cells], punch, touch, skin, law) - conductance_S * np.eye(2)
     change = np.sqrt(change[..., 0, 0] ** 2 + 2 * change[..., 0, 1] ** 2 + change[..., 1, 1] ** 2)
-    weight = np.sum(change * known.heat[cells], axis=1)
+    weight = np.sum(change * fields.heat[cells], axis=1)
     order = np.argsort(weight)
     counts = order[np.cumsum(weight[order]) > _LEFT_OUT * weight.sum()]
     cells, change = cells[counts], change[counts]

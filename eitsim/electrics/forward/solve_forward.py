@@ -94,9 +94,10 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     The untouched skin is solved once a sensor (`untouched_impedance`). "multipole" adds what the touches,
     stacks of rings about the punches, scatter: together in circles that do not overlap, and each alone out to the
     largest circle about it that fits on the skin, extrapolated from rings half as many. The strain outside counts to
-    second order, in the field that the rings leave, and what strains make of the conductance where they add up to
-    first order. "mesh" takes dV from two solutions on one mesh that follows the touches. "auto" takes the first where
-    it meets `signal`, MARGIN times where an edge changes the touch, else the better of both.
+    second order, in the field that the rings leave, near an edge to third, on a mesh (`outer_correction`), and what
+    strains make of the conductance where they add up to first order. "mesh" takes dV from two solutions on one mesh
+    that follows the touches. "auto" takes the first where it meets `signal`, MARGIN times where an edge changes the
+    touch, else the better of both.
 
     signal_error adds, for "multipole", the change by half as many rings over 15 (fourth order, extrapolated), by three
     quarters of the harmonics, what strain outside the rings makes to second order, half the largest relative change of
@@ -106,9 +107,10 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     rim cuts the contact: near the cut no line of the mesh follows its end. A mesh is halved again where MARGIN times
     its estimate exceeds `signal`. With an outline, "multipole" adds as squares MISSED, the change by half as many rings
     over 15, what is left over the changes by coarser meshes of the edges (`edge_responses`), what harmonics would add
-    as a geometric series, and the second order outside the rings; "mesh", between line electrodes, UNHALVED and what is
-    left over the change from a coarser mesh where errors fall with the square of the number of nodes. No estimate holds
-    what interpolation between the touch's own samples costs.
+    as a geometric series, and the second order outside the rings, or near an edge a third of what their fading end
+    changes of it; "mesh", between line electrodes, UNHALVED and what is left over the change from a coarser mesh where
+    errors fall with the square of the number of nodes. No estimate holds what interpolation between the touch's own
+    samples costs.
 
     MISSED, UNHALVED and LEFT are no bounds. UNHALVED and LEFT were fitted to the even ones of 200 random touches: 93 of
     these 100 estimates lie within a factor of 3 of the error and 85 cover it, 90 and 78 of the odd ones; at one touch

@@ -45,10 +45,11 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
     return skin_mesh(refined(triangulated(body, electrodes, lines), limit), electrodes)
 
 
-def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m2: float) -> SkinMesh:
-    """P2 mesh on which the readings of the untouched skin are known to FIELDS, its triangles of an area, m^2, at most.
-    """
-    base = base_triangles(body, electrodes, conductance_S)
+def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m2: float,
+                known_to: float = FIELDS) -> SkinMesh:
+    """P2 mesh on which the readings of the untouched skin are known to such a relative error, its triangles of an area,
+    m^2, at most."""
+    base = base_triangles(body, electrodes, conductance_S, known_to)
     return skin_mesh(refined(base, lambda mesh: np.full(len(mesh.cells), area_m2)), electrodes)
 
 
