@@ -1,7 +1,8 @@
-"""Electrodes alike and not, narrow to touching, 4 to 64: cost of the untouched skin, and dV by two methods.
+"""Electrodes equal and not, narrow to touching, 4 to 64: cost of the untouched skin, and dV by two methods.
 
-CPU seconds of the first rim and of the next conductance, how far dV by rings and by the mesh that follows the touch lie
-apart (2-norm), and what each tells of its error. Run by `make bench`; writes results/electrodes.csv next to this file.
+CPU seconds of the first rim and of the next conductance, the 2-norm of the difference between dV by rings and by the
+mesh that follows the touch, and the error that each states. Run by `make bench`; writes
+results/electrodes.csv next to this file.
 """
 
 from __future__ import annotations
@@ -63,8 +64,8 @@ def measured(name: str, electrodes: Electrodes) -> dict[str, object]:
     rings, mesh = (solve(BODY, Skin(), electrodes, Drive(), ((PUNCH, pressed()),), LAW, method=method, signal=2e-3)
                    for method in ("multipole", "mesh"))
     kept = np.isfinite(rings.signal_V)
-    apart = np.linalg.norm((rings.signal_V - mesh.signal_V)[kept]) / np.linalg.norm(rings.signal_V[kept])
-    return {"electrodes": name, "rim_first_cpu_s": costs[0], "rim_next_cpu_s": costs[1], "dV_rings_to_mesh": apart,
+    difference = np.linalg.norm((rings.signal_V - mesh.signal_V)[kept]) / np.linalg.norm(rings.signal_V[kept])
+    return {"electrodes": name, "rim_first_cpu_s": costs[0], "rim_next_cpu_s": costs[1], "dV_rings_to_mesh": difference,
             "told_rings": rings.signal_error, "told_mesh": mesh.signal_error, "rings_cpu_s": rings.cpu_s,
             "mesh_cpu_s": mesh.cpu_s}
 
