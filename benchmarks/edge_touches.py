@@ -8,9 +8,9 @@ depth_difference, and the 2-norm of differences of the surface's strains, within
 "edge": that of what the edge changes of the strains, near it less far from all edges, each program by itself, where
 most of what a mesh misses under the punch cancels; both over the 2-norm of the whole strain. "peer": the two finest
 meshes of the peer to each other, its own error and more. "near the edge" is on
-the mesh of tables, "finer near the edge" on that of exact touches near several edges. "one edge" and "one edge, exact"
-are `solve_near_rim`; the stored table is older and has no rows of them (see `edge_resolutions`). "as if no edge" leaves
-the edge out of eitsim's touch, which shows what it changes.
+the mesh of touches near several edges, "finer near the edge" on theirs with --exact. "one edge" and "one edge, exact"
+are `solve_near_rim`, the former what tables have too. "as if no edge" leaves the edge out of eitsim's touch, which
+shows what it changes.
 
 The peer solves its equations on a GPU where PyTorch finds one. MESHES take a processor minutes and know strains in
 plane to 5 to 15 %. The stored table has FINE, 90 GiB of a GPU: EDGE_PEER names a folder that keeps what the peer found
@@ -35,7 +35,7 @@ from rim import strains, two_norm
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.correction import no_correction
-from eitsim.mechanics.rim.solve_near_rim import FINE as TABLES
+from eitsim.mechanics.rim.solve_near_rim import FINE as SEVERAL
 from eitsim.mechanics.rim.solve_near_rim import FULL_DISC, corrected, solve_near_rim
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import STRAINS, Body, Punch
@@ -107,8 +107,8 @@ def rows() -> Iterator[dict[str, object]]:
         depth_m, rough_m = (1e-3 * float(mesh["depth"]) for mesh in peer[:-3:-1])
         punch = replace(PUNCH, x_m=(BODY.width_m or 0) / 2 - gap - PUNCH.diameter_m / 2)
         near = corrected(alone, TABLE_1, BODY, punch)
-        finer = corrected(fine_alone, TABLE_1, BODY, punch, coarse=TABLES,
-                          fine=replace(FULL_DISC, out_to=TABLES.out_to))
+        finer = corrected(fine_alone, TABLE_1, BODY, punch, coarse=SEVERAL,
+                          fine=replace(FULL_DISC, out_to=SEVERAL.out_to))
         one, exact = (solve_near_rim(TABLE_1, BODY, punch, whole=whole) for whole in (False, True))
         assert near.rim is not None
         without = replace(alone, rim=no_correction(near.rim))
