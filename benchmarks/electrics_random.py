@@ -32,7 +32,7 @@ from eitsim.scene.drive import Drive, read_out
 from eitsim.scene.electrodes import Electrodes, arcs
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, Skin
-from eitsim.simulation.plan import near_rim
+from eitsim.simulation.edge_effects import near_rim
 
 BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()
 SCENES, SEED = quick(200, 3), 5

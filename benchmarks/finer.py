@@ -10,8 +10,8 @@ from eitsim.mechanics.rim.solve_near_rim import FULL_DISC, Resolution, corrected
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Scene
+from eitsim.simulation.edge_effects import near_rim
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import near_rim
 from matcal.card import MaterialCard
 
 # meshes of the change by the rim, and the wanted error of the readings

@@ -41,7 +41,7 @@ from eitsim.mechanics.rim.two_punches import LEAST_GAP, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import RimField, Touch, of_strain
 from eitsim.scene.scene import Body, Drive, Electrodes, Hold, Punch, Skin
-from eitsim.simulation.plan import rim_effect
+from eitsim.simulation.edge_effects import rim_effect
 from eitsim.simulation.reuse import decision, table_for
 from matcal.laws.prony import Prony
 from touchcal.errors import NotConverged

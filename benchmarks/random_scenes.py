@@ -21,7 +21,7 @@ from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.scene.scene import FRICTIONS, Scene, scene_from
-from eitsim.simulation.plan import near_rim
+from eitsim.simulation.edge_effects import near_rim
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam

@@ -29,7 +29,7 @@ from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, correc
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
-from eitsim.simulation.plan import near_rim
+from eitsim.simulation.edge_effects import near_rim
 
 CASES = quick(((0.014, 3.0), (0.014, 1.0), (0.008, 0.3), (0.02, 2.0)), ((0.014, 1.0),))
 HANDED_OVER = quick(((0.014, 1.0), (0.014, 3.0)), ((0.014, 1.0),))

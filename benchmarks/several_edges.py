@@ -30,7 +30,7 @@ from eitsim.scene.nearest_edge import nearest_edge
 from eitsim.scene.outline import corners_and_edges
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch
-from eitsim.simulation.plan import rim_effect
+from eitsim.simulation.edge_effects import rim_effect
 from touchcal.jit import cpu_s
 
 RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)

@@ -10,7 +10,8 @@ import pytest
 
 import eitsim
 import matcal
-from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N, least_gap_m
+from eitsim.simulation.edge_effects import least_gap_m
+from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.rows import blank_row

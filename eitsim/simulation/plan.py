@@ -1,7 +1,6 @@
 """What a scene needs, decided before anything is solved, with the reason and the error each decision may cost."""
 
 import itertools
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -15,29 +14,25 @@ from eitsim.mechanics.rim.solve_near_rim import FINE, LEAST_GAP, rim_problem
 from eitsim.mechanics.rim.two_punches import pair_problem
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import lengths, present
-from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge, quarter_distances_m
-from eitsim.scene.outline import Outline
+from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
 from eitsim.scene.results import Decision, Plan
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
+from eitsim.simulation.edge_effects import (
+    RIM_SHARE,
+    effect_of_edges,
+    least_gap_m,
+    near_rim,
+    other_edges_effect,
+    several_edges,
+    stiffening,
+)
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.validity import positive_from, unresolvable
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 
 ONE_CARD = "one card, not its uncertainty"  # What scenes with one card leave out, whatever it is.
-# Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
-# by the rim of depth, of the strain that drives the skin (2-norm) and of dV (2-norm), for 8 mm and 0.3 N, 14 mm and 1
-# and 3 N, 20 mm and 2 N on a disc of 10 x 100 mm (benchmarks/rim.py). In-plane strains change more than the normal one.
-# Beyond the last point it decays with the last two points' rate.
-_GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
-_RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.031, 0.008]),
-               "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
-               "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
-# Parts of the requested signal error that neglecting the rim and solving touches separately may use up.
-_RIM_SHARE, _NEIGHBOUR_SHARE = 0.5, 0.5
-# What one edge changes of another's change, over the product of both as tabulated (benchmarks/several_edges.py): above
-# all that was measured by the normal and by the largest strain in plane.
-_INTERPLAY = 6.0
+_NEIGHBOUR_SHARE = 0.5  # Part of the requested signal error that solving touches separately may use up.
 STEEL_E_PA = 210e9
 _SDS = 3.0  # standard deviations that a bound states; surrogates take it back
 # Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
@@ -56,18 +51,6 @@ _DRIVEN_BY = {"normal": "its strain through the thickness", "principal": "its la
 _DEEPEST = 0.97
 _RINGS = "the untouched skin is solved on its rim, the touch by what its rings scatter"
 _EDGES = "the touch is solved by what its rings scatter, and the edges of the untouched skin send back"
-
-
-def rim_effect(gap_m: float, thickness_m: float, strain: str) -> float:
-    """Largest relative change by the rim, gap_m from the punch's edge; a table, see above.
-
-    strain: what drives the skin, one of scene.STRAINS.
-    """
-    gap, effect = gap_m / thickness_m, _RIM_EFFECT[strain]
-    if gap <= _GAP[-1]:
-        return float(np.interp(gap, _GAP, effect))
-    rate = math.log(effect[-2] / effect[-1]) / (_GAP[-1] - _GAP[-2])
-    return float(effect[-1] * math.exp(-rate * (gap - _GAP[-1])))
 
 
 def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
@@ -177,74 +160,13 @@ def rim_refusal(scene: Scene, punch: Punch) -> str:
     if not problem and scene.hold.time_s and not scene.hold.keeps_deformation:
         problem = ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
                    "loading_s = 0")
-    gap, allowed = rim_gap_m(scene.body, punch), _RIM_SHARE * scene.accuracy.signal
+    gap, allowed = rim_gap_m(scene.body, punch), RIM_SHARE * scene.accuracy.signal
     if not problem or gap < LEAST_GAP * scene.body.radius_m:
         return problem and f"{problem}."
     near, edge = ("the nearest edge of the skin", "edges") if scene.body.has_outline else ("the rim", "the rim")
     return (f"the punch's edge is {gap * 1e3:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
-            f"{edge} may cost {_rim_effect(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
+            f"{edge} may cost {effect_of_edges(scene, punch):.2g} of the signal, allowed is {allowed:.2g} (half "
             f"of signal in [accuracy]). There, {problem}; {_advice(scene)}.")
-
-
-def near_rim(scene: Scene, punch: Punch) -> bool:
-    """Whether neglecting the rim may cost more of the signal than its share of the requested error."""
-    return rim_gap_m(scene.body, punch) <= 0 or _rim_effect(scene, punch) > _RIM_SHARE * scene.accuracy.signal
-
-
-def _rim_effect(scene: Scene, punch: Punch) -> float:
-    """What neglecting the rim may cost; with an outline what all its edges and holes may change."""
-    if scene.body.has_outline:
-        return _edges_effect(scene, scene.body.shape, punch)
-    return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
-
-
-def _edges_effect(scene: Scene, outline: Outline, punch: Punch) -> float:
-    """What the edges of an outline may change: the sum of what the rim of a disc would, as near as the nearest edge in
-    each quarter about the punch."""
-    gaps = quarter_distances_m(outline, (punch.x_m, punch.y_m)) - punch.diameter_m / 2
-    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps.tolist())
-
-
-def _stiffening(scene: Scene, punch: Punch) -> float:
-    """What electrodes that do not give way may change: as much as the edges that may carry them, which of a skin with
-    electrodes along its outer edge is that one alone."""
-    if scene.electrodes.kind == "line" and scene.body.holes_m:
-        return _edges_effect(scene, replace(scene.body.shape, holes_m=()), punch)
-    return _rim_effect(scene, punch)
-
-
-def several_edges(scene: Scene, punch: Punch) -> bool:
-    """Whether a touch near an edge of an outline must be solved with all edges: in corners, next to holes, in strips,
-    where the others may cost more of the signal than their share of the requested error."""
-    return (scene.body.has_outline and near_rim(scene, punch)
-            and _other_edges_effect(scene, punch) > _RIM_SHARE * scene.accuracy.signal)
-
-
-def _other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -> float:
-    """What the edges but the nearest may cost: the sum of what the rim of a disc would, as near as the nearest of them
-    in each quarter about the punch; outside: of those further from its edge than so many thicknesses."""
-    others = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
-    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in others.tolist()
-               if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
-
-
-def added_edges_cost(scene: Scene, punch: Punch, reach: float) -> float:
-    """What adding up the changes by several edges, each found by itself, may cost of the signal: products of two of
-    them, and those of edges further from the punch's edge than a reach, thicknesses."""
-    effects = [rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in (
-        quarter_distances_m(scene.body, (punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()]
-    products = sum(one * other for one, other in itertools.combinations(effects, 2))
-    return _INTERPLAY * products + _other_edges_effect(scene, punch, reach)
-
-
-def least_gap_m(scene: Scene) -> float:
-    """Least distance, m, of a punch's edge to the rim, or to both edges of a right-angled corner, at which neglecting
-    them costs no more than its share of the requested error; infinite beyond ten thicknesses."""
-    thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
-    ways = (1.0, 1.0, math.sqrt(2), math.sqrt(2)) if scene.body.has_outline else (1.0,)
-    near = np.array([sum(rim_effect(way * gap * thickness, thickness, scene.skin.strain) for way in ways)
-                     for gap in gaps]) > _RIM_SHARE * scene.accuracy.signal
-    return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness)
 
 
 def _advice(scene: Scene) -> str:
@@ -289,7 +211,7 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
                        "times as much (benchmarks/rim_electrodes.py). Where a touch's dipole nearly vanishes both are "
                        "larger parts of its signal than the bound; soft = true in [electrodes] says that they give way"
                        + ("; holes carry none" if scene.electrodes.kind == "line" and scene.body.holes_m else ""),
-                       max(_stiffening(scene, punch) for punch in scene.punches),
+                       max(stiffening(scene, punch) for punch in scene.punches),
                        remedy="Where yours give way, as paint, foil and thin wires do, write soft = true in "
                               "[electrodes].")
     yield Decision("the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is "
@@ -333,7 +255,7 @@ def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[D
         yield Decision("a conducting punch touches where it would without the rim", "what the rim changes of the "
                        "contact's end is not built; with the contact of the three-dimensional solution dV changed by "
                        "up to 1.9 % (flat, gaps of 3 to 20 mm) and 9.4 % (sphere, 5 mm)",
-                       _CONTACT_SHARE * _rim_effect(scene, punch))
+                       _CONTACT_SHARE * effect_of_edges(scene, punch))
 
 
 def _electrode_decisions(scene: Scene) -> Iterator[Decision]:
@@ -395,7 +317,7 @@ def _all_edges_decision(scene: Scene, punch: Punch) -> Decision:
                     f"{_from_edge(scene, punch)}; circles about the punch are cut where the {outline} cuts them; a "
                     "coarser mesh with fewer harmonics tells the error, which counts in the result's own; the bound is "
                     f"of edges further away than {FINE.out_to:g} thicknesses",
-                    _other_edges_effect(scene, punch, FINE.out_to) if scene.body.has_outline else 0.0)
+                    other_edges_effect(scene, punch, FINE.out_to) if scene.body.has_outline else 0.0)
 
 
 def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
@@ -408,7 +330,7 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
         kind = "a straight one" if straight else f"part of a circle of {nearest.disc_m * 1e3:.0f} mm"
         return Decision("mechanics in three dimensions near one edge, as a change of the axisymmetric touch",
                         f"{where}, taken as {kind}; a coarser mesh with fewer harmonics tells the error, which counts "
-                        "in the result's own; the bound is of the other edges", _other_edges_effect(scene, punch))
+                        "in the result's own; the bound is of the other edges", other_edges_effect(scene, punch))
     if scene.body.has_outline:
         where += ("; solved on the disc of the outline's area, and bounded by what rims of discs change that are as "
                   "near as the edges in each quarter about it")
@@ -421,7 +343,7 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
         return Decision("mechanics in three dimensions near the rim, as a change of the axisymmetric touch",
                         f"{where}; a coarser mesh with fewer harmonics tells the error, which counts in the result's "
                         "own", 0.0)
-    return Decision("mechanics axisymmetric about the punch", where, _rim_effect(scene, punch))
+    return Decision("mechanics axisymmetric about the punch", where, effect_of_edges(scene, punch))
 
 
 def _friction_decision(punch: Punch, rim: bool) -> Decision:

@@ -14,8 +14,8 @@ from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.scene.results import Decision, Touch, of_strain
 from eitsim.scene.scene import Punch, Scene, profile_of
+from eitsim.simulation.edge_effects import added_edges_cost, near_rim, several_edges
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import added_edges_cost, near_rim, several_edges
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal import cache

@@ -20,7 +20,8 @@ from eitsim.mechanics.rim.two_punches import FINEST, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Body, Punch, Scene
-from eitsim.simulation.plan import near_edges, near_rim, several_edges
+from eitsim.simulation.edge_effects import near_rim, several_edges
+from eitsim.simulation.plan import near_edges
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from touchcal import cache

@@ -25,8 +25,9 @@ from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, p
 from eitsim.scene.scene import Scene
 from eitsim.simulation.derivatives.conductance_variation import conductance_change, rooms_m, variations
 from eitsim.simulation.derivatives.tangent import settled
+from eitsim.simulation.edge_effects import near_rim
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import make_plan, near_rim, together
+from eitsim.simulation.plan import make_plan, together
 from matcal.card import MaterialCard
 from touchcal.csv_numbers import cells
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from eitsim.scene.outline import Outline, edge_distance_m, loops
 from eitsim.scene.scene import Scene, scene_from
-from eitsim.simulation.plan import least_gap_m
+from eitsim.simulation.edge_effects import least_gap_m
 from touchcal.arrays import Array, Mask
 
 _CELLS = 256  # Cells along the longer side of the outline, in which the distance to the edges is known.

@@ -19,8 +19,9 @@ from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
 from eitsim.scene.scene import Punch, Scene
 from eitsim.simulation import reuse
+from eitsim.simulation.edge_effects import added_edges_cost, near_rim, several_edges
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import added_edges_cost, near_rim, rim_refusal, several_edges
+from eitsim.simulation.plan import rim_refusal
 from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, deviation_of, numbers_of, shape_for, table_for
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes

@@ -34,7 +34,7 @@ from eitsim.mechanics.rim.solve_near_rim import (
 from eitsim.mechanics.solid import hyperfoam_3d
 from eitsim.scene.results import RimField
 from eitsim.scene.scene import Body, Punch, Scene, Skin
-from eitsim.simulation.plan import near_rim, rim_effect
+from eitsim.simulation.edge_effects import near_rim, rim_effect
 from matcal.laws import hyperfoam
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam

@@ -18,9 +18,10 @@ from eitsim.scene.outline_electrodes import middles_m
 from eitsim.scene.results import Decision
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Punch, Scene, rim_gap_m
 from eitsim.simulation.derivatives.readings import check_differentiable
+from eitsim.simulation.edge_effects import least_gap_m, near_rim, rim_effect
 from eitsim.simulation.error_budget import explain_excess
 from eitsim.simulation.foam_fields import write_vtu
-from eitsim.simulation.plan import least_gap_m, make_plan, near_rim, rim_effect
+from eitsim.simulation.plan import make_plan
 from eitsim.simulation.result_json import result_document
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard

@@ -12,7 +12,8 @@ import pytest
 from eitsim.electrics.sheet.sheet_conductance import dipole, principal_conductances, stretches, untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.scene import STRAINS, Body, Punch, Skin, scene_from
-from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N, make_plan, rim_effect
+from eitsim.simulation.edge_effects import rim_effect
+from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N, make_plan
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam

@@ -8,7 +8,7 @@ import pytest
 from eitsim.electrics.forward.gridded_fields import StoredFields, blank, inside, places
 from eitsim.scene.outline import area_m2, edge_distance_m
 from eitsim.scene.scene import Body, scene_from
-from eitsim.simulation.plan import least_gap_m
+from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.sweeps.design.design import design_from, kept_from_edges, scene_at
 from eitsim.sweeps.design.outline_places import on_outline
 
