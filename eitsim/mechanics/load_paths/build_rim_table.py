@@ -24,7 +24,7 @@ from eitsim.mechanics.load_paths.rim_table import Solved, cells_of, change_from,
 from eitsim.mechanics.load_paths.table import carried_over, edge_of, parts_of, touch_from
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.mechanics.rim.correction import RimCorrection, with_error
-from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, LEAST_GAP, ONE_EDGE, rim_changes
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, LEAST_GAP, rim_changes
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Punch
 from touchcal.arrays import Array
@@ -180,8 +180,7 @@ def _changes(table: Table, place: Place) -> tuple[Touch, Punch, Iterator[RimCorr
     """What `loaded` gives, and its changes on the coarse and on the finer mesh."""
     law, body, _ = parts_of(table.shape, place[0])
     touch, punch = loaded(table, place)
-    fine = ONE_EDGE if table.shape.straight else FINE
-    return touch, punch, rim_changes(law, body, punch, (COARSE, fine), edge_of(table.shape, *place[:2]))
+    return touch, punch, rim_changes(law, body, punch, (COARSE, FINE), edge_of(table.shape, *place[:2]))
 
 
 def _with_errors(table: Table, place: Place, touch: Touch, punch: Punch, rough: RimCorrection,

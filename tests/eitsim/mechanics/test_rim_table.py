@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from eitsim.electrics.forward.nominal_sensor import signal_differences
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.load_paths.build_rim_table import GRID, Grid, build_rim, checked, refined
 from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.load_path import Deviation
@@ -27,7 +28,7 @@ from eitsim.mechanics.load_paths.rim_table import (
 )
 from eitsim.mechanics.load_paths.table import shape_of, state, touch_from, with_diameters
 from eitsim.mechanics.load_paths.types import RimTable, Table
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import ROUGH, corrected, solve_near_rim
 from eitsim.scene.drive import as_tuples
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, scene_from
@@ -107,11 +108,14 @@ def straight():
 @pytest.mark.parametrize("body", [RECTANGLE, Body(outline="polygon", points_m=(
     (0.1, 0.1), (-0.1, 0.15), (-0.1, -0.15), (0.1, -0.1)))])
 def test_one_table_serves_straight_edges_of_any_outline(straight, body: Body) -> None:
-    """It is made on a disc whose rim is far; touches solved anew on the outline are recovered."""
+    """It is made on a disc whose rim is far; touches solved anew on the outline, on the table's mesh, are
+    recovered. Single touches near one edge have a finer one, from which signals differ by up to four times the
+    table's error here."""
     punch = pressed(straight, 8e-3, 0.09)
     alone = touch_from(straight, FOAM, body, punch)
     assert alone is not None
-    quick, fresh = near_rim_from(straight, alone, body, punch), solve_near_rim(FOAM, body, punch)
+    quick, fresh = near_rim_from(straight, alone, body, punch), corrected(
+        solve_touch(FOAM, body, punch), FOAM, body, punch, rough=ROUGH)
     assert quick is not None
     assert quick.rim is not None
     assert fresh.rim is not None
