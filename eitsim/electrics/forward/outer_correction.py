@@ -18,7 +18,7 @@ from eitsim.electrics.forward.far_field import DEGREE, Fields, first_order, unto
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.outline.edge_response import Edges, edge_loads, edges_of, outgoing_waves
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance
-from eitsim.numerics.conductor_elimination import Elimination, solve
+from eitsim.numerics.conductor_elimination import Elimination, solve_between
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
@@ -28,9 +28,10 @@ from matcal.laws.conductivity import Conductivity
 _FADES = ((8.0, 1.0), (3.0, 1 / 3))
 # Length of parts of cells over the width of the ring in which the circle's change fades, on that ring.
 _ACROSS = 0.5
-# Part of the first order, in untouched fields and without signs, that the cells left out may have; and of the size of
-# the strongest of the fields there, as combinations of electrodes, from which others count.
+# Part of the first order, in untouched fields and without signs, that the cells left out may have.
 _LEFT_OUT = 1e-4
+# Part of the size of the strongest of the fields there, as combinations of electrodes, from which others count.
+_WEAKEST = 1e-3
 # What is left over what `_faded` changes: fields inside the circle's last tenth are taken to first order in its depth.
 _LEFT = 1 / 3
 
@@ -50,7 +51,8 @@ class _Samples:
 
     points_m: Array  # (n, 2)
     area_m2: Array  # (n,)
-    slope: csr_array  # (2 n, nodes) x and y of gradients at the points by potentials of nodes
+    node: Indices  # (nodes,) those of the cells among the mesh's
+    slope: csr_array  # (2 n, nodes) x and y of gradients at the points by potentials of these nodes
     combination: Array  # (electrodes, N)
 
 
@@ -73,7 +75,8 @@ def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, p
     change = sheet_conductance(samples.points_m, punch, touch, skin, law) - conductance_S * np.eye(2)
     combined = samples.combination
     rings = replace(rings, outgoing=rings.outgoing @ combined)
-    potential = known.fields.potential @ combined + _returned(known, conductance_S, circle, rings)
+    potential = known.fields.potential[samples.node] @ combined
+    potential += _returned(known, conductance_S, circle, rings, samples.node)
     field = _at(samples, potential) + outgoing_gradient(rings, circle, samples.points_m)
     fading, area = radius < reach_m, samples.area_m2
     left = (1 - share) * change
@@ -81,11 +84,10 @@ def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, p
     field[fading] = _faded(seen, away[fading] / radius[fading, None], (share * change)[fading], conductance_S)
     unsure = first_order(area[fading], seen, left[fading]) - first_order(area[fading], field[fading], left[fading])
     flow = _flow(area, left, field)
-    currents = np.zeros((len(known.fields.mesh.nodes_m) + known.fields.mesh.count, flow.shape[-1]))
-    currents[:len(potential)] = samples.slope.T @ flow.reshape(-1, flow.shape[-1])
-    answer = solve(known.response, currents)[:len(potential)]
+    currents = samples.slope.T @ flow.reshape(-1, flow.shape[-1])
+    answer = solve_between(known.response, samples.node, currents, samples.node)
     third = first_order(area, _at(samples, answer), left)
-    whole = _power(field, flow) + currents[:len(potential)].T @ answer + third
+    whole = _power(field, flow) + currents.T @ answer + third
     return combined @ whole @ combined.T, _LEFT * (combined @ unsure @ combined.T)
 
 
@@ -106,17 +108,19 @@ def _samples(known: _UniformSkin, body: Body, conductance_S: float, punch: Punch
     found = [_sampled(replace(fields.mesh, cells=fields.mesh.cells[cells[parts == count]]), count)
              for count in np.unique(parts).tolist()]
     points, area, slope, nodes = (np.concatenate(part) for part in zip(*found, strict=True))
-    start = np.arange(0, slope.size + 1, slope.shape[1])
-    return _Samples(points, area, csr_array((slope.ravel(), nodes.ravel(), start), shape=(
-        len(slope), len(fields.mesh.nodes_m))), combination)
+    node, start = np.unique(fields.mesh.cells[cells]), np.arange(0, slope.size + 1, slope.shape[1])
+    column = np.empty(len(fields.mesh.nodes_m), dtype=int)
+    column[node] = np.arange(len(node))
+    return _Samples(points, area, node, csr_array((slope.ravel(), column[nodes.ravel()], start),
+                                                  shape=(len(slope), len(node))), combination)
 
 
 def _combinations(gradient: Array, weight: Array) -> Array:
     """(electrodes, N) orthonormal combinations of electrodes whose fields (cells, q, 2, electrodes), weighted by
-    (cells, q), are no smaller than _LEFT_OUT of the strongest."""
+    (cells, q), are no smaller than _WEAKEST of the strongest."""
     flat = (gradient * np.sqrt(weight)[..., None, None]).reshape(-1, gradient.shape[-1])
     power, combination = np.linalg.eigh(flat.T @ flat)
-    return combination[:, power >= _LEFT_OUT**2 * power[-1]]
+    return combination[:, power >= _WEAKEST**2 * power[-1]]
 
 
 def _parts(size_m: Array, away_m: Array, thickness_m: float, contact_m: float, reach_m: float) -> Indices:
@@ -143,14 +147,11 @@ def _at(samples: _Samples, potential: Array) -> Array:
     return np.asarray(samples.slope @ potential).reshape(len(samples.area_m2), 2, -1)
 
 
-def _returned(known: _UniformSkin, conductance_S: float, circle: Circle, rings: Scattered) -> Array:
-    """Potentials (nodes, N) of what edges send back to a circle."""
+def _returned(known: _UniformSkin, conductance_S: float, circle: Circle, rings: Scattered, node: Indices) -> Array:
+    """Potentials (nodes, N) at nodes of what edges send back to a circle."""
     wave, slope = outgoing_waves(known.edges, [circle], len(rings.outgoing))
     loads = edge_loads(known.edges, conductance_S, wave, slope) @ rings.outgoing.conj()
-    nodes, mesh = len(known.fields.mesh.nodes_m), known.fields.mesh
-    currents = np.zeros((nodes + mesh.count, loads.shape[1]))
-    currents[known.edges.unknown] = loads.real
-    return solve(known.response, currents)[:nodes]
+    return solve_between(known.response, known.edges.unknown, loads.real, node)
 
 
 def _faded(field: Array, outwards: Array, change: Array, conductance_S: float) -> Array:
