@@ -107,8 +107,9 @@ def _polar(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: f
     points = np.array([punch.x_m, punch.y_m]) + radius_m[..., None, None] * radial
     found = sheet.sheet_conductance(points, punch, touch, skin, law)
     free, share = sheet.untouched_conductance(law, skin), ring_share(radius_m, reach_m)[..., None]
-    rr, rh, hh = (np.einsum("ja,...jab,jb->...j", one, found, other, optimize=True)
-                  for one, other in ((radial, radial), (radial, hoop), (hoop, hoop)))
+    xx, xy, yy = found[..., 0, 0], found[..., 0, 1], found[..., 1, 1]
+    rr, rh, hh = (one[:, 0] * other[:, 0] * xx + (one[:, 0] * other[:, 1] + one[:, 1] * other[:, 0]) * xy
+                  + one[:, 1] * other[:, 1] * yy for one, other in ((radial, radial), (radial, hoop), (hoop, hoop)))
     to_punch = shunts(points, ((punch, touch),))[0] if punch.conductor else np.zeros_like(rr)
     return free + share * (rr - free), share * rh, free + share * (hh - free), to_punch
 
@@ -135,7 +136,9 @@ def _elements(step: Array, power: list[Array], to_punch: Array | None) -> Array:
 
 def _products(one: Array, conductance: Array, other: Array) -> Array:
     """(..., n, n) of functions (n, angles) by a conductance (..., angles): 1/pi times the integral around."""
-    return (one * conductance[..., None, :]) @ other.T * (2 / one.shape[1])
+    count, angles = one.shape
+    pairs = (one[:, None] * other * (2 / angles)).reshape(count**2, angles)
+    return (conductance @ pairs.T).reshape(*conductance.shape[:-1], count, count)
 
 
 def _joined(elements: Array, core: Array, held: float) -> Array:

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse import csr_array
 
-from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, gradients, quadrature_points
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, quadrature_points, slopes
 from eitsim.electrics.cem.ring_scattering import FULL, Circle, Scattered, outgoing_gradient, position, ring_share
 from eitsim.electrics.forward.far_field import DEGREE, Fields, first_order, untouched_fields
 from eitsim.electrics.outline.adapted_mesh import READINGS
@@ -97,28 +97,28 @@ def _samples(known: _UniformSkin, body: Body, conductance_S: float, punch: Punch
     fields, place = known.fields, np.array([punch.x_m, punch.y_m])
     away, size, inner = np.linalg.norm(fields.points_m - place, axis=-1), fields.size_m, FULL * reach_m
     cells = np.flatnonzero(away.max(axis=1) > inner - size)
-    change = sheet_conductance(fields.points_m[cells], punch, touch, skin, law) - conductance_S * np.eye(2)
+    change = sheet_conductance(fields.points_m[cells].mean(axis=1), punch, touch, skin, law) - conductance_S * np.eye(2)
     change = np.sqrt(change[..., 0, 0] ** 2 + 2 * change[..., 0, 1] ** 2 + change[..., 1, 1] ** 2)
-    weight = np.sum(change * fields.heat[cells], axis=1)
+    weight = change * fields.heat[cells].sum(axis=1)
     order = np.argsort(weight)
     counts = order[np.cumsum(weight[order]) > _LEFT_OUT * weight.sum()]
     cells, change = cells[counts], change[counts]
-    combination = _combinations(fields.gradient[cells], change * fields.area_m2[cells])
+    combination = _combinations(fields.gradient[cells].mean(axis=1), change * size[cells] ** 2)
     parts = _parts(size[cells], away[cells].min(axis=1), body.thickness_m, touch.contact_radius_m, reach_m)
     found = [_sampled(replace(fields.mesh, cells=fields.mesh.cells[cells[parts == count]]), count)
              for count in np.unique(parts).tolist()]
     points, area, slope, nodes = (np.concatenate(part) for part in zip(*found, strict=True))
-    node, start = np.unique(fields.mesh.cells[cells]), np.arange(0, slope.size + 1, slope.shape[1])
-    column = np.empty(len(fields.mesh.nodes_m), dtype=int)
-    column[node] = np.arange(len(node))
+    there, start = np.zeros(len(fields.mesh.nodes_m), dtype=bool), np.arange(0, slope.size + 1, slope.shape[1])
+    there[fields.mesh.cells[cells]] = True
+    node, column = np.flatnonzero(there), np.cumsum(there) - 1
     return _Samples(points, area, node, csr_array((slope.ravel(), column[nodes.ravel()], start),
                                                   shape=(len(slope), len(node))), combination)
 
 
 def _combinations(gradient: Array, weight: Array) -> Array:
-    """(electrodes, N) orthonormal combinations of electrodes whose fields (cells, q, 2, electrodes), weighted by
-    (cells, q), are no smaller than _WEAKEST of the strongest."""
-    flat = (gradient * np.sqrt(weight)[..., None, None]).reshape(-1, gradient.shape[-1])
+    """(electrodes, N) orthonormal combinations of electrodes whose fields (cells, 2, electrodes), weighted by
+    (cells,), are no smaller than _WEAKEST of the strongest."""
+    flat = (gradient * np.sqrt(weight)[:, None, None]).reshape(-1, gradient.shape[-1])
     power, combination = np.linalg.eigh(flat.T @ flat)
     return combination[:, power >= _WEAKEST**2 * power[-1]]
 
@@ -134,12 +134,10 @@ def _parts(size_m: Array, away_m: Array, thickness_m: float, contact_m: float, r
 
 def _sampled(mesh: SkinMesh, parts: int) -> tuple[Array, Array, Array, Indices]:
     """Points (n, 2) of cells in parts, their areas (n,), and slopes (2 n, k), of functions of nodes (2 n, k)."""
-    degree, count = DEGREE if parts == 1 else None, mesh.cells.shape[1]
-    alone = replace(mesh, nodes_m=mesh.nodes_m[mesh.cells].reshape(-1, 2),
-                    cells=np.arange(mesh.cells.size).reshape(mesh.cells.shape))
-    slope, area = gradients(alone, np.tile(np.eye(count), (len(mesh.cells), 1)), parts, degree)
+    degree = DEGREE if parts == 1 else None
+    slope, area = slopes(mesh, parts, degree)
     nodes = np.repeat(mesh.cells, 2 * area.shape[1], axis=0)
-    return quadrature_points(mesh, parts, degree).reshape(-1, 2), area.ravel(), slope.reshape(-1, count), nodes
+    return quadrature_points(mesh, parts, degree).reshape(-1, 2), area.ravel(), slope.reshape(nodes.shape), nodes
 
 
 def _at(samples: _Samples, potential: Array) -> Array:
