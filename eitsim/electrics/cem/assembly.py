@@ -86,7 +86,7 @@ def joined_over_areas(mesh: SkinMesh, cell: Indices, conductance: Array) -> Arra
 def dissection(mesh: SkinMesh, floating: Floating | None = None) -> Dissection:
     """Order of elimination of nodes, then floating conductors, then electrodes; it fits every mesh with these cells,
     conductors and electrodes, wherever its nodes are. ValueError where a node belongs to no cell."""
-    place = mesh.nodes_m[mesh.cells].mean(axis=1)
+    place = np.stack([along[mesh.cells].mean(axis=1) for along in mesh.nodes_m.T], axis=1)
     if place.shape[1] == 3:  # seen along the direction in which a sheet in space extends least
         place = place @ np.linalg.svd(place - place.mean(axis=0), full_matrices=False)[2][:2].T
     return dissect(place, _blocks(mesh, floating), _conductors(floating) + mesh.count)
