@@ -1,9 +1,9 @@
 """Touches that edges change: every circular harmonic scatters into others.
 
 In polar coordinates t = ln r, angle about the punch the potential is a sum of cosines and sines of the angle; its power
-int S_rr u_t^2 + 2 S_rh u_t u_h + S_hh u_h^2 dt dh is that of quadratic elements in t. Rings of elements are joined from the
-punch outwards, and what is left is the admittance at the outermost circle. Where a touch is symmetric about a line, cosines
-of the angle from it do not mix with sines, and half of every ring is enough.
+int S_rr u_t^2 + 2 S_rh u_t u_h + S_hh u_h^2 dt dh is that of quadratic elements in t. Rings of elements are joined from
+the punch outwards, and what is left is the admittance at the outermost circle. Where a touch is symmetric about a line,
+cosines of the angle from it do not mix with sines, and half of every ring is enough.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from touchcal.jit import compiled
 _ANGLES = 24
 _SAME = 1e-6  # Radii closer than this share of the outermost one are one.
 _GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
-# Values and slopes (point, node) on an element from -1 to 1 of the functions of its inner end, its middle and its outer end.
+# Values and slopes (point, node) on an element from -1 to 1 of the functions of its inner end, middle and outer end.
 _VALUE = np.stack([_GAUSS * (_GAUSS - 1) / 2, 1 - _GAUSS**2, _GAUSS * (_GAUSS + 1) / 2], axis=1)
 _SLOPE = np.stack([_GAUSS - 0.5, -2 * _GAUSS, _GAUSS + 0.5], axis=1)
 
@@ -121,11 +121,12 @@ def _elements(step: Array, power: list[Array], to_punch: Array | None) -> Array:
     slope, value = 2 * _SLOPE, _VALUE
     length = step[:, None, None, None]
     count = power[0].shape[-1]
-    terms = np.concatenate([power[0] / length, power[1], power[1].swapaxes(-1, -2), power[2] * length], axis=1)
+    terms = np.concatenate([part.swapaxes(0, 1) for part in (
+        power[0] / length, power[1], power[1].swapaxes(-1, -2), power[2] * length)])
     nodal = np.concatenate([(one[:, :, None] * other[:, None] / 2).reshape(len(one), -1) for one, other in (
         (slope, slope), (slope, value), (value, slope), (value, value))])
-    parts = (nodal.T @ terms.reshape(len(step), len(nodal), -1)).reshape(len(step), 3, 3, count, count)
-    whole = parts.swapaxes(2, 3).reshape(len(step), 3 * count, 3 * count)
+    parts = (nodal.T @ terms.reshape(len(nodal), -1)).reshape(3, 3, len(step), count, count)
+    whole = parts.transpose(2, 0, 3, 1, 4).reshape(len(step), 3 * count, 3 * count)
     if to_punch is None:
         return whole
     flow = np.einsum("qa,eqm->eam", value, to_punch * step[:, None, None] / 2).reshape(len(step), -1)
@@ -157,7 +158,7 @@ def _joined(elements: Array, core: Array, held: float) -> Array:
 @compiled
 def _outwards(elements, count, known):
     """Admittances, those that are known at the inner end of the first element becoming those at the outer end of the
-    last: what the ends and middles inside have is eliminated, in upper triangles."""
+    last: what the ends and middles inside have is eliminated, two at a time, in upper triangles."""
     size, kept = elements.shape[-1], len(known)
     front = np.empty((size, size))
     for element in elements:
@@ -165,12 +166,16 @@ def _outwards(elements, count, known):
         for i in range(kept):
             for j in range(kept):
                 front[i if i < count else i + 2 * count, j if j < count else j + 2 * count] += known[i, j]
-        for k in range(2 * count):
-            above = front[k]
-            for i in range(k + 1, size):
-                share, row = above[i] / above[k], front[i]
+        for k in range(0, 2 * count, 2):
+            one, other = front[k], front[k + 1]
+            share = one[k + 1] / one[k]
+            for j in range(k + 1, size):
+                other[j] -= share * one[j]
+            by_one, by_other = 1 / one[k], 1 / other[k + 1]
+            for i in range(k + 2, size):
+                p, q, row = one[i] * by_one, other[i] * by_other, front[i]
                 for j in range(i, size):
-                    row[j] -= share * above[j]
+                    row[j] -= p * one[j] + q * other[j]
         for i in range(kept):
             for j in range(i, kept):
                 known[i, j] = known[j, i] = front[2 * count + i, 2 * count + j]

@@ -43,6 +43,7 @@ class _UniformSkin:
     """The uniform skin on one mesh: its untouched fields, its response, and its edges."""
 
     fields: Fields
+    gradient: Array  # (cells, 2, N) of these in the middle of each cell, Ohm/m
     response: Elimination
     edges: Edges
 
@@ -65,7 +66,8 @@ def _uniform_skin(body: Body, electrodes: Electrodes, conductance_S: float) -> _
     response = eliminated(mesh, np.full(len(mesh.cells), conductance_S), z)
     nodes = np.arange(len(mesh.nodes_m))
     potential = solve_between(response, len(nodes) + np.arange(count), np.eye(count) - 1 / count, nodes)
-    return _UniformSkin(fields_of(mesh, potential), response, edges_of(mesh, z))
+    fields = fields_of(mesh, potential)
+    return _UniformSkin(fields, fields.gradient.mean(axis=1), response, edges_of(mesh, z))
 
 
 def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
@@ -108,7 +110,7 @@ def _samples(known: _UniformSkin, body: Body, conductance_S: float, punch: Punch
     order = np.argsort(weight)
     counts = order[np.cumsum(weight[order]) > _LEFT_OUT * weight.sum()]
     cells, change = cells[counts], change[counts]
-    combination = _combinations(fields.gradient[cells].mean(axis=1), change * size[cells] ** 2)
+    combination = _combinations(known.gradient[cells], change * size[cells] ** 2)
     parts = _parts(size[cells], away[cells].min(axis=1), body.thickness_m, touch.contact_radius_m, reach_m)
     found = [_sampled(replace(fields.mesh, cells=fields.mesh.cells[cells[parts == count]]), count)
              for count in np.unique(parts).tolist()]

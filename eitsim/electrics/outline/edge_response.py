@@ -170,7 +170,8 @@ def arriving(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     order = np.tile(np.arange(1, orders + 1), len(circles))
     wave, slope = outgoing_waves(response.arriving, circles, orders)
     inflow = wave * (response.arriving.contact_S / response.conductance_S)[:, None]
-    return (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
+    parts = inflow.view(float).T @ response.driving_V - slope.view(float).T @ response.potential_V
+    return (parts[::2] + 1j * parts[1::2]) / (2 * np.pi * order[:, None])
 
 
 def couplings(outline: Outline, electrodes: Electrodes, conductance_S: float, circles: Sequence[Circle],
