@@ -104,13 +104,13 @@ def _samples(known: _UniformSkin, body: Body, conductance_S: float, punch: Punch
     fields, place = known.fields, np.array([punch.x_m, punch.y_m])
     away, size, inner = np.linalg.norm(fields.points_m - place, axis=-1), fields.size_m, FULL * reach_m
     cells = np.flatnonzero(away.max(axis=1) > inner - size)
-    change = sheet_conductance(fields.points_m[cells].mean(axis=1), punch, touch, skin, law) - conductance_S * np.eye(2)
+    change = sheet_conductance(fields.points_m[cells], punch, touch, skin, law) - conductance_S * np.eye(2)
     change = np.sqrt(change[..., 0, 0] ** 2 + 2 * change[..., 0, 1] ** 2 + change[..., 1, 1] ** 2)
-    weight = change * fields.heat[cells].sum(axis=1)
+    weight = np.sum(change * fields.heat[cells], axis=1)
     order = np.argsort(weight)
     counts = order[np.cumsum(weight[order]) > _LEFT_OUT * weight.sum()]
     cells, change = cells[counts], change[counts]
-    combination = _combinations(known.gradient[cells], change * size[cells] ** 2)
+    combination = _combinations(known.gradient[cells], np.sum(change * fields.area_m2[cells], axis=1))
     parts = _parts(size[cells], away[cells].min(axis=1), body.thickness_m, touch.contact_radius_m, reach_m)
     found = [_sampled(replace(fields.mesh, cells=fields.mesh.cells[cells[parts == count]]), count)
              for count in np.unique(parts).tolist()]

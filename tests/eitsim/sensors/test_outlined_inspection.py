@@ -162,7 +162,8 @@ def test_electrodes_on_the_surface_are_inspected_too() -> None:
     scene = Scene(body=RECTANGLE, electrodes=Electrodes(
         kind="surface", count=12, x_m=tuple(x), y_m=tuple(y), width_m=0.006, contact_impedance_Ohm_m2=1e-4))
     one = Sensor(scene.body, scene.skin, scene.electrodes, scene.drive)
-    clean = read_out(one.drive, solve_untouched(RECTANGLE.shape, one.electrodes, SHEET_S, READINGS).impedance_Ohm).ravel()
+    rest = solve_untouched(RECTANGLE.shape, one.electrodes, SHEET_S, READINGS).impedance_Ohm
+    clean = read_out(one.drive, rest).ravel()
     found = inspect(Recording(clean[None], np.array([0]), None, np.array([""]), "voltage", Path("frames.csv")), one)
     assert found.agrees is True
     assert (1, 0) in found.placements
