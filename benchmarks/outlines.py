@@ -26,7 +26,7 @@ from eitsim.electrics.cem.assembly import dissection, impedance, quadrature_poin
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
-from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.outline.triangles import skin_mesh
 from eitsim.electrics.sheet.sheet_conductance import principal_conductances, touched_conductance
@@ -266,7 +266,7 @@ def mapped(name: str) -> Iterator[dict[str, object]]:
 def same_triangles(name: str) -> dict[str, object]:
     """Readings of random conductances on the linear triangles of an untouched body, by EIDORS' formulas."""
     body, electrodes = sensor(name)
-    mesh = skin_mesh(solve_untouched(body, electrodes, S).triangles, electrodes, "P1")
+    mesh = skin_mesh(solve_untouched(body, electrodes, S, READINGS).triangles, electrodes, "P1")
     sheet, z = S * np.exp(np.random.default_rng(2).normal(size=len(mesh.cells))), contact_impedances(electrodes)
     begun = time.process_time()
     found = impedance(mesh, sheet, z)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.numerics.nested_dissection import Dissection
+from eitsim.numerics.nested_dissection import Dissection, Indices
 from touchcal.arrays import Array
 from touchcal.jit import compiled
 
@@ -39,21 +39,36 @@ class Elimination:
 def eliminate(dissection: Dissection, weights: Array) -> Elimination:
     """Eliminate all unknowns but the last. Weights (pairs,) as dissection.pairs. Detached where a pivot is not
     positive; ValueError where there are not as many weights as pairs."""
-    row_start = _layout(dissection)[0]
+    row_start = _rows_of(dissection)[0]
     rows = np.empty(row_start[-1])
     return Elimination(dissection, weights, rows, _eliminated(dissection, weights, row_start, rows))
 
 
 def solve(elimination: Elimination, currents: Array) -> Array:
     """Potentials (size, k) for currents (size, k) into the unknowns, the last one at 0 whatever its current is."""
-    dissection = elimination.dissection
-    x = currents[dissection.order]
-    row_start, _, largest, _ = _layout(dissection)
-    _substitute(dissection.height, dissection.first, dissection.begin, dissection.member, row_start, elimination.rows,
-                elimination.inverse, np.empty((largest, x.shape[1])), np.empty((largest, x.shape[1])), x)
-    out = np.empty_like(x)
-    out[dissection.order] = x
+    order = elimination.dissection.order
+    out = np.empty_like(currents)
+    out[order] = _substituted(elimination, currents[order], np.ones(len(elimination.dissection.height), dtype=bool))
     return out
+
+
+def solve_between(elimination: Elimination, into: Indices, currents: Array, asked: Indices) -> Array:
+    """Potentials (asked, k) of some unknowns, as `solve`, for currents (into, k) into some, each given once."""
+    dissection = elimination.dissection
+    place = dissection.place
+    x, leads = np.zeros((len(place), currents.shape[1])), np.zeros(len(dissection.height), dtype=bool)
+    x[place[into]] = currents
+    leads[np.searchsorted(dissection.first, place[asked], side="right").clip(max=len(leads)) - 1] = True
+    return _substituted(elimination, x, leads)[place[asked]]
+
+
+def _substituted(elimination: Elimination, x: Array, leads: NDArray[np.bool_]) -> Array:
+    """Currents x (size, k), in the order of elimination, made potentials: those of fronts that are marked."""
+    dissection = elimination.dissection
+    row_start, largest = _rows_of(dissection)
+    _substitute(dissection.height, dissection.first, dissection.begin, dissection.member, row_start, elimination.rows,
+                elimination.inverse, np.empty((largest, x.shape[1])), np.empty((largest, x.shape[1])), leads, x)
+    return x
 
 
 def impedance_alone(dissection: Dissection, weights: Array, count: int) -> Array:
@@ -83,12 +98,13 @@ def residual(elimination: Elimination, currents: Array, potentials: Array) -> Ar
     return out
 
 
-def _eliminated(dissection: Dissection, weights: Array, row_start: NDArray[np.int64], rows: Array) -> Array:
+def _eliminated(dissection: Dissection, weights: Array, row_start: Indices, rows: Array) -> Array:
     """Reciprocals of the pivots; fills the rows of each front from its start on."""
     if weights.shape != dissection.source.shape:
         raise ValueError(f"an order of elimination for {len(dissection.source)} pairs of unknowns got {len(weights)} "
                          "weights; take the order of this very mesh.")
-    _, passed_start, largest, most = _layout(dissection)
+    passed_start, most = _passed_on(dissection.height, np.diff(dissection.begin) - np.diff(dissection.first))
+    largest = _rows_of(dissection)[1]
     inverse = np.empty(len(dissection.order) - 1)
     stopped = _eliminate(dissection.height, dissection.first, dissection.begin, dissection.into, dissection.source,
                          dissection.target, dissection.leaf, row_start, passed_start, weights, np.empty(largest**2),
@@ -98,16 +114,24 @@ def _eliminated(dissection: Dissection, weights: Array, row_start: NDArray[np.in
     return inverse
 
 
-def _layout(dissection: Dissection) -> tuple[NDArray[np.int64], NDArray[np.int64], int, int]:
-    """Where the rows of each front begin, where what it passes on, in the place of what its children passed on; the
-    members of the largest front, and the most that is passed on at a time."""
-    members, pivots = np.diff(dissection.begin), np.diff(dissection.first)
-    size = (members - pivots) * (members - pivots - 1) // 2
-    start, top = np.zeros(len(size), dtype=np.int64), 0
-    for t, h in enumerate(dissection.height):
-        start[t] = top if h == 0 else start[t - (1 << int(h))]
-        top = start[t] + size[t]
-    return np.append(0, np.cumsum(pivots * members)), start, int(members.max()), int((start + size).max())
+def _rows_of(dissection: Dissection) -> tuple[Indices, int]:
+    """Where the rows of each front begin, and the members of the largest one."""
+    members = np.diff(dissection.begin)
+    return np.append(0, np.cumsum(np.diff(dissection.first) * members)), int(members.max())
+
+
+@compiled
+def _passed_on(height, left):
+    """Where what each front passes on begins, in the place of what its children passed on, of the unknowns that are
+    left in each; and the most that is passed on at a time."""
+    start, most = np.zeros(len(height), np.int64), 0
+    for t in range(len(height)):
+        if height[t] > 0:
+            start[t] = start[t - (1 << height[t])]
+        elif t > 0:
+            start[t] = start[t - 1] + left[t - 1] * (left[t - 1] - 1) // 2
+        most = max(most, start[t] + left[t] * (left[t] - 1) // 2)
+    return start, most
 
 
 @compiled
@@ -196,10 +220,12 @@ def _update_by_four(front, k, inverse):
 
 
 @compiled
-def _substitute(height, first, begin, member, row_start, all_rows, inverse, local, sums, x):
+def _substitute(height, first, begin, member, row_start, all_rows, inverse, local, sums, leads, x):
     """Currents x (size, k), in the order of elimination, become potentials: down the tree, where there are currents,
-    then up."""
+    then up, on the way to fronts that are marked."""
     for t in range(len(height)):
+        if height[t] > 0:
+            leads[t] |= leads[t - (1 << height[t])] | leads[t - 1]
         size, pivots = begin[t + 1] - begin[t], first[t + 1] - first[t]
         if not x[first[t]:first[t + 1]].any():
             continue
@@ -210,6 +236,8 @@ def _substitute(height, first, begin, member, row_start, all_rows, inverse, loca
                 x[member[begin[t] + i], v] += sums[i, v]
     x[-1] = 0.0
     for t in range(len(height) - 1, -1, -1):
+        if not leads[t]:
+            continue
         size, pivots = begin[t + 1] - begin[t], first[t + 1] - first[t]
         rows = all_rows[row_start[t]:row_start[t + 1]].reshape(pivots, size)
         local[:pivots] = 0.0

@@ -38,6 +38,11 @@ class Dissection:
     leaf: Indices  # (leaves + 1,) where each leaf begins in `source`
 
     @cached_property
+    def place(self) -> Indices:
+        """(size,) place in `order` of each unknown."""
+        return np.argsort(self.order)
+
+    @cached_property
     def pairs(self) -> Indices:
         """(pairs, 2) unknowns of every pair within an element, element by element, block by block."""
         return np.concatenate([block[:, np.triu_indices(block.shape[1], 1)].swapaxes(1, 2).reshape(-1, 2)

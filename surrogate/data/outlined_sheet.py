@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.electrics.outline.edge_response import EdgeResponse, arriving, edge_responses
 from eitsim.scene.electrodes import contact_impedances, widths
 from eitsim.scene.outline import Outline, corners_and_edges, edge_distance_m, inside, squared_distance
@@ -64,7 +64,7 @@ def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float,
     pole, line = (pole - centre) / reach, (line - centre) / reach
     basis = 1 / (pole - line[:, None])
     strength = np.asarray(np.linalg.lstsq(basis, field, rcond=_RELATIVE)[0], np.complex128)
-    impedance = solve_untouched(outline, electrodes, conductance_S).impedance_Ohm
+    impedance = solve_untouched(outline, electrodes, conductance_S, READINGS).impedance_Ohm
     described = np.column_stack([1e3 * middles_m(outline, electrodes), 1e3 * widths(electrodes),
                                  contact_impedances(electrodes)])
     return Sheet(1e3 * start, 1e3 * end, described, 1e3 * origin, 1e3 * away, pole, strength,

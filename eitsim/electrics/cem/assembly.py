@@ -86,7 +86,7 @@ def joined_over_areas(mesh: SkinMesh, cell: Indices, conductance: Array) -> Arra
 def dissection(mesh: SkinMesh, floating: Floating | None = None) -> Dissection:
     """Order of elimination of nodes, then floating conductors, then electrodes; it fits every mesh with these cells,
     conductors and electrodes, wherever its nodes are. ValueError where a node belongs to no cell."""
-    place = mesh.nodes_m[mesh.cells].mean(axis=1)
+    place = np.stack([along[mesh.cells].mean(axis=1) for along in mesh.nodes_m.T], axis=1)
     if place.shape[1] == 3:  # seen along the direction in which a sheet in space extends least
         place = place @ np.linalg.svd(place - place.mean(axis=0), full_matrices=False)[2][:2].T
     return dissect(place, _blocks(mesh, floating), _conductors(floating) + mesh.count)
@@ -233,14 +233,24 @@ def _resolved(z: Array) -> Array:
 def gradients(mesh: SkinMesh, potential: Array, parts: int = 1, degree: int | None = None) -> tuple[Array, Array]:
     """Gradients (cells, q, 2, k) of nodal potentials (n, k) at the `quadrature_points` of a flat sheet, and their areas
     (cells, q)."""
-    _, gradient, weights, _ = _reference(mesh.element, degree, parts)
+    gradient = _reference(mesh.element, degree, parts)[1]
     points, nodes, _ = gradient.shape
+    local = gradient.swapaxes(1, 2).reshape(-1, nodes) @ potential[mesh.cells]
+    return _in_the_plane(mesh, parts, degree, *np.moveaxis(local.reshape(len(mesh.cells), points, 2, -1), 2, 0))
+
+
+def slopes(mesh: SkinMesh, parts: int = 1, degree: int | None = None) -> tuple[Array, Array]:
+    """Gradients (cells, q, 2, nodes) of the functions of each cell's nodes, and areas, as `gradients`."""
+    return _in_the_plane(mesh, parts, degree, *np.moveaxis(_reference(mesh.element, degree, parts)[1], 2, 0))
+
+
+def _in_the_plane(mesh: SkinMesh, parts: int, degree: int | None, along: Array, across: Array) -> tuple[Array, Array]:
+    """Gradients (cells, q, 2, k) and areas (cells, q) of slopes ([cells,] q, k) by the reference element's axes."""
+    _, gradient, weights, _ = _reference(mesh.element, degree, parts)
     x = mesh.nodes_m[mesh.cells]
     xr, xs, yr, ys = (x[..., i] @ gradient[..., j].T for i in (0, 1) for j in (0, 1))
     det = xr * ys - xs * yr
-    local = gradient.swapaxes(1, 2).reshape(-1, nodes) @ potential[mesh.cells]
-    along, across = np.moveaxis(local.reshape(len(x), points, 2, -1), 2, 0)
-    found = np.empty((len(x), points, 2, potential.shape[1]))
+    found = np.empty((*det.shape, 2, along.shape[-1]))
     found[:, :, 0] = (ys / det)[..., None] * along - (yr / det)[..., None] * across
     found[:, :, 1] = (xr / det)[..., None] * across - (xs / det)[..., None] * along
     return found, weights * np.abs(det)

@@ -1,9 +1,9 @@
 """Touches that edges change: every circular harmonic scatters into others.
 
 In polar coordinates t = ln r, angle about the punch the potential is a sum of cosines and sines of the angle; its power
-int S_rr u_t^2 + 2 S_rh u_t u_h + S_hh u_h^2 dt dh is that of quadratic elements in t. Rings of elements are joined pair
-by pair, and what is left is the admittance at the outermost circle. Where a touch is symmetric about a line, cosines
-of the angle from it do not mix with sines, and half of every ring is enough.
+int S_rr u_t^2 + 2 S_rh u_t u_h + S_hh u_h^2 dt dh is that of quadratic elements in t. Rings of elements are joined from
+the punch outwards, and what is left is the admittance at the outermost circle. Where a touch is symmetric about a line,
+cosines of the angle from it do not mix with sines, and half of every ring is enough.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,16 @@ from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch, Skin
 from matcal.laws.conductivity import Conductivity
+from touchcal.jit import compiled
 
 # Angles at which half a ring is sampled: exact for products of two harmonics and a change of conductance up to the
 # harmonic twice this less both.
 _ANGLES = 24
 _SAME = 1e-6  # Radii closer than this share of the outermost one are one.
 _GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
-# Values and slopes (point, node) on an element from -1 to 1 of the functions of its ends and its middle.
-_VALUE = np.stack([_GAUSS * (_GAUSS - 1) / 2, _GAUSS * (_GAUSS + 1) / 2, 1 - _GAUSS**2], axis=1)
-_SLOPE = np.stack([_GAUSS - 0.5, _GAUSS + 0.5, -2 * _GAUSS], axis=1)
+# Values and slopes (point, node) on an element from -1 to 1 of the functions of its inner end, middle and outer end.
+_VALUE = np.stack([_GAUSS * (_GAUSS - 1) / 2, 1 - _GAUSS**2, _GAUSS * (_GAUSS + 1) / 2], axis=1)
+_SLOPE = np.stack([_GAUSS - 0.5, -2 * _GAUSS, _GAUSS + 0.5], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,65 +107,78 @@ def _polar(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: f
     points = np.array([punch.x_m, punch.y_m]) + radius_m[..., None, None] * radial
     found = sheet.sheet_conductance(points, punch, touch, skin, law)
     free, share = sheet.untouched_conductance(law, skin), ring_share(radius_m, reach_m)[..., None]
-    rr, rh, hh = (np.einsum("ja,...jab,jb->...j", one, found, other, optimize=True)
-                  for one, other in ((radial, radial), (radial, hoop), (hoop, hoop)))
+    xx, xy, yy = found[..., 0, 0], found[..., 0, 1], found[..., 1, 1]
+    rr, rh, hh = (one[:, 0] * other[:, 0] * xx + (one[:, 0] * other[:, 1] + one[:, 1] * other[:, 0]) * xy
+                  + one[:, 1] * other[:, 1] * yy for one, other in ((radial, radial), (radial, hoop), (hoop, hoop)))
     to_punch = shunts(points, ((punch, touch),))[0] if punch.conductor else np.zeros_like(rr)
     return free + share * (rr - free), share * rh, free + share * (hh - free), to_punch
 
 
 def _elements(step: Array, power: list[Array], to_punch: Array | None) -> Array:
-    """Admittances (e, n + n [+ 1], the same) of elements between harmonics at their inner end, at their outer one and,
-    where the sheet is joined to it, the punch. Power (e, q, n, n) of slopes, of slopes and values, and of values, and
-    what flows from these (e, q, n) to the punch, both per step."""
+    """Admittances (e, 3 n [+ 1], the same) of elements between harmonics at their inner end, in their middle, at their
+    outer end and, where the sheet is joined to it, the punch. Power (e, q, n, n) of slopes, of slopes and values, and
+    of values, and what flows from these (e, q, n) to the punch, both per step."""
     slope, value = 2 * _SLOPE, _VALUE
     length = step[:, None, None, None]
     count = power[0].shape[-1]
-    terms = np.concatenate([power[0] / length, power[1], power[1].swapaxes(-1, -2), power[2] * length], axis=1)
+    terms = np.concatenate([part.swapaxes(0, 1) for part in (
+        power[0] / length, power[1], power[1].swapaxes(-1, -2), power[2] * length)])
     nodal = np.concatenate([(one[:, :, None] * other[:, None] / 2).reshape(len(one), -1) for one, other in (
         (slope, slope), (slope, value), (value, slope), (value, value))])
-    parts = (nodal.T @ terms.reshape(len(step), len(nodal), -1)).reshape(len(step), 3, 3, count, count)
-    whole = parts.swapaxes(2, 3).reshape(len(step), 3 * count, 3 * count)
-    if to_punch is not None:
-        flow = np.einsum("qa,eqm->eam", value, to_punch * step[:, None, None] / 2).reshape(len(step), -1)
-        joined = np.concatenate([whole, -flow[:, :, None]], axis=2)
-        own = np.append(-flow, flow[:, ::count].sum(axis=1, keepdims=True), axis=1)
-        whole = np.concatenate([joined, own[:, None]], axis=1)
-        order = np.concatenate([np.arange(2 * count), [3 * count], 2 * count + np.arange(count)])
-        whole = whole[:, order[:, None], order]
-    return _without_last(whole, count)
+    parts = (nodal.T @ terms.reshape(len(nodal), -1)).reshape(3, 3, len(step), count, count)
+    whole = parts.transpose(2, 0, 3, 1, 4).reshape(len(step), 3 * count, 3 * count)
+    if to_punch is None:
+        return whole
+    flow = np.einsum("qa,eqm->eam", value, to_punch * step[:, None, None] / 2).reshape(len(step), -1)
+    joined = np.concatenate([whole, -flow[:, :, None]], axis=2)
+    own = np.append(-flow, flow[:, ::count].sum(axis=1, keepdims=True), axis=1)
+    return np.concatenate([joined, own[:, None]], axis=1)
 
 
 def _products(one: Array, conductance: Array, other: Array) -> Array:
     """(..., n, n) of functions (n, angles) by a conductance (..., angles): 1/pi times the integral around."""
-    return (one * conductance[..., None, :]) @ other.T * (2 / one.shape[1])
-
-
-def _without_last(matrix: Array, count: int) -> Array:
-    """Schur complements of the last unknowns of matrices (..., n, n)."""
-    kept = matrix.shape[-1] - count
-    return matrix[..., :kept, :kept] - matrix[..., :kept, kept:] @ np.linalg.solve(
-        matrix[..., kept:, kept:], matrix[..., kept:, :kept])
+    count, angles = one.shape
+    pairs = (one[:, None] * other * (2 / angles)).reshape(count**2, angles)
+    return (conductance @ pairs.T).reshape(*conductance.shape[:-1], count, count)
 
 
 def _joined(elements: Array, core: Array, held: float) -> Array:
     """Admittance (n, n) at the outer end of elements joined at their ends, that of the core (n,) at the inner one, of
     which the first harmonic is joined to the punch, where there is one, by an admittance."""
     count = len(core)
-    size = elements.shape[-1] + count
-    inner = np.concatenate([np.arange(count), size - count + np.arange(count), np.arange(2 * count, size - count)])
-    outer = np.concatenate([inner[count:2 * count], np.arange(count, size - count)])
-    while len(elements) > 1:
-        pairs = len(elements) // 2
-        whole = np.zeros((pairs, size, size))
-        whole[:, inner[:, None], inner] += elements[:2 * pairs:2]
-        whole[:, outer[:, None], outer] += elements[1:2 * pairs:2]
-        elements = np.concatenate([_without_last(whole, count), elements[2 * pairs:]])
-    (whole,) = elements
-    whole[:count, :count] += np.diag(core)
-    if len(whole) > 2 * count:
-        whole[np.ix_([0, -1], [0, -1])] += held * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    last = np.roll(np.arange(len(whole)), -count)
-    return _without_last(whole[last[:, None], last], len(whole) - count)
+    inner = np.zeros((elements.shape[-1] - 2 * count,) * 2)
+    inner[:count, :count] = np.diag(core)
+    if len(inner) > count:
+        inner[np.ix_([0, -1], [0, -1])] += held * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    _outwards(elements, count, inner)
+    return inner[:count, :count] - inner[:count, count:] @ inner[count:, :count] / inner[-1:, -1:] if len(
+        inner) > count else inner
+
+
+@compiled
+def _outwards(elements, count, known):
+    """Admittances, those that are known at the inner end of the first element becoming those at the outer end of the
+    last: what the ends and middles inside have is eliminated, two at a time, in upper triangles."""
+    size, kept = elements.shape[-1], len(known)
+    front = np.empty((size, size))
+    for element in elements:
+        front[:] = element
+        for i in range(kept):
+            for j in range(kept):
+                front[i if i < count else i + 2 * count, j if j < count else j + 2 * count] += known[i, j]
+        for k in range(0, 2 * count, 2):
+            one, other = front[k], front[k + 1]
+            share = one[k + 1] / one[k]
+            for j in range(k + 1, size):
+                other[j] -= share * one[j]
+            by_one, by_other = 1 / one[k], 1 / other[k + 1]
+            for i in range(k + 2, size):
+                p, q, row = one[i] * by_one, other[i] * by_other, front[i]
+                for j in range(i, size):
+                    row[j] -= p * one[j] + q * other[j]
+        for i in range(kept):
+            for j in range(i, kept):
+                known[i, j] = known[j, i] = front[2 * count + i, 2 * count + j]
 
 
 def _turned(matrix: Array, m: Indices, angle: float) -> Array:

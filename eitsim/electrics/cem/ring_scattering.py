@@ -145,8 +145,8 @@ def scattered_gradient(found: Scattered, circle: Circle, points_m: Array) -> Arr
     """Gradients (n, 2, N), V/m, of what one circle sends out and gets back, at points (n, 2); the series of what comes
     back converges no further than the circle's image in the edge."""
     place = _places(circle, points_m)
-    m = np.arange(1, len(found.outgoing) + 1)
-    slope = (_powers(place, 0, len(m)) * m) @ found.returned + _outgoing_slope(found, place)
+    m = np.arange(1, len(found.outgoing) + 1)[:, None]
+    slope = _powers(place, 0, len(m)) @ (m * found.returned) + _outgoing_slope(found, place)
     return np.stack([slope.real, -slope.imag], axis=1) / circle[1]
 
 
@@ -163,8 +163,8 @@ def _places(circle: Circle, points_m: Array) -> Complex:
 
 
 def _outgoing_slope(found: Scattered, place: Complex) -> Complex:
-    m = np.arange(1, len(found.outgoing) + 1)
-    return -(_powers(np.reciprocal(place), 2, len(m)) * m) @ found.outgoing.conj()
+    m = np.arange(1, len(found.outgoing) + 1)[:, None]
+    return _powers(np.reciprocal(place), 2, len(m)) @ (-m * found.outgoing.conj())
 
 
 def _powers(place: Complex, first: int, count: int) -> Complex:

@@ -10,7 +10,7 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
-from eitsim.electrics.outline.touch_mesh import FIELDS, fields_mesh
+from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import (
     principal_conductances,
     sheet_conductance,
@@ -26,7 +26,7 @@ from matcal.laws.conductivity import Conductivity
 # Level of the rim's angles, rings of the fixed mesh and the width of the outermost one over the radius.
 _LEVEL, _RINGS, _LAST = 2, 16, 4e-3
 # Triangles of a skin with an outline, about; cells near touches are sampled as the foam's thickness asks.
-_TRIANGLES = 2000
+TRIANGLES = 2000
 # Degree of exactness of the quadrature where cells are not cut: that of products of their gradients; where touches meet
 # strains vary within a cell too, and it is the element's own.
 DEGREE = 2
@@ -67,20 +67,23 @@ class Fields:
 
 
 @lru_cache(maxsize=8)
-def untouched_fields(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS,
-                     degree: int | None = DEGREE) -> Fields:
-    """The potentials, on a mesh on which the readings of a skin with an outline are known to a relative error, and
-    their gradients by a quadrature."""
-    mesh = _mesh(body, electrodes, conductance_S, known_to)
+def untouched_fields(body: Body, electrodes: Electrodes, conductance_S: float, degree: int | None = DEGREE) -> Fields:
+    """The potentials, on a mesh on which the readings of a skin with an outline are known to FIELDS, and their
+    gradients by a quadrature."""
+    mesh = _mesh(body, electrodes, conductance_S)
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
-    nodes = potential[:len(mesh.nodes_m)]
-    gradient, area = gradients(mesh, nodes, degree=degree)
-    return Fields(mesh, nodes, quadrature_points(mesh, degree=degree), area, gradient)
+    return fields_of(mesh, potential[:len(mesh.nodes_m)], degree)
 
 
-def _mesh(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float) -> SkinMesh:
+def fields_of(mesh: SkinMesh, potential: Array, degree: int | None = DEGREE) -> Fields:
+    """The fields of potentials of the nodes (nodes, N), Ohm, by a quadrature."""
+    gradient, area = gradients(mesh, potential, degree=degree)
+    return Fields(mesh, potential, quadrature_points(mesh, degree=degree), area, gradient)
+
+
+def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
     if body.has_outline:
-        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / _TRIANGLES, known_to)
+        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / TRIANGLES)
     angles, electrode = rim_angles(body, electrodes, _LEVEL)
     radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)

@@ -12,14 +12,16 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse import csr_array
 
-from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, gradients, quadrature_points
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, quadrature_points, slopes
 from eitsim.electrics.cem.ring_scattering import FULL, Circle, Scattered, outgoing_gradient, position, ring_share
-from eitsim.electrics.forward.far_field import DEGREE, Fields, first_order, untouched_fields
+from eitsim.electrics.forward.far_field import DEGREE, TRIANGLES, Fields, fields_of, first_order
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.outline.edge_response import Edges, edge_loads, edges_of, outgoing_waves
+from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance
-from eitsim.numerics.conductor_elimination import Elimination, solve
+from eitsim.numerics.conductor_elimination import Elimination, solve_between
 from eitsim.scene.electrodes import contact_impedances
+from eitsim.scene.outline import area_m2
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
@@ -28,9 +30,10 @@ from matcal.laws.conductivity import Conductivity
 _FADES = ((8.0, 1.0), (3.0, 1 / 3))
 # Length of parts of cells over the width of the ring in which the circle's change fades, on that ring.
 _ACROSS = 0.5
-# Part of the first order, in untouched fields and without signs, that the cells left out may have; and of the size of
-# the strongest of the fields there, as combinations of electrodes, from which others count.
+# Part of the first order, in untouched fields and without signs, that the cells left out may have.
 _LEFT_OUT = 1e-4
+# Part of the size of the strongest of the fields there, as combinations of electrodes, from which others count.
+_WEAKEST = 1e-3
 # What is left over what `_faded` changes: fields inside the circle's last tenth are taken to first order in its depth.
 _LEFT = 1 / 3
 
@@ -40,6 +43,7 @@ class _UniformSkin:
     """The uniform skin on one mesh: its untouched fields, its response, and its edges."""
 
     fields: Fields
+    gradient: Array  # (cells, 2, N) of these in the middle of each cell, Ohm/m
     response: Elimination
     edges: Edges
 
@@ -50,15 +54,20 @@ class _Samples:
 
     points_m: Array  # (n, 2)
     area_m2: Array  # (n,)
-    slope: csr_array  # (2 n, nodes) x and y of gradients at the points by potentials of nodes
+    node: Indices  # (nodes,) those of the cells among the mesh's
+    slope: csr_array  # (2 n, nodes) x and y of gradients at the points by potentials of these nodes
     combination: Array  # (electrodes, N)
 
 
 @lru_cache(maxsize=4)
 def _uniform_skin(body: Body, electrodes: Electrodes, conductance_S: float) -> _UniformSkin:
-    fields, z = untouched_fields(body, electrodes, conductance_S, READINGS), contact_impedances(electrodes)
-    sheet = np.full(len(fields.mesh.cells), conductance_S)
-    return _UniformSkin(fields, eliminated(fields.mesh, sheet, z), edges_of(fields.mesh, z))
+    mesh = fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / TRIANGLES, READINGS)
+    z, count = contact_impedances(electrodes), mesh.count
+    response = eliminated(mesh, np.full(len(mesh.cells), conductance_S), z)
+    nodes = np.arange(len(mesh.nodes_m))
+    potential = solve_between(response, len(nodes) + np.arange(count), np.eye(count) - 1 / count, nodes)
+    fields = fields_of(mesh, potential)
+    return _UniformSkin(fields, fields.gradient.mean(axis=1), response, edges_of(mesh, z))
 
 
 def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, punch: Punch, touch: Touch, skin: Skin,
@@ -73,7 +82,8 @@ def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, p
     change = sheet_conductance(samples.points_m, punch, touch, skin, law) - conductance_S * np.eye(2)
     combined = samples.combination
     rings = replace(rings, outgoing=rings.outgoing @ combined)
-    potential = known.fields.potential @ combined + _returned(known, conductance_S, circle, rings)
+    potential = known.fields.potential[samples.node] @ combined
+    potential += _returned(known, conductance_S, circle, rings, samples.node)
     field = _at(samples, potential) + outgoing_gradient(rings, circle, samples.points_m)
     fading, area = radius < reach_m, samples.area_m2
     left = (1 - share) * change
@@ -81,11 +91,10 @@ def outer_correction(body: Body, electrodes: Electrodes, conductance_S: float, p
     field[fading] = _faded(seen, away[fading] / radius[fading, None], (share * change)[fading], conductance_S)
     unsure = first_order(area[fading], seen, left[fading]) - first_order(area[fading], field[fading], left[fading])
     flow = _flow(area, left, field)
-    currents = np.zeros((len(known.fields.mesh.nodes_m) + known.fields.mesh.count, flow.shape[-1]))
-    currents[:len(potential)] = samples.slope.T @ flow.reshape(-1, flow.shape[-1])
-    answer = solve(known.response, currents)[:len(potential)]
+    currents = samples.slope.T @ flow.reshape(-1, flow.shape[-1])
+    answer = solve_between(known.response, samples.node, currents, samples.node)
     third = first_order(area, _at(samples, answer), left)
-    whole = _power(field, flow) + currents[:len(potential)].T @ answer + third
+    whole = _power(field, flow) + currents.T @ answer + third
     return combined @ whole @ combined.T, _LEFT * (combined @ unsure @ combined.T)
 
 
@@ -101,22 +110,24 @@ def _samples(known: _UniformSkin, body: Body, conductance_S: float, punch: Punch
     order = np.argsort(weight)
     counts = order[np.cumsum(weight[order]) > _LEFT_OUT * weight.sum()]
     cells, change = cells[counts], change[counts]
-    combination = _combinations(fields.gradient[cells], change * fields.area_m2[cells])
+    combination = _combinations(known.gradient[cells], np.sum(change * fields.area_m2[cells], axis=1))
     parts = _parts(size[cells], away[cells].min(axis=1), body.thickness_m, touch.contact_radius_m, reach_m)
     found = [_sampled(replace(fields.mesh, cells=fields.mesh.cells[cells[parts == count]]), count)
              for count in np.unique(parts).tolist()]
     points, area, slope, nodes = (np.concatenate(part) for part in zip(*found, strict=True))
-    start = np.arange(0, slope.size + 1, slope.shape[1])
-    return _Samples(points, area, csr_array((slope.ravel(), nodes.ravel(), start), shape=(
-        len(slope), len(fields.mesh.nodes_m))), combination)
+    there, start = np.zeros(len(fields.mesh.nodes_m), dtype=bool), np.arange(0, slope.size + 1, slope.shape[1])
+    there[fields.mesh.cells[cells]] = True
+    node, column = np.flatnonzero(there), np.cumsum(there) - 1
+    return _Samples(points, area, node, csr_array((slope.ravel(), column[nodes.ravel()], start),
+                                                  shape=(len(slope), len(node))), combination)
 
 
 def _combinations(gradient: Array, weight: Array) -> Array:
-    """(electrodes, N) orthonormal combinations of electrodes whose fields (cells, q, 2, electrodes), weighted by
-    (cells, q), are no smaller than _LEFT_OUT of the strongest."""
-    flat = (gradient * np.sqrt(weight)[..., None, None]).reshape(-1, gradient.shape[-1])
+    """(electrodes, N) orthonormal combinations of electrodes whose fields (cells, 2, electrodes), weighted by
+    (cells,), are no smaller than _WEAKEST of the strongest."""
+    flat = (gradient * np.sqrt(weight)[:, None, None]).reshape(-1, gradient.shape[-1])
     power, combination = np.linalg.eigh(flat.T @ flat)
-    return combination[:, power >= _LEFT_OUT**2 * power[-1]]
+    return combination[:, power >= _WEAKEST**2 * power[-1]]
 
 
 def _parts(size_m: Array, away_m: Array, thickness_m: float, contact_m: float, reach_m: float) -> Indices:
@@ -130,12 +141,10 @@ def _parts(size_m: Array, away_m: Array, thickness_m: float, contact_m: float, r
 
 def _sampled(mesh: SkinMesh, parts: int) -> tuple[Array, Array, Array, Indices]:
     """Points (n, 2) of cells in parts, their areas (n,), and slopes (2 n, k), of functions of nodes (2 n, k)."""
-    degree, count = DEGREE if parts == 1 else None, mesh.cells.shape[1]
-    alone = replace(mesh, nodes_m=mesh.nodes_m[mesh.cells].reshape(-1, 2),
-                    cells=np.arange(mesh.cells.size).reshape(mesh.cells.shape))
-    slope, area = gradients(alone, np.tile(np.eye(count), (len(mesh.cells), 1)), parts, degree)
+    degree = DEGREE if parts == 1 else None
+    slope, area = slopes(mesh, parts, degree)
     nodes = np.repeat(mesh.cells, 2 * area.shape[1], axis=0)
-    return quadrature_points(mesh, parts, degree).reshape(-1, 2), area.ravel(), slope.reshape(-1, count), nodes
+    return quadrature_points(mesh, parts, degree).reshape(-1, 2), area.ravel(), slope.reshape(nodes.shape), nodes
 
 
 def _at(samples: _Samples, potential: Array) -> Array:
@@ -143,14 +152,11 @@ def _at(samples: _Samples, potential: Array) -> Array:
     return np.asarray(samples.slope @ potential).reshape(len(samples.area_m2), 2, -1)
 
 
-def _returned(known: _UniformSkin, conductance_S: float, circle: Circle, rings: Scattered) -> Array:
-    """Potentials (nodes, N) of what edges send back to a circle."""
+def _returned(known: _UniformSkin, conductance_S: float, circle: Circle, rings: Scattered, node: Indices) -> Array:
+    """Potentials (nodes, N) at nodes of what edges send back to a circle."""
     wave, slope = outgoing_waves(known.edges, [circle], len(rings.outgoing))
     loads = edge_loads(known.edges, conductance_S, wave, slope) @ rings.outgoing.conj()
-    nodes, mesh = len(known.fields.mesh.nodes_m), known.fields.mesh
-    currents = np.zeros((nodes + mesh.count, loads.shape[1]))
-    currents[known.edges.unknown] = loads.real
-    return solve(known.response, currents)[:nodes]
+    return solve_between(known.response, known.edges.unknown, loads.real, node)
 
 
 def _faded(field: Array, outwards: Array, change: Array, conductance_S: float) -> Array:

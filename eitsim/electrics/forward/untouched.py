@@ -10,7 +10,7 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, impedance
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
-from eitsim.electrics.outline.adapted_mesh import impedance_by_log_contact, solve_untouched
+from eitsim.electrics.outline.adapted_mesh import READINGS, impedance_by_log_contact, solve_untouched
 from eitsim.scene.channels import channel_readings
 from eitsim.scene.drive import protocol, read_out
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, identical, present, there
@@ -103,7 +103,7 @@ def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float
     """Impedance matrix (N, N), Ohm, of electrodes that all have contact, on a skin of sheet conductance S, S;
     read-only."""
     if body.has_outline:
-        return solve_untouched(body.shape, electrodes, conductance_S).impedance_Ohm
+        return solve_untouched(body.shape, electrodes, conductance_S, READINGS).impedance_Ohm
     if electrodes.kind == "line":
         return solve_rim(body, electrodes, conductance_S).impedance_Ohm
     return _with_patches(body, electrodes, conductance_S)

@@ -10,12 +10,13 @@ from eitsim.electrics.cem.adjoint import impedance_by_contact
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, potentials
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.triangles import Triangles, cut, refined, skin_mesh, triangulated
+from eitsim.numerics.nested_dissection import Dissection
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.outline import Outline, area_m2
 from eitsim.scene.scene import Electrodes
 from touchcal.errors import NotConverged
 
-READINGS = 1e-4  # Relative error of the readings between neighbouring electrodes, unless given.
+READINGS = 1e-4  # Relative error of the readings between neighbouring electrodes that is asked for.
 _CONTACTS = 1e-5  # The same where contact impedances vary.
 _FIRST = 300  # Triangles of the first mesh, about, of even size.
 _LEFT = 0.5  # What halving once more leaves of the change by halving, at most.
@@ -35,8 +36,7 @@ class Untouched:
 
 
 @lru_cache(maxsize=16)
-def solve_untouched(outline: Outline, electrodes: Electrodes, conductance_S: float,
-                    error: float = READINGS) -> Untouched:
+def solve_untouched(outline: Outline, electrodes: Electrodes, conductance_S: float, error: float) -> Untouched:
     """Solve the complete electrode model of a uniform skin of sheet conductance S, S, with P2 triangles.
 
     Every triangle is cut to the size at which its part of the energy's error, the squared difference of the gradient
@@ -53,7 +53,8 @@ def solve_untouched(outline: Outline, electrodes: Electrodes, conductance_S: flo
         potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), z)
         coarse = potential[-mesh.count:] - potential[-mesh.count:].mean(axis=0)
         halved = uniform_refinement(mesh)
-        fine = impedance(halved, np.full(len(halved.cells), conductance_S), z, order=dissection(halved))
+        order = order_of_halved(triangles, electrodes)
+        fine = impedance(halved, np.full(len(halved.cells), conductance_S), z, order=order)
         found = _LEFT * readings_difference(coarse, fine)
         history.append((triangles, found))
         if found <= error:
@@ -62,6 +63,13 @@ def solve_untouched(outline: Outline, electrodes: Electrodes, conductance_S: flo
         triangles = cut(triangles, _limit(triangles, indicators(mesh, potential)))
     raise NotConverged(f"the readings of the untouched skin are known to {found:.1e} only, {error:g} was asked for; "
                        "give wider electrodes or larger contact impedances.")
+
+
+@lru_cache(maxsize=1)
+def order_of_halved(triangles: Triangles, electrodes: Electrodes) -> Dissection:
+    """Order of elimination of a halved mesh of triangles, wherever its middle nodes are; the last one is kept, since
+    the untouched readings and what electrodes send take the same."""
+    return dissection(uniform_refinement(skin_mesh(triangles, electrodes)))
 
 
 def impedance_by_log_contact(outline: Outline, electrodes: Electrodes, conductance_S: float) -> Array:

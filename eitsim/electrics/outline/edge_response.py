@@ -15,14 +15,15 @@ from scipy.sparse import csr_matrix
 from skfem import ElementLineP2
 from skfem.quadrature import get_quadrature
 
-from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, potentials
+from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated
 from eitsim.electrics.cem.boundary_integral import Complex
 from eitsim.electrics.cem.ring_scattering import Circle, Coupling, between
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement, with_quarter_points
-from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
+from eitsim.electrics.outline.adapted_mesh import READINGS, order_of_halved, solve_untouched
 from eitsim.electrics.outline.touch_mesh import EVEN
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh
-from eitsim.numerics.conductor_elimination import solve
+from eitsim.numerics.conductor_elimination import solve_between
+from eitsim.numerics.nested_dissection import Dissection
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.outline import Outline, corners_and_edges, loops
 from eitsim.scene.scene import Electrodes
@@ -77,13 +78,14 @@ def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: floa
     Errors fall with the square of the number of nodes of adapted meshes, with a power of the size of halved ones that
     the sharpest corner of the outline determines (`order_of_halving`).
     """
-    history, z = solve_untouched(outline, electrodes, conductance_S).history, contact_impedances(electrodes)
+    history, z = solve_untouched(outline, electrodes, conductance_S, READINGS).history, contact_impedances(electrodes)
     rough, exact, known = (next(mesh for mesh, error in history if error <= enough)
                            for enough in (_ROUGHLY, READINGS, _RETURNED))
+    order = order_of_halved(exact, electrodes)
     rough, exact, returning = (with_quarter_points(skin_mesh(mesh, electrodes))
                                for mesh in (rough, exact, refined(known, partial(_along, _around_m(outline) / _SHORT))))
     exact = uniform_refinement(exact)
-    found = response_on(exact, uniform_refinement(returning), conductance_S, z)
+    found = response_on(exact, uniform_refinement(returning), conductance_S, z, order)
     coarse = response_on(rough, returning, conductance_S, z)
     share = (len(rough.cells) / len(exact.cells)) ** 2
     arrives = replace(found, arriving=coarse.arriving, potential_V=coarse.potential_V, driving_V=coarse.driving_V)
@@ -114,21 +116,20 @@ def _along(length_m: float, mesh: Triangles) -> Array:
     return np.where(at_edge, EVEN * length_m**2, np.inf)
 
 
-def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float,
-                contact_impedance: Array) -> EdgeResponse:
+def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float, contact_impedance: Array,
+                order: Dissection | None = None) -> EdgeResponse:
     """The response of a uniform skin of sheet conductance S, S, with line electrodes of contact impedances (N,), Ohm m,
-    on a P2 mesh for what arrives and one for what returns."""
+    on a P2 mesh for what arrives, in an order of elimination, and one for what returns."""
     edges, back = (edges_of(mesh, contact_impedance) for mesh in (arriving, returning))
-    sheet = np.full(len(arriving.cells), conductance_S)
-    potential = potentials(arriving, sheet, contact_impedance)[edges.unknown]
+    done = eliminated(arriving, np.full(len(arriving.cells), conductance_S), contact_impedance, order=order)
+    lines = len(arriving.nodes_m) + np.arange(arriving.count)
+    potential = solve_between(done, lines, np.eye(arriving.count) - 1 / arriving.count, edges.unknown)
     done = eliminated(returning, np.full(len(returning.cells), conductance_S), contact_impedance)
-    size, count = len(returning.nodes_m) + returning.count, len(back.unknown)
+    count = len(back.unknown)
     response = np.empty((count, count))
     for first in range(0, count, _SOLVED):
-        own = np.arange(first, min(first + _SOLVED, count))
-        currents = np.zeros((size, len(own)))
-        currents[back.unknown[own], own - first] = 1.0
-        response[:, own] = solve(done, currents)[back.unknown]
+        own = back.unknown[first:first + _SOLVED]
+        response[:, first:first + len(own)] = solve_between(done, own, np.eye(len(own)), back.unknown)
     return EdgeResponse(conductance_S, edges, edges.value @ potential, -(edges.over @ potential), back, response)
 
 
@@ -169,7 +170,8 @@ def arriving(response: EdgeResponse, circles: Sequence[Circle], orders: int) -> 
     order = np.tile(np.arange(1, orders + 1), len(circles))
     wave, slope = outgoing_waves(response.arriving, circles, orders)
     inflow = wave * (response.arriving.contact_S / response.conductance_S)[:, None]
-    return (inflow.T @ response.driving_V - slope.T @ response.potential_V) / (2 * np.pi * order[:, None])
+    parts = inflow.view(float).T @ response.driving_V - slope.view(float).T @ response.potential_V
+    return (parts[::2] + 1j * parts[1::2]) / (2 * np.pi * order[:, None])
 
 
 def couplings(outline: Outline, electrodes: Electrodes, conductance_S: float, circles: Sequence[Circle],

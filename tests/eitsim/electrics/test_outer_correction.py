@@ -8,6 +8,7 @@ import pytest
 from eitsim.electrics.cem import coupled_scattering, ring_scattering
 from eitsim.electrics.forward import outer_correction, solve_forward
 from eitsim.electrics.forward.far_field import born_correction
+from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Scene, Skin
 from matcal.laws.conductivity import Conductivity
@@ -29,6 +30,14 @@ def squeezed() -> Touch:
                    np.array([0.0, 1.0]))
     return Touch(radius, 0 * rest, 0 * rest, rest, rest, normal, 1e4 * (radius < 0.005), 0.005, *[0.0] * 9, 0, (), 0.0,
                  rim=rim)
+
+
+def test_the_untouched_skin_is_solved_once() -> None:
+    """Readings, edges and fields take the same meshes."""
+    solve_untouched.cache_clear()
+    law = Conductivity(31.0, [-2, 2, -1], (-0.5, 0.4))
+    solve_forward.solve(SCENE.body, SKIN, SCENE.electrodes, Drive(), ((PUNCH, squeezed()),), law, method="multipole")
+    assert solve_untouched.cache_info().misses == 1
 
 
 def signal() -> np.ndarray:

@@ -99,7 +99,7 @@ def test_patches_on_the_surface_cover_their_areas_and_keep_the_symmetry():
     electrodes = Electrodes(kind="surface", count=4, x_m=places[:, 0], y_m=places[:, 1], width_m=0.008,
                             contact_impedance_Ohm_m2=1e-5)
     body = Body(outline="rectangle", width_m=0.1, height_m=0.1)
-    found = solve_untouched(body, electrodes, S)
+    found = solve_untouched(body, electrodes, S, 1e-4)
     mesh = skin_mesh(found.triangles, electrodes)
     area = found.triangles.area_m2
     assert area.sum() == pytest.approx(0.01, rel=1e-12)

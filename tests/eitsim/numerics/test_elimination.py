@@ -15,7 +15,7 @@ import pytest
 
 from eitsim.electrics.cem.assembly import SkinMesh, dissection, eliminated, impedance, potentials
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
-from eitsim.numerics.conductor_elimination import Detached, eliminate, residual, solve
+from eitsim.numerics.conductor_elimination import Detached, eliminate, residual, solve, solve_between
 from eitsim.numerics.nested_dissection import dissect
 from eitsim.scene.scene import Body, Electrodes
 
@@ -196,6 +196,17 @@ def test_a_weight_that_is_not_finite_is_refused():
     for bad in (np.nan, np.inf, -1.0):
         with pytest.raises(Detached, match="unknown"):
             eliminate(order, np.array([1.0, 1.0, 1.0, bad]))
+
+
+def test_potentials_of_some_unknowns_are_those_of_all():
+    mesh, rng = rings(), np.random.default_rng(4)
+    done = eliminated(mesh, np.ones(len(mesh.cells)), 1.0)
+    size = len(mesh.nodes_m) + mesh.count
+    for _ in range(4):
+        into, asked = rng.choice(size, 5, replace=False), np.append(rng.choice(size, 9, replace=False), size - 1)
+        currents = np.zeros((size, 3))
+        currents[into] = rng.normal(size=(5, 3))
+        np.testing.assert_array_equal(solve_between(done, into, currents[into], asked), solve(done, currents)[asked])
 
 
 PLAIN = """

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.scene.drive import Drive, read_out
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.outline_electrodes import along_edge
@@ -39,7 +39,7 @@ def impedance(body: Body) -> np.ndarray:
     rng, design = np.random.default_rng(3), described(body).electrodes
     real = replace(design, shares=(), positions_m=tuple(along_edge(body, design) + 5e-4 * rng.standard_normal(COUNT)),
                    contact_impedance_Ohm_m=tuple(np.exp(0.3 * rng.standard_normal(COUNT))))
-    return solve_untouched(body.shape, real, SHEET_S).impedance_Ohm
+    return solve_untouched(body.shape, real, SHEET_S, READINGS).impedance_Ohm
 
 
 def inspected(body: Body, numbered: np.ndarray | None = None, drive: Drive | None = None,
@@ -162,7 +162,8 @@ def test_electrodes_on_the_surface_are_inspected_too() -> None:
     scene = Scene(body=RECTANGLE, electrodes=Electrodes(
         kind="surface", count=12, x_m=tuple(x), y_m=tuple(y), width_m=0.006, contact_impedance_Ohm_m2=1e-4))
     one = Sensor(scene.body, scene.skin, scene.electrodes, scene.drive)
-    clean = read_out(one.drive, solve_untouched(RECTANGLE.shape, one.electrodes, SHEET_S).impedance_Ohm).ravel()
+    rest = solve_untouched(RECTANGLE.shape, one.electrodes, SHEET_S, READINGS).impedance_Ohm
+    clean = read_out(one.drive, rest).ravel()
     found = inspect(Recording(clean[None], np.array([0]), None, np.array([""]), "voltage", Path("frames.csv")), one)
     assert found.agrees is True
     assert (1, 0) in found.placements
