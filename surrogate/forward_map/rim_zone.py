@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.data.edge_frame import EdgeFrame
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Complex
+from touchcal.jit import compiled
 
 Zone = tuple[float, float]  # `EdgeFrame.radial` at which it begins and ends
 ORDERS = 3  # orders of the series that do not end; higher ones grow without bound near an edge
@@ -45,9 +46,20 @@ def part_slope(frame: EdgeFrame, zone: Zone) -> Array:
 def counted(frame: EdgeFrame, orders: int, *ends: tuple[Zone, int]) -> tuple[Array, Array]:
     """Parts (n, orders) of the orders of the series that count, and their slopes (n, orders, 2) by x and y over the
     radius, where in each of some zones those above the first so many end."""
-    part, slope = np.ones((len(frame.radial), orders)), np.zeros((len(frame.radial), orders, 2))
-    for zone, kept in ends:
-        left, by_place = 1 - part_at(frame.radial, zone)[:, None], part_slope(frame, zone)[:, None]
-        slope[:, kept:] = slope[:, kept:] * left[..., None] - part[:, kept:, None] * by_place
-        part[:, kept:] *= left
+    begin, end, kept = np.array([[*zone, first] for zone, first in ends]).reshape(-1, 3).T
+    return _counted(frame.radial, frame.outwards, orders, begin, end, kept)
+
+
+@compiled
+def _counted(radial: Array, outwards: Complex, orders: int, begin: Array, end: Array,
+             kept: Array) -> tuple[Array, Array]:
+    part, slope = np.ones((len(radial), orders)), np.zeros((len(radial), orders, 2))
+    for i in range(len(radial)):
+        for k in range(len(begin)):
+            t = min(max((radial[i] - begin[k]) / (end[k] - begin[k]), 0.0), 1.0)
+            left, by_radial = 1 - t**2 * (3 - 2 * t), 6 * t * (1 - t) / (end[k] - begin[k])
+            for n in range(int(kept[k]), orders):
+                slope[i, n, 0] = slope[i, n, 0] * left - part[i, n] * by_radial * outwards[i].real
+                slope[i, n, 1] = slope[i, n, 1] * left - part[i, n] * by_radial * outwards[i].imag
+                part[i, n] *= left
     return part, slope
