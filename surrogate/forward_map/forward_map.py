@@ -274,7 +274,7 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     inner = np.ones(len(unknown)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
         frame.radial, forward.zones.learned if taught else forward.zones.high_end)
     scale = simulator_error.at(forward.simulator, gap_of(forward.ring, frame, unknown))
-    return Linearised(linearised_columns.columns(base, moved, found, sd, (rows, *added), scale,
+    return Linearised(linearised_columns.columns(base, moved, found, sd, rows, added, scale,
                                                  forward.shift_mm * inner, forward.ring.radius_mm))
 
 

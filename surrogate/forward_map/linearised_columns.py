@@ -9,22 +9,22 @@ from touchcal.jit import compiled
 TOUCH = 5  # columns of the signal and of its derivatives by (x, y, log d, g)
 
 
-def columns(base: Array, moved: Array, found: TouchStrengths, discrepancy: Array, added: tuple[Index, Array, Array],
-            scale: Array, shift: Array, radius_mm: float) -> Array:
+def columns(base: Array, moved: Array, found: TouchStrengths, discrepancy: Array, rows: Index,
+            added: tuple[Array, Array], scale: Array, shift: Array, radius_mm: float) -> Array:
     """(n, readings, TOUCH + orders + 3 + k) signal, its derivatives, and those by the discrepancies: along each
     strength, along the signal, by x, by y, and along each state of the material.
 
-    base, moved: as `multipole_series.signals`; discrepancy (n, orders): of the strengths, over their size; added: rows
-    (n,) of what an edge adds to signals (m, readings) and derivatives (m, readings, 4), -1 of none; scale, shift (n,):
-    standard deviations of the size of the signal, and of the place, mm.
+    base, moved: as `multipole_series.signals`; discrepancy (n, orders): of the strengths, over their size; added: what
+    an edge adds to signals (m, readings) and derivatives (m, readings, 4) of some touches; rows (n,): which of these
+    each touch is, -1 of none; scale, shift (n,): standard deviations of the size of the signal, and of the place, mm.
     """
     return _columns(base, moved, found.value, found.slope, found.by_card, found.size, found.size_by_card,
-                    np.ascontiguousarray(discrepancy), *added, scale, shift, radius_mm)
+                    np.ascontiguousarray(discrepancy), rows, *added, scale, shift, radius_mm)
 
 
 @compiled
-def _columns(base, moved, value, slope, by_card, size, size_by_card, discrepancy, rows, added, added_slope, scale, shift,
-             radius_mm):
+def _columns(base, moved, value, slope, by_card, size, size_by_card, discrepancy, rows, added, added_slope, scale,
+             shift, radius_mm):
     count, readings, orders = base.shape
     materials = by_card.shape[2]
     own = TOUCH + orders

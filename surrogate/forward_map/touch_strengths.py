@@ -39,9 +39,10 @@ def at(size: Size, over_size: Together, p0: float, interior: float, radius_mm: f
     """Strengths of touches (n, 4) in a frame by materials (n, k)."""
     inputs = inputs_of(frame.radial, interior, unknown, material)
     over, gradient = gaussian_process.means(over_size, inputs)
-    return TouchStrengths(*_times_size(inputs, size.centre, size.weights, size.curvature, p0, np.ascontiguousarray(over),
-                                       np.ascontiguousarray(gradient), frame.radial, frame.outwards, interior,
-                                       radius_mm))
+    # of one layout, so that the loop is compiled once
+    over, gradient = np.ascontiguousarray(over), np.ascontiguousarray(gradient)
+    return TouchStrengths(*_times_size(inputs, size.centre, size.weights, size.curvature, p0, over, gradient,
+                                       frame.radial, frame.outwards, interior, radius_mm))
 
 
 @compiled
