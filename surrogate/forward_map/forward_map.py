@@ -23,7 +23,7 @@ from surrogate.forward_map import (
     touch_strengths,
 )
 from surrogate.forward_map.known_places import MIN_ROWS, NearEdges, gap, gap_of, zones_of
-from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
+from surrogate.forward_map.load_coordinates import known_mm, light_pressure, to_unknown
 from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection
 from surrogate.forward_map.rim_zone import Zone, Zones
