@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.data.edge_frame import EdgeFrame
-from touchcal.arrays import Array, Complex
-from touchcal.jit import compiled
+from touchcal.arrays import Array
 
 Zone = tuple[float, float]  # `EdgeFrame.radial` at which it begins and ends
 ORDERS = 3  # orders of the series that do not end; higher ones grow without bound near an edge
@@ -32,34 +31,29 @@ def zones_from(full: float) -> Zones:
 
 def part_at(radial: Array, zone: Zone) -> Array:
     """(n,) the edge's share at places that are so near (n,)."""
-    t = np.clip((radial - zone[0]) / (zone[1] - zone[0]), 0, 1)
+    t = _way(radial, zone)
     return t**2 * (3 - 2 * t)
 
 
 def part_slope(frame: EdgeFrame, zone: Zone) -> Array:
     """(n, 2) derivatives of that share by x and y over the radius."""
-    t = np.clip((frame.radial - zone[0]) / (zone[1] - zone[0]), 0, 1)
-    by_radial = 6 * t * (1 - t) / (zone[1] - zone[0])
-    return by_radial[:, None] * np.column_stack([frame.outwards.real, frame.outwards.imag])
+    t = _way(frame.radial, zone)
+    by_radial, slope = 6 * t * (1 - t) / (zone[1] - zone[0]), np.empty((len(t), 2))
+    slope[:, 0], slope[:, 1] = by_radial * frame.outwards.real, by_radial * frame.outwards.imag
+    return slope
+
+
+def _way(radial: Array, zone: Zone) -> Array:
+    return np.minimum(np.maximum((radial - zone[0]) / (zone[1] - zone[0]), 0.0), 1.0)
 
 
 def counted(frame: EdgeFrame, orders: int, *ends: tuple[Zone, int]) -> tuple[Array, Array]:
     """Parts (n, orders) of the orders of the series that count, and their slopes (n, orders, 2) by x and y over the
     radius, where in each of some zones those above the first so many end."""
-    begin, end, kept = np.array([[*zone, first] for zone, first in ends]).reshape(-1, 3).T
-    return _counted(frame.radial, frame.outwards, orders, begin, end, kept)
-
-
-@compiled
-def _counted(radial: Array, outwards: Complex, orders: int, begin: Array, end: Array,
-             kept: Array) -> tuple[Array, Array]:
-    part, slope = np.ones((len(radial), orders)), np.zeros((len(radial), orders, 2))
-    for i in range(len(radial)):
-        for k in range(len(begin)):
-            t = min(max((radial[i] - begin[k]) / (end[k] - begin[k]), 0.0), 1.0)
-            left, by_radial = 1 - t**2 * (3 - 2 * t), 6 * t * (1 - t) / (end[k] - begin[k])
-            for n in range(int(kept[k]), orders):
-                slope[i, n, 0] = slope[i, n, 0] * left - part[i, n] * by_radial * outwards[i].real
-                slope[i, n, 1] = slope[i, n, 1] * left - part[i, n] * by_radial * outwards[i].imag
-                part[i, n] *= left
+    part, slope = np.ones((len(frame.radial), orders)), np.zeros((len(frame.radial), orders, 2))
+    for zone, kept in ends:
+        left, by_place = 1 - part_at(frame.radial, zone)[:, None], part_slope(frame, zone)[:, None]
+        slope[:, kept:] *= left[..., None]
+        slope[:, kept:] -= part[:, kept:, None] * by_place
+        part[:, kept:] *= left
     return part, slope

@@ -234,11 +234,12 @@ def drawn(found: Posterior, values: Array) -> Array:
     """(n, DRAWS, k) values (RADII or 1, D, G, k) of the table's nodes at the punches that stand for each posterior."""
     which, place = found.draws
     weights = found.radial if len(values) > 1 else np.ones((len(which), 1))
-    lower, gain = (part.reshape(len(values), -1, values.shape[-1])
-                   for part in (values[:, :, :-1], np.diff(values, axis=2)))
+    loads = values.shape[2]
+    node = which + which // (loads - 1)  # a diameter has one node more than intervals
     out = np.zeros((*which.shape, values.shape[-1]))
-    for of_radius, start, step in zip(weights.T, lower, gain, strict=True):
-        out += of_radius[:, None, None] * (start[which] + step[which] * place[..., None])
+    for of_radius, nodes in zip(weights.T, values.reshape(len(values), -1, values.shape[-1]), strict=True):
+        start = nodes[node]
+        out += of_radius[:, None, None] * (start + (nodes[node + 1] - start) * place[..., None])
     return out
 
 
