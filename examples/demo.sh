@@ -24,7 +24,7 @@ together() { # together FUNCTION OTHER: both at the same time, if on two cores; 
   fi
   printed=$(mktemp)
   ("$2") >"$printed" 2>&1 &
-  trap "pkill -P $! || true; rm -f '$printed'" EXIT # where a step of the first fails, the other's ends with it
+  trap "pkill -P $! || true; rm -f '$printed'" EXIT # where the first fails, the other ends with it
   "$1"
   wait $! || status=$?
   trap - EXIT
