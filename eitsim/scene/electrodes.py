@@ -108,9 +108,12 @@ def identical(electrodes: Electrodes) -> bool:
     return not electrodes.angles_rad and all(bool(np.all(size == size[0])) for size in sizes)
 
 
+@lru_cache(maxsize=16)
 def there(electrodes: Electrodes) -> NDArray[np.bool_]:
     """(count,) which electrodes have contact."""
-    return np.isfinite(contact_impedances(electrodes))
+    kept = np.isfinite(contact_impedances(electrodes))
+    kept.flags.writeable = False
+    return kept
 
 
 def present(electrodes: Electrodes) -> Electrodes:

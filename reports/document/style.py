@@ -8,6 +8,8 @@ from typing import Any
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -62,14 +64,17 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
 
 
 def save(figure: Figure, pdf: Path, svg: Path) -> None:
-    """Write a figure as PDF (for the page) and SVG (for reuse); a character that the font lacks is an error."""
+    """Write a figure as PDF (for the page) and SVG (for reuse); a character that the font lacks is an error. Drawn by
+    the canvases themselves, as `savefig` draws everything twice, the first time for nothing here."""
+    dpi = figure.dpi
     with warnings.catch_warnings():
         warnings.filterwarnings("error", message=r"Glyph .* missing")
-        figure.savefig(pdf, format="pdf", metadata={"CreationDate": None})
+        FigureCanvasPdf(figure).print_pdf(pdf, metadata={"CreationDate": None})
+        figure.dpi = dpi  # which the canvas leaves at that of its own points
         figure.set_layout_engine("none")  # the places found for the PDF serve the SVG as well
         save_svg(figure, svg)
 
 
 def save_svg(figure: Figure, svg: Path) -> None:
     """Write a figure as SVG, the same on every day."""
-    figure.savefig(svg, format="svg", metadata={"Date": None})
+    FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None})

@@ -10,6 +10,8 @@ from surrogate.data import outlined_sheet
 from surrogate.data.sensor_ring import Ring
 from touchcal.arrays import Array, Complex, Index
 
+LEAST = float(np.finfo(float).tiny ** 0.25)  # radius that a place in the middle of a disc is taken to have
+
 
 @dataclass(frozen=True, eq=False)
 class EdgeFrame:
@@ -28,9 +30,11 @@ class EdgeFrame:
 def edge_frame(ring: Ring, z: Complex) -> EdgeFrame:
     """The frames of places z (n,), whose nearest edge is part of the rim of the disc or a straight one."""
     if ring.sheet is None:
-        radius = np.abs(z)
-        some = np.maximum(radius, np.finfo(float).tiny ** 0.25)
-        return EdgeFrame(z, radius, z / some, np.column_stack([-z.imag, z.real]) / some[:, None] ** 2)
+        radial, turn = np.abs(z), np.empty((len(z), 2))
+        some = np.maximum(radial, LEAST)
+        outwards = z / some
+        turn[:, 0], turn[:, 1] = -outwards.imag / some, outwards.real / some
+        return EdgeFrame(z, radial, outwards, turn)
     place_mm = ring.origin_mm + ring.radius_mm * np.column_stack([z.real, z.imag])
     distance, slope = outlined_sheet.edge_distance_mm(ring.sheet, place_mm)
     return EdgeFrame(z, 1 - distance / ring.radius_mm, -(slope[:, 0] + 1j * slope[:, 1]), np.zeros((len(z), 2)))

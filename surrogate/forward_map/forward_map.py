@@ -12,6 +12,7 @@ from surrogate.data.sensor_ring import Ring, outwards, place, radial
 from surrogate.forward_map import (
     electrode_correction,
     known_places,
+    linearised_columns,
     multipole_series,
     polarization,
     rim_correction,
@@ -19,14 +20,16 @@ from surrogate.forward_map import (
     rim_zone,
     simulator_error,
     strength_size,
+    touch_strengths,
 )
 from surrogate.forward_map.known_places import MIN_ROWS, NearEdges, gap, gap_of, zones_of
-from surrogate.forward_map.load_coordinates import force, known_mm, light_pressure, to_unknown
+from surrogate.forward_map.load_coordinates import known_mm, light_pressure, to_unknown
 from surrogate.forward_map.multipole_series import Strengths
 from surrogate.forward_map.rim_correction import FittedCorrection
 from surrogate.forward_map.rim_zone import Zone, Zones
 from surrogate.forward_map.simulator_error import SimulatorError
 from surrogate.forward_map.strength_size import Size
+from surrogate.forward_map.touch_strengths import TOUCH_INPUTS, TouchStrengths, inputs_of
 from surrogate.statistics import change_point, gaussian_process
 from surrogate.statistics.gaussian_process import GaussianProcess, Together
 from touchcal.arrays import Array, Complex, Mask
@@ -36,7 +39,6 @@ MIN_NOISE_FLOOR = 1e-5
 # Derivatives of the electrodes' fields that signals and their slopes take.
 FIELDS = max(multipole_series.ORDERS, polarization.RIM[0], polarization.EDGE[0]) + 1
 ONE_LOG_D = 1e-6  # least standard deviation of the unknowns, as of log d where all punches have one diameter
-TOUCH_INPUTS = 3  # inputs of the strengths that the touch gives: log d, g, |z0|^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +161,7 @@ def fit_with_errors(ring: Ring, touch: Array, signal_V: Array, material: Array |
         kept = ~near_edge
         return fit_with_errors(ring, touch[kept], signal_V[kept], material[kept], simulator[kept])
     kept = near <= known_places.learned_within(ring, near, zones, taught)
-    inputs = _inputs(near[kept], zones.learned[1], unknown[kept], material[kept])
+    inputs = inputs_of(near[kept], zones.learned[1], unknown[kept], material[kept])
     field, size, processes, floor, shift = _series(ring, z[kept], inputs, touch[kept, 3], signal_V[kept])
     series = ForwardMap(ring, field, size, processes, rim_correction.zero_correction(ring),
                         p0, max(floor, MIN_NOISE_FLOOR), shift, unknown.mean(0),
@@ -258,29 +260,22 @@ def linearise(forward: ForwardMap, unknown: Array, discrepancy: Array | None = N
     (n, orders) is that of the strengths, `strength_discrepancy` there or, cheaper, close by."""
     z = place(forward.ring, unknown)
     fields, frame = forward.fields(z), edge_frame(forward.ring, z)
-    found, orders = _strengths(forward, frame, unknown), len(forward.strengths)
+    found = _strengths(forward, frame, unknown)
     sd = strength_discrepancy(forward, unknown) if discrepancy is None else discrepancy
     base, moved = series_signals(forward, fields, frame, found.value, forward.correction.replaces)
-    by = np.zeros((len(z), orders, 5 + forward.discrepancies))
-    by[..., 0], by[..., 1:5], by[..., 5 + forward.own:] = found.value, found.slope, found.by_card
-    np.einsum("npp->np", by[..., 5:5 + orders])[...] = found.size[:, None] * sd
-    columns = base @ by
-    columns[..., 1:3] += moved / forward.ring.radius_mm
-    near = _reached(forward, frame)
-    if np.any(near):
-        some = slice(None) if np.all(near) else np.flatnonzero(near)
-        added, added_slope = _near_rim(forward, fields[:, some], frame.some(some), found.size[some],
-                                       found.size_slope[some], unknown[some])
-        columns[some, :, 0] += added
-        columns[some, :, 1:5] += added_slope
-        columns[some, :, 5 + forward.own:] += added[..., None] * found.size_by_card
+    near = np.flatnonzero(_reached(forward, frame))
+    rows, added = np.full(len(z), -1), (np.zeros((0, 0)), np.zeros((0, 0, 4)))
+    if len(near):
+        rows[near] = np.arange(len(near))
+        some = slice(None) if len(near) == len(z) else near
+        added = _near_rim(forward, fields[:, some], frame.some(some), found.size[some], found.size_slope[some],
+                          unknown[some])
     taught = rim_correction.teaches(forward.correction)
     inner = np.ones(len(unknown)) if forward.ring.sheet is not None and not taught else 1 - rim_zone.part_at(
         frame.radial, forward.zones.learned if taught else forward.zones.high_end)
     scale = simulator_error.at(forward.simulator, gap_of(forward.ring, frame, unknown))
-    columns[..., 5 + orders] = columns[..., 0] * scale[:, None]
-    columns[..., 6 + orders:8 + orders] = columns[..., 1:3] * (forward.shift_mm * inner)[:, None, None]
-    return Linearised(columns)
+    return Linearised(linearised_columns.columns(base, moved, found, sd, rows, added, scale,
+                                                 forward.shift_mm * inner, forward.ring.radius_mm))
 
 
 def added_by_rim(forward: ForwardMap, unknown: Array) -> Array:
@@ -341,52 +336,21 @@ def places_at(forward: ForwardMap, radii: Array) -> Array:
     return outwards(forward.ring, forward.interior * radii)
 
 
-def _inputs(near: Array, interior: float, unknown: Array, material: Array) -> Array:
-    """Inputs of the strengths at touches (n, 4) that are so near (n,) to an edge."""
-    return np.column_stack([unknown[:, 2:], np.minimum(near, interior) ** 2, material])
-
-
-def _by_unknown(forward: ForwardMap, frame: EdgeFrame, by_input: Array) -> Array:
-    """(n, k, 4) derivatives by (x, y, log d, g) from those (n, k, q) by (log d, g, |z0|^2, ...)."""
-    felt = frame.outwards * (2 / forward.ring.radius_mm * frame.radial * (frame.radial < forward.interior))
-    by_place = by_input[..., 2:3] * np.column_stack([felt.real, felt.imag])[:, None]
-    return np.concatenate([by_place, by_input[..., :2]], axis=-1)
-
-
 def strength_discrepancy(forward: ForwardMap, unknown: Array) -> Array:
     """(n, orders) standard deviations of p_n over the size at touches (n, 4) given as (x, y, log d, g).
 
     The scatter of p_1 about its process (noise) is discrepancy; that of the others is mostly what least squares on one
     row leaves undetermined, which the floor stands for already.
     """
-    inputs = _inputs(radial(forward.ring, unknown), forward.interior, unknown,
+    inputs = inputs_of(radial(forward.ring, unknown), forward.interior, unknown,
                      np.zeros((len(unknown), forward.materials)))
     variance = gaussian_process.variances(forward.together, inputs)
     variance[:, 0] += forward.strengths[0].noise[0]
     return np.sqrt(variance)
 
 
-@dataclass(frozen=True)
-class _Strengths:
-    value: Array  # (n, orders) p_n, V
-    slope: Array  # (n, orders, 4) derivatives by (x, y, log d, g)
-    by_card: Array  # (n, orders, k) derivatives by the material
-    size: Array  # (n,) V
-    size_slope: Array  # (n, 4) derivatives by (x, y, log d, g)
-    size_by_card: Array  # (k,) derivatives of its logarithm by the material
-
-
-def _strengths(forward: ForwardMap, frame: EdgeFrame, unknown: Array, material: Array | None = None) -> _Strengths:
+def _strengths(forward: ForwardMap, frame: EdgeFrame, unknown: Array, material: Array | None = None) -> TouchStrengths:
     """Strengths of touches in a frame by a material, the mean one where none is given."""
     held = np.zeros((len(unknown), forward.materials)) if material is None else material
-    inputs = _inputs(frame.radial, forward.interior, unknown, held)
-    size, by_log = strength_size.at(forward.size, inputs)
-    size *= force(unknown[:, 2], unknown[:, 3], forward.p0)
-    by_log[:, 0] += 2.0
-    by_log[:, 1] += 1 / np.tanh(unknown[:, 3])
-    over, gradient = gaussian_process.means(forward.together, inputs)
-    by_input = np.concatenate([over[..., None] * by_log[:, None] + gradient, by_log[:, None]], axis=1)
-    by_input *= size[:, None, None]
-    slope = _by_unknown(forward, frame, by_input)
-    return _Strengths(over * size[:, None], slope[:, :-1], by_input[:, :-1, TOUCH_INPUTS:], size, slope[:, -1],
-                      by_log[0, TOUCH_INPUTS:])
+    return touch_strengths.at(forward.size, forward.together, forward.p0, forward.interior, forward.ring.radius_mm,
+                              frame, unknown, held)

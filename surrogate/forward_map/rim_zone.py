@@ -31,15 +31,20 @@ def zones_from(full: float) -> Zones:
 
 def part_at(radial: Array, zone: Zone) -> Array:
     """(n,) the edge's share at places that are so near (n,)."""
-    t = np.clip((radial - zone[0]) / (zone[1] - zone[0]), 0, 1)
+    t = _way(radial, zone)
     return t**2 * (3 - 2 * t)
 
 
 def part_slope(frame: EdgeFrame, zone: Zone) -> Array:
     """(n, 2) derivatives of that share by x and y over the radius."""
-    t = np.clip((frame.radial - zone[0]) / (zone[1] - zone[0]), 0, 1)
-    by_radial = 6 * t * (1 - t) / (zone[1] - zone[0])
-    return by_radial[:, None] * np.column_stack([frame.outwards.real, frame.outwards.imag])
+    t = _way(frame.radial, zone)
+    by_radial, slope = 6 * t * (1 - t) / (zone[1] - zone[0]), np.empty((len(t), 2))
+    slope[:, 0], slope[:, 1] = by_radial * frame.outwards.real, by_radial * frame.outwards.imag
+    return slope
+
+
+def _way(radial: Array, zone: Zone) -> Array:
+    return np.minimum(np.maximum((radial - zone[0]) / (zone[1] - zone[0]), 0.0), 1.0)
 
 
 def counted(frame: EdgeFrame, orders: int, *ends: tuple[Zone, int]) -> tuple[Array, Array]:
@@ -48,6 +53,7 @@ def counted(frame: EdgeFrame, orders: int, *ends: tuple[Zone, int]) -> tuple[Arr
     part, slope = np.ones((len(frame.radial), orders)), np.zeros((len(frame.radial), orders, 2))
     for zone, kept in ends:
         left, by_place = 1 - part_at(frame.radial, zone)[:, None], part_slope(frame, zone)[:, None]
-        slope[:, kept:] = slope[:, kept:] * left[..., None] - part[:, kept:, None] * by_place
+        slope[:, kept:] *= left[..., None]
+        slope[:, kept:] -= part[:, kept:, None] * by_place
         part[:, kept:] *= left
     return part, slope

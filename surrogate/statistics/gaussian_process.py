@@ -143,6 +143,26 @@ class Together:
         """(1 + q, processes) trends."""
         return np.stack([one.trend for one in self.processes], axis=1)
 
+    @cached_property
+    def amplitude(self) -> Array:
+        """(processes, 1) amplitudes."""
+        return np.array([[one.amplitude] for one in self.processes])
+
+    @cached_property
+    def inverse(self) -> Array:
+        """(processes, k, k) transposed inverses of the factors, times the squared amplitudes."""
+        return np.stack([one.amplitude**2 * one.inverse.T for one in self.processes])
+
+    @cached_property
+    def carried(self) -> Array:
+        """(processes, k, q + 1) whitened regressors of the trends."""
+        return np.stack([one.carried for one in self.processes])
+
+    @cached_property
+    def trend_covariance(self) -> Array:
+        """(processes, q + 1, q + 1) covariances of the trends."""
+        return np.stack([one.trend_covariance for one in self.processes])
+
 
 def _kernels(together: Together, x: Array) -> tuple[Array, Array]:
     """Inputs (n, q) less the centre over the lengths (processes, n, q), and kernels (processes, n, k) over the squared
@@ -165,9 +185,11 @@ def means(together: Together, x: Array) -> tuple[Array, Array]:
 def variances(together: Together, x: Array) -> Array:
     """(n, processes) variances of y without noise at x (n, q), as `predict`."""
     x = x - together.processes[0].centre
-    kernel, regressors = _kernels(together, x)[1], _regressors(x)
-    return np.column_stack([_variance(one, one.amplitude**2 * own, regressors)
-                            for one, own in zip(together.processes, kernel, strict=True)])
+    half = _kernels(together, x)[1] @ together.inverse
+    variance = np.maximum(together.amplitude**2 - np.einsum("pnk,pnk->pn", half, half), 0.0)
+    unseen = _regressors(x) - half @ together.carried
+    trend = np.sum((unseen @ together.trend_covariance) * unseen, axis=2)
+    return (variance + np.maximum(trend, 0.0)).T
 
 
 def spread_evenly(n: int, most: int) -> Index:

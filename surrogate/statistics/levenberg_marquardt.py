@@ -34,6 +34,8 @@ def minimise(residuals: Residuals, start: Array, iterations: int,
     state, damping, follows = start.copy(), np.full(len(start), START), np.arange(len(start))
     active, pairs = follows.copy(), _pairs(np.arange(len(start)) if problem is None else problem)
     cost, residual, gradient, normal = _squares(residuals, state, active)
+    pairs = _meet(pairs, state, cost, normal, follows)
+    active = active[follows[active] == active]
     for _ in range(iterations):
         trial = within(state[active] - _step(gradient[active], normal[active], damping[active]))
         new = _squares(residuals, trial, active)

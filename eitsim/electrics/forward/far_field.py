@@ -91,8 +91,9 @@ def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
 
 def _sampled(fields: Fields, thickness_m: float, places_m: Array, inner_m: Array, contact_m: Array,
              fades: Sequence[tuple[float, float]]) -> tuple[Array, Array, Array]:
-    """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there; as close to
-    each other as `fades` asks in cells outside inner radii (k,) about places (k, 2), near the ends of contact (k,)."""
+    """Points (n, 2), m, of all cells, their areas (n,), m^2, and the gradients (n, 2, N), Ohm/m, there, views where no
+    cell is cut; as close to each other as `fades` asks in cells outside inner radii (k,) about places (k, 2), near the
+    ends of contact (k,)."""
     size = fields.size_m
     away = np.linalg.norm(fields.points_m[:, :, None] - places_m, axis=-1)
     outside, parts = away.max(axis=1) > inner_m - size[:, None], np.ones(len(size), dtype=int)
@@ -101,6 +102,8 @@ def _sampled(fields: Fields, thickness_m: float, places_m: Array, inner_m: Array
         if near.any():
             parts[near] = max(1, math.ceil(size[near].max() / (spacing * thickness_m)))
     whole = parts == 1
+    if whole.all():
+        return fields.points_m.reshape(-1, 2), fields.area_m2.ravel(), _flat(fields.gradient)
     points, area, gradient = [fields.points_m[whole]], [fields.area_m2[whole]], [fields.gradient[whole]]
     for count in np.unique(parts[~whole]).tolist():
         mesh = replace(fields.mesh, cells=fields.mesh.cells[parts == count])
@@ -139,8 +142,17 @@ def born_correction(body: Body, electrodes: Electrodes, conductance_S: float, pu
     near = np.flatnonzero((radius > FULL * reach_m) & (radius < _SEEN * reach_m))
     if rings is not None:
         field[near] += scattered_gradient(rings, (position(punch), reach_m), points[near])
-    second = first_order(area[near], field[near], change[near] @ change[near] / (-2 * conductance_S))
+    second = first_order(area[near], field[near], _squared(change[near]) / (-2 * conductance_S))
     return first_order(area, field, change) + second, second
+
+
+def _squared(change: Array) -> Array:
+    """Products of symmetric matrices (n, 2, 2) with themselves."""
+    xx, xy, yy = change[:, 0, 0], change[:, 0, 1], change[:, 1, 1]
+    out = np.empty_like(change)
+    out[:, 0, 0], out[:, 1, 1] = xx**2 + xy**2, yy**2 + xy**2
+    out[:, 0, 1] = out[:, 1, 0] = xy * (xx + yy)
+    return out
 
 
 def _counting(fields: Fields, conductance_S: float, punch: Punch, touch: Touch, skin: Skin, law: Conductivity,
@@ -179,5 +191,6 @@ def change_where_they_meet(body: Body, electrodes: Electrodes, conductance_S: fl
 def first_order(area: Array, gradient: Array, change: Array) -> Array:
     """-int grad u_k . ds grad u_l of symmetric changes ds (n, 2, 2)."""
     x, y = gradient[:, 0], gradient[:, 1]
-    xx, xy, yy = (area * change[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
-    return -(x.T @ (xx[:, None] * x + xy[:, None] * y) + y.T @ (xy[:, None] * x + yy[:, None] * y))
+    xx, xy, yy = ((area * change[:, i, j])[:, None] for i, j in ((0, 0), (0, 1), (1, 1)))
+    crossed = x.T @ (xy * y)
+    return -(x.T @ (xx * x) + y.T @ (yy * y) + crossed + crossed.T)

@@ -29,6 +29,7 @@ from touchcal.jit import compiled
 DIAMETERS, OTHERS, LOADS = 48, 16, 96
 RESOLVED = 1.5  # spacings of the diameters that a standard deviation must exceed for the table to resolve it
 FITS = 25.0  # squared distance in standard deviations from which a punch of the table made the strengths no more
+RULED_OUT = 30.0  # log probability below the largest from which no search begins in a band of loads
 DRAWS = 1000  # punches in equal steps of probability that stand for the posterior of a frame
 # Squares of the radii of the table over that of the interior; between them strengths are taken as parabolas.
 RADII = np.array([0.0, 0.5, 1.0])
@@ -233,11 +234,12 @@ def drawn(found: Posterior, values: Array) -> Array:
     """(n, DRAWS, k) values (RADII or 1, D, G, k) of the table's nodes at the punches that stand for each posterior."""
     which, place = found.draws
     weights = found.radial if len(values) > 1 else np.ones((len(which), 1))
-    lower, gain = (part.reshape(len(values), -1, values.shape[-1])
-                   for part in (values[:, :, :-1], np.diff(values, axis=2)))
+    loads = values.shape[2]
+    node = which + which // (loads - 1)  # a diameter has one node more than intervals
     out = np.zeros((*which.shape, values.shape[-1]))
-    for of_radius, start, step in zip(weights.T, lower, gain, strict=True):
-        out += of_radius[:, None, None] * (start[which] + step[which] * place[..., None])
+    for of_radius, nodes in zip(weights.T, values.reshape(len(values), -1, values.shape[-1]), strict=True):
+        start = nodes[node]
+        out += of_radius[:, None, None] * (start + (nodes[node + 1] - start) * place[..., None])
     return out
 
 
@@ -268,12 +270,15 @@ def resolved(found: Posterior) -> Mask:
 
 
 def starts(found: Posterior, bands: int) -> Array:
-    """(n, bands, 2) most probable (d, g) in each of some bands of loads, which part the branches of one signal."""
+    """(n, bands, 2) most probable (d, g) in each of some bands of loads, which part the branches of one signal; of all
+    bands in place of those ruled out where a punch of the table made the strengths."""
     n, groups = len(found.log_weight), np.array_split(np.arange(LOADS - 1), bands)
     load = found.table.load[:, :-1] + found.along * np.diff(found.table.load, axis=1)
-    out = np.empty((n, bands, 2))
+    out, log_weight = np.empty((n, bands, 2)), np.empty((n, bands))
     for k, group in enumerate(groups):
-        best = np.argmax(found.log_weight[:, :, group].reshape(n, -1), axis=1)
+        each = found.log_weight[:, :, group].reshape(n, -1)
+        best, log_weight[:, k] = np.argmax(each, axis=1), each.max(axis=1)
         out[:, k, 0] = found.table.d_mm[best // len(group)]
         out[:, k, 1] = load[:, :, group].reshape(n, -1)[np.arange(n), best]
-    return out
+    ruled_out = (found.cost[:, None] < FITS) & (log_weight < log_weight.max(axis=1, keepdims=True) - RULED_OUT)
+    return np.where(ruled_out[..., None], out[np.arange(n), log_weight.argmax(axis=1)][:, None], out)

@@ -114,13 +114,17 @@ def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, s
     discrepancy = strength_discrepancy(forward, state)
     floor, axes, sd = reading_covariance.own_error(forward, state, signal_size(forward, state))
     white, at_rim = np.hypot(floor, unsure.rest_V), axes * sd[:, None]
-    drift = np.broadcast_to(unsure.drift.T, (len(state), *unsure.drift.T.shape))
+    onto, own = _turned(unsure.axes[None]), forward.discrepancies
+    constant = onto @ np.concatenate([at_rim, np.broadcast_to(unsure.drift.T, (len(state), *unsure.drift.T.shape))],
+                                     axis=2)[:, kept]
     remembered = before.shared[:, :, :len(kept)][:, :, kept] @ unsure.axes
+    common = np.empty((*constant.shape[:2], own + constant.shape[2]))
+    common[..., own:], read = constant, signal[kept] @ unsure.axes
     for _ in range(STEPS):
         here = linearise(forward, state, discrepancy)
-        slope = unsure.axes.T @ here.jacobian[:, kept]
-        common = unsure.axes.T @ np.concatenate([here.discrepancy, at_rim, drift], axis=2)[:, kept]
-        innovation = (signal - here.signal_V)[:, kept] @ unsure.axes - _times(slope, before.mean - state)
+        along = onto @ (here.columns if kept.all() else here.columns[:, kept])
+        slope, common[..., :own] = along[..., 1:5], along[..., 5:]
+        innovation = read - along[..., 0] - _times(slope, before.mean - state)
         update = _update(before, slope, white, remembered, common, innovation, unsure)
         trial = on_range(forward, before.mean + update.step)
         bent = BENT * np.sum(((trial - state) / STRAIGHT) ** 2, axis=1) * np.linalg.norm(here.signal_V, axis=1)

@@ -129,6 +129,15 @@ def test_a_sharp_posterior_is_left_to_its_peak(learned: ForwardMap) -> None:
     assert np.abs(start[:, 0] - 14).min() < 0.2
 
 
+def test_bands_of_loads_that_are_ruled_out_begin_where_the_best_one_does(learned: ForwardMap) -> None:
+    table = diameter_force_posterior.make_table(learned)
+    sharp, wide = (diameter_force_posterior.starts(diameter_force_posterior.posterior(table, measured(
+        learned, 14.0, 1.0, np.array(sd))), 5)[0] for sd in ([0.02, 2e-4, 1.0], [3.0, 3.0, 3.0]))
+    assert len(np.unique(sharp, axis=0)) < 5
+    assert np.abs(sharp[:, 0] - 14.0).min() < 0.5
+    assert len(np.unique(wide[:, 1])) == 5
+
+
 @pytest.mark.parametrize("noise", [2e-5, 1e-3])
 def test_strengths_are_located_within_their_covariance(learned: ForwardMap, synthetic: Synthetic, noise: float) -> None:
     """Where the series stands alone; further out what the rim adds counts as strength. In much noise, too, of which the

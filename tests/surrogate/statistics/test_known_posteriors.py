@@ -192,6 +192,19 @@ def test_starts_of_one_problem_that_meet_end_as_one() -> None:
     assert np.array_equal(counts[1][2:], counts[0][2:])
 
 
+def test_starts_of_one_problem_that_coincide_go_on_as_one_from_the_first_step() -> None:
+    asked: list[int] = []
+
+    def residuals(state: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(len(which))
+        return _powers(state, which)
+
+    found = levenberg_marquardt.minimise(residuals, np.ones((4, 2)), 60, problem=np.zeros(4, np.intp))
+    assert asked[0] == 4
+    assert set(asked[1:]) == {1}
+    assert np.ptp(found.state, axis=0) == pytest.approx(0.0, abs=0)
+
+
 def test_no_problems_have_no_minima() -> None:
     found = levenberg_marquardt.minimise(_powers, np.zeros((0, 2)), 60, problem=np.zeros(0, np.intp))
     assert (found.state.shape, found.normal.shape, found.residual.shape) == ((0, 2), (0, 2, 2), (0, 3))
