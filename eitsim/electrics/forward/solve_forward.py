@@ -38,7 +38,7 @@ METHODS = ("auto", "multipole", "mesh")
 # Harmonics about a punch, and the parts that the gaps between the touch's samples are cut into, until it suffices.
 ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
-# over the change by the last halving, where the rim cuts the contact or the skin has an outline, and elsewhere.
+# over the change by the last halving, where the rim cuts the contact or electrodes lie on an outline, and elsewhere.
 MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
 # With an outline, by "multipole": what no variation shows, and what is left over the change by rings half as many, both
 # extrapolated.
@@ -307,7 +307,7 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     mesh = meshes()
     change = _on_mesh(sensor, touches, mesh)
     if electrodes.kind != "line" or cut:
-        return _halved(sensor, touches, mesh, change, signal, LEFT_CUT)
+        return _halved(sensor, touches, mesh, change, signal, LEFT if electrodes.kind == "line" else LEFT_CUT)
     rough = meshes(ROUGHLY, ROUGH)
     share = (len(rough.nodes_m) / len(mesh.nodes_m)) ** RATE
     if share < 1:
