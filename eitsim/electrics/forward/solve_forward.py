@@ -38,8 +38,11 @@ METHODS = ("auto", "multipole", "mesh")
 # Harmonics about a punch, and the parts that the gaps between the touch's samples are cut into, until it suffices.
 ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
-# over the change by the last halving, where the rim cuts the contact or the skin has an outline, and elsewhere.
+# over the change by the last halving, where the rim cuts the contact or electrodes lie on an outline, and elsewhere.
 MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
+# With an outline, by "multipole": what no variation shows, and what is left over the change by rings half as many, both
+# extrapolated.
+MISSED_OUTLINE, LEFT_RINGS = 1.5e-5, 1 / 3
 # The coarser mesh of a touch on an outline: error of the untouched readings outside its rings, and how much thinner
 # these are than those of a mesh of quadrilaterals; the power of the number of nodes by which errors fall from there
 # (quadratic elements whose sizes follow the solution), and what is left over the change by halving (second order).
@@ -105,18 +108,22 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     (measured on pairs with gaps of 2 to 55 mm: a fifth of either, or less), and MISSED; for "mesh" UNHALVED and the
     change by the coarser mesh times LEFT, as halved meshes are nested and cover the same cells, or LEFT_CUT where the
     rim cuts the contact: near the cut no line of the mesh follows its end. A mesh is halved again where MARGIN times
-    its estimate exceeds `signal`. With an outline, "multipole" adds as squares MISSED, the change by half as many rings
-    over 15, what is left over the changes by coarser meshes of the edges (`edge_responses`), what harmonics would add
-    as a geometric series, and the second order outside the rings, or near an edge a third of what their fading end
-    changes of it; "mesh", between line electrodes, UNHALVED and what is left over the change from a coarser mesh where
-    errors fall with the square of the number of nodes. No estimate holds what interpolation between the touch's own
-    samples costs.
+    its estimate exceeds `signal`. With an outline, "multipole" adds as squares MISSED_OUTLINE, LEFT_RINGS of what half
+    as many rings change once both are extrapolated, what is left over the changes by coarser meshes of the edges
+    (`edge_responses`), what harmonics would add as a geometric series, and the second order outside the rings, or near
+    an edge a third of what their fading end changes of it; "mesh", between line electrodes, UNHALVED and what is left
+    over the change from a coarser mesh where errors fall with the square of the number of nodes. No estimate holds what
+    interpolation between the touch's own samples costs.
 
     MISSED, UNHALVED and LEFT are no bounds. UNHALVED and LEFT were fitted to the even ones of 200 random touches: 93 of
     these 100 estimates lie within a factor of 3 of the error and 85 cover it, 90 and 78 of the odd ones; at one touch
     the error is more than three times the estimate (benchmarks/electrics_random.py). The change by halving says little
     of which touch is off more: its rank correlation with the error is 0.28. LEFT_CUT is what two touches among them
-    need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026.
+    need whose contact the rim cuts; three others lie within 0.0006, estimated 0.0002 to 0.0026. With
+    an outline, MISSED_OUTLINE was fitted to the even ones of 100 touches on an L: 92 % of the estimates of either half
+    lie within a factor of 3, and half the errors exceed them. LEFT serves a contact that an edge cuts, too, as the mesh
+    follows its end: four touches, whose estimates are 1.3 to 4.3 times the error. Next to a re-entrant corner errors
+    of meshes fall more slowly than RATE says: one estimate is a fifth of the error.
 
     A touch that the rim of a disc, or a neighbour, changes is not axisymmetric and takes the mesh, as patch electrodes
     do, and those on the surface of a skin with an outline; near edges of an outline its circle scatters every harmonic
@@ -176,24 +183,28 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     rooms = [rings.admissible_radius(sensor.body, punch) for punch, _ in touches]
     circles = _circles(sensor, touches, rooms)
     rough, own = (_scatterings(sensor, circles, parts) for parts in PARTS[:2])
-    coarse, fine = (_changed(sensor, circles, scatterings) for scatterings in (rough, own))
+    coarse, fine, last = _changed(sensor, circles, rough), _changed(sensor, circles, own), PARTS[1]
     for parts in PARTS[2:]:
         if _difference(sensor, fine, coarse) <= 3 * signal / 4:
             break
         own = _scatterings(sensor, circles, parts)
-        coarse, fine = fine, _changed(sensor, circles, own)
+        coarse, fine, last = fine, _changed(sensor, circles, own), parts
+    whole, cut = fine + (fine - coarse) / 3, _difference(sensor, fine, coarse) / 15
+    if sensor.body.has_outline:
+        finest = _changed(sensor, circles, _scatterings(sensor, circles, 2 * last))
+        before, whole = whole, finest + (finest - fine) / 3
+        cut = LEFT_RINGS * _difference(sensor, whole, before)
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
     outside, unsure = _outside(sensor, touches, rooms, circles, own, float(np.linalg.norm(fine)))
-    cut, strain = _difference(sensor, fine, coarse) / 15, _difference(sensor, fine, fine + unsure)
+    strain = _difference(sensor, fine, fine + unsure)
     if sensor.body.has_outline:
-        error = math.hypot(MISSED, cut, strain, *_varied(sensor, circles, own, fine),
+        error = math.hypot(MISSED_OUTLINE, cut, strain, *_varied(sensor, circles, own, fine),
                            _series_left(sensor, circles, own, fine))
     else:
         error = MISSED + cut + sum(_varied(sensor, circles, own, fine, 3 * ORDERS // 4)) + strain
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
-    rest = (fine - coarse) / 3
-    return _Change(fine + rest + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
+    return _Change(whole + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
 def _varied(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequence[Array], change: Array,
@@ -300,7 +311,7 @@ def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     mesh = meshes()
     change = _on_mesh(sensor, touches, mesh)
     if electrodes.kind != "line" or cut:
-        return _halved(sensor, touches, mesh, change, signal, LEFT_CUT)
+        return _halved(sensor, touches, mesh, change, signal, LEFT if electrodes.kind == "line" else LEFT_CUT)
     rough = meshes(ROUGHLY, ROUGH)
     share = (len(rough.nodes_m) / len(mesh.nodes_m)) ** RATE
     if share < 1:

@@ -110,6 +110,17 @@ def test_under_electrodes_on_the_surface_there_are_no_rings() -> None:
     np.testing.assert_allclose([area[ringed.electrode == k].sum() for k in range(6)], np.pi * 0.005**2, rtol=1e-9)
 
 
+def test_triangles_follow_the_end_of_a_contact_that_an_edge_cuts() -> None:
+    """No ring does: rings stay on the skin all around."""
+    punch = Punch(0.05, 0.0078)
+    mesh = outlined_mesh(L, LINES, 6e-4, ((punch, replace(pressed(), contact_radius_m=0.0085)),))
+    side = np.sqrt(gradients(mesh, np.zeros((len(mesh.nodes_m), 1)))[1].sum(axis=1) / 0.433)
+    away = np.linalg.norm(mesh.nodes_m[mesh.cells[:, :3]].mean(axis=1) - [0.05, 0.0078], axis=1)
+    at_end = side[np.abs(away - 0.0085) < 1e-4]
+    assert at_end.max() < 3e-4
+    assert np.median(side[np.abs(away - 0.011) < 2e-4]) > 3 * np.median(at_end)
+
+
 def test_a_contact_that_reaches_over_an_edge_is_served_with_its_end_on_the_skin() -> None:
     """The punch stays on the skin, what it presses bulges over the edge."""
     punch = Punch(0.05, 0.0078)
