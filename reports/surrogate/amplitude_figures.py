@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pandas as pd
 
@@ -11,21 +12,22 @@ from reports.document.numerals import number
 from reports.document.page import ReportFigure
 
 NAME = "amplitude"
+_LIGHTEST = 0.9  # Shade of the widest punch, from dark to light.
 
 
 def plate(found: Mapping[str, Any]) -> ReportFigure:
     """RMS of the signal over force of `surrogate.forward_map.amplitude`."""
     figure, force, tables = style.sheet(70, 120), np.array(found["force_N"]), []
     axes = figure.subplots()
-    for one in found["diameters"]:
+    shades = matplotlib.colormaps[style.SEQUENTIAL](np.linspace(0, _LIGHTEST, len(found["diameters"])))
+    for one, shade in zip(found["diameters"], shades, strict=True):
         rms = 1e3 * np.array(one["rms_V"])
-        axes.plot(force, rms, color=style.ACCENT)
-        axes.annotate(f"{number(one['d_mm'])} mm", (force[-1], rms[-1]), (3, 0), textcoords="offset points",
-                      va="center")
+        axes.plot(force, rms, color=shade, label=f"{number(one['d_mm'])} mm")
         if one["peak_N"] is not None:
             axes.plot(one["peak_N"], np.interp(one["peak_N"], force, rms), "o", ms=4, color=style.SECOND)
         tables.append(pd.DataFrame({"d_mm": one["d_mm"], "F_N": force, "rms_mV": rms}))
     axes.set_ylim(bottom=0)
+    axes.legend(title="punch")
     style.label(axes, "Force (N)", "RMS of the signal (mV)")
     return ReportFigure(NAME, figure, f"Signal over force, {number(found['radius_mm'])} mm from "
                         f"{found.get('centre', 'the centre')}: "
