@@ -13,7 +13,7 @@ import matcal
 from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N
 from eitsim.sweeps.design.card_draws import Cards
-from eitsim.sweeps.design.design import design_from
+from eitsim.sweeps.design.design import design_from, read_design
 from eitsim.sweeps.run.rows import blank_row
 
 ROOT = Path(__file__).parents[1]
@@ -90,9 +90,15 @@ def test_the_first_python_of_the_pages_fits_a_card_and_simulates_the_scene_of_th
 
 def test_the_skin_of_its_page_is_planned(tmp_path: Path) -> None:
     text = (ROOT / "docs" / "how-to" / "any-flat-skin.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
+    block, design = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
+    (surface,) = re.findall(r"```text\n(.*?)```", text, flags=re.DOTALL)
     (tmp_path / "skin.toml").write_text(block, encoding="utf-8")
+    (tmp_path / "design.toml").write_text(design, encoding="utf-8")
+    assert read_design(tmp_path / "design.toml").scenes == 300
     scene = eitsim.read_scene(tmp_path / "skin.toml")
+    (tmp_path / "surface.toml").write_text(re.sub(r"\[electrodes\].*?(?=\[punch\])", surface, block, flags=re.DOTALL),
+                                           encoding="utf-8")
+    assert eitsim.read_scene(tmp_path / "surface.toml").electrodes.kind == "surface"
     assert scene.electrodes.count == 24
     foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
     card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from eitsim.cli.output_files import OutputFiles
     from eitsim.scene.results import Result
 
-app = application("Touch a foam disc with a conductive skin: contact mechanics, skin conductance, 208 voltages.")
+app = application("Touch foam with a conductive skin: contact mechanics, skin conductance, electrode voltages.")
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 CardOption = Annotated[Path | None, typer.Option("--card", help="Material card; else the scene's own `card` key.")]
@@ -78,8 +78,8 @@ def run_scene(scene: SceneFile, card: CardOption = None,
                   help="Write the readings' derivatives by touch, card and contact impedances (CSV) here.")] = None,
               report: Annotated[Path | None, typer.Option(help="Write a PDF report here; needs --out.")] = None,
               as_json: JsonOption = False) -> None:
-    """Solve one scene: depth, pressure, contact area and voltages (16 x 13 unless [drive] says otherwise), each with
-    its error estimate.
+    """Solve one scene: depth, pressure, contact area and voltages (16 x 13 for the default sensor), each with its error
+    estimate.
 
     Example: eitsim run scene.toml --card card.json --out result.json --report touch.pdf
     """
@@ -143,7 +143,7 @@ def draw(series: Annotated[Path, typer.Argument(metavar="SERIES", help="Series o
          out: Annotated[Path, typer.Option(help="Write the picture of the last step (.png), or an animation of all "
                                                 "(.gif), here.")]) -> None:
     """Draw a press in three dimensions: the half-cut foam as it is deformed, coloured by the strain that drives the
-    skin, with punch and electrodes. Needs the extra `draw`: pip install 'touchcal[draw]'.
+    skin, with punch and electrodes. Needs the extra `draw`: pip install '.[draw]' in the project's folder.
 
     Example: eitsim draw press.pvd --out press.png
     """

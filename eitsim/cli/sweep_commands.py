@@ -54,9 +54,10 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     Any scalar of a scene may be a range [lo, hi], {choice = [...]} or {dist = "normal", mean = , sd = } (or
     lognormal, uniform, loguniform, integer; lo and hi cut off), by chance, or {list = [...]}, whose combinations are
     gone through. [punch] place = {grid = "polar", spacing_mm = 10} (or square; sunflower with count) or {list =
-    [[x, y], ...]} are lists of places; without place, x_mm and y_mm touches are uniform over the disc. touches = [1, 2]
-    draws their number. A table has columns x_mm, y_mm, d_mm, F_N, any key of [punch], skin.thickness_um and so on, and
-    x_2_mm, punch_2_profile of further touches.
+    [[x, y], ...]} are lists of places; without place, x_mm and y_mm touches are uniform over the disc, or over
+    another outline so far from edges that these do not count; place = {gap_mm = 1} lets punches come so near to them.
+    touches = [1, 2] draws their number. A table has columns x_mm, y_mm, d_mm, F_N, any key of [punch],
+    skin.thickness_um and so on, and x_2_mm, punch_2_profile of further touches.
 
     Example: eitsim sweep examples/design.toml --card card.json --scenes 200 --workers 2 --out sweep
 

@@ -130,5 +130,5 @@ def _joined(path: Path, pieces: Sequence[Array]) -> list[Array]:
 
 
 def _missing(name: str, suffix: str) -> ValueError:
-    return ValueError(f"outline in [body]: {suffix} files need the package {name}, which is not installed; install "
-                      f"touchcal[outlines], or give the corners as a .csv file.")
+    return ValueError(f"outline in [body]: {suffix} files need the package {name}, which is not installed; run "
+                      f"pip install '.[outlines]' in the project's folder, or give the corners as a .csv file.")

@@ -33,6 +33,6 @@ def explain_excess(requested: float, error_estimate: float, numerical: float, pl
     if error_estimate <= requested:
         return ""
     largest = max(plan.decisions, key=lambda d: d.error_bound)
-    return (f"the signal's error may be {error_estimate:.2g}, more than the {requested:g} asked for (signal in "
-            f"[accuracy]): {numerical:.2g} is numerical, {plan.error_bound:.2g} what the plan left out, most of that "
+    return (f"the signal's error may be {error_estimate:.3g}, more than the {requested:g} asked for (signal in "
+            f"[accuracy]): {numerical:.3g} is numerical, {plan.error_bound:.3g} what the plan left out, most of that "
             f"\"{largest.decision}\".{largest.remedy and ' ' + largest.remedy}")

@@ -307,8 +307,8 @@ def _channel_decisions(scene: Scene) -> Iterator[Decision]:
 
 def _from_edge(scene: Scene, punch: Punch) -> str:
     gap = rim_gap_m(scene.body, punch)
-    edge = "nearest edge" if scene.body.has_outline else "rim"
-    return f"its edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
+    edge = "nearest edge or hole of the skin" if scene.body.has_outline else "rim"
+    return f"the punch's edge is {gap * 1e3:.1f} mm from the {edge}, {gap / scene.body.thickness_m:.1f} thicknesses"
 
 
 def _all_edges_decision(scene: Scene, punch: Punch) -> Decision:

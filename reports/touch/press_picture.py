@@ -22,7 +22,7 @@ from reports.document.style import FAINT, GREY, SECOND, SEQUENTIAL, house
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-INSTALL = "python -m pip install 'touchcal[draw]'"
+INSTALL = "run pip install '.[draw]' in the project's folder."
 SUFFIXES = (".png", ".gif")
 # Libraries that draw without a display on Linux, of which VTK takes the first that is there.
 _OFF_SCREEN = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so.6")
@@ -141,7 +141,7 @@ def check_picture(out: Path) -> None:
     try:
         import pyvista  # noqa: F401
     except ImportError as error:
-        raise ValueError(f"pictures in three dimensions need {error.name}, which is not installed. Install it: "
+        raise ValueError(f"pictures in three dimensions need {error.name}, which is not installed; "
                          f"{INSTALL}") from None
     if not can_draw():
         raise ValueError(f"pictures in three dimensions are drawn without a display by {' or '.join(_OFF_SCREEN)}, "

@@ -93,8 +93,8 @@ def signal_map(touched_V: Array, baseline_V: Array) -> ReportFigure:
     energy = np.nansum(signal**2, axis=1)
     strongest = int(np.argmax(energy))
     share = energy[strongest] / energy.sum() if energy.sum() > 0 else 0.0
-    caption = (f"The signal by pattern and reading. Pattern {strongest} carries most of it: {number(100 * share, 2)} % "
-               f"of the sum of squares; an even spread would give {number(100 / patterns, 2)} %.")
+    caption = (f"The signal by pattern and reading. Pattern {strongest} has the largest sum of squares, "
+               f"{number(100 * share, 2)} % of the whole; an even spread would give {number(100 / patterns, 2)} %.")
     grid = pd.DataFrame(signal, columns=[f"reading_{i}_V" for i in range(readings)])
     grid.insert(0, "pattern", np.arange(patterns))
     return ReportFigure("signal_map", figure, caption, {"signal_map": grid})

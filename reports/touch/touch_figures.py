@@ -109,7 +109,7 @@ def _profile_caption(fields: Mapping[str, Array], reach: float, index: int, coun
     r, u_z, pressure, normal = (fields[k] for k in ("radius_mm", "u_z_mm", "pressure_kPa", "stretch_normal"))
     which = "" if count == 1 else f"Touch {index + 1}. "
     if alone:
-        which += "The touch alone, before what the rim or its neighbour changes is added; the table holds it. "
+        which += "The touch alone, without what edges or another touch change; the table holds that. "
     peak, least = int(np.argmax(pressure)), int(np.argmin(normal))
     return (f"{which}The surface sinks by up to {number(-u_z.min())} mm; farther than "
             f"{number(_last_above(r, u_z, 0.01))} mm from the axis it moves by less than 1 % of that. Contact pressure "

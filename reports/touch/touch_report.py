@@ -214,9 +214,13 @@ def _change(name: str, first: float, last: float, unit: str) -> str:
     return f"the {name} stays at {end} {unit}" if start == end else f"the {name} goes from {start} to {end} {unit}"
 
 
+def _cost(bound: float) -> str:
+    """A bound as per cent; below a hundredth of one that alone."""
+    return "–" if not bound else "< 0.01 %" if bound < 1e-4 else percent(bound)
+
+
 def _plan_table(plan: Sequence[Mapping[str, Any]]) -> Table:
-    rows = [[typeset(d["decision"]), typeset(d["reason"]), percent(d["error_bound"]) if d["error_bound"] else "–"]
-            for d in plan]
+    rows = [[typeset(d["decision"]), typeset(d["reason"]), _cost(d["error_bound"])] for d in plan]
     total = sum(d["error_bound"] for d in plan)
     largest = max(plan, key=lambda d: d["error_bound"], default=None)
     caption = (f"What the plan decided: {counted(len(plan), 'decision')} that may together cost {percent(total)} of "

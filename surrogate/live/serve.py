@@ -26,7 +26,7 @@ HOST = "127.0.0.1"
 PAGE = Path(__file__).parent / "page"
 # Frames that wait for a watcher at most, before the oldest is left out; watchers at most
 WAITING, WATCHERS = 25, 8
-INSTALL = "python -m pip install 'touchcal[live]'"
+INSTALL = "run pip install '.[live]' in the project's folder."
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def check_installed() -> None:
         import uvicorn  # noqa: F401
         import websockets  # noqa: F401
     except ImportError as error:
-        raise ValueError(f"the page needs {error.name}, which is not installed. Install it: {INSTALL}") from None
+        raise ValueError(f"the page needs {error.name}, which is not installed; {INSTALL}") from None
 
 
 def app_of(show: Show, hosts: tuple[str, ...], token: str) -> App:

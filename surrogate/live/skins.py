@@ -155,7 +155,7 @@ def _untouched(scene: Scene, material: Material, model: TrainedModel) -> Array:
     fix = "Give the --data or --scene, and the card, that the model was trained with."
     # the foreseen modes aside
     if not same_ring(replace(ring_of(scene), modes=model.ring.modes), model.ring):
-        raise ValueError(f"the scene's disc, electrodes or drive are not those that the model was trained on. {fix}")
+        raise ValueError(f"the scene's body, electrodes or drive are not those that the model was trained on. {fix}")
     readings = untouched_readings(scene, untouched_conductance(material.skin, scene.skin))
     if (off := relative_difference(readings, model.baseline_V)) > OTHER_BASELINE:
         raise ValueError(f"the untouched sensor's readings differ by {off:.0%} from the training's. {fix}")

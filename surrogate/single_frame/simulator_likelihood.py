@@ -74,7 +74,7 @@ def check_sensor(simulator: Simulator, ring: Ring) -> None:
     """ValueError where the scene's readings are not those of a model."""
     # the foreseen modes aside
     if not same_ring(replace(ring_of(simulator.scene), modes=ring.modes), ring):
-        raise ValueError("the scene's disc, electrodes or drive are not those that the model was trained on. Give the "
+        raise ValueError("the scene's body, electrodes or drive are not those that the model was trained on. Give the "
                          "model's own data set with --data, or a --scene with its [body], [electrodes] and [drive].")
 
 

@@ -28,8 +28,8 @@ def cluster(address: str) -> Iterator[WorkerPool]:
     try:
         from distributed import Client
     except ImportError:
-        raise ValueError("--scheduler needs dask.distributed. Install it with pip install 'touchcal[cluster]', here "
-                         "and on the workers.") from None
+        raise ValueError("--scheduler needs dask.distributed. Run pip install '.[cluster]' in the project's folder, "
+                         "here and on the workers.") from None
     _check_address(address)
     try:
         client = Client(address, timeout=_ANSWER_S, set_as_default=False)

@@ -119,8 +119,8 @@ def _made(graph: dict[str, Any], options: str) -> Triangles:
     try:
         import triangle
     except ImportError:
-        raise ValueError("skins with an outline need the package triangle, which is not installed; install "
-                         "touchcal[outlines].") from None
+        raise ValueError("skins with an outline need the package triangle, which is not installed; run "
+                         "pip install '.[outlines]' in the project's folder.") from None
     made = triangle.triangulate(graph, options)
     return Triangles(made["vertices"], made["triangles"].astype(np.int64), made["segments"].astype(np.int64),
                      made["segment_markers"].ravel().astype(np.int64))

@@ -84,7 +84,7 @@ def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
     found = simulate(scene, CARD)
     assert found.outcome == "ok", found.message
     edge = next(d for d in found.plan.decisions if d.decision.startswith("mechanics in three dimensions near one edge"))
-    assert "5.0 mm from the nearest edge, 1.0 thicknesses, taken as a straight one" in edge.reason
+    assert "5.0 mm from the nearest edge or hole of the skin, 1.0 thicknesses, taken as a straight one" in edge.reason
     assert edge.error_bound < 0.01 < rim_effect(0.005, 0.005, "principal")
     (touch,) = found.touches
     assert touch.rim is not None

@@ -57,7 +57,7 @@ def test_reading_curves_are_the_readings_of_the_result(tmp_path: Path, write_res
     text = read_pdf(tmp_path / "t.pdf").whole
     assert "at most 4.00 mV" in text
     assert "pattern 5, reading 9" in text
-    assert "Pattern 5 carries most of it: 100 %" in text
+    assert "Pattern 5 has the largest sum of squares, 100 %" in text
     assert f"{-20 * np.log10(4e-3 / np.sqrt(208)):.1f} dB" in text
 
 
@@ -100,7 +100,7 @@ def test_a_failed_result_says_what_it_lacks(tmp_path: Path, write_result: Make, 
 
 @pytest.mark.parametrize("decision", ["mechanics in three dimensions near the rim", "touches 1 and 2 solved together"])
 def test_a_profile_of_the_touch_alone_is_said(decision: str, write_result: Make) -> None:
-    said = "The touch alone, before what the rim or its neighbour changes is added; the table holds it."
+    said = "The touch alone, without what edges or another touch change; the table holds that."
     assert said not in sentences(write_result())
     assert said in sentences(write_result(plan=[{"decision": decision, "reason": "near", "error_bound": 0.0}]))
 

@@ -37,7 +37,7 @@ def test_what_is_missing_is_named_with_its_installation(command: Command, live_f
     done = command("surrogate", "live", live_folder)
     assert done.returncode == 2
     assert missing in done.stderr
-    assert "pip install 'touchcal[live]'" in done.stderr
+    assert "pip install '.[live]'" in done.stderr
 
 
 def test_a_port_that_is_taken_is_named(command: Command, address: str, live_folder: Path) -> None:
