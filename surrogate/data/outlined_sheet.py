@@ -38,7 +38,8 @@ class Sheet:
     electrode: Array  # (electrodes, 4) x, y of the middles and width, mm, contact impedance, Ohm m
     origin_mm: Array  # (2,) place farthest from the edges
     line_mm: float  # distance of the line along which f' is matched to the edges; nearer to these it errs
-    pole: Complex  # (poles,) places w on the edges, from the origin over its distance to the edges
+    # (poles,) places w on the edges, from the origin over its distance to the edges; none of electrodes on the surface
+    pole: Complex
     strength: Complex  # (poles, electrodes) f' = sum_w strength / (w - z)
     potential: Array  # (electrodes, electrodes) potentials of the electrodes, columns by the driven one
 
@@ -46,12 +47,23 @@ class Sheet:
 def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float,
              places_m: Array | None = None) -> tuple[Sheet, float]:
     """A skin of sheet conductance S, S, with fields that are exact at places (n, 2), and the distance of its innermost
-    place to its edges, mm; ValueError for electrodes on the surface."""
-    if electrodes.kind != "line":
-        raise ValueError(f'kind = "{electrodes.kind}" in [electrodes]: surrogates of skins with an outline learn from '
-                         'electrodes along the edge. Sweep with kind = "line".')
+    place to its edges, mm. Electrodes on the surface have no such fields: they are no sums over poles on the edges."""
     origin, reach = innermost_m(outline)
     start, end = corners_and_edges(outline)
+    along_edge = electrodes.kind == "line"
+    pole, strength, away = (_poles(outline, electrodes, conductance_S, (origin, reach), places_m) if along_edge else
+                            (np.zeros(0, complex), np.zeros((0, electrodes.count), complex), 0.0))
+    impedance = solve_untouched(outline, electrodes, conductance_S, READINGS).impedance_Ohm
+    described = np.column_stack([1e3 * middles_m(outline, electrodes), 1e3 * widths(electrodes),
+                                 contact_impedances(electrodes)])
+    return Sheet(1e3 * start, 1e3 * end, described, 1e3 * origin, 1e3 * away, pole, strength,
+                 np.pi * conductance_S * impedance), 1e3 * reach
+
+
+def _poles(outline: Outline, electrodes: Electrodes, conductance_S: float, innermost: tuple[Array, float],
+           places_m: Array | None) -> tuple[Complex, Complex, float]:
+    """Poles, their strengths, and the distance of the line to the edges, m."""
+    (origin, reach), (start, end) = innermost, corners_and_edges(outline)
     away = LINE * reach
     if places_m is not None and len(places_m):
         away = min(away, BEFORE * float(np.min(edge_distance_m(outline, places_m))))
@@ -63,12 +75,7 @@ def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float,
     centre = complex(*origin)
     pole, line = (pole - centre) / reach, (line - centre) / reach
     basis = 1 / (pole - line[:, None])
-    strength = np.asarray(np.linalg.lstsq(basis, field, rcond=_RELATIVE)[0], np.complex128)
-    impedance = solve_untouched(outline, electrodes, conductance_S, READINGS).impedance_Ohm
-    described = np.column_stack([1e3 * middles_m(outline, electrodes), 1e3 * widths(electrodes),
-                                 contact_impedances(electrodes)])
-    return Sheet(1e3 * start, 1e3 * end, described, 1e3 * origin, 1e3 * away, pole, strength,
-                 np.pi * conductance_S * impedance), 1e3 * reach
+    return pole, np.asarray(np.linalg.lstsq(basis, field, rcond=_RELATIVE)[0], np.complex128), away
 
 
 def first_derivative(response: EdgeResponse, place_m: Complex, scale_m: float) -> Complex:

@@ -93,8 +93,7 @@ def outwards(ring: Ring, radius: Array) -> Array:
 
 def ring_of(scene: Scene, baseline_V: Array | None = None, places_mm: Array | None = None) -> Ring:
     """The ring of a scene's body, electrodes and drive; ValueError where a reading is not one voltage between two
-    electrodes, a pattern not the current I from one to another, or a skin with an outline has electrodes on its
-    surface.
+    electrodes, or a pattern not the current I from one to another.
 
     The fields on a skin with an outline are those on the sheet conductance whose untouched readings are as large as
     the given ones (readings,), V, on a usual one without, and are exact at places (n, 2), if any are given.

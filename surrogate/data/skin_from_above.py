@@ -12,6 +12,8 @@ from eitsim.scene.scene import Electrodes
 from surrogate.data.outlined_sheet import Sheet
 from touchcal.arrays import Array
 
+_DISC = 24  # corners of a disc
+
 
 @dataclass(frozen=True, eq=False)
 class SkinFromAbove:
@@ -32,11 +34,15 @@ def skin_of(outline: Outline, electrodes: Electrodes) -> SkinFromAbove:
 
 
 def skin_of_sheet(sheet: Sheet) -> SkinFromAbove:
-    """The skin of a surrogate, whose electrodes lie along its outer edge."""
+    """The skin of a surrogate; electrodes on its surface are drawn as discs of their width."""
     breaks = np.flatnonzero(np.any(sheet.end_mm[:-1] != sheet.start_mm[1:], axis=1)) + 1
     edges = tuple(np.split(sheet.start_mm, breaks))
-    middle = _arc_at(edges[0], sheet.electrode[:, :2])
     half = sheet.electrode[:, 2] / 2
+    if not sheet.pole.size:
+        turn = np.linspace(0, 2 * np.pi, _DISC + 1)
+        round_ = half[:, None, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+        return SkinFromAbove(edges, tuple(sheet.electrode[:, None, :2] + round_))
+    middle = _arc_at(edges[0], sheet.electrode[:, :2])
     return SkinFromAbove(edges, tuple(_stretch(edges[0], first, last) for first, last in
                                       np.column_stack([middle - half, middle + half]).tolist()))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from surrogate.data.edge_frame import edge_frame
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.outlined_sheet import Sheet
 from surrogate.data.sensor_ring import outwards, place, radial, ring_of, same_ring
+from surrogate.data.skin_from_above import skin_of_sheet
+from surrogate.learners.forward import TouchInversion
 
 S = 6e-4
 L_WITH_HOLE = Body(outline="polygon", thickness_m=0.005, holes_m=((0.03, 0.09, 0.006),), points_m=(
@@ -97,9 +100,18 @@ def test_gains_drift_by_the_solved_potentials() -> None:
     assert slopes.sum(axis=1) == pytest.approx(rest, rel=1e-6)
 
 
-def test_electrodes_on_the_surface_are_refused_by_name() -> None:
+def test_electrodes_on_the_surface_have_potentials_and_no_poles() -> None:
     body = Body(outline="rectangle", width_m=0.1, height_m=0.1)
-    patches = Electrodes(kind="surface", count=4, width_m=0.005, x_m=(-0.02, 0.02, 0.02, -0.02),
-                         y_m=(-0.02, -0.02, 0.02, 0.02))
-    with pytest.raises(ValueError, match=r'kind = "surface" in .electrodes.: surrogates of skins with an outline'):
-        ring_of(Scene(body, electrodes=patches))
+    patches = Electrodes(kind="surface", count=6, width_m=0.005, x_m=(-0.02, 0.02, 0.03, 0.02, -0.02, -0.03),
+                         y_m=(-0.02, -0.02, 0.0, 0.02, 0.02, 0.0))
+    scene = Scene(body, electrodes=patches)
+    rest = untouched_readings(scene, S)
+    ring = ring_of(scene, rest)
+    assert ring.sheet is not None
+    assert not ring.sheet.pole.size
+    assert by_gain(ring, rest).sum(axis=1) == pytest.approx(rest, rel=1e-6)
+    with pytest.raises(ValueError, match="Take --method ridge, network or gp"):
+        TouchInversion.fit(SimpleNamespace(ring=ring), SimpleNamespace())  # pyright: ignore[reportArgumentType]
+    drawn = skin_of_sheet(ring.sheet).electrodes_mm
+    assert np.mean(drawn[1][:-1], axis=0) == pytest.approx([20.0, -20.0])
+    assert np.ptp(drawn[1], axis=0) == pytest.approx([5.0, 5.0])
