@@ -52,7 +52,7 @@ def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float,
     start, end = corners_and_edges(outline)
     along_edge = electrodes.kind == "line"
     pole, strength, away = (_poles(outline, electrodes, conductance_S, (origin, reach), places_m) if along_edge else
-                            (np.zeros(0, complex), np.zeros((0, electrodes.count), complex), 0.0))
+                            (np.zeros(0, np.complex128), np.zeros((0, electrodes.count), np.complex128), 0.0))
     impedance = solve_untouched(outline, electrodes, conductance_S, READINGS).impedance_Ohm
     described = np.column_stack([1e3 * middles_m(outline, electrodes), 1e3 * widths(electrodes),
                                  contact_impedances(electrodes)])
