@@ -9,8 +9,9 @@ these interpolate lies within a cell, of 80 triangles or more around and slowly 
 readings are known to 2e-5. That of the others is what they scatter in more harmonics and finer rings between edges
 known from finer meshes. What references are off, reference_error, is measured of every 50th touch: the difference from
 a mesh outside whose rings untouched readings are known to 1e-6. A constant of the estimate was fitted to the first
-case's touches of even number, from 0, others were chosen in sight of all of them; "held back" was drawn after that. Run
-by `make bench`; writes results/outline_touches.csv next to this file.
+case's touches of even number, from 0, others were chosen in sight of all of them; "held back" was drawn after that. The
+stored estimates of "multipole" are those of the run with MISSED_OUTLINE = 2.5e-5 put in place of its 1.5e-5: squares
+add. Run by `make bench`; writes results/outline_touches.csv next to this file.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import surrogate
+from matcal.posterior import ensembles
 from surrogate.data.outlined_sheet import edge_distance_mm
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import ForwardMap, linearise
@@ -49,8 +50,10 @@ def test_the_prior_of_the_place_is_even_where_the_punch_keeps_from_the_edges_wha
 
 
 @pytest.mark.slow
-def test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say(forward: ForwardMap,
-                                                                          rectangle_signal: Signals) -> None:
+def test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say(
+        forward: ForwardMap, rectangle_signal: Signals, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chains that a slow machine ends short say so; here they may go on."""
+    monkeypatch.setattr(ensembles, "MOST_CPU_S", np.inf)
     rng, noise, inside = np.random.default_rng(8), 3e-6, []
     touch = np.column_stack([rng.uniform(-48, 48, 6), rng.uniform(-24, 24, 6), rng.uniform(8.5, 11.5, 6),
                              rng.uniform(0.2, 0.9, 6)])
