@@ -7,10 +7,9 @@ meshes; it shares no code with eitsim. Columns are relative to the peer's finest
 depth_difference, and the 2-norm of differences of the surface's strains, within 30 mm of the punch's edge ("strain");
 "edge": that of what the edge changes of the strains, near it less far from all edges, each program by itself, where
 most of what a mesh misses under the punch cancels; both over the 2-norm of the whole strain. "peer": the two finest
-meshes of the peer to each other, its own error and more. "near the edge" is on
-the mesh of tables and of touches near several edges, "finer near the edge" on that of the latter with --exact. "one
-edge" and "one edge, exact" are `solve_near_rim`. "as if no edge" leaves the edge out of eitsim's touch, which shows
-what it changes.
+meshes of the peer to each other, its own error and more. "near the edge" is on the mesh of tables and of touches near
+several edges, "finer near the edge" on that of the latter with --exact. "one edge" and "one edge, exact" are
+`solve_near_rim`. "as if no edge" leaves the edge out of eitsim's touch, which shows what it changes.
 
 The peer solves its equations on a GPU where PyTorch finds one. MESHES take a processor minutes and know strains in
 plane to 5 to 15 %. The stored table has FINE, 90 GiB of a GPU: EDGE_PEER names a folder that keeps what the peer found

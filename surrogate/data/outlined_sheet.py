@@ -43,6 +43,11 @@ class Sheet:
     strength: Complex  # (poles, electrodes) f' = sum_w strength / (w - z)
     potential: Array  # (electrodes, electrodes) potentials of the electrodes, columns by the driven one
 
+    @property
+    def on_surface(self) -> bool:
+        """Whether the electrodes lie on the surface, and have no fields by poles."""
+        return not self.pole.size
+
 
 def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float,
              places_m: Array | None = None) -> tuple[Sheet, float]:

@@ -38,7 +38,7 @@ def skin_of_sheet(sheet: Sheet) -> SkinFromAbove:
     breaks = np.flatnonzero(np.any(sheet.end_mm[:-1] != sheet.start_mm[1:], axis=1)) + 1
     edges = tuple(np.split(sheet.start_mm, breaks))
     half = sheet.electrode[:, 2] / 2
-    if not sheet.pole.size:
+    if sheet.on_surface:
         turn = np.linspace(0, 2 * np.pi, _DISC + 1)
         round_ = half[:, None, None] * np.column_stack([np.cos(turn), np.sin(turn)])
         return SkinFromAbove(edges, tuple(sheet.electrode[:, None, :2] + round_))

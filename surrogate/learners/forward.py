@@ -43,10 +43,10 @@ class TouchInversion(Learner):
     def fit(cls, rows: Samples, training: Training) -> TouchInversion:
         """Fit the map from touch and state of the material to signal, and the response of the requested outputs; on a
         skin with an outline from touches that no edge is near to, or one straight edge alone."""
-        if rows.ring.sheet is not None and not rows.ring.sheet.pole.size:
-            raise ValueError('method "forward" learns from electrodes along the edge; those of this sweep lie on the '
-                             'surface (kind = "surface" in [electrodes]). Take --method ridge, network or gp.')
         if rows.ring.sheet is not None:
+            if rows.ring.sheet.on_surface:
+                raise ValueError('method "forward" learns from electrodes along the edge; those of this sweep lie on '
+                                 'the surface (kind = "surface" in [electrodes]). Take --method ridge, network or gp.')
             rows = _by_one_edge_at_most(rows)
         states = material_states.states(material_states.fit(rows.material), rows.material)
         touch = rows.target[:, :outputs.TOUCH]

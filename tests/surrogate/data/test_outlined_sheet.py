@@ -108,7 +108,7 @@ def test_electrodes_on_the_surface_have_potentials_and_no_poles() -> None:
     rest = untouched_readings(scene, S)
     ring = ring_of(scene, rest)
     assert ring.sheet is not None
-    assert not ring.sheet.pole.size
+    assert ring.sheet.on_surface
     assert by_gain(ring, rest).sum(axis=1) == pytest.approx(rest, rel=1e-6)
     with pytest.raises(ValueError, match="Take --method ridge, network or gp"):
         TouchInversion.fit(SimpleNamespace(ring=ring), SimpleNamespace())  # pyright: ignore[reportArgumentType]
