@@ -21,10 +21,11 @@ import numpy as np
 from conditions import quick, shown, written
 
 import surrogate
-from surrogate.data.frame_rows import BATCH, frames_of, waiting_lines
+from surrogate.data.frame_rows import BATCH, frames_of, in_order, waiting_lines
+from surrogate.data.frame_source import widen_pipe
 from surrogate.model.model import Model
 from surrogate.model.predict import prepare
-from surrogate.model.stream import answers, widen_pipe
+from surrogate.model.stream import answers
 
 FRAMES, LONE, NOISE_V = *quick((512, 128), (64, 8)), 1e-6
 # lines a second of a paced stream: of a map that is inverted, and of what answers at once; and for how long, s
@@ -42,7 +43,7 @@ def lines_of(model: Model, frames: int) -> list[str]:
 def row(model: Model, most: int, frames: int) -> dict[str, object]:
     """Rate of one model, at most so many lines at a time."""
     lines = list(enumerate(lines_of(model, frames), start=1))
-    order = np.arange(len(model.baseline_V))
+    order = in_order(len(model.baseline_V))
     begun = time.process_time()
     predictor = prepare(model, model.baseline_V, NOISE_V)
     answers(predictor, frames_of(lines[:1], order))
@@ -60,7 +61,7 @@ def paced(model: Model) -> dict[str, object]:
     """Rate and delays of one model whose lines come at the pace of a sensor."""
     pace = INVERTED if model.method == "forward" else DIRECT
     lines = [f"{line}\n".encode() for line in lines_of(model, pace * PACED_S)]
-    predictor, order = prepare(model, model.baseline_V, NOISE_V), np.arange(len(model.baseline_V))
+    predictor, order = prepare(model, model.baseline_V, NOISE_V), in_order(len(model.baseline_V))
     read_end, write_end = os.pipe()
     widen_pipe(read_end)
     begun = time.perf_counter() + 0.1

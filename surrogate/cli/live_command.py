@@ -16,20 +16,21 @@ if TYPE_CHECKING:
     from surrogate.model.model import Model
     from surrogate.recordings.trained.train_reader import TrainedReader
 
-INPUT_HELP = "- reads frames that a device writes, line by line, from standard input."
+INPUT_HELP = ("- reads frames that a device writes, line by line, from standard input; serial:PORT or serial:PORT@BAUD "
+              "from a serial port.")
 REPLAY_HELP = "Recording or table of frames to show at its rate, or at --rate without a clock."
 RATE_HELP = "Frames a second of a recording without a clock; by default 50."
 SIMULATE_HELP = "Card of foam and skin: presses are answered by the simulator, from tables."
 DATA_HELP = "Data set whose design describes the sensor of --simulate."
-BASELINE_HELP = ("CSV of untouched frames, for --replay and -; else those that the recording marks, or the first 20 "
-                 "frames, with --noise-V the first one.")
+BASELINE_HELP = ("CSV of untouched frames, for --replay and devices; else those that the recording marks, or the first "
+                 "20 frames, with --noise-V the first one.")
 EXPORT_HELP = "Write the page as one file that presses and reads in the browser, without a server; forward models."
 
 STARTS = "preparing the page"  # what one waits for until there is an address
 
 
 def live(model_folder: ModelFolder,
-         frames: Annotated[str | None, typer.Argument(metavar="[-]", help=INPUT_HELP)] = None,
+         frames: Annotated[str | None, typer.Argument(metavar="[-|serial:PORT]", help=INPUT_HELP)] = None,
          port: Annotated[int, typer.Option(min=0, max=65535, help="Port of 127.0.0.1; 0 takes a free one.")] = 0,
          replay: Annotated[Path | None, typer.Option(help=REPLAY_HELP)] = None,
          rate: Annotated[float | None, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = None,
@@ -42,7 +43,8 @@ def live(model_folder: ModelFolder,
     """Show a skin on a page of 127.0.0.1: press it with the mouse, by touch or with the keyboard, and see it read.
 
     Presses are answered by the simulator (--simulate), or without it by the model's own learned map; or the page shows
-    a recording (--replay) or what a device writes (-). The address holds a token that other pages do not know.
+    a recording (--replay) or what a device writes (- or serial:PORT). The address holds a token that other pages do
+    not know.
 
     Example: surrogate live forward --simulate card.json
     """
@@ -53,7 +55,7 @@ def live(model_folder: ModelFolder,
 
     _check_choice(frames, replay, simulate, data or scene)
     if export is not None:
-        _check_export({"-": frames, "--replay": replay, "--simulate": simulate, "--baseline": baseline,
+        _check_export({f"{frames}": frames, "--replay": replay, "--simulate": simulate, "--baseline": baseline,
                        "--noise-V": noise_v, "--port": port or None, "--rate": rate})
     elif baseline is not None and frames is None and replay is None:
         raise ValueError("--baseline gives the untouched frames of a recording (--replay) or a device (-); presses on "
@@ -65,9 +67,7 @@ def live(model_folder: ModelFolder,
             raise ValueError(f"{model_folder} was trained on a recording: its skin cannot be simulated or exported. "
                              "Show frames of the device with -, or a recording with --replay.")
         check_installed()
-        with waiting(STARTS):
-            show = _frames_show(load_reader(model_folder), frames, replay, baseline, noise_v, rate)
-        serve(show, port, _served)
+        _serve_frames(load_reader(model_folder), frames, replay, baseline, noise_v, rate, port)
         return
     if export is not None:
         check_out(export, "--export")
@@ -76,9 +76,11 @@ def live(model_folder: ModelFolder,
         return
     check_installed()
     model = surrogate.load(model_folder)
+    if frames or replay:
+        _serve_frames(model, frames, replay, baseline, noise_v, rate, port)
+        return
     with waiting(STARTS):
-        show = (_frames_show(model, frames, replay, baseline, noise_v, rate) if frames or replay
-                else _pressed_show(model, simulate, data, scene, noise_v))
+        show = _pressed_show(model, simulate, data, scene, noise_v)
     serve(show, port, _served)
 
 
@@ -93,9 +95,12 @@ def _check_export(given: dict[str, object]) -> None:
 
 
 def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None, sensor: Path | None) -> None:
-    if frames not in (None, "-"):
-        raise ValueError(f"'{frames}' is no input; - reads standard input. Give a file with --replay.")
-    given = [name for name, value in (("-", frames), ("--replay", replay), ("--simulate", simulate))
+    from surrogate.data.frame_source import comes_live
+
+    if frames is not None and not comes_live(frames):
+        raise ValueError(f"'{frames}' is no input; - reads standard input, serial:PORT a serial port. Give a file with "
+                         "--replay.")
+    given = [name for name, value in ((f"{frames}", frames), ("--replay", replay), ("--simulate", simulate))
              if value is not None]
     if len(given) > 1:
         raise ValueError(f"{' and '.join(given)} are different sources of readings. Give one of them.")
@@ -103,15 +108,23 @@ def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None
         raise ValueError("--data and --scene describe the sensor of the simulator, which needs --simulate CARD.")
 
 
-def _frames_show(model: Model | TrainedReader, frames: str | None, replay: Path | None, baseline: Path | None,
-                 noise_v: float | None, rate: float | None) -> Show:
+def _serve_frames(model: Model | TrainedReader, frames: str | None, replay: Path | None, baseline: Path | None,
+                  noise_v: float | None, rate: float | None, port: int) -> None:
+    from surrogate.data.frame_source import opened
     from surrogate.live.pictured import pictured
+    from surrogate.live.serve import serve
     from surrogate.live.shows import read_untouched, recorded_show, streamed_show
 
     untouched_V = None if baseline is None else read_untouched(baseline, pictured(model).readings)
-    if replay is not None:
-        return recorded_show(model, replay, untouched_V, noise_v, rate)
-    return streamed_show(model, open(sys.stdin.fileno(), "rb", closefd=False), untouched_V, noise_v)
+    if frames is None and replay is not None:
+        with waiting(STARTS):
+            show = recorded_show(model, replay, untouched_V, noise_v, rate)
+        serve(show, port, _served)
+    elif frames is not None:
+        with opened(frames) as source:
+            with waiting(STARTS):
+                show = streamed_show(model, source, untouched_V, noise_v)
+            serve(show, port, _served)
 
 
 def _pressed_show(model: Model, simulate: Path | None, data: Path | None, scene: Path | None,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 FRAMES_HELP = ("CSV, one frame of voltages a row, or a board's file (.mat, .npy ...); - reads lines from standard "
-               "input and answers each as it comes.")
+               "input and answers each as it comes, serial:PORT or serial:PORT@BAUD those of a serial port.")
 BASELINE_HELP = "CSV of untouched frames; else the first row of FRAMES. Two or more of them also give the noise."
 DIRECT_HELP = "Invert the simulator itself, from the learned answer on; needs --card."
 POSTERIOR_HELP = "Sample the posterior of each frame with emcee, on the learned map, or with --card by the simulator."
@@ -35,7 +35,7 @@ CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the sim
 MOST_NOISE_V = 1000.0  # no instrument reads more, and equations of more noise are singular
 SCALE_HELP = ("Multiply all readings by the training's untouched ones over those measured: yes, no, or auto, where "
               "that explains a difference larger than noise.")
-RATE_HELP = "Frames a second of standard input, for how fast touches and drift may move between two lines."
+RATE_HELP = "Frames a second of - or a serial port, for how fast touches and drift may move between two lines."
 RATE_HZ = 50.0
 HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
 DRIFT_HELP = ("What may have changed between the untouched and the touched frames, as relative standard deviations: "
@@ -79,20 +79,23 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
     import surrogate
+    from surrogate.data.frame_source import comes_live
     from surrogate.learners.registry import METHODS
     from surrogate.recordings.trained.reader_store import is_reader, load_reader
 
+    live = comes_live(frames)
     if out is not None:
         check_out(out)
-        check_apart({"--out": out}, [Path(path) for path in (frames, baseline, card, scene) if path not in (None, "-")])
+        check_apart({"--out": out}, [Path(path) for path in (None if live else frames, baseline, card, scene)
+                                     if path is not None])
     if noise_v is not None and not 0 <= noise_v <= MOST_NOISE_V:
         raise ValueError(f"--noise-V must be 0 to {MOST_NOISE_V:g} V, got {noise_v:g}. Give the standard deviation of "
                          "one reading in volts.")
     changes = _drift_of(drift)
-    if changes and (frames == "-" or direct or posterior or touches == 2):
+    if changes and (live or direct or posterior or touches == 2):
         raise ValueError("--drift is for plain predictions from a file; leave it out with -, --direct, --posterior and "
                          "--touches 2.")
-    _check_choice(frames, direct, direct or posterior, card, None if changes.get("contact") else data or scene,
+    _check_choice(live, direct, direct or posterior, card, None if changes.get("contact") else data or scene,
                   posterior or touches == 2 or as_json)
     if direct + posterior + (touches == 2) > 1:
         raise ValueError("give one of --direct, --posterior and --touches 2: each reads a frame in its own way.")
@@ -103,13 +106,13 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
         given = {"--card": card, "--data": data, "--scene": scene, "--held": held, "--direct": direct or None,
                  "--posterior": posterior or None, "--drift": drift or None, "--touches": touches - 1 or None,
                  "--seed": seed or None, "--scale-baseline": None if scale_baseline == "auto" else scale_baseline}
-        if frames != "-":
+        if not live:
             given |= {"--baseline": baseline, "--noise-V": noise_v, "--rate": None if rate == RATE_HZ else rate}
         if odd := [flag for flag, value in given.items() if value is not None]:
             raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
                              f"rows are the baseline, or a stream. Leave out {', '.join(odd)}.")
-        if frames == "-":
-            _track_stream(load_reader(model_folder), baseline, noise_v, out, rate)
+        if live:
+            _track_stream(load_reader(model_folder), frames, baseline, noise_v, out, rate)
             return
         with waiting("reading frames"):
             table = predict_recording(model_folder, Path(frames))
@@ -118,12 +121,12 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     model = surrogate.load(model_folder)
     if held is not None and (direct or posterior or touches == 2):
         raise ValueError("--held is for plain predictions; leave it out with --direct, --posterior and --touches 2.")
-    if frames == "-" and METHODS[model.method].separates_errors:
+    if live and METHODS[model.method].separates_errors:
         _say_holding(model, held)
-        _track_stream(model, baseline, noise_v, out, rate, scale_baseline, held)
+        _track_stream(model, frames, baseline, noise_v, out, rate, scale_baseline, held)
         return
-    if frames == "-":
-        _predict_stream(model, baseline, noise_v, out, scale_baseline, held)
+    if live:
+        _predict_stream(model, frames, baseline, noise_v, out, scale_baseline, held)
         return
     read, reference, dead = _frames(model, Path(frames), baseline)
     noise = _noise(reference, noise_v)
@@ -175,10 +178,10 @@ def _frame_drift(model: Model, changes: dict[str, float], data: Path | None, sce
     return frame_drift(model.ring, model.baseline_V, changes.get("gain", 0.0), changes.get("contact", 0.0), sensor)
 
 
-def _check_choice(frames: str, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,
+def _check_choice(live: bool, direct: bool, simulated: bool, card: Path | None, sensor: Path | None,
                   whole: bool) -> None:
-    if frames == "-" and (direct or whole):
-        raise ValueError("frames from standard input are answered one by one as they come; --direct, --posterior, "
+    if live and (direct or whole):
+        raise ValueError("frames of - or a serial port are answered one by one as they come; --direct, --posterior, "
                          "--touches 2 and --json need a file of frames.")
     if (card is not None or sensor is not None) and not simulated:
         raise ValueError("--card, --data and --scene describe the simulator of --direct or --posterior, and --data and "
@@ -274,19 +277,19 @@ def _plain(row: dict[Any, Any]) -> dict[str, Any]:
     return {str(key): None if isinstance(value, float) and value != value else value for key, value in row.items()}
 
 
-def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, out: Path | None, scaling: str,
-                    held_s: float | None) -> None:
+def _predict_stream(model: Model, frames: str, baseline: Path | None, noise_V: float | None, out: Path | None,
+                    scaling: str, held_s: float | None) -> None:
     from contextlib import nullcontext
 
     from surrogate.data.baseline_frame import Untouched
-    from surrogate.model.stream import answer, widen_pipe
+    from surrogate.data.frame_source import opened
+    from surrogate.model.stream import answer
 
     reference, dead = (None, None) if baseline is None else _untouched(model, baseline)
     noise = _noise(reference or Untouched(model.baseline_V, None), noise_V)
     _say_intervals(model, noise)
     _say_holding(model, held_s)
-    widen_pipe(sys.stdin.fileno())
-    with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
+    with (opened(frames) as source,
           nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
         counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, _say,
                         scaling=scaling, held_s=held_s)
@@ -294,11 +297,11 @@ def _predict_stream(model: Model, baseline: Path | None, noise_V: float | None, 
         print(f"{out}: {_counted(counts.answered, counts.flagged)}")
 
 
-def _track_stream(model: Model | TrainedReader, baseline: Path | None, noise_V: float | None, out: Path | None,
-                  rate_hz: float, scaling: str = "auto", held_s: float | None = None) -> None:
+def _track_stream(model: Model | TrainedReader, frames: str, baseline: Path | None, noise_V: float | None,
+                  out: Path | None, rate_hz: float, scaling: str = "auto", held_s: float | None = None) -> None:
     from contextlib import nullcontext
 
-    from surrogate.model.stream import widen_pipe
+    from surrogate.data.frame_source import opened
     from surrogate.model.tracking.tracked_stream import track
     from surrogate.model.tracking.tracker import Tracker
     from surrogate.model.trained import TrainedModel
@@ -310,8 +313,7 @@ def _track_stream(model: Model | TrainedReader, baseline: Path | None, noise_V: 
         readings = model.reader.signals.channels
     untouched = None if baseline is None else _sound_lines(baseline, readings)
     tracker = Tracker(model, untouched, noise_V, rate_hz=rate_hz, scale_baseline=scaling, held_s=held_s, say=_say)
-    widen_pipe(sys.stdin.fileno())
-    with (open(sys.stdin.fileno(), "rb", closefd=False) as source,
+    with (opened(frames) as source,
           nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
         counts = track(tracker, model, source, sink, _say)
     if out is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from eitsim.scene.frames import column_order
 from eitsim.sensors.formats.open_file import is_board_file, open_recording
+from eitsim.sensors.formats.serial_magnitudes import labelled
 from eitsim.sensors.recording import in_phase
 from touchcal.arrays import Array, Index
 from touchcal.errors import InputFileError
@@ -20,6 +21,7 @@ from touchcal.input_file import regular
 # Its number, from 1, and its text
 Line = tuple[int, str]
 
+STREAM = "the input"  # what messages call a stream
 # Most lines that are answered together: those that wait already, so that none waits for another to come.
 BATCH = 32
 CHUNK = 1 << 20  # bytes that are read at a time, at most
@@ -62,6 +64,27 @@ def waiting_lines(source: BufferedIOBase, most: int = BATCH) -> Iterator[list[Li
             number += len(part)
     if rest:
         yield [(number + 1, _text(rest))]
+
+
+def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines]:
+    """Frames of a stream, no blank lines, those together that wait already. A header may come first; where the first
+    line has the label of a board (`magnitudes : v,v,...`), lines without it are left out. ValueError for a header of
+    other names."""
+    columns, board = None, False
+    for some in waiting_lines(source):
+        lines = [line for line in some if line[1]]
+        if lines and columns is None:
+            number, text = lines[0]
+            board = labelled(text) is not None
+            try:
+                named = None if board else header_of(text, readings)
+            except ValueError as error:
+                raise ValueError(f"{STREAM}, line {number}: {error}") from None
+            columns, lines = (in_order(readings), lines) if named is None else (named, lines[1:])
+        if board:
+            lines = [(number, values) for number, text in lines if (values := labelled(text)) is not None]
+        if lines and columns is not None:
+            yield frames_of(lines, columns)
 
 
 def _text(line: bytes) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.data.frame_rows import frames_of, header_of, in_order, waiting_lines
+from surrogate.data.frame_rows import frames_as_they_come
 from surrogate.live.controls import Controls, Latest
 from surrogate.live.skins import Pressed, Skin
 from touchcal.arrays import Array
@@ -73,14 +73,7 @@ def recorded_moments(volts: Array, time_s: Array | None, rate_hz: float = RATE_H
 def streamed_moments(source: BufferedIOBase, readings: int) -> Iterator[Moment]:
     """Frames of lines as they come; a line that is no frame has a note, and readings that are not there. ValueError
     for a header of other names."""
-    order, start, first = in_order(readings), time.perf_counter(), True
-    for lines in waiting_lines(source):
-        lines = [line for line in lines if line[1]]
-        if first and lines:
-            named = header_of(lines[0][1], readings)
-            order, lines, first = (order, lines, False) if named is None else (named, lines[1:], False)
-        if not lines:
-            continue
-        read = frames_of(lines, order)
+    start = time.perf_counter()
+    for read in frames_as_they_come(source, readings):
         for volts, problem in zip(read.volts, read.problem, strict=True):
             yield Moment(time.perf_counter() - start, volts, note=problem)

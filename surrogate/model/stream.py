@@ -1,6 +1,5 @@
 """Frames line by line, each answered as soon as it is there."""
 
-import contextlib
 import csv
 import math
 from collections.abc import Callable
@@ -9,13 +8,11 @@ from io import BufferedIOBase
 from typing import TextIO
 
 from surrogate.data.baseline_frame import compared
-from surrogate.data.frame_rows import CHUNK, Columns, Lines, first_frame, frames_of, header_of, in_order, waiting_lines
+from surrogate.data.frame_rows import STREAM, Lines, first_frame, frames_as_they_come
 from surrogate.model.missing_channels import check_needed, silent
 from surrogate.model.model import Model
 from surrogate.model.predict import Predictor, columns, numbers_of, prepare, read_touches, sign_caution
 from touchcal.arrays import Array, Mask
-
-SOURCE = "standard input"
 
 
 @dataclass(frozen=True)
@@ -24,14 +21,6 @@ class Counts:
 
     answered: int
     flagged: int
-
-
-def widen_pipe(descriptor: int) -> None:
-    """Let a pipe hold more frames than its 64 kB, where the system can, so that those of a fast writer go together."""
-    with contextlib.suppress(ImportError, AttributeError, OSError):
-        import fcntl
-
-        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, CHUNK)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
@@ -49,7 +38,6 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
     table = csv.writer(sink, lineterminator="\n")
     table.writerow(columns(model))
     sink.flush()
-    order: Columns | None = None
 
     def by(untouched_V: Array) -> tuple[Predictor, Array]:
         found = compared(model.baseline_V, model.ring, untouched_V, noise_V, scaling)
@@ -59,14 +47,7 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
 
     ready = None if baseline_V is None else by(baseline_V)
     answered, flagged, warned = 0, 0, False
-    for lines in waiting_lines(source):
-        lines = [line for line in lines if line[1]]
-        if lines and order is None:
-            named = _header(lines[0], len(model.baseline_V))
-            order, lines = (in_order(len(model.baseline_V)), lines) if named is None else (named, lines[1:])
-        if not lines or order is None:
-            continue
-        read = frames_of(lines, order)
+    for read in frames_as_they_come(source, len(model.baseline_V)):
         if ready is None:
             ready, read = by(_untouched(model, read, say)), read.after_first()
         if len(read.line):
@@ -79,21 +60,13 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
                 say(f"line {rows[0][0]} on: {words}")
                 warned = True
     if ready is None:
-        raise ValueError(f"{SOURCE} held no frame. Give the untouched one first, or --baseline FILE.")
+        raise ValueError(f"{STREAM} held no frame. Give the untouched one first, or --baseline FILE.")
     return Counts(answered, flagged)
-
-
-def _header(line: tuple[int, str], readings: int) -> Columns | None:
-    number, text = line
-    try:
-        return header_of(text, readings)
-    except ValueError as error:
-        raise ValueError(f"{SOURCE}, line {number}: {error}") from None
 
 
 def _untouched(model: Model, lines: Lines, say: Callable[[str], object]) -> Array:
     """The first line, V, with words on it."""
-    volts, where = first_frame(lines, SOURCE), f"{SOURCE}, line {lines.line[0]}"
+    volts, where = first_frame(lines, STREAM), f"{STREAM}, line {lines.line[0]}"
     check_needed(model, silent(volts[None], model.baseline_V)[0], where)
     say(f"{where} is taken as the untouched frame; give --baseline FILE where it is not.")
     return volts

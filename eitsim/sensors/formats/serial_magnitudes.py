@@ -9,8 +9,14 @@ from touchcal.errors import InputFileError
 _LABEL = "magnitudes"
 
 
+def labelled(line: str) -> str | None:
+    """What follows the label, `v,v,...`; None for a line without it."""
+    label, colon, values = line.partition(":")
+    return values.strip().rstrip(",") if colon and label.strip().lower() == _LABEL else None
+
+
 def _is_serial(path: Path) -> bool:
-    return any(line.partition(":")[0].strip().lower() == _LABEL for line in first_lines(path))
+    return any(labelled(line) is not None for line in first_lines(path))
 
 
 def _read_serial(path: Path, kind: str) -> Recording:
@@ -18,8 +24,8 @@ def _read_serial(path: Path, kind: str) -> Recording:
     under it, and are voltages."""
     rows, lines = [], []
     for number, line in enumerate(text_lines(path), start=1):
-        label, colon, values = line.partition(":")
-        if not colon or label.strip().lower() != _LABEL:
+        values = labelled(line)
+        if values is None:
             continue
         try:
             rows.append([float(cell) for cell in values.split(",") if cell.strip()])

@@ -8,14 +8,15 @@ from collections.abc import Callable, Sequence
 from io import BufferedIOBase
 from typing import TextIO
 
-from surrogate.data.frame_rows import Columns, Line, frame_of, header_of, in_order, waiting_lines
+from surrogate.data.frame_rows import STREAM, frames_as_they_come
 from surrogate.model import predict
-from surrogate.model.stream import SOURCE, Counts
+from surrogate.model.stream import Counts
 from surrogate.model.tracking import followed_presses
 from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED
 from surrogate.model.tracking.tracker import Tracker
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
+from touchcal.arrays import Array
 
 QUIET = (CALIBRATING, UNTOUCHED)  # states whose flags count no frame as flagged
 
@@ -38,28 +39,20 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
     table, names = csv.writer(sink, lineterminator="\n"), columns(model)
     table.writerow(names)
     sink.flush()
-    order: Columns | None = None
     answered = flagged = 0
     warned = calibrating = False
-    for lines in waiting_lines(source):
-        for line in lines:
-            if not line[1]:
-                continue
-            if order is None:
-                named = _header(line, tracker.readings)
-                order = in_order(tracker.readings) if named is None else named
-                if named is not None:
-                    continue
-            state, values, flag = _answer(tracker, line, order)
-            table.writerow([line[0], *(_cell(value) for value in values or [math.nan] * (len(names) - 3)), state, flag])
+    for read in frames_as_they_come(source, tracker.readings):
+        for line, volts, problem in zip(read.line.tolist(), read.volts, read.problem, strict=True):
+            state, values, flag = (UNREADABLE, None, problem) if problem else _answer(tracker, volts)
+            table.writerow([line, *(_cell(value) for value in values or [math.nan] * (len(names) - 3)), state, flag])
             sink.flush()
             answered, flagged = answered + 1, flagged + (bool(flag) and state not in QUIET)
             calibrating = _say_calibrating(tracker, state, calibrating, say)
             if not warned and (words := predict.sign_caution([flag])):
-                say(f"line {line[0]} on: {words}")
+                say(f"line {line} on: {words}")
                 warned = True
-    if order is None or not answered:
-        raise ValueError(f"{SOURCE} held no frame. Give the untouched ones first, or --baseline FILE.")
+    if not answered:
+        raise ValueError(f"{STREAM} held no frame. Give the untouched ones first, or --baseline FILE.")
     return Counts(answered, flagged)
 
 
@@ -67,19 +60,8 @@ def _cell(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def _header(line: Line, readings: int) -> Columns | None:
-    try:
-        return header_of(line[1], readings)
-    except ValueError as error:
-        raise ValueError(f"{SOURCE}, line {line[0]}: {error}") from None
-
-
-def _answer(tracker: Tracker, line: Line, order: Columns) -> tuple[str, Sequence[float] | None, str]:
-    """State, values or none, and flag of a line."""
-    try:
-        volts = frame_of(line[1], order)
-    except ValueError as error:
-        return UNREADABLE, None, f"unreadable: {error}"
+def _answer(tracker: Tracker, volts: Array) -> tuple[str, Sequence[float] | None, str]:
+    """State, values or none, and flag of a frame."""
     said = tracker.update(volts)
     return said.state, None if said.row is None else said.row.tolist(), said.flag
 

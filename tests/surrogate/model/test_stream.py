@@ -122,15 +122,15 @@ def test_the_first_line_is_said_to_be_taken_as_untouched(ridge: Model, synthetic
     said: list[str] = []
     text = "\n".join(as_lines(untouched_V + np.vstack([np.zeros(208), -synthetic(2, 65)[1]])))
     answer(ridge, io.BytesIO(text.encode()), io.StringIO(), 0.0, say=said.append)
-    assert said[0].startswith("standard input, line 1 is taken as the untouched frame; give --baseline FILE")
+    assert said[0].startswith("the input, line 1 is taken as the untouched frame; give --baseline FILE")
     assert len(said) == 2
     assert said[1].startswith("line 2 on: 1 of 1 frames differ from the untouched one with the other sign")
 
 
 def test_without_an_untouched_frame_there_is_no_stream(ridge: Model) -> None:
-    with pytest.raises(ValueError, match=r"standard input held no frame. Give the untouched one first"):
+    with pytest.raises(ValueError, match=r"the input held no frame. Give the untouched one first"):
         answered(ridge, "\n\n")
-    with pytest.raises(ValueError, match=r"standard input, line 1: unreadable: 2 columns, expected 208 .* first frame"):
+    with pytest.raises(ValueError, match=r"the input, line 1: unreadable: 2 columns, expected 208 .* first frame"):
         answered(ridge, "1,2\n")
 
 

@@ -293,7 +293,7 @@ def test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say(forwar
     ({"direct": True}, "--card"),
     ({"card": Path("card.json")}, "--direct or --posterior, and .*; add one"),
     ({"touches": 2, "card": Path("card.json")}, "--direct or --posterior, and .*; add one"),
-    ({"posterior": True, "frames": "-"}, "standard input")])
+    ({"posterior": True, "frames": "-"}, "one by one")])
 def test_options_that_do_not_go_together_are_refused_with_the_mend(options: dict[str, object], words: str) -> None:
     given = {"model_folder": Path("model"), "frames": "frames.csv"} | options
     with pytest.raises(ValueError, match=words):

@@ -1,0 +1,107 @@
+"""Where lines of frames come from as a device writes them: standard input, or a serial port."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import sys
+from collections.abc import Iterator
+from io import BufferedIOBase
+from typing import TYPE_CHECKING
+
+from eitsim.sensors.formats.serial_magnitudes import labelled
+from surrogate.data.frame_rows import CHUNK
+
+if TYPE_CHECKING:
+    import serial
+
+STANDARD_INPUT = "-"
+BAUD = 115200  # bits a second where none are given; boards on USB take any
+INSTALL = "run pip install '.[serial]' in the project's folder."
+_PORT = re.compile(r"serial:(?P<port>.+?)(@(?P<baud>[^@]*))?")
+
+
+def comes_live(frames: str | None) -> bool:
+    """Whether frames come as they are written: `-` or `serial:PORT`, with @BAUD or without."""
+    return frames is not None and (frames == STANDARD_INPUT or frames.startswith("serial:"))
+
+
+@contextlib.contextmanager
+def opened(frames: str) -> Iterator[BufferedIOBase]:
+    """The stream of `-` or `serial:PORT@BAUD`; ValueError where the port cannot be opened or read."""
+    if frames == STANDARD_INPUT:
+        widen_pipe(sys.stdin.fileno())
+        with open(sys.stdin.fileno(), "rb", closefd=False) as source:
+            yield source
+        return
+    port, baud = _port(frames)
+    try:
+        import serial
+        from serial.tools.list_ports import comports
+    except ImportError:
+        raise ValueError(f"serial ports need pyserial, which is not installed; {INSTALL}") from None
+    try:
+        with serial.Serial(port, baud) as device:
+            yield SerialLines(device)
+    except serial.SerialException as error:
+        there = ", ".join(one.device for one in comports()) or "none is found"
+        why = os.strerror(error.errno) if error.errno else error
+        raise ValueError(f"serial port {port}: {why}. Check its name, its cable, that you may read it, and that no "
+                         f"other program does; ports here: {there}.") from None
+
+
+def _port(frames: str) -> tuple[str, int]:
+    """Name and bits a second of `serial:PORT@BAUD`."""
+    found = _PORT.fullmatch(frames)
+    baud = None if found is None else found["baud"] or (str(BAUD) if found["baud"] is None else "")
+    if found is None or baud is None or not baud.isdecimal() or not int(baud):
+        raise ValueError(f"'{frames}' names no serial port. Write serial:PORT or serial:PORT@BAUD, as "
+                         "serial:/dev/ttyACM0@115200 or serial:COM3.")
+    return found["port"], int(baud)
+
+
+class SerialLines(BufferedIOBase):
+    """Bytes of a serial port from its first line of numbers on: what was cut when it was opened, and what a board
+    says as it starts, come before."""
+
+    def __init__(self, device: serial.Serial) -> None:
+        self.device, self.begun = device, False
+
+    def read1(self, size: int = -1) -> bytes:
+        """What waits, `size` bytes at most and at least one."""
+        if self.begun:
+            waiting = max(self.device.in_waiting, 1)
+            return self.device.read(waiting if size < 0 else min(waiting, size))
+        line = self.device.readline()
+        if not _is_named(line):  # else it may have lost its beginning
+            while not (_is_named(line := self.device.readline()) or _is_numbers(line)):
+                pass
+        self.begun = True
+        return line
+
+
+def _is_named(line: bytes) -> bool:
+    text = _text(line)
+    return labelled(text) is not None or text.startswith(("v_", '"v_'))
+
+
+def _is_numbers(line: bytes) -> bool:
+    first, comma, _ = _text(line).partition(",")
+    try:
+        float(first)
+    except ValueError:
+        return False
+    return bool(comma)
+
+
+def _text(line: bytes) -> str:
+    return line.decode("utf-8-sig", errors="replace").strip()
+
+
+def widen_pipe(descriptor: int) -> None:
+    """Let a pipe hold more frames than its 64 kB, where the system can, so that those of a fast writer go together."""
+    with contextlib.suppress(ImportError, AttributeError, OSError):
+        import fcntl
+
+        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, CHUNK)  # pyright: ignore[reportAttributeAccessIssue]

@@ -1,0 +1,81 @@
+"""Lines of a device: a serial port, read from its first whole line of numbers, and lines that boards write."""
+
+from __future__ import annotations
+
+import io
+import os
+import tty
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from surrogate.data.frame_rows import frames_as_they_come
+from surrogate.data.frame_source import comes_live, opened
+
+
+@pytest.fixture
+def line() -> Iterator[tuple[int, str]]:
+    """The device's end of a serial line, a pseudo-terminal, and the name of its port."""
+    pytest.importorskip("serial")
+    device, port = os.openpty()
+    tty.setraw(port)
+    yield device, os.ttyname(port)
+    os.close(port)
+    os.close(device)
+
+
+def frames_of_port(line: tuple[int, str], text: bytes, count: int, readings: int) -> list[list[float]]:
+    device, port = line
+    with opened(f"serial:{port}@9600") as source:
+        os.write(device, text)
+        found: list[list[float]] = []
+        for read in frames_as_they_come(source, readings):
+            found += read.volts[[not problem for problem in read.problem]].tolist()
+            if len(found) >= count:
+                break
+    return found
+
+
+@pytest.mark.parametrize(("text", "expected"), [
+    (b"23,0.2\n1.5,0.2\n2.5,0.4\n", [[1.5, 0.2], [2.5, 0.4]]),  # the first line may be a cut 1.23,0.2
+    (b"e-3\r\nboard ready, v 1.2\r\n1.5,0.2\r\n\r\noops,1\r\n2.5,0.4\r\n", [[1.5, 0.2], [2.5, 0.4]]),
+    (b"v_001,v_000\n1.5,0.2\n2.5,0.4\n", [[0.2, 1.5], [0.4, 2.5]]),
+    (b"magnitudes : 1.5,0.2,\nfps: 20\nmagnitudes : 2.5,0.4,\n", [[1.5, 0.2], [2.5, 0.4]])],
+    ids=["cut", "banner", "header", "labelled"])
+def test_a_port_is_read_from_its_first_whole_line_of_numbers(line: tuple[int, str], text: bytes,
+                                                             expected: list[list[float]]) -> None:
+    assert frames_of_port(line, text, 2, 2) == expected
+
+
+def test_lines_of_a_board_are_frames_and_what_it_prints_between_is_none() -> None:
+    lines = b"Magnitudes: 1,2,\nfps: 20\nmagnitudes : 3,4\nmagnitudes : 5,\n"
+    read = list(frames_as_they_come(io.BytesIO(lines), 2))
+    assert np.concatenate([one.line for one in read]).tolist() == [1, 3, 4]
+    assert read[0].volts[:2].tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert read[0].problem == ["", "", "unreadable: 1 columns, expected 2 voltages separated by commas"]
+
+
+def test_what_comes_live() -> None:
+    assert [comes_live(text) for text in ("-", "serial:COM3", "serial:/dev/ttyACM0@9600")] == [True] * 3
+    assert [comes_live(text) for text in (None, "frames.csv", "COM3")] == [False] * 3
+
+
+@pytest.mark.parametrize("text", ["serial:", "serial:COM3@", "serial:COM3@fast", "serial:COM3@0"])
+def test_a_source_that_names_no_port_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"names no serial port. Write serial:PORT or serial:PORT@BAUD"), opened(text):
+        pass
+
+
+def test_a_port_that_is_not_there_is_named_with_those_that_are() -> None:
+    pytest.importorskip("serial")
+    with (pytest.raises(ValueError, match=r"^serial port /dev/nothing: .*Check its name, its cable.*ports here: "),
+          opened("serial:/dev/nothing")):
+        pass
+
+
+def test_a_device_that_goes_away_is_an_error_of_its_port(line: tuple[int, str]) -> None:
+    from serial import SerialException
+
+    with pytest.raises(ValueError, match=r"^serial port .* unplugged"), opened(f"serial:{line[1]}"):
+        raise SerialException("unplugged")
