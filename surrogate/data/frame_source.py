@@ -29,7 +29,7 @@ def comes_live(frames: str | None) -> bool:
 
 @contextlib.contextmanager
 def opened(frames: str) -> Iterator[BufferedIOBase]:
-    """The stream of `-` or `serial:PORT@BAUD`; ValueError where the port cannot be opened or read."""
+    """The stream of `-` or `serial:PORT@BAUD`; ValueError where the port cannot be opened."""
     if frames == STANDARD_INPUT:
         widen_pipe(sys.stdin.fileno())
         with open(sys.stdin.fileno(), "rb", closefd=False) as source:
@@ -42,13 +42,14 @@ def opened(frames: str) -> Iterator[BufferedIOBase]:
     except ImportError:
         raise ValueError(f"serial ports need pyserial, which is not installed; {INSTALL}") from None
     try:
-        with serial.Serial(port, baud) as device:
-            yield SerialLines(device)
+        device = serial.Serial(port, baud)
     except serial.SerialException as error:
         there = ", ".join(one.device for one in comports()) or "none is found"
         why = os.strerror(error.errno) if error.errno else error
         raise ValueError(f"serial port {port}: {why}. Check its name, its cable, that you may read it, and that no "
                          f"other program does; ports here: {there}.") from None
+    with device:
+        yield SerialLines(device)
 
 
 def _port(frames: str) -> tuple[str, int]:
@@ -69,7 +70,14 @@ class SerialLines(BufferedIOBase):
         self.device, self.begun = device, False
 
     def read1(self, size: int = -1) -> bytes:
-        """What waits, `size` bytes at most and at least one."""
+        """What waits, `size` bytes at most and at least one; ValueError where the device went away."""
+        try:
+            return self._waiting(size)
+        except OSError:
+            raise ValueError(f"serial port {self.device.port} gives no more: its device was unplugged, or another "
+                             "program reads it too.") from None
+
+    def _waiting(self, size: int) -> bytes:
         if self.begun:
             waiting = max(self.device.in_waiting, 1)
             return self.device.read(waiting if size < 0 else min(waiting, size))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
 import random
 import signal
 import socket
 import subprocess
+import time
+import tty
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -172,18 +175,37 @@ def test_lines_of_a_device_are_shown_and_read(start: Start, inner_model: surroga
     assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
 
 
+def test_a_serial_port_is_shown_until_it_is_unplugged(start: Start, inner_model: surrogate.Model, live_folder: Path
+                                                      ) -> None:
+    pytest.importorskip("serial")
+    signal_V, target = touch_of(inner_model)
+    device, port = os.openpty()
+    tty.setraw(port)
+    _, address = start(live_folder, f"serial:{os.ttyname(port)}", "--noise-V", "1e-6")
+    os.close(port)
+    with connected(address) as connection:
+        connection.recv()
+        os.write(device, b"skin board 1.0\r\n")
+        for volts in [inner_model.baseline_V, *[inner_model.baseline_V + signal_V] * 4]:
+            os.write(device, f"{','.join(map(repr, volts.tolist()))}\r\n".encode())
+        time.sleep(1.0)
+        os.close(device)
+        frame = last_read(connection, "stopped: serial port ")
+    assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
+
+
 def touch_of(model: surrogate.Model) -> tuple[np.ndarray, np.ndarray]:
     """Signal and target of a validation row, of the strongest signal."""
     k = int(np.argmax(np.linalg.norm(model.calibration.signal_V, axis=1)))
     return model.calibration.signal_V[k], model.calibration.target[k]
 
 
-def last_read(connection) -> dict:
-    """The last frame with a touch before the input ends."""
+def last_read(connection, end: str = "the input ended") -> dict:
+    """The last frame with a touch before the note that begins so."""
     read: dict = {}
     for _ in range(2000):
         frame = json.loads(connection.recv(timeout=30))
         read = frame if frame.get("read") else read
-        if frame["note"] == "the input ended":
+        if frame["note"].startswith(end):
             return read
     raise AssertionError("the input does not end")
