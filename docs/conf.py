@@ -3,6 +3,7 @@ that are run."""
 
 import logging
 import re
+import shutil
 import sys
 from pathlib import Path
 
@@ -62,8 +63,15 @@ def setup(app) -> None:
         text = (_ROOT / name).read_text(encoding="utf-8")
         (made / name.lower()).write_text(text.replace("](docs/", "](../"), encoding="utf-8")
     app.connect("source-read", _to_made_examples)
+    app.connect("build-finished", _with_press)
 
 
 def _to_made_examples(app, page: str, source: list[str]) -> None:
     """Links to examples, in place, as links to the pages that are made of them."""
     source[0] = re.sub(r"\]\(\.\./((?:tutorials|gallery)/[\w/]+)\.py\)", r"](../made/\1.rst)", source[0])
+
+
+def _with_press(app, error: Exception | None) -> None:
+    """The page to press, which a tutorial writes, next to the first page, which shows it."""
+    if error is None and app.builder.format == "html":
+        shutil.copy(Path(app.srcdir) / "tutorials" / "press.html", app.outdir)

@@ -119,12 +119,13 @@ print(f"place off by {np.median(np.hypot(*off_mm.T)):.2f} mm in the median; "
 #
 #     surrogate live MODEL                             # the model's own map answers the presses
 #     surrogate live MODEL --simulate card.json        # the simulator does
-#     my_device | surrogate live MODEL -               # frames of a device, a line a frame
+#     surrogate live MODEL serial:/dev/ttyACM0         # frames of a device, a line a frame
 #
-# ``--export`` writes a page that needs no server: the learned map is in it, and it opens from disk.
+# ``--export`` writes a page that needs no server: the learned map is in it, and it opens from disk. The one below is the
+# skin on the first page of this documentation.
 
 model.save(folder / "model")
-done = subprocess.run(["surrogate", "live", folder / "model", "--export", folder / "page.html"], capture_output=True,
-                      text=True, check=True)
-print(done.stdout.replace(str(folder), "."))
+done = subprocess.run(["surrogate", "live", folder / "model", "--export", "press.html"], capture_output=True, text=True,
+                      check=True)
+print(done.stdout)
 temporary.cleanup()
