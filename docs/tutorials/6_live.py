@@ -121,8 +121,8 @@ print(f"place off by {np.median(np.hypot(*off_mm.T)):.2f} mm in the median; "
 #     surrogate live MODEL --simulate card.json        # the simulator does
 #     surrogate live MODEL serial:/dev/ttyACM0         # frames of a device, a line a frame
 #
-# ``--export`` writes a page that needs no server: the learned map is in it, and it opens from disk. The one below is the
-# skin on the first page of this documentation.
+# ``--export`` writes a page that needs no server: the learned map is in it, and it opens from disk. The one below is
+# the skin on the first page of this documentation.
 
 model.save(folder / "model")
 done = subprocess.run(["surrogate", "live", folder / "model", "--export", "press.html"], capture_output=True, text=True,
