@@ -1,5 +1,7 @@
 """Gaussian process regression of one smooth quantity on a few inputs, hyperparameters by their posterior mode."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -63,6 +65,11 @@ class GaussianProcess:
         """(k,) inverse covariance times what the trend leaves of the values."""
         return cho_solve((self.factor, True), self.values - _regressors(self.nodes * self.lengths) @ self.trend)
 
+    @cached_property
+    def alone(self) -> Together:
+        """This process as the only one."""
+        return Together((self,))
+
 
 def fit(x: Array, y: Array, variance: Array | None = None) -> GaussianProcess:
     """Fit y (n,) on x (n, q); `variance` (n,) is the noise variance up to one factor, which is fitted (Rasmussen and
@@ -80,38 +87,13 @@ def fit(x: Array, y: Array, variance: Array | None = None) -> GaussianProcess:
     return GaussianProcess(x / lengths, centre, lengths, amplitude, (amplitude * ratio) ** 2 * shape, y)
 
 
-def mean(process: GaussianProcess, x: Array) -> tuple[Array, Array]:
-    """Mean (n,) and its gradient (n, q) at x (n, q)."""
-    x = x - process.centre
-    return _mean(process, x, _cross(process, x))
-
-
 def predict(process: GaussianProcess, x: Array) -> tuple[Array, Array, Array]:
     """Mean (n,), gradient of the mean (n, q) and variance (n,) of y without its noise at x (n, q).
 
     The variance includes the trend's, and leaves out that of the hyperparameters, which are taken as known.
     """
-    x = x - process.centre
-    cross = _cross(process, x)
-    return *_mean(process, x, cross), _variance(process, cross, _regressors(x))
-
-
-def _variance(process: GaussianProcess, cross: Array, regressors: Array) -> Array:
-    half = cross @ process.inverse.T
-    variance = np.maximum(process.amplitude**2 - np.einsum("nk,nk->n", half, half), 0.0)
-    unseen = regressors - half @ process.carried
-    trend = np.einsum("np,pq,nq->n", unseen, process.trend_covariance, unseen)
-    return variance + np.maximum(trend, 0.0)
-
-
-def _cross(process: GaussianProcess, x: Array) -> Array:
-    return process.amplitude**2 * squared_exponential(x / process.lengths, process.nodes)
-
-
-def _mean(process: GaussianProcess, x: Array, cross: Array) -> tuple[Array, Array]:
-    weighted = cross * process.weights
-    gradient = (weighted @ process.nodes - weighted.sum(1, keepdims=True) * (x / process.lengths)) / process.lengths
-    return process.trend[0] + x @ process.trend[1:] + weighted.sum(1), gradient + process.trend[1:]
+    value, gradient = means(process.alone, x)
+    return value[:, 0], gradient[:, 0], variances(process.alone, x)[:, 0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ def test_it_finds_the_noise_and_the_surface(noise: float) -> None:
     x, at = points(140, 0), points(1000, 2)
     process = gaussian_process.fit(x, surface(x) + noise * np.random.default_rng(1).normal(size=140))
     assert np.sqrt(process.noise[0]) == pytest.approx(noise, rel=0.3)
-    assert np.sqrt(np.mean((gaussian_process.mean(process, at)[0] - surface(at)) ** 2)) < 1.5 * noise
+    assert np.sqrt(np.mean((gaussian_process.predict(process, at)[0] - surface(at)) ** 2)) < 1.5 * noise
 
 
 def test_its_variance_is_that_of_its_own_prior() -> None:
@@ -51,7 +51,7 @@ def test_gradient_equals_finite_differences() -> None:
     at, steps = points(5, 3), np.diag([1e-4, 1e-4, 1e-2])
     _, gradient, _ = gaussian_process.predict(process, at)
     for q, h in enumerate(steps):
-        change = gaussian_process.mean(process, at + h)[0] - gaussian_process.mean(process, at - h)[0]
+        change = gaussian_process.predict(process, at + h)[0] - gaussian_process.predict(process, at - h)[0]
         assert np.allclose(gradient[:, q], change / (2 * h[q]), atol=1e-6)
 
 
@@ -69,7 +69,7 @@ def test_unequal_noise_is_weighed() -> None:
     sd = np.where(np.arange(120) % 2, 1.0, 1e-3)
     y = surface(x) + sd * rng.normal(size=120)
     at = points(300, 2)
-    error = [np.sqrt(np.mean((gaussian_process.mean(gaussian_process.fit(x, y, v), at)[0] - surface(at)) ** 2))
+    error = [np.sqrt(np.mean((gaussian_process.predict(gaussian_process.fit(x, y, v), at)[0] - surface(at)) ** 2))
              for v in (None, sd**2)]
     assert error[1] < 0.05 * error[0]
 
@@ -78,7 +78,7 @@ def test_a_constant_input_is_harmless() -> None:
     x = points(40, 0)
     x[:, 2] = 7.0
     process = gaussian_process.fit(x, surface(x))
-    assert np.allclose(gaussian_process.mean(process, x)[0], surface(x), atol=1e-3)
+    assert np.allclose(gaussian_process.predict(process, x)[0], surface(x), atol=1e-3)
 
 
 def test_too_few_rows_are_refused() -> None:

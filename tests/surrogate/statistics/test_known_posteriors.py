@@ -35,7 +35,7 @@ def test_mean_and_variance_are_those_of_universal_kriging() -> None:
     assert mean == pytest.approx(h_at @ trend + cross @ inverse @ (y - h @ trend), rel=1e-8)
     assert variance == pytest.approx(amplitude**2 - np.sum((cross @ inverse) * cross, axis=1)
                                      + np.sum((unseen @ spread) * unseen, axis=1), rel=1e-7)
-    assert gaussian_process.mean(process, at)[0] == pytest.approx(mean, rel=1e-12)
+    assert gaussian_process.predict(process, at)[0] == pytest.approx(mean, rel=1e-12)
 
 
 def test_rows_are_kept_evenly() -> None:
