@@ -252,7 +252,8 @@ def test_a_line_that_is_no_frame_does_not_end_the_calibration(model: Model, pres
     lines.insert(5, "1,2,3")
     said: list[str] = []
     track(Tracker(model), model, io.BytesIO("\n".join(lines).encode()), io.StringIO(), said.append)
-    assert [words.split(" ")[0] for words in said] == ["the", "calibrated:"]
+    assert [words.split(" ")[0] for words in said] == ["the", "line", "calibrated:"]
+    assert said[1].startswith("line 6: unreadable: 3 columns, expected 208 voltages")
 
 
 def test_bad_frames_and_noise_are_refused(model: Model) -> None:
