@@ -33,6 +33,7 @@ from touchcal.arrays import Array, Index, Mask
 
 # An interval of F wider than this part of its training range says that d and F have several answers.
 SEVERAL, SEVERAL_PART = "several answers for F", 0.5
+SIZE = "the signal's size"  # in flags
 NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
 # Where nearly all trained touches lower the readings, or nearly all raise them.
 OTHER_SIGN = "signal of the other sign than a touch's"
@@ -200,8 +201,8 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
     if np.any(touched):
         found = read(signal[touched])
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
-        off = _outside(model, found)
-        outside = off.any(axis=1) | ~found.inside | (size[touched] > STRONG * predictor.novelty.strongest_V)
+        off = np.column_stack([_outside(model, found), size[touched] > STRONG * predictor.novelty.strongest_V])
+        outside = off.any(axis=1) | ~found.inside
         value[touched] = found.value
         scale = predictor.scale.of(found.sd, found.near_edge)
         below[touched], above[touched] = (_widened(model, side * scale, strange, outside)
@@ -262,9 +263,10 @@ def _several(model: TrainedModel, width: Array) -> Mask:
 
 
 def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask, off: Mask) -> list[str]:
-    """Flags of estimates outside the training range, with the outputs (n, outputs) that are, and of strange ones."""
+    """Flags of estimates outside the training range, with what is so (n, outputs + 1), the signal's size last, and of
+    strange ones."""
     odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
-    names = [", ".join(name for name, is_off in zip(model.names, row, strict=True) if is_off) for row in off]
+    names = [", ".join(name for name, is_off in zip((*model.names, SIZE), row, strict=True) if is_off) for row in off]
     return ["; ".join([OUTSIDE + (f" of {which}" if which else "")] * bool(b) + [MISFIT] * bool(o))
             for b, o, which in zip(outside, odd, names, strict=True)]
 

@@ -20,6 +20,8 @@ from surrogate.model.predict import (
     OTHER_SIGN,
     OUTSIDE,
     SEVERAL,
+    SIZE,
+    STRONG,
     Predictor,
     numbers_of,
     predict,
@@ -72,6 +74,9 @@ def test_what_is_no_touch_of_the_training_is_flagged_and_widened(
         assert all(MISFIT in flag for flag in found.flag), name
         assert np.all(found.half_width > 2 * sound.half_width), name
     assert all(OUTSIDE in flag for flag in predict(predictors[method], untouched_V + 40 * signal).flag)
+    strong = signal * (1.5 * STRONG * predictors[method].novelty.strongest_V / np.linalg.norm(signal, axis=1))[:, None]
+    flags = predict(predictors[method], untouched_V + strong).flag
+    assert all(OUTSIDE in flag and SIZE in flag for flag in flags)
 
 
 def test_intervals_of_forces_end_at_0_and_those_of_places_do_not(ridge: Model, synthetic: Synthetic,
