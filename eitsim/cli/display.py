@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from eitsim.sensors.layout.sensor_design import SensorDesign
 
 _MOST_NUMBERS = 4  # of parameters that are named one by one
+_MOST_NOTES = 8  # of images, one a line
 
 
 def show_plan(made: Plan) -> None:
@@ -111,9 +112,11 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
     for image in document["frames"]:
         table.add_row(*("-" if image[key] is None else f"{image[key]:.4g}" for key in keys))
     _console().print(table)
-    for image in document["frames"]:
-        if "note" in image:
-            print(f"line {image['line']}: {image['note']}")
+    noted = [image for image in document["frames"] if "note" in image]
+    for image in noted[:_MOST_NOTES]:
+        print(f"line {image['line']}: {image['note']}")
+    if (left := len(noted) - _MOST_NOTES) > 0:
+        print(f"{left} more lines have a note: --json holds all.")
     print(f"untouched: {document['conductance_S']:.4g} S a square, misfit {document['misfit']:.2%}; prior "
           f"{document['prior']}, noise figure {document['noise_figure']:.3g}")
     if out is not None:

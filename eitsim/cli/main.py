@@ -127,7 +127,9 @@ def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: M
     from touchcal.provenance import file_identity
 
     if result.readings is not None:
-        yield from (f"{name}: {place}" for name, place in write_output_files(scene, result, card, files, exact=exact))
+        for name, place in write_output_files(scene, result, card, files, exact=exact):
+            drawn = f" (eitsim draw {place} --out {place.with_suffix('.png')} draws it)" * (place.suffix == ".pvd")
+            yield f"{name}: {place}{drawn}"
     if out is None:
         return
     if result.readings is not None and files.skin is not None:

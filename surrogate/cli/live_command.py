@@ -121,7 +121,7 @@ def _serve_frames(model: Model | TrainedReader, frames: str | None, replay: Path
             show = recorded_show(model, replay, untouched_V, noise_v, rate)
         serve(show, port, _served)
     elif frames is not None:
-        with opened(frames) as source:
+        with opened(frames, _say) as source:
             with waiting(STARTS):
                 show = streamed_show(model, source, untouched_V, noise_v)
             serve(show, port, _served)

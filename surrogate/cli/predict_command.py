@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,7 +29,8 @@ if TYPE_CHECKING:
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 FRAMES_HELP = ("CSV, one frame of voltages a row, or a board's file (.mat, .npy ...); - reads lines from standard "
                "input and answers each as it comes, serial:PORT or serial:PORT@BAUD those of a serial port.")
-BASELINE_HELP = "CSV of untouched frames; else the first row of FRAMES. Two or more of them also give the noise."
+BASELINE_HELP = ("CSV of untouched frames; else the first row of FRAMES, or the first 20 frames of a stream (method "
+                 "forward). Two or more of them also give the noise.")
 DIRECT_HELP = "Invert the simulator itself, from the learned answer on; needs --card."
 POSTERIOR_HELP = "Sample the posterior of each frame with emcee, on the learned map, or with --card by the simulator."
 TOUCHES_HELP = "2 reads two touches from each frame, and says where one explains it as well."
@@ -37,6 +40,7 @@ SCALE_HELP = ("Multiply all readings by the training's untouched ones over those
               "that explains a difference larger than noise.")
 RATE_HELP = "Frames a second of - or a serial port, for how fast touches and drift may move between two lines."
 RATE_HZ = 50.0
+STOPPED = 130  # exit status after Ctrl-C
 HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
 DRIFT_HELP = ("What may have changed between the untouched and the touched frames, as relative standard deviations: "
               "gain=0.001,contact=0.01; contact needs --scene or --data. Method forward.")
@@ -79,10 +83,11 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """
     import surrogate
-    from surrogate.data.frame_source import comes_live
+    from surrogate.data.frame_source import check_no_port, comes_live
     from surrogate.learners.registry import METHODS
     from surrogate.recordings.trained.reader_store import is_reader, load_reader
 
+    check_no_port(frames)
     live = comes_live(frames)
     if out is not None:
         check_out(out)
@@ -289,7 +294,7 @@ def _predict_stream(model: Model, frames: str, baseline: Path | None, noise_V: f
     noise = _noise(reference or Untouched(model.baseline_V, None), noise_V)
     _say_intervals(model, noise)
     _say_holding(model, held_s)
-    with (opened(frames) as source,
+    with (_until_stopped(out), opened(frames, _say) as source,
           nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
         counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, _say,
                         scaling=scaling, held_s=held_s)
@@ -313,11 +318,21 @@ def _track_stream(model: Model | TrainedReader, frames: str, baseline: Path | No
         readings = model.reader.signals.channels
     untouched = None if baseline is None else _sound_lines(baseline, readings)
     tracker = Tracker(model, untouched, noise_V, rate_hz=rate_hz, scale_baseline=scaling, held_s=held_s, say=_say)
-    with (opened(frames) as source,
+    with (_until_stopped(out), opened(frames, _say) as source,
           nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
         counts = track(tracker, model, source, sink, _say)
     if out is not None:
         print(f"{out}: {_counted(counts.answered, counts.flagged)}")
+
+
+@contextmanager
+def _until_stopped(out: Path | None) -> Iterator[None]:
+    """Ctrl-C ends a stream: rows are written as they come, so that all are there."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        _say("stopped by Ctrl-C" + ("." if out is None else f"; {out} holds all rows so far."))
+        raise typer.Exit(STOPPED) from None
 
 
 def _counted(frames: int, flagged: int) -> str:

@@ -13,6 +13,7 @@ from scipy.special import chdtrc
 
 from surrogate.data.sensor_ring import Ring
 from touchcal.arrays import Array, Index, Mask
+from touchcal.number_words import significant
 
 # Relative difference of the untouched frame from that of the training, 2-norm, from which it is not of the same sensor.
 OTHER_BASELINE = 0.2
@@ -87,8 +88,9 @@ def compared(trained_V: Array, ring: Ring, given_V: Array, noise_V: float = 0.0,
     scaled = scaling == "yes" or (scaling == "auto" and best.scales and plausible)
     if scaled:
         gain[finite] = factor
-    said = (f"the untouched frame differs by {100 * relative_difference(given, trained):.3g} % from that of the "
-            f"training (chi-square {chi2 / n:.3g} a reading): {best.words} ") if differs else ""
+    off = significant(100 * relative_difference(given, trained), 3)
+    said = (f"the untouched frame differs by {off} % from that of the training (chi-square "
+            f"{significant(chi2 / n, 3)} a reading): {best.words} ") if differs else ""
     if scaled:
         said += (f"All readings are multiplied by the training's over those measured ({factor.min():.4g} to "
                  f"{factor.max():.4g}), which takes out gains and the sheet's conductance.")
@@ -132,8 +134,8 @@ def _explanations(trained: Array, ring: Ring, given: Array, sd: Array) -> Iterat
     scale = factor(np.ones(len(trained), bool))
     words = f"all readings are {scale:.4g} times those: a gain, the current, or the sheet's conductance."
     if not 0.5 < scale < 2:
-        words = (f"its readings are {scale:.3g} times the training's. Are they in volts, and is the current that of "
-                 "the training?")
+        words = (f"its readings are {significant(scale, 3)} times the training's. Are they in volts, and is the "
+                 "current that of the training?")
     if -2 < scale < -0.5:
         words = "it has the other sign. Are the leads of the current or of the voltmeter exchanged?"
     yield _Explanation(words, scale * trained, 1, scale > 0)

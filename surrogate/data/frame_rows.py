@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import BufferedIOBase
+from itertools import dropwhile
 from pathlib import Path
 
 import numpy as np
@@ -67,12 +68,14 @@ def waiting_lines(source: BufferedIOBase, most: int = BATCH) -> Iterator[list[Li
 
 
 def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines]:
-    """Frames of a stream, no blank lines, those together that wait already. A header may come first; where the first
-    line has the label of a board (`magnitudes : v,v,...`), lines without it are left out. ValueError for a header of
-    other names."""
+    """Frames of a stream, no blank lines, those together that wait already. What a program says before its first frame
+    is left out, but a header; where the first line has the label of a board (`magnitudes : v,v,...`), lines without it
+    are left out too. ValueError for a header of other names."""
     columns, board = None, False
     for some in waiting_lines(source):
         lines = [line for line in some if line[1]]
+        if columns is None:
+            lines = list(dropwhile(lambda line: _is_banner(line[1], readings), lines))
         if lines and columns is None:
             number, text = lines[0]
             board = labelled(text) is not None
@@ -85,6 +88,16 @@ def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines
             lines = [(number, values) for number, text in lines if (values := labelled(text)) is not None]
         if lines and columns is not None:
             yield frames_of(lines, columns)
+
+
+def _is_banner(text: str, readings: int) -> bool:
+    """Whether a line holds words that are no header: too few to name all readings, and none of a reading first."""
+    first, *others = text.split(",")
+    try:
+        float(first.strip() or "nan")
+    except ValueError:
+        return len(others) + 1 < readings and labelled(text) is None and not first.strip('" ').startswith("v_")
+    return False
 
 
 def _text(line: bytes) -> str:

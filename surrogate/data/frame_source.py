@@ -6,7 +6,7 @@ import contextlib
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BufferedIOBase
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 STANDARD_INPUT = "-"
 BAUD = 115200  # bits a second where none are given; boards on USB take any
 INSTALL = "run pip install '.[serial]' in the project's folder."
+QUIET_S, SKIPPED = 5.0, 20  # how long nothing may come, and how many lines without numbers, until a port says so
 _PORT = re.compile(r"serial:(?P<port>.+?)(@(?P<baud>[^@]*))?")
+_DEVICE = re.compile(r"/dev/(tty|cu)\S+|COM\d+", re.IGNORECASE)
 
 
 def comes_live(frames: str | None) -> bool:
@@ -27,9 +29,16 @@ def comes_live(frames: str | None) -> bool:
     return frames is not None and (frames == STANDARD_INPUT or frames.startswith("serial:"))
 
 
+def check_no_port(frames: str) -> None:
+    """ValueError for the name of a serial port without `serial:`."""
+    if _DEVICE.fullmatch(frames):
+        raise ValueError(f"'{frames}' is a serial port. Write serial:{frames}, or serial:{frames}@BAUD.")
+
+
 @contextlib.contextmanager
-def opened(frames: str) -> Iterator[BufferedIOBase]:
-    """The stream of `-` or `serial:PORT@BAUD`; ValueError where the port cannot be opened."""
+def opened(frames: str, say: Callable[[str], object] = lambda words: None) -> Iterator[BufferedIOBase]:
+    """The stream of `-` or `serial:PORT@BAUD`; `say` takes words on a port that sends nothing that can be read.
+    ValueError where the port cannot be opened."""
     if frames == STANDARD_INPUT:
         widen_pipe(sys.stdin.fileno())
         with open(sys.stdin.fileno(), "rb", closefd=False) as source:
@@ -42,14 +51,14 @@ def opened(frames: str) -> Iterator[BufferedIOBase]:
     except ImportError:
         raise ValueError(f"serial ports need pyserial, which is not installed; {INSTALL}") from None
     try:
-        device = serial.Serial(port, baud)
+        device = serial.Serial(port, baud, timeout=QUIET_S)
     except serial.SerialException as error:
         there = ", ".join(one.device for one in comports()) or "none is found"
         why = os.strerror(error.errno) if error.errno else error
         raise ValueError(f"serial port {port}: {why}. Check its name, its cable, that you may read it, and that no "
                          f"other program does; ports here: {there}.") from None
     with device:
-        yield SerialLines(device)
+        yield SerialLines(device, say)
 
 
 def _port(frames: str) -> tuple[str, int]:
@@ -66,8 +75,9 @@ class SerialLines(BufferedIOBase):
     """Bytes of a serial port from its first line of numbers on: what was cut when it was opened, and what a board
     says as it starts, come before."""
 
-    def __init__(self, device: serial.Serial) -> None:
-        self.device, self.begun = device, False
+    def __init__(self, device: serial.Serial, say: Callable[[str], object]) -> None:
+        self.device, self.say = device, say
+        self.begun = self.waits = False  # whether numbers came; whether it was said that nothing does
 
     def read1(self, size: int = -1) -> bytes:
         """What waits, `size` bytes at most and at least one; ValueError where the device went away."""
@@ -80,12 +90,30 @@ class SerialLines(BufferedIOBase):
     def _waiting(self, size: int) -> bytes:
         if self.begun:
             waiting = max(self.device.in_waiting, 1)
-            return self.device.read(waiting if size < 0 else min(waiting, size))
-        line = self.device.readline()
+            while not (found := self.device.read(waiting if size < 0 else min(waiting, size))):
+                pass  # nothing came for QUIET_S
+            return found
+        line = self._line()
         if not _is_named(line):  # else it may have lost its beginning
-            while not (_is_named(line := self.device.readline()) or _is_numbers(line)):
-                pass
+            skipped = 1
+            while not (_is_named(line := self._line()) or _is_numbers(line)):
+                skipped += 1
+                if skipped == SKIPPED:
+                    self.say(f"serial port {self.device.port}: {skipped} lines came, none of numbers with commas "
+                             f"between them; the latest begins {_text(line)[:30]!r}. Is {self.device.baudrate} its "
+                             "baud rate? Another one is serial:PORT@BAUD.")
         self.begun = True
+        return line
+
+    def _line(self) -> bytes:
+        """A whole line, however long it takes; says once where none comes."""
+        line = self.device.readline()
+        while not line.endswith(b"\n"):
+            if not self.waits:
+                self.waits = True
+                self.say(f"serial port {self.device.port}: no line came within {QUIET_S:g} s; waiting. Does the device "
+                         "send by itself, and is this its port?")
+            line += self.device.readline()
         return line
 
 

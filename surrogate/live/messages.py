@@ -12,7 +12,7 @@ import numpy as np
 from surrogate.live.controls import Limits
 from surrogate.live.moments import Moment
 from surrogate.live.pictured import pictured
-from surrogate.model.tracking.tracked import CALIBRATING, TOUCH, Tracked
+from surrogate.model.tracking.tracked import CALIBRATING, TOUCH, UNREADABLE, Tracked
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 
@@ -52,7 +52,8 @@ def frame(number: int, moment: Moment, found: Tracked, hello: dict[str, Any], ca
         "read": values or None, "half_width": half,
         "ellipse": None if not values else {"long_mm": round(1e3 * long_m, 4), "short_mm": round(1e3 * short_m, 4),
                                             "angle_rad": round(angle_rad, 4)},
-        "state": _state(found), "flag": found.flag, "caution": caution, "note": moment.note,
+        "state": _state(found), "flag": "" if moment.note.startswith(UNREADABLE) else found.flag,
+        "caution": caution, "note": moment.note,
         "fields": moment.fields, "answers_ms": moment.answers_ms, "spent_ms": round(spent_ms, 2)},
         allow_nan=False)
 

@@ -29,7 +29,7 @@ from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
 from surrogate.live.controls import Controls, Limits
 from surrogate.live.pictured import edges_of
-from surrogate.model.trained import TrainedModel
+from surrogate.model.trained import TrainedModel, trained_radius_mm
 from touchcal.arrays import Array
 
 # Samples of a field from the axis of a punch outwards, and how far over its radius.
@@ -200,9 +200,7 @@ def _gap_mm(model: TrainedModel) -> float:
     ring = model.ring
     if ring.sheet is not None and isinstance(model.learner, TouchInversion):
         return ring.radius_mm - float(model.learner.forward.bounds[1, 0])
-    k = [model.names.index(name) for name in ("x0", "y0")]
-    places = model.calibration.target[:, k]
     if ring.sheet is not None:
+        places = model.calibration.target[:, [model.names.index(name) for name in ("x0", "y0")]]
         return max(float(ring.radius_mm * (1 - radial(ring, places).max())), 0.0)
-    ends = np.abs([model.trained.lowest[k], model.trained.highest[k]]).max()
-    return max(ring.radius_mm - max(float(np.hypot(*places.T).max()), float(ends)), 0.0)
+    return max(ring.radius_mm - trained_radius_mm(model), 0.0)

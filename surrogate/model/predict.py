@@ -27,12 +27,13 @@ from surrogate.learners.registry import METHODS
 from surrogate.model.drift_choice import drift_groups
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
-from surrogate.model.trained import TrainedModel, estimate, interval_scale
+from surrogate.model.trained import TrainedModel, estimate, interval_scale, trained_radius_mm
 from surrogate.statistics.conformal import COVERAGE, IntervalScale, at_least, normal, one_factor
 from touchcal.arrays import Array, Index, Mask
 
 # An interval of F wider than this part of its training range says that d and F have several answers.
 SEVERAL, SEVERAL_PART = "several answers for F", 0.5
+SIZE = "the signal's size"  # in flags
 NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
 # Where nearly all trained touches lower the readings, or nearly all raise them.
 OTHER_SIGN = "signal of the other sign than a touch's"
@@ -200,17 +201,19 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
     if np.any(touched):
         found = read(signal[touched])
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
-        outside = _outside(model, found) | (size[touched] > STRONG * predictor.novelty.strongest_V)
+        off = np.column_stack([_outside(model, found), size[touched] > STRONG * predictor.novelty.strongest_V])
+        outside = off.any(axis=1) | ~found.inside
         value[touched] = found.value
         scale = predictor.scale.of(found.sd, found.near_edge)
         below[touched], above[touched] = (_widened(model, side * scale, strange, outside)
                                           for side in (found.below, found.above))
-        flags[touched] = _flags(model, found, strange > 1, outside)
+        flags[touched] = _flags(model, found, strange > 1, outside, off)
         _name_gain(predictor, signal, np.flatnonzero([MISFIT in flag for flag in flags]), flags)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
     flags[reverse] += f"; {OTHER_SIGN}"
-    flags[_several(model, below + above)] += f"; {SEVERAL}"
+    wide = np.array([OUTSIDE in flag for flag in flags])  # intervals are as wide as the range there
+    flags[_several(model, below + above) & ~wide] += f"; {SEVERAL}"
     flags = np.array([flag.removeprefix("; ") for flag in flags], object)
     left = np.where([name in STRESSES for name in model.names], predictor.left, 1.0)
     return Predictions(value * left, below * left, above * left, flags.tolist(), parts * predictor.left)
@@ -241,10 +244,14 @@ def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Ma
 
 
 def _outside(model: TrainedModel, found: Estimate) -> Mask:
-    """(n,) whether an estimate lies outside the training range, SLACK and rounding aside."""
+    """(n, outputs) whether a value lies outside its training range, SLACK and rounding aside. The map of a disc is one
+    of every direction: a place is outside where the trained ones lie nearer to the centre, too."""
     slack = SLACK * (model.trained.highest - model.trained.lowest) + ROUNDING * np.abs(model.trained.highest)
     off = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
-    return off.any(axis=1) | ~found.inside
+    if METHODS[model.method].separates_errors and model.ring.sheet is None and {"x0", "y0"} <= set(model.names):
+        k = [model.names.index(name) for name in ("x0", "y0")]
+        off[:, k] &= (np.hypot(*found.value[:, k].T) > trained_radius_mm(model) + slack[k].max())[:, None]
+    return off
 
 
 def _several(model: TrainedModel, width: Array) -> Mask:
@@ -255,9 +262,13 @@ def _several(model: TrainedModel, width: Array) -> Mask:
     return width[:, k] > SEVERAL_PART * (model.trained.highest - model.trained.lowest)[k]
 
 
-def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask) -> list[str]:
+def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask, off: Mask) -> list[str]:
+    """Flags of estimates outside the training range, with what is so (n, outputs + 1), the signal's size last, and of
+    strange ones."""
     odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
-    return ["; ".join([OUTSIDE] * bool(b) + [MISFIT] * bool(o)) for b, o in zip(outside, odd, strict=True)]
+    names = [", ".join(name for name, is_off in zip((*model.names, SIZE), row, strict=True) if is_off) for row in off]
+    return ["; ".join([OUTSIDE + (f" of {which}" if which else "")] * bool(b) + [MISFIT] * bool(o))
+            for b, o, which in zip(outside, odd, names, strict=True)]
 
 
 def _name_gain(predictor: Predictor, signal: Array, rows: Index, flags: NDArray[np.object_]) -> None:

@@ -71,6 +71,14 @@ class TrainedModel:
         return tuple(outputs.of(name).unit for name in self.names)
 
 
+def trained_radius_mm(model: TrainedModel) -> float:
+    """Largest distance of trained touches from a disc's centre, by the calibrating ones and the range of each
+    coordinate, mm."""
+    k = [model.names.index(name) for name in ("x0", "y0")]
+    ends = np.abs([model.trained.lowest[k], model.trained.highest[k]]).max()
+    return max(float(np.hypot(*model.calibration.target[:, k].T).max()), float(ends))
+
+
 def estimate(model: TrainedModel, signal_V: Array, noise_V: float = 0.0) -> Estimate:
     """Outputs of signals (n, readings) in V under white noise of standard deviation noise_V, before calibration."""
     return model.learner.estimate(signal_V, noise_V)

@@ -148,6 +148,7 @@ function drawLines(canvas, frames, series, least) {
 
 function drawBars(canvas, values) {
   const colour = colours(), { context: c, width, height } = cleared(canvas);
+  if (!values.some(v => v)) return;
   const largest = Math.max(1e-3, ...values.map(v => Math.abs(v || 0))), left = 40, middle = height / 2;
   const step = (width - left - 4) / values.length;
   c.fillStyle = colour.ink;

@@ -5,13 +5,13 @@
   const byId = id => document.getElementById(id);
   const SOURCES = {
     simulated: "simulated presses, answered by the simulator", recorded: "a recording, at its rate",
-    learned: "simulated presses, answered by the model's own learned map", streamed: "frames from standard input",
+    learned: "simulated presses, answered by the model's own learned map", streamed: "frames of a device, as they come",
     exported: "simulated presses: the model's learned map makes and reads them in this browser" };
   const ROWS = { x: ["x_mm", 1, 2], y: ["y_mm", 1, 2], d: ["d_mm", 1, 2], F: ["F_N", 3, 3],
                  depth: ["depth_mm", 2, 2], z: ["z_mm", 2, 2] };
-  const SPOKEN_EVERY_MS = 1500, PLOTTED_EVERY_MS = 60;
+  const SPOKEN_EVERY_MS = 1500, PLOTTED_EVERY_MS = 60, RATED_MS = 2000;
   let hello = null, shownSkin = null, hands = null, frame = null, frames = [], arrivals = [], missed = 0;
-  let drawn = null, stale = true, plotted = 0, spoken = 0;
+  let drawn = null, stale = true, unwritten = false, plotted = 0, spoken = 0;
   const latencies = [];
 
   const number = (value, digits) => value === undefined || value === null ? "–" : value.toFixed(digits);
@@ -19,8 +19,9 @@
   function greet(message) {
     const again = hello !== null;
     hello = message;
+    frame = null;
     byId("source").textContent = SOURCES[hello.source];
-    byId("counted").textContent = (hello.unit ? hello.unit : "as recorded") + ", " + hello.readings + " of them";
+    byId("counted").textContent = `${hello.unit || "as recorded"}, ${hello.readings} in order`;
     for (const [row, [key]] of Object.entries(ROWS))
       byId("read-" + row).closest("tr").hidden = !hello.values.includes(key);
     byId("force-plot").closest("figure").hidden = !hello.values.includes("F_N");
@@ -34,22 +35,33 @@
   }
 
   function take(message) {
+    if (frame && message.number === frame.number) return; // the last one, said again
     if (frame && message.number > frame.number + 1) missed += message.number - frame.number - 1;
     frame = message;
     frames.push(frame);
     arrivals.push(performance.now());
     if (hands && frame.answers_ms !== null) hands.take(frame.answers_ms);
     while (frames.length && frames[0].time_s < frame.time_s - HISTORY_S) frames.shift();
-    while (arrivals.length && arrivals[0] < performance.now() - 2000) arrivals.shift();
+    while (arrivals.length && arrivals[0] < performance.now() - RATED_MS) arrivals.shift();
   }
 
-  function lost() { byId("state").textContent = "the connection is closed; trying again"; }
+  function lost() {
+    byId("state").textContent = "the connection is closed; trying again. A command that was started again has another " +
+      "address";
+    still();
+  }
+
+  // No frames come.
+  function still() {
+    arrivals = [];
+    byId("rate").value = "–";
+  }
 
   function words() {
     const said = !frame.note || frame.read || (hello.source === "recorded" && frame.state !== "unreadable");
     const refused = hands ? hands.refusal() : "";
-    return [said ? frame.state : "", frame.flag, frame.note, refused && "not pressed: " + refused].filter(Boolean)
-      .join("; ");
+    return [said ? frame.state : "", frame.flag, frame.note, hands && hands.pulled(),
+            refused && "not pressed: " + refused].filter(Boolean).join("; ");
   }
 
   function write() {
@@ -61,8 +73,8 @@
     if (latencies.length) byId("latency").value = Math.round(latencies[latencies.length - 1]);
     const state = words();
     if (byId("state").textContent !== state) byId("state").textContent = state;
-    if (arrivals.length > 1)
-      byId("rate").value = Math.round(1000 * (arrivals.length - 1) / (arrivals[arrivals.length - 1] - arrivals[0]));
+    const between = arrivals.length > 1 ? arrivals[arrivals.length - 1] - arrivals[0] : 0;
+    byId("rate").value = between ? Math.round(1000 * (arrivals.length - 1) / between) : "–";
     byId("caution").textContent = frame.caution;
     const field = byId("field").value, picture = frame.fields[field];
     const quantity = field === "strain" ? "strain" : "relative change of conductance";
@@ -90,8 +102,9 @@
   function draw(now) {
     requestAnimationFrame(draw);
     if (!hello) return;
+    if (arrivals.length && performance.now() - arrivals[arrivals.length - 1] > RATED_MS) still();
     const moved = hands ? hands.tick(now) : false;
-    if (frame === drawn && !moved && !stale) return;
+    if (frame === drawn && !moved && !stale && !unwritten) return;
     drawSkin(byId("skin"), shownSkin, frame, hands && hands.cursor(), byId("field").value);
     for (const one of frames.filter(f => !f.seen)) {
       one.seen = true;
@@ -100,7 +113,8 @@
     if (latencies.length > 5000) latencies.splice(0, 1000);
     drawn = frame;
     stale = false;
-    if (!frame || now - plotted < PLOTTED_EVERY_MS) return;
+    unwritten = frame !== null && now - plotted < PLOTTED_EVERY_MS;
+    if (!frame || unwritten) return;
     plotted = now;
     write();
     drawPlots();

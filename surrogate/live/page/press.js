@@ -1,7 +1,7 @@
 "use strict";
 // What is done with mouse, finger, wheel and keys becomes the controls that a skin is sent.
 
-const MOVE_MM = 1, FAR_MM = 5, FORCE_STEP_N = 0.05, GROWS_IN_S = 4, SENT_EVERY_MS = 12;
+const MOVE_MM = 1, FAR_MM = 5, FORCE_STEP_N = 0.05, GROWS_IN_S = 4, SENT_EVERY_MS = 12, PULLED_MM = 1;
 // A force grows by a hundredth of its most meanwhile; it is sent once the press before is answered, so that none queues,
 // or after the longer time.
 const GROWTH_SENT_EVERY_MS = 40, UNANSWERED_MS = 500;
@@ -9,6 +9,7 @@ const GROWTH_SENT_EVERY_MS = 40, UNANSWERED_MS = 500;
 function pressing({ hello, edge, picture }, send) {
   const byId = id => document.getElementById(id), canvas = byId("skin"), limits = hello.limits;
   const place = { x_mm: limits.start_mm[0], y_mm: limits.start_mm[1] };
+  let off_mm = 0; // from where was pressed to the place
   let moved = true, down = false, held = false, grown = 0, last = performance.now(), sent = 0, answered = 0, waits = false;
   let grew = false;
 
@@ -36,7 +37,8 @@ function pressing({ hello, edge, picture }, send) {
 
   function changed() {
     moved = true;
-    byId("force-now").value = force().toFixed(2);
+    const set = Number(byId("force").value).toFixed(2), now_N = force().toFixed(2);
+    byId("force-now").value = now_N === set ? set : `${set} → ${now_N}`;
     sayNoise();
     byId("drift-now").value = Number(byId("drift").value).toFixed(2);
     const now = performance.now();
@@ -48,7 +50,16 @@ function pressing({ hello, edge, picture }, send) {
            drift_mV_per_min: Number(byId("drift").value), sent_ms: now });
   }
 
-  function moveTo(x, y) { [place.x_mm, place.y_mm] = edge.held([x, y], limits.gap_mm); }
+  function moveTo(x, y) {
+    [place.x_mm, place.y_mm] = edge.held([x, y], limits.gap_mm);
+    off_mm = Math.hypot(place.x_mm - x, place.y_mm - y);
+  }
+
+  // Why what is pressed lies elsewhere than was pointed at, if it does.
+  function pulled() {
+    const drawn = hello.skin.circle_mm && limits.gap_mm > 1;
+    return down && drawn && off_mm > PULLED_MM ? "moved onto the dotted circle: no touch outside it was trained" : "";
+  }
 
   function pointed(event) {
     const box = canvas.getBoundingClientRect(), view = viewOf(picture, box.width);
@@ -112,5 +123,5 @@ function pressing({ hello, edge, picture }, send) {
   function take(sent_ms) { answered = sent_ms; }
 
   changed();
-  return { cursor, refusal, tick, take };
+  return { cursor, refusal, pulled, tick, take };
 }

@@ -86,10 +86,12 @@ def _inversion(forward: ForwardMap, followed: Followed, unsure: Unsure) -> Inver
 
 def estimate(learner: TouchInversion, found: Inversion, scale: IntervalScale, normal: float) -> Estimate:
     """Outputs of a touch, whose standard deviations are such that intervals of `scale` of them hold their part: noise
-    is as normal as it is believed, the map's error is calibrated."""
+    is as normal as it is believed, the map's error is calibrated. Where `scale` is 0, as of a diameter that all touches
+    share, nothing is to be made of it."""
     plain = answered(learner, found)
     assert plain.parts is not None
     share = (plain.parts.noise / np.maximum(plain.sd, np.finfo(float).tiny)) ** 2
-    calibrated = np.maximum(scale.of(plain.sd, plain.near_edge), np.finfo(float).tiny)
-    factor = np.sqrt(1 + ((normal / calibrated) ** 2 - 1) * share)
+    calibrated = scale.of(plain.sd, plain.near_edge)
+    over = np.divide(normal, calibrated, out=np.ones_like(calibrated), where=calibrated > 0)
+    factor = np.sqrt(1 + (over**2 - 1) * share)
     return replace(plain, below=plain.below * factor, above=plain.above * factor)

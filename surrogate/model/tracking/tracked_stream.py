@@ -33,14 +33,14 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
     """Write one row for each line of a stream, flushed as soon as it is known.
 
     A line that is no frame has a row without values whose flag tells why; the stream goes on, and the tracker's clock
-    stands still for it. `say` takes words on the calibration and on the first signals of the other sign. ValueError
-    where a header names anything but readings, or there is no frame.
+    stands still for it. `say` takes words on the calibration, on the first line that is no frame, and on
+    the first signals of the other sign. ValueError where a header names anything but readings, or there is no frame.
     """
     table, names = csv.writer(sink, lineterminator="\n"), columns(model)
     table.writerow(names)
     sink.flush()
     answered = flagged = 0
-    warned = calibrating = False
+    warned = calibrating = unreadable = False
     for read in frames_as_they_come(source, tracker.readings):
         for line, volts, problem in zip(read.line.tolist(), read.volts, read.problem, strict=True):
             state, values, flag = (UNREADABLE, None, problem) if problem else _answer(tracker, volts)
@@ -48,6 +48,9 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
             sink.flush()
             answered, flagged = answered + 1, flagged + (bool(flag) and state not in QUIET)
             calibrating = _say_calibrating(tracker, state, calibrating, say)
+            if state == UNREADABLE and not unreadable:
+                say(f"line {line}: {flag}. Such lines have rows without values; this is said once.")
+                unreadable = True
             if not warned and (words := predict.sign_caution([flag])):
                 say(f"line {line} on: {words}")
                 warned = True

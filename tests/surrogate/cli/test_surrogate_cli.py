@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import shutil
@@ -254,6 +255,29 @@ def test_odd_frames_are_flagged(call: Call, forward: Path, synthetic: Synthetic,
     assert flags[0] == ""
     assert "unlike the trained touches" in flags[1]
     assert "outside the training range" in flags[2]
+
+
+class Interrupted(io.BytesIO):
+    """Lines, and then Ctrl-C."""
+
+    def read1(self, size: int | None = -1) -> bytes:
+        if waiting := super().read1(size):
+            return waiting
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("kind", ["inner", "ridge"])
+def test_a_stream_that_ctrl_c_ends_keeps_its_rows(call: Call, request: pytest.FixtureRequest, kind: str,
+                                                  untouched_V: Array, tmp_path: Path,
+                                                  monkeypatch: pytest.MonkeyPatch) -> None:
+    line = ",".join(map(repr, untouched_V.tolist()))
+    monkeypatch.setattr("surrogate.data.frame_source.opened",
+                        lambda *given: contextlib.nullcontext(Interrupted(f"{line}\n{line}\n".encode())))
+    status, _, err = call("predict", request.getfixturevalue(kind), "-", "--noise-V", "1e-4", "--out",
+                          tmp_path / "rows.csv")
+    assert status == 130
+    assert err.endswith(f"surrogate: stopped by Ctrl-C; {tmp_path / 'rows.csv'} holds all rows so far.\n")
+    assert len(pd.read_csv(tmp_path / "rows.csv")) == 2 - (kind == "ridge")  # to which the first frame is the untouched
 
 
 @pytest.mark.parametrize(("spoil", "message"), [

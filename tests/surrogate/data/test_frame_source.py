@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import io
 import os
+import threading
 import tty
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
+from surrogate.data import frame_source
 from surrogate.data.frame_rows import frames_as_they_come
-from surrogate.data.frame_source import comes_live, opened
+from surrogate.data.frame_source import SKIPPED, check_no_port, comes_live, opened
 
 
 @pytest.fixture
@@ -85,3 +87,49 @@ def test_a_device_that_goes_away_is_an_error_of_its_port(text: bytes) -> None:
         os.close(device)
         with pytest.raises(ValueError, match=r"^serial port .* unplugged, or another program"):
             list(frames_as_they_come(source, 2))
+
+
+def test_what_a_program_says_before_its_first_frame_is_left_out() -> None:
+    text = b"skin board 1.0, ready\nbaud 9600\n0.1,0.2,0.3\nstopped\n"
+    (read,) = frames_as_they_come(io.BytesIO(text), 3)
+    assert read.line.tolist() == [3, 4]
+    assert read.problem == ["", "unreadable: 1 columns, expected 3 voltages separated by commas"]
+    (read,) = frames_as_they_come(io.BytesIO(b"OpenEIT\nmagnitudes : 1,2,3,\n"), 3)
+    assert read.volts.tolist() == [[1.0, 2.0, 3.0]]
+
+
+def test_a_port_says_that_its_lines_hold_no_numbers(line: tuple[int, str]) -> None:
+    device, port = line
+    said: list[str] = []
+    with opened(f"serial:{port}@9600", said.append) as source:
+        os.write(device, b"\xfe\x12;\n" * SKIPPED + b"1.5,0.2\n")
+        assert source.read1() == b"1.5,0.2\n"
+    assert len(said) == 1
+    assert f"serial port {port}: {SKIPPED} lines came, none of numbers" in said[0]
+    assert "Is 9600 its baud rate?" in said[0]
+
+
+def test_a_port_says_once_that_nothing_comes_and_goes_on(line: tuple[int, str],
+                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame_source, "QUIET_S", 0.05)
+    device, port = line
+    said: list[str] = []
+
+    def speak(words: str) -> None:
+        said.append(words)
+        os.write(device, b"7\n1.5,")
+        threading.Timer(0.2, os.write, (device, b"0.2\n")).start()
+
+    with opened(f"serial:{port}", speak) as source:
+        assert source.read1() == b"1.5,0.2\n"
+        threading.Timer(0.2, os.write, (device, b"2.5,")).start()
+        assert source.read1() == b"2"  # a pause is no end
+    assert [f"serial port {port}: no line came within 0.05 s" in words for words in said] == [True]
+
+
+@pytest.mark.parametrize("name", ["/dev/ttyACM0", "/dev/cu.usbmodem14", "com3"])
+def test_a_port_without_its_word_is_named(name: str) -> None:
+    with pytest.raises(ValueError, match=rf"is a serial port. Write serial:{name}, or"):
+        check_no_port(name)
+    for other in ("frames.csv", "-", f"serial:{name}", "com3.csv"):
+        check_no_port(other)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,11 +42,35 @@ def test_the_noise_to_begin_with_is_the_one_given(page: Any, start: Callable[...
     assert float(page.text("noise-now")) == pytest.approx(1e3 * noise_V)
 
 
+def test_a_press_outside_what_was_trained_says_that_it_was_moved(page: Any, address: str) -> None:
+    page.open(address)
+    hand = page.hold(90, 10)
+    page.wait("document.getElementById('state').textContent.includes('moved onto the dotted circle')")
+    assert page.place() == pytest.approx((float(page.text("true-x")), float(page.text("true-y"))), abs=0.3)
+    assert "outside the training range" not in page.text("state")
+    hand.release().perform()
+    hand = page.hold(20, 10)
+    page.wait("document.getElementById('state').textContent === 'touch'")
+    hand.release().perform()
+
+
+@pytest.mark.slow
+def test_what_a_recording_ends_with_is_written(page: Any, start: Callable[..., Any], live_folder: Any,
+                                               inner_model: surrogate.Model, tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "frames.csv", np.tile(inner_model.baseline_V, (8, 1)), delimiter=",")
+    page.open(start(live_folder, "--replay", tmp_path / "frames.csv", "--noise-V", "1e-6")[1])
+    page.wait("document.getElementById('state').textContent === "
+              "'the recording ended; start the command again to see it again'")
+    page.wait("document.getElementById('rate').textContent === '–'")
+
+
 def test_force_grows_while_held_and_follows_the_wheel(page: Any, address: str) -> None:
     page.open(address)
     page.hold(0, 15)
     first = page.wait("shown().frame.true && shown().frame.true.F_N")
     page.wait(f"shown().frame.true.F_N > {first} + 0.3")
+    set_N, grown_N = map(float, page.text("force-now").split(" → "))
+    assert set_N == float(page.element("force").get_attribute("value")) < grown_N
     page.run("document.getElementById('grow').checked = false")
     slider = float(page.element("force").get_attribute("value"))
     page.run("document.getElementById('skin').dispatchEvent(new WheelEvent('wheel', {deltaY: -1}))")
@@ -120,3 +145,4 @@ def test_a_connection_that_closes_is_opened_again(page: Any, start: Callable[...
     page.open(address)
     process.kill()
     page.wait("document.getElementById('state').textContent.includes('connection')")
+    assert page.text("rate") == "–"

@@ -19,6 +19,8 @@ import numpy as np
 import pytest
 
 import surrogate
+from surrogate.live import messages
+from surrogate.live.moments import Moment
 from surrogate.live.serve import Show, serve
 from touchcal.csv_numbers import write_numbers
 
@@ -157,7 +159,7 @@ def test_a_recording_is_shown_and_read(start: Start, inner_model: surrogate.Mode
     _, address = start(live_folder, "--replay", tmp_path / "frames.csv")
     with connected(address) as connection:
         assert json.loads(connection.recv())["limits"] is None
-        frame = last_read(connection)
+        frame = last_read(connection, "the recording ended; ")
     assert frame["true"] is None
     assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
 
@@ -173,6 +175,16 @@ def test_lines_of_a_device_are_shown_and_read(start: Start, inner_model: surroga
         process.stdin.close()
         frame = last_read(connection)
     assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
+
+
+def test_a_line_that_is_no_frame_is_said_as_that_alone(inner_model: surrogate.Model) -> None:
+    none = np.full(len(inner_model.baseline_V), np.nan)
+    hello = messages.hello(inner_model, None, "streamed")
+    tracker = surrogate.Tracker(inner_model, inner_model.baseline_V, noise_V=1e-6)
+    cut, dead = (json.loads(messages.frame(1, Moment(0.0, none, note=note), tracker.update(none), hello, "", 0.0))
+                 for note in ("unreadable: 3 columns", "frame 1 of 2"))
+    assert (cut["flag"], cut["note"]) == ("", "unreadable: 3 columns")
+    assert "208 of 208 readings are dead" in dead["flag"]
 
 
 def test_a_serial_port_is_shown_until_it_is_unplugged(start: Start, inner_model: surrogate.Model, live_folder: Path

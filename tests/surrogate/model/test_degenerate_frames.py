@@ -19,6 +19,9 @@ from surrogate.model.predict import (
     NO_TOUCH,
     OTHER_SIGN,
     OUTSIDE,
+    SEVERAL,
+    SIZE,
+    STRONG,
     Predictor,
     numbers_of,
     predict,
@@ -71,6 +74,9 @@ def test_what_is_no_touch_of_the_training_is_flagged_and_widened(
         assert all(MISFIT in flag for flag in found.flag), name
         assert np.all(found.half_width > 2 * sound.half_width), name
     assert all(OUTSIDE in flag for flag in predict(predictors[method], untouched_V + 40 * signal).flag)
+    strong = signal * (1.5 * STRONG * predictors[method].novelty.strongest_V / np.linalg.norm(signal, axis=1))[:, None]
+    flags = predict(predictors[method], untouched_V + strong).flag
+    assert all(OUTSIDE in flag and SIZE in flag for flag in flags)
 
 
 def test_intervals_of_forces_end_at_0_and_those_of_places_do_not(ridge: Model, synthetic: Synthetic,
@@ -105,8 +111,21 @@ def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward
     narrow = replace(forward, trained=replace(forward.trained, highest=lighter))
     found = predict(prepare(narrow, untouched_V, NOISE_V), untouched_V + heaviest)
     print(found.value, found.half_width, found.flag)
-    assert all(OUTSIDE in flag for flag in found.flag)
+    assert all(flag.startswith(f"{OUTSIDE} of F") for flag in found.flag)
+    assert not any(SEVERAL in flag for flag in found.flag)  # widened, not of several answers
     assert found.half_width[:, force] == pytest.approx(0.5 - narrow.trained.lowest[force])
+
+
+@pytest.mark.parametrize(("method", "outside"), [("forward", False), ("ridge", True)])
+def test_a_place_as_near_to_the_centre_as_trained_ones_is_outside_for_methods_without_symmetry(
+        predictors: dict[str, Predictor], samples: Samples, untouched_V: Array, method: str, outside: bool) -> None:
+    """The range of x0 ends at less than the touch's, so that only touches in other directions were as far out."""
+    model, rows = predictors[method].model, np.flatnonzero(np.abs(samples.target[:, 0] - 30) < 3)[:1]
+    ends = model.trained.highest.copy()
+    ends[model.names.index("x0")] = 20.0
+    narrow = prepare(replace(model, trained=replace(model.trained, highest=ends)), untouched_V, NOISE_V)
+    (flag,) = predict(narrow, untouched_V + samples.signal_V[rows]).flag
+    assert flag == (f"{OUTSIDE} of x0" if outside else "")
 
 
 def test_a_noise_that_is_no_number_is_refused(ridge: Model, untouched_V: Array) -> None:

@@ -10,13 +10,16 @@ import pytest
 
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.samples import Samples
+from surrogate.forward_map.inversion.invert import invert
+from surrogate.learners.forward import TouchInversion
 from surrogate.model.model import Model
 from surrogate.model.predict import OTHER_SIGN
+from surrogate.model.tracking import follow_by_map
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import STRANGE, WAIT, Tracker
 from surrogate.model.train import train
-from surrogate.statistics.conformal import COVERAGE
+from surrogate.statistics.conformal import COVERAGE, one_factor
 from touchcal.arrays import Array, Mask
 
 Spots = Callable[..., Array]
@@ -252,7 +255,21 @@ def test_a_line_that_is_no_frame_does_not_end_the_calibration(model: Model, pres
     lines.insert(5, "1,2,3")
     said: list[str] = []
     track(Tracker(model), model, io.BytesIO("\n".join(lines).encode()), io.StringIO(), said.append)
-    assert [words.split(" ")[0] for words in said] == ["the", "calibrated:"]
+    assert [words.split(" ")[0] for words in said] == ["the", "line", "calibrated:"]
+    assert said[1].startswith("line 6: unreadable: 3 columns, expected 208 voltages")
+
+
+def test_a_width_that_is_calibrated_to_0_is_0(model: Model, press: Callable[..., Array]) -> None:
+    """As that of the diameter where all trained touches have one."""
+    d, signal_V = model.names.index("d"), press(slide(8), 7)[[REST + 4]] - model.baseline_V
+    factor = np.ones(len(model.names))
+    factor[d] = 0.0
+    assert isinstance(model.learner, TouchInversion)
+    found = invert(model.learner.forward, signal_V, NOISE_V)
+    given = follow_by_map.estimate(model.learner, found, one_factor(factor), 1.6)
+    plain = follow_by_map.estimate(model.learner, found, one_factor(np.ones(len(factor))), 1.6)
+    assert (given.below * factor)[0, d] == (given.above * factor)[0, d] == 0
+    assert np.delete(given.below, d, 1) == pytest.approx(np.delete(plain.below, d, 1))
 
 
 def test_bad_frames_and_noise_are_refused(model: Model) -> None:
