@@ -86,10 +86,12 @@ def _inversion(forward: ForwardMap, followed: Followed, unsure: Unsure) -> Inver
 
 def estimate(learner: TouchInversion, found: Inversion, scale: IntervalScale, normal: float) -> Estimate:
     """Outputs of a touch, whose standard deviations are such that intervals of `scale` of them hold their part: noise
-    is as normal as it is believed, the map's error is calibrated."""
+    is as normal as it is believed, the map's error is calibrated. An output that is known, as a diameter that never
+    varied, has a scale of 0 and stays so."""
     plain = answered(learner, found)
     assert plain.parts is not None
     share = (plain.parts.noise / np.maximum(plain.sd, np.finfo(float).tiny)) ** 2
-    calibrated = np.maximum(scale.of(plain.sd, plain.near_edge), np.finfo(float).tiny)
-    factor = np.sqrt(1 + ((normal / calibrated) ** 2 - 1) * share)
+    calibrated = scale.of(plain.sd, plain.near_edge)
+    ratio = np.divide(normal, calibrated, out=np.ones_like(calibrated), where=calibrated > 0)
+    factor = np.sqrt(1 + (ratio**2 - 1) * share)
     return replace(plain, below=plain.below * factor, above=plain.above * factor)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from surrogate.data import outputs
 from surrogate.data.frame_drift import by_gain
-from surrogate.data.samples import Samples
+from surrogate.data.samples import Samples, take
 from surrogate.model.model import Model
 from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
@@ -217,6 +219,20 @@ def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[
     assert {now.state for now in said} == {SEVERAL_TOUCHES}
     alone = told(Tracker(model, untouched_V, NOISE_V), press(one, 0))[REST + 2:-REST]
     assert {now.state for now in alone} == {TOUCH}
+
+
+def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: Callable[..., tuple[Array, Array]],
+                                                   untouched_V: Array) -> None:
+    touch, signal = synthetic(100, 11, [14.0], 45.0)
+    target = np.column_stack([touch, samples.target[:100, outputs.TOUCH:]])
+    one_punch = replace(take(samples, np.arange(100)), signal_V=signal, target=target)
+    tracker = Tracker(train(one_punch, "forward", outputs.NAMES[:outputs.TOUCH], 1), untouched_V, NOISE_V)
+    now = told(tracker, untouched_V + np.repeat(signal[:1], 3, axis=0))[-1]
+    assert now.state == TOUCH
+    assert now.value[2] == pytest.approx(0.014)
+    assert now.below[2] == now.above[2] == 0.0
+    assert np.isfinite([now.below, now.above]).all()
+    assert np.isfinite(now.covariance).all()
 
 
 def test_another_method_reads_every_frame_alone(samples: Samples, press: Callable[..., Array], untouched_V: Array
