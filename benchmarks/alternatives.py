@@ -56,7 +56,7 @@ def touchcal(task: Callable[[int], int], items: Iterable[int]) -> Iterator[tuple
 
 
 def pebble(task: Callable[[int], int], items: Iterable[int]) -> Iterator[tuple[int, object]]:
-    from pebble import ProcessExpired, ProcessPool
+    from pebble import ProcessExpired, ProcessPool  # pyright: ignore[reportMissingImports]
 
     ahead, again, out = ((item, 0) for item in items), [], {}
     with ProcessPool(WORKERS, context=get_context("spawn")) as pool:
@@ -115,8 +115,8 @@ def gaussian() -> Iterator[Row]:
 
 def smooth_by_sklearn(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> np.ndarray:
     """The mean at other places: a process about a linear trend, restarted once."""
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+    from sklearn.gaussian_process import GaussianProcessRegressor  # pyright: ignore[reportMissingImports]
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel  # pyright: ignore[reportMissingImports]
 
     trend = np.linalg.lstsq(np.column_stack([np.ones(len(x)), x]), y, rcond=None)[0]
     left = y - trend[0] - x @ trend[1:]
@@ -138,8 +138,8 @@ def matern() -> Iterator[Row]:
         yield {**case, "by": "touchcal", "error": np.sqrt(np.mean((own - np.sin(at @ waves)) ** 2)),
                "cpu_s": time.process_time() - begun}
         if find_spec("sklearn"):
-            from sklearn.gaussian_process import GaussianProcessRegressor
-            from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+            from sklearn.gaussian_process import GaussianProcessRegressor  # pyright: ignore[reportMissingImports]
+            from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel  # pyright: ignore[reportMissingImports]
 
             kernel = ConstantKernel(1.0, (1e-3, 1e6)) * Matern(np.ones(3), (0.03, 30), nu=2.5) + WhiteKernel(
                 1e-4, (1e-10, 1))

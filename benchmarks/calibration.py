@@ -60,8 +60,8 @@ def by_lmfit(data: tuple[Curve, ...], start: Hyperfoam, tolerance: float) -> Hyp
             return np.concatenate([np.full(c.experiment.value.size, 1e3) for c in data])
         return np.concatenate([(c.experiment.value - modelled(model, c)) / c.scale_Pa * c.weight**0.5 for c in data])
 
-    return law(lmfit.minimize(residual, parameters, method="leastsq", xtol=tolerance,
-                              ftol=tolerance).params)
+    found = lmfit.minimize(residual, parameters, method="leastsq", xtol=tolerance, ftol=tolerance)
+    return law(found.params)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def distance(law: Hyperfoam, best: Hyperfoam, data: tuple[Curve, ...]) -> float:

@@ -103,8 +103,9 @@ def condition(done: Elimination) -> float:
     def inverse(b: np.ndarray) -> np.ndarray:
         return solve(done, np.vstack([b.reshape(len(b), -1), np.zeros((1, b.size // len(b)))]))[:-1].reshape(b.shape)
 
-    applied = LinearOperator(matrix.shape, matvec=inverse, rmatvec=inverse, matmat=inverse, dtype=float)
-    return float(onenormest(matrix) * onenormest(applied))
+    by = {"matvec": inverse, "rmatvec": inverse, "matmat": inverse}
+    applied = LinearOperator(matrix.shape, **by, dtype=float)  # pyright: ignore[reportCallIssue]
+    return float(onenormest(matrix)) * float(onenormest(applied))
 
 
 def turned(mesh: SkinMesh, ratio: float) -> np.ndarray:

@@ -50,7 +50,10 @@ def pressed() -> Touch:
     radius = np.linspace(0, 0.03, 121)
     normal = 1 - 0.3 / (1 + (radius / 0.007) ** 8)
     rest = np.ones_like(radius)
-    return Touch(radius, 0 * rest, 0 * rest, rest, rest, normal, 0 * rest, 0.007, *[0.0] * 9, 0, (), 0.0)
+    return Touch(radius, 0 * rest, 0 * rest, rest, rest, normal, 0 * rest, contact_radius_m=0.007, force_N=0.0,
+                 depth_m=0.0, sigma_max_Pa=0.0, sigma_ave_Pa=0.0, contact_area_m2=0.0, wall_contact_m2=0.0,
+                 depth_error=0.0, signal_errors=np.zeros(3), fraction_non_elliptic=0.0, iterations=0, residuals=(),
+                 cpu_s=0.0)
 
 
 def rim_cost(electrodes: Electrodes, conductance_S: float) -> float:

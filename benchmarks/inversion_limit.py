@@ -60,8 +60,8 @@ class Region:
 
 
 def regions(touch: Array, table: SlopeTable, prior: Prior) -> list[Region]:
-    """The whole disc, and within REACH_MM."""
-    part = (REACH_MM / float(prior.reach_mm(sum(prior.d_mm) / 2))) ** 2
+    """The whole disc, and within REACH_MM, which is all of a prior that reaches no further."""
+    part = min((REACH_MM / float(prior.reach_mm(sum(prior.d_mm) / 2))) ** 2, 1.0)
     return [Region("disc", np.ones(len(touch), bool), table),
             Region(f"within {REACH_MM:g} mm", np.hypot(*touch[:, :2].T) <= REACH_MM,
                    replace(table, weight=weights(len(table.weight), part)))]

@@ -35,7 +35,7 @@ class Case:
 
 
 def scene(thickness_mm: float = 10.0, **keys: object) -> Scene:
-    return Scene(body=Body(thickness_m=thickness_mm * 1e-3), punches=(Punch(**keys),))  # pyright: ignore
+    return Scene(body=Body(thickness_m=thickness_mm * 1e-3), punches=(Punch(**keys),))
 
 
 CASES = (

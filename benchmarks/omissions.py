@@ -2,12 +2,13 @@
 
 For each omission, SCENES random touches of Table 1 (8 to 20 mm, forces log-uniform from 0.01 N to 0.4 mu_0 pi d^2,
 places and what else the omission needs at random): relative change of depth, of the surface's normal strain (L2 over
-the disc) and of the 208 signals dV (2-norm), the stated bound of each, and CPU seconds with and without. The rim is
-left out at the gaps where a wanted signal of 1 to 30 % allows it. So is a neighbour, of pairs about the middle of the
-disc against the same solved together: depth and strain of the worse touch, dV of both, d_mm and F_N of the first, and
-gap_mm between the edges, bounds as a result tells them; pairs that are not found together are named and left out. Run
-by `make bench`, which pins threads; --scenes and --only shorten it, --only keeps the other omissions' rows of before;
-writes results/omissions.csv (a row a touch) and results/omissions_summary.csv next to this file.
+the disc) and of the 208 signals dV (2-norm) of a skin that this strain drives, the stated bound of each, and CPU
+seconds with and without. The rim is left out at the gaps where a wanted signal of 1 to 30 % allows it. So is a
+neighbour, of pairs about the middle of the disc against the same solved together: depth and strain of the worse touch,
+dV of both, d_mm and F_N of the first, and gap_mm between the edges, bounds as a result tells them; pairs that are not
+found together are named and left out. Run by `make bench`, which pins threads; --scenes and --only shorten it, --only
+keeps the other omissions' rows of before; writes results/omissions.csv (a row a touch) and
+results/omissions_summary.csv next to this file.
 """
 
 from __future__ import annotations
@@ -40,14 +41,15 @@ from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.mechanics.rim.two_punches import LEAST_GAP, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import RimField, Touch, of_strain
-from eitsim.scene.scene import Body, Drive, Electrodes, Hold, Punch, Skin
+from eitsim.scene.scene import Body, Drive, Electrodes, Hold, Punch, Scene, Skin
 from eitsim.simulation.edge_effects import rim_effect
 from eitsim.simulation.reuse import decision, table_for
 from matcal.laws.prony import Prony
 from touchcal.errors import NotConverged
 
 SERIES = Prony(np.array([0.15, 0.1, 0.1]), np.array([0.29, 5.0, 60.0]))
-BODY, SCENES, SEED = Body(), quick(100, 2), 11
+# the skin's strain decides the bounds of the rim, of meshes and of tables, and dV
+BODY, SKIN, SCENES, SEED = Body(), Skin(strain="normal"), quick(100, 2), 11
 LEAST_N, MOST = 0.01, 0.4
 # What a hold at a depth leaves out is stepped through, from the touch to this time in as many steps per decade: four
 # instead of one changed the force by 1e-7, the change of strain by 1 % of it.
@@ -90,17 +92,17 @@ def random_punch(rng: np.random.Generator, gap_m: float | None = None) -> Punch:
 
 def strain_error(touch: Touch) -> float:
     assert touch.strain_errors is not None
-    return of_strain(touch.strain_errors, "normal")
+    return of_strain(touch.strain_errors, SKIN.strain)
 
 
 def rim_left_out(rng: np.random.Generator) -> Pair:
     allowed, gaps = np.exp(rng.uniform(np.log(0.005), np.log(0.15))), np.arange(0.0, 0.06, 1e-4)
-    least = gaps[np.argmax([rim_effect(gap, BODY.thickness_m) <= allowed for gap in gaps])]
+    least = gaps[np.argmax([rim_effect(gap, BODY.thickness_m, SKIN.strain) <= allowed for gap in gaps])]
     punch = random_punch(rng, least * rng.uniform(1.0, 1.3))
     left_out, first = timed(lambda: solve_touch(TABLE_1, BODY, punch))
     full, second = timed(lambda: solve_near_rim(TABLE_1, BODY, punch))
     gap = BODY.radius_m - float(np.hypot(punch.x_m, punch.y_m)) - punch.diameter_m / 2
-    bound = rim_effect(gap, BODY.thickness_m)
+    bound = rim_effect(gap, BODY.thickness_m, SKIN.strain)
     assert full.rim is not None
     left_out = replace(left_out, rim=no_correction(full.rim))
     return Pair(punch, left_out, full, (first, second), bound, bound, bound, ("mesh", "mesh"))
@@ -111,7 +113,7 @@ def finer_mesh_left_out(rng: np.random.Generator) -> Pair:
     left_out, first = timed(lambda: solve_touch(TABLE_1, BODY, punch))
     full, second = timed(lambda: solve_touch(TABLE_1, BODY, punch, element_m=default_element_m(BODY, punch) / 2))
     return Pair(punch, left_out, full, (first, second), left_out.depth_error, strain_error(left_out),
-                of_strain(left_out.signal_errors, "normal"))
+                of_strain(left_out.signal_errors, SKIN.strain))
 
 
 def rings_for_a_mesh(rng: np.random.Generator) -> Pair:
@@ -134,7 +136,7 @@ def steps_in_time_left_out(rng: np.random.Generator) -> Pair:
     left_out, first = timed(lambda: kept(SERIES, hold, solve_touch(law, BODY, punch))[-1][1])
     full, second = timed(stepped_through)
     return Pair(punch, left_out, full, (first, first + second), left_out.depth_error, strain_error(left_out),
-                of_strain(left_out.signal_errors, "normal"))
+                of_strain(left_out.signal_errors, SKIN.strain))
 
 
 def fresh_solution_left_out(table: Table) -> Callable[[np.random.Generator], Pair | None]:
@@ -146,7 +148,7 @@ def fresh_solution_left_out(table: Table) -> Callable[[np.random.Generator], Pai
         if left_out is None:
             return None
         full, second = timed(lambda: solve_touch(TABLE_1, BODY, punch))
-        made = decision(table, left_out, BODY.thickness_m)
+        made = decision(table, left_out, Scene(body=BODY, skin=SKIN))
         assert made.strain_bound is not None
         return Pair(punch, left_out, full, (first, second), made.error_bound, made.strain_bound, made.error_bound)
     return pair
@@ -174,7 +176,7 @@ def strain_change(pair: Pair) -> float:
 
 
 def row(name: str, number: int, pair: Pair) -> dict[str, object]:
-    first, second = (solve(BODY, Skin(), Electrodes(), Drive(), ((pair.punch, touch),), SKIN_LAW, signal=0.0005,
+    first, second = (solve(BODY, SKIN, Electrodes(), Drive(), ((pair.punch, touch),), SKIN_LAW, signal=0.0005,
                            method=method)
                      for touch, method in zip((pair.left_out, pair.full), pair.methods, strict=True))
     missed = np.linalg.norm(first.signal_V - second.signal_V) / np.linalg.norm(second.signal_V)
@@ -215,7 +217,7 @@ def neighbour_left_out(number: int, rng: np.random.Generator) -> dict[str, objec
     depth, strain, signal = (max(planned, solved[key]) for key in ("depth", "strain", "signal"))
     both_ways = [Pair(punch, left_out, full, (first, second), depth, strain, signal)
                  for punch, left_out, full in zip(punches, alone, both, strict=True)]
-    signals = [solve(BODY, Skin(), Electrodes(), Drive(), tuple(zip(punches, touches, strict=True)), SKIN_LAW,
+    signals = [solve(BODY, SKIN, Electrodes(), Drive(), tuple(zip(punches, touches, strict=True)), SKIN_LAW,
                      signal=0.0005, method="mesh").signal_V for touches in (alone, both)]
     return {"omission": APART, "scene": number, "d_mm": punches[0].diameter_m * 1e3,
             "F_N": punches[0].force_N, "gap_mm": edge_gap_m(*punches) * 1e3,

@@ -53,7 +53,7 @@ def rows_of(case: str) -> Iterator[dict[str, Any]]:
         for outcome, count in account.outcomes.items():
             yield {"case": case, "what": f"rows that are {outcome}", "count": count}
         table = data.ok
-        for row in table[table["mechanics_method"] == "table near the rim"].head(COMPARED).to_dict("records"):
+        for row in table.loc[table["mechanics_method"] == "table near the rim"].head(COMPARED).to_dict("records"):
             yield against_fresh(case, row, design)
 
 

@@ -47,7 +47,7 @@ def main() -> None:
     for (diameter_m, force_N), touch in touches.items():
         for distance_m in PLACES_M:
             place = distance_m * BEARING
-            punch = Punch(*place.tolist(), diameter_m, force_N)
+            punch = Punch(place[0], place[1], diameter_m, force_N)
             readings = solve(Body(), Skin(), Electrodes(), Drive(), ((punch, touch),), SKIN_LAW, method="multipole")
             if untouched is None:
                 started = time.process_time()

@@ -46,6 +46,7 @@ def with_strip(disc: ClippedDisc, model: IndentationProblem, half: float, height
     """The clipped disc with a strip outside the rim, half as wide and as high as given in thicknesses; points of the
     foam stay as they are."""
     foam, around, outline = disc.foam, disc.foam.circles, disc.outline
+    assert isinstance(outline, OffsetDisc)
     shape = foam.shape[..., 2] / foam.shape[..., 2].sum(axis=1, keepdims=True)
     z = np.sum(shape * model.grid.nodes[foam.nodes, 1], axis=1)
     radius = np.zeros(len(around.weight))

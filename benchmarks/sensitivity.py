@@ -84,7 +84,7 @@ def main() -> None:
     table = pd.DataFrame([row for punch in TOUCHES[:quick(None, 1)] for row in rows_of(punch, by_contact)])
     written(table, "sensitivity", 3)
     errors = ["error", "error_of_signal", "error_without_mesh"]
-    print(table.groupby(["halvings", "what"], sort=False)[errors].max().to_string(float_format="%.2g"))
+    print(pd.DataFrame(table.groupby(["halvings", "what"], sort=False)[errors].max()).to_string(float_format="%.2g"))
     print(table.groupby(["halvings", "off_centre_mm"])["cpu_s"].mean())
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from conditions import shown, written
@@ -26,13 +27,13 @@ def scan() -> Iterator[dict[str, object]]:
     begun = time.process_time()
     found = stability(TABLE_1)
     seconds = time.process_time() - begun
-    exact = [brentq(lambda x: float(np.sum(TABLE_1.mu_Pa * x**TABLE_1.alpha)), *ends, xtol=1e-14) - 1
+    exact = [float(brentq(lambda x: float(np.sum(TABLE_1.mu_Pa * x**TABLE_1.alpha)), *ends, xtol=1e-14)) - 1
              for ends in ((0.2, 0.55), (0.55, 0.9))]
     ((low, high),) = found["drucker"]["uniaxial"]["unstable_strain"]  # type: ignore[misc]
     yield {"case": "Table 1, Drucker in uniaxial compression", "outcome": f"lost from {low:.4f} to {high:.4f}",
            "error": max(abs(low - exact[0]), abs(high - exact[1])), "cpu_s": seconds}
     for mode in ("uniaxial", "biaxial", "shear"):
-        ranges = found["elliptic"][mode]["unstable_strain"]
+        ranges: Any = found["elliptic"][mode]["unstable_strain"]
         yield {"case": f"Table 1, strong ellipticity in {mode}",
                "outcome": f"lost from {' and from '.join(f'{low:.4f} to {high:.4f}' for low, high in ranges)}"
                if ranges else "kept", "error": np.nan, "cpu_s": np.nan}

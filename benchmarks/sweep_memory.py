@@ -56,7 +56,8 @@ def parts(folder: Path, size: int) -> dict[str, object]:
     whole = [dict.fromkeys(FIXED, 0.5) | {"scene": i, "outcome": "ok"}
              | dict(zip(names, rng.random(len(names)).tolist(), strict=True)) for i in range(ROWS)]
     folder.mkdir()
-    write_manifest(folder, {"design": {}, "card": {}})
+    design = {"scenes": ROWS, "seed": 0, "sampler": "random", "tables": {}}
+    write_manifest(folder, {"design": design, "card": {}, "versions": {}})
     wall, cpu = time.perf_counter(), time.process_time()
     for first in range(0, ROWS, size):
         write_part(folder, whole[first:first + size])

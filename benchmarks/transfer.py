@@ -64,7 +64,8 @@ def scored(name: str, case: str, level: float, samples: Samples, found: Estimate
            scales: NDArray[np.float64]) -> Iterator[Row]:
     """One row an output, with intervals of scales (coverages, rows or 1, outputs)."""
     for k, output in enumerate(outputs.ALL):
-        s = score(samples.target[:, k], found.value[:, k], found.sd[:, k] * scales[..., k], output.unit)
+        s = score(samples.target[:, k], found.value[:, k], found.below[:, k] * scales[..., k],
+                  found.above[:, k] * scales[..., k], output.unit)
         yield {"model": name, "set": case, "noise_dB": level, "output": output.name, "unit": s.unit, "rmse": s.rmse,
                "median_error": float(np.median(np.abs(found.value[:, k] - samples.target[:, k]))),
                "coverage_50": s.coverage_50, "coverage_90": s.coverage_90, "coverage_95": s.coverage_95,
@@ -94,11 +95,12 @@ def calibrated(model: Model, mesh: Samples) -> Iterator[Row]:
     """Half of another mesh's rows calibrate, the other half are scored; means over the splits."""
     found, rng = read(model, mesh, 0.0), np.random.default_rng(SEED)
     error, covered = found.value - mesh.target, []
+    side = np.where(error > 0, found.below, found.above)
     for _ in range(SPLITS):
         used, apart = np.array_split(rng.permutation(len(mesh)), 2)
-        few = model.learner.discrete(model.names)
-        scales = np.array([conformal_scale(error[used], found.sd[used], len(used), c, few) for c in COVERAGES])
-        covered.append(np.mean(np.abs(error[apart]) <= found.sd[apart] * scales[:, None], axis=1))
+        branched = model.learner.branched(model.names)
+        scales = np.array([conformal_scale(error[used], side[used], len(used), c, branched) for c in COVERAGES])
+        covered.append(np.mean(np.abs(error[apart]) <= side[apart] * scales[:, None], axis=1))
     held = np.mean(covered, axis=0)
     for k, row in enumerate(scored("one card, calibrated", "mesh, other half", np.inf, mesh, found,
                                    np.ones((len(COVERAGES), 1, len(outputs.ALL))))):

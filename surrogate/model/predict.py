@@ -297,7 +297,8 @@ def numbers_of(model: TrainedModel, found: Predictions) -> Array:
     """(n, 3 outputs + parts) value, lowest and highest of each output, then parts, in the order of `columns`."""
     low = outputs.lowest(found.value, found.below, [name not in ("x0", "y0") for name in model.names])
     ends = (found.value, low, found.value + found.above)
-    return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), -1), found.force_parts])
+    return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), 3 * len(model.names)),
+                            found.force_parts])
 
 
 def si_table(model: TrainedModel, found: Predictions) -> pd.DataFrame:

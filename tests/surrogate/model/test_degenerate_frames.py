@@ -128,6 +128,14 @@ def test_a_place_as_near_to_the_centre_as_trained_ones_is_outside_for_methods_wi
     assert flag == (f"{OUTSIDE} of x0" if outside else "")
 
 
+def test_no_frames_give_no_rows(ridge: Model, forward: Model) -> None:
+    for model in (ridge, forward):
+        columns = model.predict(model.baseline_V[None], noise_V=1e-4).columns
+        none = model.predict(np.zeros((0, len(model.baseline_V))), noise_V=1e-4)
+        assert len(none) == 0
+        assert list(none.columns) == list(columns)
+
+
 def test_a_noise_that_is_no_number_is_refused(ridge: Model, untouched_V: Array) -> None:
     for noise_V in (np.inf, np.nan, -1e-6):
         with pytest.raises(ValueError, match="finite number of volts"):

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from surrogate.data import outputs
 from surrogate.data.frame_drift import by_gain
-from surrogate.data.samples import Samples
-from surrogate.forward_map.inversion.invert import invert
-from surrogate.learners.forward import TouchInversion
+from surrogate.data.samples import Samples, take
 from surrogate.model.model import Model
 from surrogate.model.predict import OTHER_SIGN
-from surrogate.model.tracking import follow_by_map
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import STRANGE, WAIT, Tracker
 from surrogate.model.train import train
-from surrogate.statistics.conformal import COVERAGE, one_factor
+from surrogate.statistics.conformal import COVERAGE
 from touchcal.arrays import Array, Mask
 
 Spots = Callable[..., Array]
@@ -222,6 +221,20 @@ def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[
     assert {now.state for now in alone} == {TOUCH}
 
 
+def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: Callable[..., tuple[Array, Array]],
+                                                   untouched_V: Array) -> None:
+    touch, signal = synthetic(100, 11, [14.0], 45.0)
+    target = np.column_stack([touch, samples.target[:100, outputs.TOUCH:]])
+    one_punch = replace(take(samples, np.arange(100)), signal_V=signal, target=target)
+    tracker = Tracker(train(one_punch, "forward", outputs.NAMES[:outputs.TOUCH], 1), untouched_V, NOISE_V)
+    now = told(tracker, untouched_V + np.repeat(signal[:1], 3, axis=0))[-1]
+    assert now.state == TOUCH
+    assert now.value[2] == pytest.approx(0.014)
+    assert now.below[2] == now.above[2] == 0.0
+    assert np.isfinite([now.below, now.above]).all()
+    assert np.isfinite(now.covariance).all()
+
+
 def test_another_method_reads_every_frame_alone(samples: Samples, press: Callable[..., Array], untouched_V: Array
                                                 ) -> None:
     ridge, frames = train(samples, "ridge", ("x0", "F"), 1), press(slide(), 6)
@@ -257,19 +270,6 @@ def test_a_line_that_is_no_frame_does_not_end_the_calibration(model: Model, pres
     track(Tracker(model), model, io.BytesIO("\n".join(lines).encode()), io.StringIO(), said.append)
     assert [words.split(" ")[0] for words in said] == ["the", "line", "calibrated:"]
     assert said[1].startswith("line 6: unreadable: 3 columns, expected 208 voltages")
-
-
-def test_a_width_that_is_calibrated_to_0_is_0(model: Model, press: Callable[..., Array]) -> None:
-    """As that of the diameter where all trained touches have one."""
-    d, signal_V = model.names.index("d"), press(slide(8), 7)[[REST + 4]] - model.baseline_V
-    factor = np.ones(len(model.names))
-    factor[d] = 0.0
-    assert isinstance(model.learner, TouchInversion)
-    found = invert(model.learner.forward, signal_V, NOISE_V)
-    given = follow_by_map.estimate(model.learner, found, one_factor(factor), 1.6)
-    plain = follow_by_map.estimate(model.learner, found, one_factor(np.ones(len(factor))), 1.6)
-    assert (given.below * factor)[0, d] == (given.above * factor)[0, d] == 0
-    assert np.delete(given.below, d, 1) == pytest.approx(np.delete(plain.below, d, 1))
 
 
 def test_bad_frames_and_noise_are_refused(model: Model) -> None:
