@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 STANDARD_INPUT = "-"
 BAUD = 115200  # bits a second where none are given; boards on USB take any
 INSTALL = "run pip install '.[serial]' in the project's folder."
+LONGEST_START = 1 << 17  # bytes that a board may send before its first line of numbers: 11 s at BAUD
 _PORT = re.compile(r"serial:(?P<port>.+?)(@(?P<baud>[^@]*))?")
 
 
@@ -81,10 +82,15 @@ class SerialLines(BufferedIOBase):
         if self.begun:
             waiting = max(self.device.in_waiting, 1)
             return self.device.read(waiting if size < 0 else min(waiting, size))
-        line = self.device.readline()
-        if not _is_named(line):  # else it may have lost its beginning
-            while not (_is_named(line := self.device.readline()) or _is_numbers(line)):
-                pass
+        line = self.device.readline(LONGEST_START)
+        seen, begun = len(line), _is_named(line)  # of another first line the beginning may be lost
+        while not begun:
+            if seen >= LONGEST_START:
+                raise ValueError(f"serial port {self.device.port}: none of its first {seen} bytes make a line of "
+                                 f"numbers separated by commas. Is it {self.device.baudrate} bits a second? Give "
+                                 "serial:PORT@BAUD, and let the board end lines with a line feed.")
+            line = self.device.readline(LONGEST_START - seen)
+            seen, begun = seen + len(line), _is_named(line) or _is_numbers(line)
         self.begun = True
         return line
 
