@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and files that are locked."""
+"""Files that are written whole or not at all, files of rows as they come, and files that are locked."""
 
 import errno
 import os
@@ -6,7 +6,7 @@ import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 
 @contextmanager
@@ -28,6 +28,20 @@ def written(path: Path) -> Iterator[BinaryIO]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def rows_written(path: Path) -> Iterator[TextIO]:
+    """A file of rows that are written as they come; where the disk takes no more, it ends with the last whole one."""
+    try:
+        with open(path, "w", encoding="utf-8") as file:
+            yield file
+    except OSError as error:
+        if error.filename is not None or not error.strerror:
+            raise
+        with open(path, "r+b") as cut:
+            cut.truncate(cut.read().rfind(b"\n") + 1)
+        raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def lock_file(path: Path) -> BinaryIO:

@@ -13,7 +13,7 @@ import typer
 
 from surrogate.cli.recording_command import predict_recording
 from touchcal.terminal import JsonOption, SeedOption, check_apart, check_out, counted, print_json, waiting
-from touchcal.whole_file import written
+from touchcal.whole_file import rows_written, written
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -295,7 +295,7 @@ def _predict_stream(model: Model, frames: str, baseline: Path | None, noise_V: f
     _say_intervals(model, noise)
     _say_holding(model, held_s)
     with (_until_stopped(out), opened(frames, _say) as source,
-          nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
+          nullcontext(sys.stdout) if out is None else rows_written(out) as sink):
         counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, _say,
                         scaling=scaling, held_s=held_s)
     if out is not None:
@@ -319,7 +319,7 @@ def _track_stream(model: Model | TrainedReader, frames: str, baseline: Path | No
     untouched = None if baseline is None else _sound_lines(baseline, readings)
     tracker = Tracker(model, untouched, noise_V, rate_hz=rate_hz, scale_baseline=scaling, held_s=held_s, say=_say)
     with (_until_stopped(out), opened(frames, _say) as source,
-          nullcontext(sys.stdout) if out is None else open(out, "w", encoding="utf-8") as sink):
+          nullcontext(sys.stdout) if out is None else rows_written(out) as sink):
         counts = track(tracker, model, source, sink, _say)
     if out is not None:
         print(f"{out}: {_counted(counts.answered, counts.flagged)}")

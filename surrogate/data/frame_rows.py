@@ -26,6 +26,7 @@ STREAM = "the input"  # what messages call a stream
 # Most lines that are answered together: those that wait already, so that none waits for another to come.
 BATCH = 32
 CHUNK = 1 << 20  # bytes that are read at a time, at most
+LONGEST = 1 << 20  # bytes of a line without an end from which it is no frame, whatever is still to come of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +56,16 @@ class Lines:
 
 
 def waiting_lines(source: BufferedIOBase, most: int = BATCH) -> Iterator[list[Line]]:
-    """Lists of whole lines, numbered from 1, as they come: at most `most`, and never one that another waits for."""
-    rest, number = b"", 0
+    """Lists of whole lines, numbered from 1, as they come: at most `most`, and never one that another waits for. Of a
+    line that does not end within LONGEST bytes, the first ones."""
+    rest, number, cut = b"", 0, False
     while chunk := source.read1(CHUNK):
+        if cut:
+            _, end, chunk = chunk.partition(b"\n")
+            cut = not end
         *whole, rest = (rest + chunk).split(b"\n")
+        if len(rest) > LONGEST:
+            whole, rest, cut = [*whole, rest[:LONGEST]], b"", True
         for first in range(0, len(whole), most):
             part = whole[first:first + most]
             yield [(number + i, _text(line)) for i, line in enumerate(part, start=1)]
@@ -69,25 +76,25 @@ def waiting_lines(source: BufferedIOBase, most: int = BATCH) -> Iterator[list[Li
 
 def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines]:
     """Frames of a stream, no blank lines, those together that wait already. What a program says before its first frame
-    is left out, but a header; where the first line has the label of a board (`magnitudes : v,v,...`), lines without it
-    are left out too. ValueError for a header of other names."""
+    is left out, but a header; from the first line on that has the label of a board (`magnitudes : v,v,...`), lines
+    without it are left out too. ValueError for a header of other names."""
     columns, board = None, False
     for some in waiting_lines(source):
         lines = [line for line in some if line[1]]
+        board = board or any(labelled(text) is not None for _, text in lines)
+        if board:
+            lines = [(number, values) for number, text in lines if (values := labelled(text)) is not None]
         if columns is None:
             lines = list(dropwhile(lambda line: _is_banner(line[1], readings), lines))
         if lines and columns is None:
             number, text = lines[0]
-            board = labelled(text) is not None
             try:
-                named = None if board else header_of(text, readings)
+                named = header_of(text, readings)
             except ValueError as error:
                 raise ValueError(f"{STREAM}, line {number}: {error}") from None
             columns, lines = (in_order(readings), lines) if named is None else (named, lines[1:])
-        if board:
-            lines = [(number, values) for number, text in lines if (values := labelled(text)) is not None]
         if lines and columns is not None:
-            yield frames_of(lines, columns)
+            yield frames_of(lines, in_order(readings) if board else columns)
 
 
 def _is_banner(text: str, readings: int) -> bool:
@@ -96,7 +103,7 @@ def _is_banner(text: str, readings: int) -> bool:
     try:
         float(first.strip() or "nan")
     except ValueError:
-        return len(others) + 1 < readings and labelled(text) is None and not first.strip('" ').startswith("v_")
+        return len(others) + 1 < readings and not first.strip('" ').startswith("v_")
     return False
 
 
@@ -106,13 +113,18 @@ def _text(line: bytes) -> str:
 
 def header_of(text: str, readings: int) -> Columns | None:
     """The columns of lines by a header that names readings v_000 ... and may name those of a recording; None where the
-    line is no header. ValueError for a header of other names."""
+    line is no header, as one that holds a number, of which the beginning may be cut. ValueError for a header of other
+    names."""
     names = [cell.strip().strip('"') for cell in text.split(",")]
+    return None if not names[0] or any(map(_is_number, names)) else Columns(column_order(names, readings), len(names))
+
+
+def _is_number(cell: str) -> bool:
     try:
-        float(names[0] or "nan")
+        float(cell)
     except ValueError:
-        return Columns(column_order(names, readings), len(names))
-    return None
+        return False
+    return True
 
 
 def frame_of(text: str, columns: Columns) -> Array:
@@ -131,7 +143,7 @@ def _number(column: int, cell: str) -> float:
     try:
         return float(cell.strip() or "nan")
     except ValueError:
-        raise ValueError(f"column {column} holds '{cell.strip()[:20]}' and no number") from None
+        raise ValueError(f"column {column} holds {cell.strip()[:20]!a} and no number") from None
 
 
 def frames_of(lines: Sequence[Line], columns: Columns) -> Lines:

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 STANDARD_INPUT = "-"
 BAUD = 115200  # bits a second where none are given; boards on USB take any
 INSTALL = "run pip install '.[serial]' in the project's folder."
-QUIET_S, SKIPPED = 5.0, 20  # how long nothing may come, and how many lines without numbers, until a port says so
+QUIET_S = 5.0  # how long nothing may come until a port says so
+LONGEST_START = 1 << 15  # bytes that a board may send before its first line of numbers: 3 s at BAUD
 _PORT = re.compile(r"serial:(?P<port>.+?)(@(?P<baud>[^@]*))?")
 _DEVICE = re.compile(r"/dev/(tty|cu)\S+|COM\d+", re.IGNORECASE)
 
@@ -93,27 +94,28 @@ class SerialLines(BufferedIOBase):
             while not (found := self.device.read(waiting if size < 0 else min(waiting, size))):
                 pass  # nothing came for QUIET_S
             return found
-        line = self._line()
-        if not _is_named(line):  # else it may have lost its beginning
-            skipped = 1
-            while not (_is_named(line := self._line()) or _is_numbers(line)):
-                skipped += 1
-                if skipped == SKIPPED:
-                    self.say(f"serial port {self.device.port}: {skipped} lines came, none of numbers with commas "
-                             f"between them; the latest begins {_text(line)[:30]!r}. Is {self.device.baudrate} its "
-                             "baud rate? Another one is serial:PORT@BAUD.")
+        line = self._line(LONGEST_START)
+        seen, begun = len(line), _is_named(line)  # of another first line the beginning may be lost
+        while not begun:
+            if seen >= LONGEST_START:
+                raise ValueError(f"serial port {self.device.port}: none of its first {seen} bytes make a line of "
+                                 f"numbers separated by commas; the latest line begins {_text(line)[:30]!r}. Is it "
+                                 f"{self.device.baudrate} bits a second? Give serial:PORT@BAUD, and let the board end "
+                                 "lines with a line feed.")
+            line = self._line(LONGEST_START - seen)
+            seen, begun = seen + len(line), _is_named(line) or _is_numbers(line)
         self.begun = True
         return line
 
-    def _line(self) -> bytes:
-        """A whole line, however long it takes; says once where none comes."""
-        line = self.device.readline()
-        while not line.endswith(b"\n"):
+    def _line(self, most: int) -> bytes:
+        """A whole line of at most so many bytes, however long it takes; says once where none comes."""
+        line = self.device.readline(most)
+        while len(line) < most and not line.endswith(b"\n"):
             if not self.waits:
                 self.waits = True
                 self.say(f"serial port {self.device.port}: no line came within {QUIET_S:g} s; waiting. Does the device "
                          "send by itself, and is this its port?")
-            line += self.device.readline()
+            line += self.device.readline(most - len(line))
         return line
 
 

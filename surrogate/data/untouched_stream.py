@@ -3,7 +3,8 @@
 The frame walks and is read with noise, y_k = b_k + n_k, b_k+1 = b_k + w_k: a Kalman filter whose covariance is
 v I + spread' spread. One variance of noise, r^2, serves all readings; the walk is that of `baseline_walk`. An
 untouched frame that is off by more than the filter holds possible, by chi^2, is a walk that is not known yet: the
-covariance grows to what is seen.
+covariance grows to what is seen. One that is off by far more jumps, as of a frame that was cut or another current: it
+tells neither noise nor walk.
 """
 
 from __future__ import annotations
@@ -13,15 +14,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtri
 
-from surrogate.data.baseline_walk import Block, Walk, still, walk_of
+from surrogate.data.baseline_walk import LEAST_NOISE, Block, Walk, still, walk_of
 from touchcal.arrays import Array
 
 # Least frames and seconds of a block, frames of one that a touch ends, blocks that tell the walk, and frames that
 # calibration takes where the noise is not stated.
 BLOCK, BLOCK_S, LEAST_BLOCK, BLOCKS, CALIBRATION = 10, 0.15, 4, 40, 20
 MEMORY = 1000.0  # frames that the noise is averaged over, at most
+SCATTERS = 5  # frames whose median scatter tells the noise, so that one that is cut or jumps does not
 LEAST_GAIN = 1 / 500  # of the frame in the untouched one: a drift that begins late is followed all the same
 CHANCE = 1e-5  # of a chi^2 of a frame that noise and the known walk are not believed to give
+JUMP = 5.0  # standard deviations, r.m.s., by which a frame jumps from the one before: these tell no walk
 NULL = 1e-9  # part of the largest variance below which one is none
 NOTHING = 1e-2  # part of the variance of a reading below which that of a direction is none
 
@@ -42,6 +45,7 @@ class Background:
     blocks: tuple[Block, ...] = field(default=(), repr=False)  # the latest
     block: tuple[Array, ...] = field(default=(), repr=False)  # frames of the one that is being filled
     begun_s: float = 0.0  # time of its first frame
+    scatter: tuple[float, ...] = ()  # r^2 by the latest frames, each and the one before
 
     @property
     def noise_V(self) -> float:
@@ -76,17 +80,21 @@ def followed(of: Background, volts: Array, time_s: float) -> Background:
     there = np.isfinite(volts) & np.isfinite(of.volts)
     volts = np.where(there, volts, of.volts)
     step_s = max(time_s - of.time_s, 0.0)
-    noise, frames = of.noise, of.frames
+    noise, frames, scatter = of.noise, of.frames, of.scatter
     if of.last is not None:
         walked = of.walk.trace / len(volts) * step_s
-        scatter = max(float(np.mean((volts - of.last)[there] ** 2)) - walked, 0.0) / 2
+        scatter = (*scatter, max(float(np.mean((volts - of.last)[there] ** 2)) - walked, 0.0) / 2)[-SCATTERS:]
         frames = min(frames + 1, MEMORY)
-        noise = scatter if np.isnan(noise) else noise + (scatter - noise) / frames
+        usual = float(np.median(scatter))
+        noise = usual if np.isnan(noise) else noise + (usual - noise) / frames
+        if 2 * scatter[-1] > JUMP**2 * usual:
+            of = replace(of, blocks=(), block=())
     variance, root = error_after(of, step_s)
     # a first frame that is alone is as uncertain as one reading
     variance = variance if of.frames else noise
-    return _with_block(_filtered(replace(of, noise=noise, frames=frames, time_s=time_s, last=volts), variance, root,
-                                 np.where(there, volts - of.volts, 0.0), int(there.sum())), volts)
+    seen = replace(of, noise=noise, frames=frames, time_s=time_s, last=volts, scatter=scatter)
+    return _with_block(_filtered(seen, variance, root, np.where(there, volts - of.volts, 0.0), int(there.sum())),
+                       volts)
 
 
 def principal(root: Array) -> tuple[Array, Array]:
@@ -105,7 +113,7 @@ def surprising(count: int) -> float:
 
 def _filtered(of: Background, variance: float, root: Array, off: Array, count: int) -> Background:
     """One step of the filter by what `count` readings are off from the frame."""
-    tiny = float(np.finfo(float).tiny)
+    tiny = max(LEAST_NOISE**2 * float(np.nanmean(of.volts**2)), float(np.finfo(float).tiny))
     size, axes = principal(root)
     white, along = max(variance + of.noise, tiny), axes @ off
     energy = (float(off @ off) - float(np.sum(along**2 * size**2 / (size**2 + white)))) / white
@@ -124,7 +132,8 @@ def scaled(of: Background, gain: Array) -> Background:
     """With all readings multiplied by factors (readings,)."""
     square = float(np.mean(gain**2))
     return replace(of, volts=of.volts * gain, variance=of.variance * square, spread=of.spread * gain,
-                   noise=of.noise * square, last=None if of.last is None else of.last * gain,
+                   noise=of.noise * square, scatter=tuple(one * square for one in of.scatter),
+                   last=None if of.last is None else of.last * gain,
                    walk=Walk(of.walk.root * gain, of.walk.rest * square),
                    blocks=tuple(replace(one, mean=one.mean * gain) for one in of.blocks),
                    block=tuple(one * gain for one in of.block))
@@ -147,4 +156,5 @@ def _ended(of: Background) -> Background:
     mean = np.nan_to_num(np.mean(of.block, axis=0))
     block = Block(mean, len(of.block), of.begun_s, of.time_s - of.begun_s)
     blocks = (*of.blocks, block)[-BLOCKS:]
-    return replace(of, blocks=blocks, block=(), walk=walk_of(blocks, of.noise, of.foreseen))
+    walk = walk_of(blocks, of.noise, of.foreseen) if len(blocks) > 1 else of.walk
+    return replace(of, blocks=blocks, block=(), walk=walk)

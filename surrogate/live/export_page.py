@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from surrogate.forward_map.inversion.multipole_location import (
     least_from_edges_mm,
     spiral,
 )
+from surrogate.live.controls import Limits
 from surrogate.live.messages import hello
 from surrogate.live.serve import PAGE
 from surrogate.live.skins import forward_of, limits_of, usual_noise_V
@@ -33,6 +35,9 @@ from touchcal.whole_file import written
 MOST_BYTES = 5_000_000  # largest file that is written
 # Candidate places of a touch, and places and loads whose strengths' errors are averaged.
 CANDIDATES, SAMPLED = 400, 64
+# Part of a disc's radius from its rim within which no press is made: errors of the map there go together, which the
+# browser's reader does not count, and places differ from those of `predict` by millimetres.
+RIM_LEFT = 0.15
 _POLICY = ("default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
            "form-action 'none'")
 _SCRIPTS = ("skin.js", "drawing.js", "press.js", "learned_map.js", "browser_skin.js", "page.js")
@@ -58,13 +63,21 @@ def export_page(model: TrainedModel, path: Path | str) -> None:
     --------
     >>> export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
     """
-    data = {"hello": hello(model, limits_of(model), "exported", usual_noise_V(model)), "map": document(model)}
+    data = {"hello": hello(model, pressable(model), "exported", usual_noise_V(model)), "map": document(model)}
     text = _whole(json.dumps(data, allow_nan=False))
     if len(text.encode()) > MOST_BYTES:
         raise ValueError(f"the page would have {len(text.encode()) / 1e6:.1f} MB, at most {MOST_BYTES / 1e6:g} are "
                          "written. Train on fewer scenes.")
     with written(Path(path)) as file:
         file.write(text.encode())
+
+
+def pressable(model: TrainedModel) -> Limits:
+    """What may be pressed on the page: what was trained, but of a disc nothing within RIM_LEFT of its rim."""
+    limits = limits_of(model)
+    if model.ring.sheet is not None:
+        return limits
+    return replace(limits, gap_mm=max(limits.gap_mm, RIM_LEFT * model.ring.radius_mm))
 
 
 def document(model: TrainedModel) -> dict[str, Any]:

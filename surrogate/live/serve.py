@@ -49,6 +49,7 @@ class _Watchers:
     waiting: list[deque[str]] = field(default_factory=list)
     there: threading.Event = field(default_factory=threading.Event)  # set while somebody is
     new: asyncio.Event = field(default_factory=asyncio.Event)
+    hand: deque[str] | None = None  # the frames of who pressed last
 
     def join(self) -> deque[str]:
         """One more, with the frames to come."""
@@ -110,13 +111,14 @@ def app_of(show: Show, hosts: tuple[str, ...], token: str) -> App:
         sending = asyncio.create_task(_send(socket, queue, watchers, show))
         try:
             while True:
-                _hear(await socket.receive_text(), show)
+                if _heard(await socket.receive_text(), show):
+                    watchers.hand = queue
         except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
             pass
         finally:
             watchers.leave(queue)
             sending.cancel()
-            if show.latest is not None:
+            if show.latest is not None and watchers.hand is queue:
                 show.latest.lift()
 
     return guarded(Starlette(lifespan=running, routes=[Mount(f"/{token}", routes=[
@@ -135,11 +137,15 @@ async def _send(socket: Any, queue: deque[str], watchers: _Watchers, show: Show)
             await new.wait()
 
 
-def _hear(text: str, show: Show) -> None:
-    """Take what the browser asks for; what is no such message, or may not be pressed, changes nothing."""
-    if show.limits is not None and show.latest is not None:
-        with contextlib.suppress(ValueError):
-            show.latest.set(controls_of(text, show.limits))
+def _heard(text: str, show: Show) -> bool:
+    """Whether a browser's message was taken; what is no such message, or may not be pressed, changes nothing."""
+    if show.limits is None or show.latest is None:
+        return False
+    try:
+        show.latest.set(controls_of(text, show.limits))
+    except ValueError:
+        return False
+    return True
 
 
 def _reading(show: Show, loop: asyncio.AbstractEventLoop, watchers: _Watchers) -> None:

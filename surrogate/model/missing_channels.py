@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from surrogate.data.dead_readings import too_many
+from surrogate.data.dead_readings import none, too_many
 from surrogate.learners.registry import METHODS, listed
 from surrogate.model.trained import Calibration, TrainedModel
 from surrogate.statistics.gaussian_process import spread_evenly
@@ -16,10 +16,11 @@ CALIBRATION_ROWS = 100  # validation rows that calibrate the intervals of a mode
 
 def silent(volts: Array, baseline_V: Array) -> Mask:
     """(n, readings) channels of frames (n, readings), V, that read nothing where the baseline (readings,), V, of the
-    training does, or that are no finite number."""
-    finite = np.where(np.isfinite(volts), volts, 0.0)
+    training does, or that are no number that an instrument reads."""
+    unread = none(volts)
+    finite = np.where(unread, 0.0, volts)
     size, known = (np.sqrt(np.mean(v**2, axis=-1, keepdims=True)) for v in (finite, baseline_V))
-    return ~np.isfinite(volts) | ((np.abs(finite) <= DEAD * size) & (np.abs(baseline_V) > DEAD * known))
+    return unread | ((np.abs(finite) <= DEAD * size) & (np.abs(baseline_V) > DEAD * known))
 
 
 def stuck(volts: Array) -> Mask:
@@ -57,6 +58,12 @@ def without(model: TrainedModel, dead: Mask) -> TrainedModel:
     validation rows that lack them too."""
     if problem := why_not(model, dead):
         raise ValueError(f"{named(dead)}: {problem}.")
+    fewer = of_fewer(model, dead)
+    return replace(fewer, learner=model.learner.without(model.ring, fewer.ring, ~dead))
+
+
+def of_fewer(model: TrainedModel, dead: Mask) -> TrainedModel:
+    """What a model knows of the channels (readings,) that are left, but for its learner, which is that of all."""
     kept = ~dead
     rows = spread_evenly(len(model.calibration.target), CALIBRATION_ROWS)
     calibration = Calibration(model.calibration.signal_V[rows][:, kept], model.calibration.target[rows],
@@ -65,5 +72,5 @@ def without(model: TrainedModel, dead: Mask) -> TrainedModel:
     ring = replace(whole, source=whole.source[kept], sink=whole.sink[kept], read=whole.read[kept],
                    ground=whole.ground[kept])
     weakest = model.trained.weakest_V * float(np.sqrt(np.mean(kept)))
-    return replace(model, ring=ring, learner=model.learner.without(whole, ring, kept), calibration=calibration,
-                   baseline_V=model.baseline_V[kept], trained=replace(model.trained, weakest_V=weakest))
+    return replace(model, ring=ring, calibration=calibration, baseline_V=model.baseline_V[kept],
+                   trained=replace(model.trained, weakest_V=weakest))

@@ -11,7 +11,7 @@ import pytest
 from eitsim.sweeps.dataset.parquet import put
 from eitsim.sweeps.run.folder import sole_writer
 from touchcal.json_file import write_json
-from touchcal.whole_file import lock_file, written
+from touchcal.whole_file import lock_file, rows_written, written
 
 
 def half_written(path: Path) -> None:
@@ -35,6 +35,19 @@ def test_a_block_that_raises_leaves_the_old_file_alone(tmp_path: Path) -> None:
     with written(path) as file:
         file.write(b"whole")
     assert path.read_bytes() == b"whole"
+
+
+def test_rows_end_with_a_whole_one_where_the_disk_is_full(tmp_path: Path) -> None:
+    def filled() -> None:
+        with rows_written(tmp_path / "rows.csv") as file:
+            file.write("a,b\n1,2\n3,")
+            file.flush()
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(OSError, match="No space left") as full:
+        filled()
+    assert full.value.filename == str(tmp_path / "rows.csv")
+    assert (tmp_path / "rows.csv").read_text() == "a,b\n1,2\n"
 
 
 def test_the_umask_says_who_may_read(tmp_path: Path) -> None:

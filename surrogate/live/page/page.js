@@ -29,7 +29,7 @@
     shownSkin = { hello, edge: edgeOf(hello.skin), picture: pictureOf(hello.skin) };
     byId("skin").style.setProperty("--aspect", shownSkin.picture.wide / shownSkin.picture.tall);
     byId("reach").hidden = !hello.limits || (hello.skin.circle_mm && hello.limits.gap_mm < 1);
-    byId("reach").textContent = hello.skin.circle_mm ? "dotted: what was trained" : "grey: " + NEAR_EDGE;
+    byId("reach").textContent = hello.skin.circle_mm ? "dotted: how far presses go" : "grey: " + NEAR_EDGE;
     document.body.classList.toggle("shown-only", !hello.limits);
     if (hello.limits && !again) hands = pressing(shownSkin, send);
   }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from surrogate.forward_map.inversion.invert import Inversion, invert
 from surrogate.forward_map.inversion.pair_search import left_by_pair
 from surrogate.forward_map.inversion.reading_covariance import Drift
 from surrogate.forward_map.inversion.touch_filter import Followed, Unsure, best
-from surrogate.learners.base import Estimate
+from surrogate.learners.base import Estimate, Learner
 from surrogate.learners.forward import TouchInversion, answered
 from surrogate.statistics.conformal import IntervalScale
 from touchcal.arrays import Array
@@ -30,6 +31,7 @@ class Touch:
     """A touch that is followed."""
 
     filter: Followed
+    onward: Followed  # what goes on to the next frame: one that is of no single touch teaches nothing
     wait: int = 0  # frames before it may be sought again
     waited: int = 1  # frames that the next search in vain is waited for
     sought: bool = False  # whether the latest frame was sought
@@ -53,24 +55,26 @@ def several(forward: ForwardMap, touch: Touch, signal: Array, unsure: Unsure) ->
     return left_by_pair(forward, signal) < FURTHER * float(left @ left)
 
 
-def follow(learner: TouchInversion, sought_by: TouchInversion, before: Touch | None, signal: Array, unsure: Unsure,
-           step_s: float) -> tuple[Touch, Inversion]:
-    """The touch after one more frame of this signal (readings,), and what it is now; sought_by is the learner without
-    the dead channels."""
+def follow(learner: TouchInversion, sought_by: Callable[[], Learner], before: Touch | None, signal: Array,
+           unsure: Unsure, step_s: float) -> tuple[Touch, Inversion]:
+    """The touch after one more frame of this signal (readings,), and what it is now; sought_by makes the learner
+    without the dead channels."""
     forward = learner.forward
     if before is not None:
-        touch = replace(before, filter=touch_filter.seen(
-            forward, touch_filter.later(forward, before.filter, step_s), signal, unsure),
-            wait=max(before.wait - 1, 0), sought=False)
+        expected = touch_filter.later(forward, before.onward, step_s)
+        touch = replace(before, filter=touch_filter.seen(forward, expected, signal, unsure), onward=expected,
+                        wait=max(before.wait - 1, 0), sought=False)
         if fits(touch, unsure):
-            return replace(touch, waited=1, wait=0), _inversion(forward, touch.filter, unsure)
+            return replace(touch, onward=touch.filter, waited=1, wait=0), _inversion(forward, touch.filter, unsure)
         if touch.wait:
             return touch, _inversion(forward, touch.filter, unsure)
     size, axes = principal(unsure.drift[:, unsure.kept])
-    found = invert(sought_by.forward, signal[unsure.kept][None], float(np.hypot(unsure.noise_V, unsure.rest_V)),
+    fewer = sought_by()
+    assert isinstance(fewer, TouchInversion)
+    found = invert(fewer.forward, signal[unsure.kept][None], float(np.hypot(unsure.noise_V, unsure.rest_V)),
                    Drift(axes.T, size))
-    again = Touch(touch_filter.seen(forward, touch_filter.unseen(forward, unsure), signal, unsure, found.touch[0]),
-                  sought=True)
+    first = touch_filter.seen(forward, touch_filter.unseen(forward, unsure), signal, unsure, found.touch[0])
+    again = Touch(first, first, sought=True)
     if before is None or _misfit(again) < BETTER * _misfit(touch):
         return again, found
     waited = min(2 * touch.waited, MOST_WAITED)

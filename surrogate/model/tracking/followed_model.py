@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -12,9 +14,10 @@ from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.untouched_stream import Background, error_after
 from surrogate.forward_map.inversion.touch_filter import Unsure
+from surrogate.learners.base import Learner
 from surrogate.learners.forward import TouchInversion
 from surrogate.learners.novelty import fit_novelty, reciprocal
-from surrogate.model.missing_channels import named, silent, why_not, without
+from surrogate.model.missing_channels import named, of_fewer, silent, why_not
 from surrogate.model.predict import WEAK, Predictions, Predictor, judged, numbers_of, predict, prepare
 from surrogate.model.tracking import follow_by_map
 from surrogate.model.tracking.contact import patterns_of
@@ -25,6 +28,7 @@ from surrogate.model.trained import TrainedModel
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask
 
+KEPT = 8  # sets of dead channels, the latest, whose preparation is kept: where channels flicker, each frame has its own
 _SI = np.array([1e-3, 1e-3, 1e-3, 1.0])  # of x, y, d in mm and F in N
 
 
@@ -36,6 +40,27 @@ def _by_gain(model: TrainedModel) -> Array:
         return np.zeros((0, len(model.baseline_V)))
 
 
+@dataclass(frozen=True, eq=False)
+class _Fewer:
+    """What reads frames without some channels."""
+
+    predictor: Predictor
+    kept: Mask  # (readings,) channels that its frames have
+    axes: Array  # (kept, m) orthonormal readings of symmetric impedances
+    learner: Callable[[], Learner]  # the model's without the dead channels, made where a search needs it
+
+
+def _fewer(whole: Predictor, dead: Mask) -> _Fewer:
+    model, kept = whole.model, ~dead
+    axes = reciprocal(model.ring, kept)
+    if not dead.any() or why_not(model, dead):
+        return _Fewer(whole, np.ones(len(dead), bool), axes, lambda: model.learner)
+    fewer = of_fewer(model, dead)
+    predictor = replace(whole, model=fewer, dead=np.zeros(int(kept.sum()), bool), gains=whole.gains[kept],
+                        novelty=fit_novelty(fewer.ring, fewer.calibration.signal_V), reduced={})
+    return _Fewer(predictor, kept, axes, cache(lambda: model.learner.without(model.ring, fewer.ring, kept)))
+
+
 class FollowedModel:
     """A model of a sweep and the touch that it follows."""
 
@@ -44,7 +69,7 @@ class FollowedModel:
         self.patterns = patterns_of(model.calibration.signal_V)
         self.foreseen = _by_gain(model)
         self._model, self._scaling, self._held_s = model, scaling, held_s
-        self._fewer: dict[bytes, tuple[Predictor, Array]] = {}
+        self._fewer: dict[bytes, _Fewer] = {}
         self._touch: Touch | None = None
         self._predictor = prepare(model, model.baseline_V, 0.0, held_s=held_s)
         # what a search keeps is made now, so that no frame waits for it
@@ -65,27 +90,32 @@ class FollowedModel:
 
     def ready(self, background: Background) -> tuple[Array, str]:
         """Compare the untouched frame; intervals of methods without a map are calibrated at its noise."""
-        model = self._model
-        found = compared(model.baseline_V, model.ring, background.volts, background.noise_V, self._scaling)
-        if not isinstance(model.learner, TouchInversion):
-            noise = background.noise_V * found.noise_factor
-            self._predictor = prepare(model, model.baseline_V, noise, held_s=self._held_s)
+        gain, words = self.compared(background)
+        if not isinstance(self._model.learner, TouchInversion):
+            noise = background.noise_V * float(np.sqrt(np.mean(gain**2)))
+            self._predictor = prepare(self._model, self._model.baseline_V, noise, held_s=self._held_s)
+        return gain, words
+
+    def compared(self, background: Background) -> tuple[Array, str]:
+        """The factors and words of `baseline_frame.compared`."""
+        found = compared(self._model.baseline_V, self._model.ring, background.volts, background.noise_V, self._scaling)
         return found.gain, found.words
 
     def read(self, volts: Array, background: Background, since_s: float, since: int, step_s: float) -> Read:
         """The touch with one more frame."""
         dead = np.isnan(volts)
-        predictor, axes = self._without(dead, background)
+        fewer = self._without(dead)
+        predictor = replace(fewer.predictor, baseline_V=background.volts[fewer.kept], noise_V=background.noise_V)
         signal, noise = np.where(dead, 0.0, volts - background.volts), background.noise_V
         if signal @ signal - (~dead).sum() * noise**2 < (WEAK * predictor.model.trained.weakest_V) ** 2:
             self._touch = None
             return unread(TOUCH, TOO_WEAK)
-        learner, fewer = self._model.learner, predictor.model.learner
-        if not isinstance(learner, TouchInversion) or not isinstance(fewer, TouchInversion):
+        learner = self._model.learner
+        if not isinstance(learner, TouchInversion):
             return self._told(TOUCH, predict(predictor, volts[None]), np.eye(outputs.TOUCH))
         variance, root = error_after(background, since_s)
-        unsure = Unsure(noise, math.sqrt(variance), root, ~dead, axes)
-        self._touch, found = follow_by_map.follow(learner, fewer, self._touch, signal, unsure, step_s)
+        unsure = Unsure(noise, math.sqrt(variance), root, ~dead, fewer.axes)
+        self._touch, found = follow_by_map.follow(learner, fewer.learner, self._touch, signal, unsure, step_s)
         read = judged(predictor, volts[None, ~dead],
                       lambda _: follow_by_map.estimate(learner, found, predictor.scale, normal(COVERAGE)))
         if dead.any():
@@ -93,18 +123,14 @@ class FollowedModel:
         more = follow_by_map.several(learner.forward, self._touch, signal, unsure)
         return self._told(SEVERAL_TOUCHES if more else TOUCH, read, found.covariance[0])
 
-    def _without(self, dead: Mask, background: Background) -> tuple[Predictor, Array]:
-        """The predictor of frames that lack these channels, against the untouched frame as it is now, and (alive, m)
-        orthonormal readings of symmetric impedances. Intervals keep the scale of those with all channels."""
-        key, model = dead.tobytes(), self._model
-        if key not in self._fewer:
-            fewer = without(model, dead) if dead.any() and not why_not(model, dead) else model
-            self._fewer[key] = (replace(self._predictor, model=fewer, dead=np.zeros(len(fewer.baseline_V), bool),
-                                        novelty=fit_novelty(fewer.ring, fewer.calibration.signal_V), reduced={}),
-                                reciprocal(model.ring, ~dead))
-        predictor, axes = self._fewer[key]
-        kept = ~dead if len(predictor.model.baseline_V) < len(dead) else np.ones(len(dead), bool)
-        return replace(predictor, baseline_V=background.volts[kept], noise_V=background.noise_V), axes
+    def _without(self, dead: Mask) -> _Fewer:
+        """What reads frames that lack these channels; intervals keep the scale of those with all channels."""
+        key = dead.tobytes()
+        found = self._fewer.pop(key, None) or _fewer(self._predictor, dead)
+        if len(self._fewer) == KEPT:
+            del self._fewer[next(iter(self._fewer))]
+        self._fewer[key] = found
+        return found
 
     def _told(self, state: str, read: Predictions, covariance: Array) -> Read:
         columns = np.array([self._model.names.index(name) if name in self._model.names else -1

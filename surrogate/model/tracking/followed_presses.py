@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.sensors.labels import PLACE
-from surrogate.data.dead_readings import too_many
+from surrogate.data.dead_readings import none, too_many
 from surrogate.data.outputs import TOUCH as PARTS
 from surrogate.data.outputs import lowest
 from surrogate.data.untouched_stream import Background
@@ -83,7 +83,7 @@ class FollowedPresses:
 
     def dead(self, volts: Array) -> Mask:
         """Channels without a number."""
-        return ~np.isfinite(volts)
+        return none(volts)
 
     def why_not(self, dead: Mask) -> str:
         """Why these are needed."""
@@ -95,14 +95,18 @@ class FollowedPresses:
 
     def ready(self, background: Background) -> tuple[Array, str]:
         """Readings are taken as they are."""
+        return self.compared(background)
+
+    def compared(self, background: Background) -> tuple[Array, str]:
+        """Readings are taken as they are."""
         return np.ones(self.readings), ""
 
     def read(self, volts: Array, background: Background, since_s: float, since: int, step_s: float) -> Read:
         """The place with one more frame; the next frame, which may hold late readings, is not waited for."""
-        none = np.full((1, self.readings), np.nan)
+        empty = np.full((1, self.readings), np.nan)
         age = since_s if self._reader.signals.clocked else since
-        press = Presses(np.array([""]), np.zeros(1, np.int64), (volts - background.volts)[None], none,
-                        np.array([float(age)]), none[:0], np.zeros(0), np.zeros(1))
+        press = Presses(np.array([""]), np.zeros(1, np.int64), (volts - background.volts)[None], empty,
+                        np.array([float(age)]), empty[:0], np.zeros(0), np.zeros(1))
         signals = self._reader.signals
         if np.linalg.norm(signals.whole(press)) < WEAK * signals.weakest:
             self._place = None

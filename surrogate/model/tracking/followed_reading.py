@@ -46,6 +46,10 @@ class Following(Protocol):
         ...
 
     def ready(self, background: Background) -> tuple[Array, str]:
+        """What `compared` says, once the noise is known."""
+        ...
+
+    def compared(self, background: Background) -> tuple[Array, str]:
         """Factors (readings,) of all readings that make the untouched frame the training's, and words on it."""
         ...
 

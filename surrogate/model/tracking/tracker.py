@@ -26,7 +26,11 @@ from touchcal.arrays import Array
 
 STRANGE = "off the untouched frame by more than is known of its drift, and unlike a touch: taken for drift"
 WAIT = 2  # frames that must be untouched after one before it is followed as untouched
+MOVED = 0.05  # part of the untouched frame by which a jump makes it another one, which is compared with the training's
 BELIEVED = 0.02  # part of the weakest training signal whose norm noise is taken as at least, a pattern
+
+
+_Timed = tuple[Array, float]  # a frame and its time, s
 
 
 class Tracker:
@@ -82,7 +86,9 @@ class Tracker:
         self._left = 1 if noise_V is not None else CALIBRATION
         self._background: Background | None = None
         self._contact = Contact(self._following.patterns, (BELIEVED * self._following.weakest) ** 2)
-        self._waiting: list[tuple[Array, float]] = []  # the latest untouched frames and their times
+        self._waiting: list[_Timed] = []  # the latest untouched frames
+        self._odd: _Timed | None = None  # the latest frame, where it is the first that nothing explains
+        self._jumped = False  # whether the latest frames did, and moved the untouched one
         self._time_s, self._since = -1 / rate_hz, 0  # of the latest frame; frames since the latest untouched one
         if baseline_V is not None:
             self._from_baseline(np.asarray(baseline_V, np.float64))
@@ -125,8 +131,14 @@ class Tracker:
         """Compare the untouched frame with that of the training, once its noise is known."""
         assert self._background is not None
         self._left = 0
-        self._gain, words = self._following.ready(self._background)
-        self._background = untouched_stream.scaled(self._background, self._gain)
+        self._scaled(*self._following.ready(self._background))
+
+    def _scaled(self, gain: Array, words: str) -> None:
+        assert self._background is not None
+        self._gain = self._gain * gain
+        self._background = untouched_stream.scaled(self._background, gain)
+        self._waiting = [(volts * gain, time_s) for volts, time_s in self._waiting]
+        self._compared_V = self._background.volts
         if words:
             self._say(words)
 
@@ -169,22 +181,36 @@ class Tracker:
         self._contact = contact.met(self._contact, signal, ~dead, background, since_s, step_s)
         if self._contact.touched:
             self._background = background = untouched_stream.interrupted(background)
-            self._waiting = []
+            self._waiting, self._odd = [], None
             return self._told(self._following.read(volts, background, since_s, self._since, step_s), signal)
         self._following.ended()
         if not self._contact.against:
             self._since = 0
-            self._followed((volts, self._time_s), 0 if self._contact.strange else WAIT)
+            self._followed((volts, self._time_s), self._contact.strange)
         flag = OTHER_SIGN if self._contact.mirrored else STRANGE if self._contact.strange else ""
         return self._told(unread(UNTOUCHED, "; ".join(filter(None, (named(dead) if dead.any() else "", flag)))), signal)
 
-    def _followed(self, frame: tuple[Array, float], wait: int) -> None:
-        """Follow the untouched frame by all that are untouched but the latest so many, which may be of a touch that
-        only begins."""
-        self._waiting.append(frame)
-        while len(self._waiting) > wait:
+    def _followed(self, frame: _Timed, strange: bool) -> None:
+        """Follow the untouched frame by all that are untouched but the latest WAIT, which may be of a touch that only
+        begins. A jump is followed from its second frame on: one frame alone was cut."""
+        if strange and self._odd is None and not self._jumped:
+            self._odd = frame
+            return
+        self._waiting += [frame] if self._odd is None or not strange else [self._odd, frame]
+        self._odd = None
+        while len(self._waiting) > (0 if strange else WAIT):
             assert self._background is not None
             self._background = untouched_stream.followed(self._background, *self._waiting.pop(0))
+        if self._jumped and not strange:
+            self._compared_again()
+        self._jumped = strange
+
+    def _compared_again(self) -> None:
+        """Compare the untouched frame with that of the training again, where it is another one after a jump."""
+        assert self._background is not None
+        moved = np.nan_to_num(self._background.volts - self._compared_V)
+        if np.linalg.norm(moved) > MOVED * np.linalg.norm(np.nan_to_num(self._compared_V)):
+            self._scaled(*self._following.compared(self._background))
 
     def _calibrated(self, known: Background | None, volts: Array) -> Read:
         """One more frame of those that tell the noise, or the first untouched one where it is stated."""

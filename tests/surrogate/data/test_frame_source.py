@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import threading
+import tracemalloc
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
 from surrogate.data import frame_source
-from surrogate.data.frame_rows import frames_as_they_come
-from surrogate.data.frame_source import SKIPPED, check_no_port, comes_live, opened
+from surrogate.data.frame_rows import LONGEST, frames_as_they_come, waiting_lines
+from surrogate.data.frame_source import check_no_port, comes_live, opened
 
 
 @pytest.fixture
@@ -58,6 +60,62 @@ def test_lines_of_a_board_are_frames_and_what_it_prints_between_is_none() -> Non
     assert read[0].problem == ["", "", "unreadable: 1 columns, expected 2 voltages separated by commas"]
 
 
+@pytest.mark.parametrize(("text", "problems"), [
+    (b"e-05,2\n3,4\n", ["unreadable: column 1 holds 'e-05' and no number", ""]),
+    (b"board 1.0\n3,4\n", [""]),
+    (b"6,7,8\nmagnitudes : 3,4\nfps: 20\n", [""]),
+    ("caf\u00e9\x1b,1\n3,4\n".encode("latin-1"), ["unreadable: column 1 holds 'caf\\ufffd\\x1b' and no number", ""]),
+    (b"1," * LONGEST + b"\n3,4\n", [f"unreadable: {LONGEST // 2 + 1} columns, expected 2 voltages separated by commas",
+                                   ""])], ids=["cut", "banner", "cut board", "rubbish", "endless"])
+def test_a_first_line_that_is_no_frame_costs_no_other(text: bytes, problems: list[str]) -> None:
+    read = list(frames_as_they_come(io.BytesIO(b"0,1\n" * text.startswith(b"caf") + text), 2))
+    assert [problem for one in read for problem in one.problem][-len(problems):] == problems
+    assert read[-1].volts[-1].tolist() == [3.0, 4.0]
+
+
+class Chunks(io.BufferedIOBase):
+    """What a function gives, one call after another."""
+
+    def __init__(self, give: Callable[[], bytes]) -> None:
+        self.give = give
+
+    def read1(self, size: int = -1) -> bytes:
+        return self.give()
+
+
+def test_of_a_line_without_an_end_no_more_is_kept_than_may_be_one() -> None:
+    """100 MB of it; it is answered as soon as it is too long."""
+    chunk, left = b"0" * 10**5, iter(range(1000))
+    lines = waiting_lines(Chunks(lambda: chunk if next(left, None) is not None else b""))
+    tracemalloc.start()
+    assert [number for number, _ in next(lines)] == [1]
+    assert next(left) == 11
+    assert list(lines) == []
+    assert tracemalloc.get_traced_memory()[1] < 10 * LONGEST
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("text", [b"\xfe\x80\x00" * 60000, b"1,2\r" * 40000, b"noise\n" * 30000],
+                         ids=["rate", "returns", "words"])
+def test_a_port_without_a_line_of_numbers_is_not_read_for_ever(line: tuple[int, str], text: bytes) -> None:
+    device, port = line
+    os.set_blocking(device, False)
+    read = threading.Event()
+    writer = threading.Thread(target=_written, args=(device, text, read))
+    with opened(f"serial:{port}@9600") as source:
+        writer.start()
+        with pytest.raises(ValueError, match=r"make a line of numbers separated by commas; .* 9600 bits a second"):
+            list(frames_as_they_come(source, 2))
+        read.set()
+        writer.join()
+
+
+def _written(device: int, text: bytes, read: threading.Event) -> None:
+    while text and not read.is_set():
+        with contextlib.suppress(BlockingIOError):
+            text = text[os.write(device, text[:512]):]
+
+
 def test_what_comes_live() -> None:
     assert [comes_live(text) for text in ("-", "serial:COM3", "serial:/dev/ttyACM0@9600")] == [True] * 3
     assert [comes_live(text) for text in (None, "frames.csv", "COM3")] == [False] * 3
@@ -96,17 +154,6 @@ def test_what_a_program_says_before_its_first_frame_is_left_out() -> None:
     assert read.problem == ["", "unreadable: 1 columns, expected 3 voltages separated by commas"]
     (read,) = frames_as_they_come(io.BytesIO(b"OpenEIT\nmagnitudes : 1,2,3,\n"), 3)
     assert read.volts.tolist() == [[1.0, 2.0, 3.0]]
-
-
-def test_a_port_says_that_its_lines_hold_no_numbers(line: tuple[int, str]) -> None:
-    device, port = line
-    said: list[str] = []
-    with opened(f"serial:{port}@9600", said.append) as source:
-        os.write(device, b"\xfe\x12;\n" * SKIPPED + b"1.5,0.2\n")
-        assert source.read1() == b"1.5,0.2\n"
-    assert len(said) == 1
-    assert f"serial port {port}: {SKIPPED} lines came, none of numbers" in said[0]
-    assert "Is 9600 its baud rate?" in said[0]
 
 
 def test_a_port_says_once_that_nothing_comes_and_goes_on(line: tuple[int, str],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.data.untouched_stream import BLOCK, Background, begun, followed, interrupted
+from surrogate.data.untouched_stream import BLOCK, Background, begun, followed, interrupted, known
 from touchcal.arrays import Array
 
 READINGS, STEP_S = 60, 0.02
@@ -69,3 +69,26 @@ def test_a_dead_channel_tells_nothing() -> None:
     assert known.noise_V == pytest.approx(1e-3, rel=0.1)
     assert np.isnan(known.volts[7])
     assert np.isfinite(np.delete(known.volts, 7)).all()
+
+
+@pytest.mark.parametrize("frames", [1, 100])
+def test_a_jump_tells_neither_noise_nor_walk(frames: int) -> None:
+    """One frame that is cut, or another level from there on, each a thousand times as large as noise."""
+    still_V = 1e-3 * np.random.default_rng(4).normal(size=(200, READINGS))
+    off = still_V.copy()
+    off[100:100 + frames] += np.sign(np.arange(READINGS) - 20.5)
+    before, after = watched(still_V), watched(off)
+    assert after.noise_V == pytest.approx(before.noise_V, rel=0.05)
+    assert after.walk.trace < READINGS * 1e-6
+    assert np.abs(after.volts - off[-1]).max() < 5e-3
+
+
+def test_noise_that_grows_is_learnt() -> None:
+    rng = np.random.default_rng(5)
+    known = watched(1e-3 * np.where(np.arange(3000) < 300, 1, 10)[:, None] * rng.normal(size=(3000, READINGS)))
+    assert known.noise_V == pytest.approx(1e-2, rel=0.1)
+
+
+def test_frames_without_noise_that_jump_keep_the_untouched_frame_finite() -> None:
+    jumped = followed(known(np.ones(READINGS), 0.0, 1, 0.0), np.full(READINGS, 0.5), STEP_S)
+    assert jumped.volts == pytest.approx(0.5)

@@ -12,7 +12,8 @@ import pytest
 import surrogate
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.load_coordinates import to_unknown
-from surrogate.live.export_page import MOST_BYTES, export_page
+from surrogate.live.export_page import MOST_BYTES, export_page, pressable
+from surrogate.live.skins import limits_of
 
 PLACE_MM = 0.2  # the most that a place read in the browser may differ from that of `predict`
 READ = "return arguments[0].map(s => learned.read(s, arguments[1], null).read).map(r => [r.x_mm, r.y_mm])"
@@ -91,6 +92,8 @@ def test_the_map_in_the_browser_is_that_of_the_model(
     forward = model.learner.forward
     assert len(forward.correction.rim.process.nodes)
     assert len(forward.correction.polarization.nodes)
+    assert limits_of(model).gap_mm < 14.5
+    assert pressable(model).gap_mm == pytest.approx(15.0)
     export_page(model, tmp_path / "page.html")
     opened(page, tmp_path / "page.html")
     asked, fresh_V = synthetic(30, 5, (), 86.0)

@@ -119,6 +119,16 @@ def test_what_is_pressed_is_lifted_when_the_browser_goes_away(address: str) -> N
     assert frames[-1]["true"] is None
 
 
+def test_who_only_watched_leaves_the_press_of_another(address: str) -> None:
+    with connected(address) as connection:
+        pressed(connection)
+        with connected(address) as other:
+            other.recv()
+            other.send("no press")
+        frames = [json.loads(connection.recv(timeout=60)) for _ in range(50)]
+    assert frames[-1]["true"] is not None
+
+
 def test_five_thousand_malformed_messages_do_not_end_the_server(address: str) -> None:
     rng = random.Random(1)
 

@@ -14,6 +14,7 @@ from surrogate.data.frame_drift import by_gain
 from surrogate.data.samples import Samples, take
 from surrogate.model.model import Model
 from surrogate.model.predict import OTHER_SIGN
+from surrogate.model.tracking.followed_model import KEPT
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import STRANGE, WAIT, Tracker
@@ -172,6 +173,68 @@ def test_an_untouched_frame_that_jumps_is_taken_anew(model: Model, press: Callab
     assert {now.flag for now in said[5:REST - 8]} == {""}
     assert {now.state for now in said[REST - 4:-REST]} == {TOUCH}
     assert {now.state for now in said[-REST + 2:]} == {UNTOUCHED}
+
+
+def test_a_frame_that_is_cut_changes_nothing(model: Model, press: Callable[..., Array]) -> None:
+    """One reading of 1000 V, or all of them half as large again, in an untouched frame."""
+    frames = press(slide(), 8)
+    whole = told(Tracker(model, rate_hz=RATE_HZ), frames)
+    for cut in (np.where(np.arange(frames.shape[1]) == 50, 1000.0, frames[24]), frames[24] * 1.5):
+        said = told(Tracker(model, rate_hz=RATE_HZ), np.concatenate([frames[:24], cut[None], frames[25:]]))
+        assert said[24].flag
+        assert [now.state for now in said] == [now.state for now in whole]
+        now, then = said[REST + 20], whole[REST + 20]
+        assert np.all(np.abs(now.value - then.value) < 0.5 * then.below)
+        assert said[-1].noise_V == pytest.approx(whole[-1].noise_V, rel=0.05)
+
+
+def test_a_frame_of_no_single_touch_teaches_nothing_of_the_touch(model: Model, press: Callable[..., Array]) -> None:
+    """In a press of a known punch all readings are once 2 % higher; the interval of d holds it afterwards."""
+    touch = np.tile([-20.0, -17.0, 12.0, 0.8], (12, 1))
+    frames = press(touch, 1)
+    frames[REST + 6] *= 1.02
+    said = told(Tracker(model, rate_hz=RATE_HZ), frames)[REST:-REST]
+    assert said[6].flag
+    for now in said[7:]:
+        off = now.value * [1e3, 1e3, 1e3, 1] - touch[0]
+        assert now.state == TOUCH
+        assert np.hypot(*off[:2]) < 0.5
+        assert -2 * 1e3 * now.below[2] < off[2] < 2 * 1e3 * now.above[2]
+
+
+def test_a_jump_of_all_readings_is_said_and_scaled(model: Model, press: Callable[..., Array]) -> None:
+    """The current rises by a quarter while nothing touches."""
+    words: list[str] = []
+    touch = slide()
+    frames = press(touch, 3)
+    frames[22:] *= 1.25
+    said = told(Tracker(model, rate_hz=RATE_HZ, say=words.append), frames)
+    assert [one.split("):")[1].split(":")[0] for one in words] == [" all readings are 1.25 times those"]
+    assert said[22].flag == OTHER_SIGN
+    now, then = said[REST + 20], told(Tracker(model, say=lambda one: None), press(touch, 3))[REST + 20]
+    assert now.state == TOUCH
+    assert now.signal_V == pytest.approx(then.signal_V, abs=2 * NOISE_V)
+    assert np.hypot(*(now.value - then.value)[:2]) < 0.5e-3
+
+
+def test_a_reading_that_no_instrument_has_is_a_dead_channel(model: Model, press: Callable[..., Array],
+                                                            untouched_V: Array) -> None:
+    frames = press(slide(), 3)
+    frames[REST + 5:, 40] = 1e300
+    said = told(Tracker(model, untouched_V, NOISE_V), frames)[REST + 10]
+    assert (said.state, said.flag) == (TOUCH, "dead channel: column 41")
+
+
+def test_channels_that_flicker_take_no_more_memory(model: Model, press: Callable[..., Array], untouched_V: Array
+                                                   ) -> None:
+    """Each frame of a touch lacks another pair of readings, strange ones too."""
+    frames = press(slide(), 3)
+    tracker = Tracker(model, untouched_V, NOISE_V)
+    for k, frame in enumerate(frames[REST - 2:REST + KEPT + 4]):
+        frame[[k, k + 50]] = np.nan
+        frame[150:153] *= 1.05 if k % 5 == 0 else 1
+        assert tracker.update(frame).state != UNREADABLE
+    assert len(tracker._following._fewer) == KEPT
 
 
 def test_a_press_in_the_untouched_frame_is_no_contact_when_it_is_lifted(model: Model, press: Callable[..., Array]
