@@ -212,7 +212,7 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
     flags[reverse] += f"; {OTHER_SIGN}"
-    wide = np.array([OUTSIDE in flag for flag in flags])  # intervals are as wide as the range there
+    wide = np.array([OUTSIDE in flag for flag in flags], bool)  # intervals are as wide as the range there
     flags[_several(model, below + above) & ~wide] += f"; {SEVERAL}"
     flags = np.array([flag.removeprefix("; ") for flag in flags], object)
     left = np.where([name in STRESSES for name in model.names], predictor.left, 1.0)
