@@ -14,7 +14,7 @@ from surrogate.data.frame_drift import by_gain
 from surrogate.data.samples import Samples, take
 from surrogate.model.model import Model
 from surrogate.model.predict import OTHER_SIGN
-from surrogate.model.tracking.followed_model import KEPT
+from surrogate.model.tracking.followed_model import KEPT, FollowedModel
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracking.tracked_stream import columns, track
 from surrogate.model.tracking.tracker import STRANGE, WAIT, Tracker
@@ -234,6 +234,7 @@ def test_channels_that_flicker_take_no_more_memory(model: Model, press: Callable
         frame[[k, k + 50]] = np.nan
         frame[150:153] *= 1.05 if k % 5 == 0 else 1
         assert tracker.update(frame).state != UNREADABLE
+    assert isinstance(tracker._following, FollowedModel)
     assert len(tracker._following._fewer) == KEPT
 
 
