@@ -112,8 +112,11 @@ def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, s
     `start` (4,), a touch (x, y, d, F)."""
     state, kept = before.mean if start is None else _with_force(forward, before.mean, start), unsure.kept
     discrepancy = strength_discrepancy(forward, state)
-    floor, axes, sd = reading_covariance.own_error(forward, state, signal_size(forward, state))
-    white, at_rim = np.hypot(floor, unsure.rest_V), axes * sd[:, None]
+    # one error for all filters: else those where it is said to be small are the likely ones, whatever they leave
+    one = before.mean[[best(before)]] if start is None else to_unknown(start[None], forward.p0)
+    floor, axes, sd = reading_covariance.own_error(forward, one, signal_size(forward, one))
+    white, at_rim = (np.broadcast_to(part, (len(state), *part.shape[1:]))
+                     for part in (np.hypot(floor, unsure.rest_V), axes * sd[:, None]))
     onto, own = _turned(unsure.axes[None]), forward.discrepancies
     constant = onto @ np.concatenate([at_rim, np.broadcast_to(unsure.drift.T, (len(state), *unsure.drift.T.shape))],
                                      axis=2)[:, kept]

@@ -12,6 +12,8 @@ import pytest
 from surrogate.data import outputs
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.samples import Samples, take
+from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.inversion import reading_covariance
 from surrogate.model.model import Model
 from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.tracking.followed_model import KEPT, FollowedModel
@@ -283,6 +285,22 @@ def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[
     assert {now.state for now in said} == {SEVERAL_TOUCHES}
     alone = told(Tracker(model, untouched_V, NOISE_V), press(one, 0))[REST + 2:-REST]
     assert {now.state for now in alone} == {TOUCH}
+
+
+def test_a_punch_whose_error_is_said_to_be_small_is_not_the_likely_one_for_that(
+        model: Model, press: Callable[..., Array], untouched_V: Array, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As near a rim, where the map is surer of small punches, which end farther from it."""
+    own_error = reading_covariance.own_error
+
+    def surer_of_small_ones(forward: ForwardMap, unknown: Array, size: Array) -> tuple[Array, Array, Array]:
+        floor, axes, sd = own_error(forward, unknown, size)
+        return np.where(np.exp(unknown[:, 2]) < 13, floor, np.hypot(floor, 3 * NOISE_V)), axes, sd
+
+    monkeypatch.setattr(reading_covariance, "own_error", surer_of_small_ones)
+    held = np.tile([10.0, -15.0, 16.0, 1.2], (12, 1))
+    now = told(Tracker(model, untouched_V, NOISE_V), press(held, 1))[-REST - 1]
+    assert now.value[2] == pytest.approx(0.016, abs=1e-3)
+    assert now.value[2] - now.below[2] < 0.016 < now.value[2] + now.above[2]
 
 
 def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: Callable[..., tuple[Array, Array]],
