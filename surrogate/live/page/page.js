@@ -104,17 +104,19 @@
     if (!hello) return;
     if (arrivals.length && performance.now() - arrivals[arrivals.length - 1] > RATED_MS) still();
     const moved = hands ? hands.tick(now) : false;
-    if (frame === drawn && !moved && !stale && !unwritten) return;
-    drawSkin(byId("skin"), shownSkin, frame, hands && hands.cursor(), byId("field").value);
-    for (const one of frames.filter(f => !f.seen)) {
-      one.seen = true;
-      if (one.answers_ms !== null) latencies.push(performance.now() - one.answers_ms);
+    if (frame !== drawn || moved || stale) {
+      drawSkin(byId("skin"), shownSkin, frame, hands && hands.cursor(), byId("field").value);
+      for (const one of frames.filter(f => !f.seen)) {
+        one.seen = true;
+        if (one.answers_ms !== null) latencies.push(performance.now() - one.answers_ms);
+      }
+      if (latencies.length > 5000) latencies.splice(0, 1000);
+      drawn = frame;
+      stale = false;
+      unwritten = true;
     }
-    if (latencies.length > 5000) latencies.splice(0, 1000);
-    drawn = frame;
-    stale = false;
-    unwritten = frame !== null && now - plotted < PLOTTED_EVERY_MS;
-    if (!frame || unwritten) return;
+    if (!frame || !unwritten || now - plotted < PLOTTED_EVERY_MS) return;
+    unwritten = false;
     plotted = now;
     write();
     drawPlots();
