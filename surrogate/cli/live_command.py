@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from surrogate.cli.given_frames import say
 from surrogate.cli.predict_command import ModelFolder, NoiseV
 from touchcal.terminal import check_out, counted, waiting
 
@@ -110,18 +110,19 @@ def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None
 
 def _serve_frames(model: Model | TrainedReader, frames: str | None, replay: Path | None, baseline: Path | None,
                   noise_v: float | None, rate: float | None, port: int) -> None:
+    from surrogate.data.frame_rows import sound_lines
     from surrogate.data.frame_source import opened
     from surrogate.live.pictured import pictured
     from surrogate.live.serve import serve
-    from surrogate.live.shows import read_untouched, recorded_show, streamed_show
+    from surrogate.live.shows import recorded_show, streamed_show
 
-    untouched_V = None if baseline is None else read_untouched(baseline, pictured(model).readings)
+    untouched_V = None if baseline is None else sound_lines(baseline, pictured(model).readings)
     if frames is None and replay is not None:
         with waiting(STARTS):
             show = recorded_show(model, replay, untouched_V, noise_v, rate)
         serve(show, port, _served)
     elif frames is not None:
-        with opened(frames, _say) as source:
+        with opened(frames, say) as source:
             with waiting(STARTS):
                 show = streamed_show(model, source, untouched_V, noise_v)
             serve(show, port, _served)
@@ -135,11 +136,7 @@ def _pressed_show(model: Model, simulate: Path | None, data: Path | None, scene:
 
     pictured(model)  # a skin that the page cannot draw is refused before load paths are solved
     if simulate is None:
-        _say("presses are answered by the model's own learned map. Give --simulate CARD for the simulator.")
+        say("presses are answered by the model's own learned map. Give --simulate CARD for the simulator.")
         return pressed_show(model, learned_skin(model), noise_v)
-    _say("load paths are read, or solved where none are stored, which takes minutes once.")
+    say("load paths are read, or solved where none are stored, which takes minutes once.")
     return pressed_show(model, simulated_skin(model, simulate, data, scene, counted("load paths")), noise_v)
-
-
-def _say(words: str) -> None:
-    print(f"surrogate: {words}", file=sys.stderr)

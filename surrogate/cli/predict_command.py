@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from surrogate.cli.given_frames import (
+    compared_with,
+    counted_frames,
+    frames_of,
+    noise_of,
+    say,
+    say_holding,
+    say_intervals,
+)
+from surrogate.cli.predicted_stream import predict_stream, track_stream
 from surrogate.cli.recording_command import predict_recording
 from touchcal.terminal import JsonOption, SeedOption, check_apart, check_out, counted, print_json, waiting
-from touchcal.whole_file import rows_written, written
+from touchcal.whole_file import written
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from surrogate.data.baseline_frame import Comparison, Untouched
+    from surrogate.data.baseline_frame import Untouched
     from surrogate.data.frame_drift import FrameDrift
     from surrogate.data.frame_rows import Lines
     from surrogate.model.model import Model
-    from surrogate.recordings.trained.train_reader import TrainedReader
     from surrogate.single_frame.simulator_likelihood import Simulator
-    from touchcal.arrays import Array, Mask
+    from touchcal.arrays import Mask
 
 ModelFolder = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="Model that `surrogate train` wrote.")]
 FRAMES_HELP = ("CSV, one frame of voltages a row, or a board's file (.mat, .npy ...); - reads lines from standard "
@@ -40,7 +46,6 @@ SCALE_HELP = ("Multiply all readings by the training's untouched ones over those
               "that explains a difference larger than noise.")
 RATE_HELP = "Frames a second of - or a serial port, for how fast touches and drift may move between two lines."
 RATE_HZ = 50.0
-STOPPED = 130  # exit status after Ctrl-C
 HELD_HELP = "Time since loading, s: F and stresses are those of a foam that has relaxed so long, by the card's series."
 DRIFT_HELP = ("What may have changed between the untouched and the touched frames, as relative standard deviations: "
               "gain=0.001,contact=0.01; contact needs --scene or --data. Method forward.")
@@ -117,7 +122,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
                              f"rows are the baseline, or a stream. Leave out {', '.join(odd)}.")
         if live:
-            _track_stream(load_reader(model_folder), frames, baseline, noise_v, out, rate)
+            track_stream(load_reader(model_folder), frames, baseline, noise_v, out, rate)
             return
         with waiting("reading frames"):
             table = predict_recording(model_folder, Path(frames))
@@ -127,18 +132,18 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     if held is not None and (direct or posterior or touches == 2):
         raise ValueError("--held is for plain predictions; leave it out with --direct, --posterior and --touches 2.")
     if live and METHODS[model.method].separates_errors:
-        _say_holding(model, held)
-        _track_stream(model, frames, baseline, noise_v, out, rate, scale_baseline, held)
+        say_holding(model, held)
+        track_stream(model, frames, baseline, noise_v, out, rate, scale_baseline, held)
         return
     if live:
-        _predict_stream(model, frames, baseline, noise_v, out, scale_baseline, held)
+        predict_stream(model, frames, baseline, noise_v, out, scale_baseline, held)
         return
-    read, reference, dead = _frames(model, Path(frames), baseline)
-    noise = _noise(reference, noise_v)
-    found = _compared(model, reference, noise, scale_baseline)
+    read, reference, dead = frames_of(model, Path(frames), baseline)
+    noise = noise_of(reference, noise_v)
+    found = compared_with(model, reference, noise, scale_baseline)
     read, noise = replace(read, volts=read.volts * found.gain), noise * found.noise_factor
     reference = replace(reference, volts=reference.volts * found.gain)
-    _say_holding(model, held)
+    say_holding(model, held)
     if touches == 2:
         table = _pairs(model, read, reference, dead, noise)
     elif direct or posterior:
@@ -199,11 +204,11 @@ def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, 
                  held_s: float | None, drift: FrameDrift) -> pd.DataFrame:
     from surrogate.model.predict import prepare, sign_caution, table_of
 
-    _say_intervals(model, noise)
+    say_intervals(model, noise)
     with waiting("reading frames"):
         table = table_of(prepare(model, reference.volts, noise, dead, held_s=held_s, drift=drift), frames)
     if words := sign_caution(table["flag"].tolist()):
-        _say(words)
+        say(words)
     return table
 
 
@@ -230,9 +235,9 @@ def _simulator(model: Model, card: Path, data: Path | None, scene: Path | None, 
     check_sensor(simulator, model.ring)
     check_baseline(untouched_of(simulator), reference.volts)
     if not simulator.spread.parameters:
-        _say(f"{card} has no posterior, so the material is taken as exact.")
+        say(f"{card} has no posterior, so the material is taken as exact.")
     elif model.ring.sheet is not None:
-        _say("what the card's posterior leaves open does not count: sensitivities by the material are not built for "
+        say("what the card's posterior leaves open does not count: sensitivities by the material are not built for "
              "skins with an outline.")
     return simulator
 
@@ -251,7 +256,7 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
         whose = ("the learned map's, its error counted, the material the model's" if simulator is None else
                  "the simulator's, the material exact" if exact else
                  "the simulator's, with what the card's posterior leaves open")
-        _say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
+        say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
              f"punches these share; the likelihood is {whose}.")
     rows = []
     with waiting("preparing the model"):
@@ -274,149 +279,9 @@ def _written(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool) 
     elif out is None:
         print(table.to_csv(index=False, float_format="%.6g"), end="")
     else:
-        print(f"{out}: {_counted(len(table), sum(bool(flag) for flag in table['flag']))}")
+        print(f"{out}: {counted_frames(len(table), sum(bool(flag) for flag in table['flag']))}")
 
 
 def _plain(row: dict[Any, Any]) -> dict[str, Any]:
     """A row without NaN, which JSON has not."""
     return {str(key): None if isinstance(value, float) and value != value else value for key, value in row.items()}
-
-
-def _predict_stream(model: Model, frames: str, baseline: Path | None, noise_V: float | None, out: Path | None,
-                    scaling: str, held_s: float | None) -> None:
-    from contextlib import nullcontext
-
-    from surrogate.data.baseline_frame import Untouched
-    from surrogate.data.frame_source import opened
-    from surrogate.model.stream import answer
-
-    reference, dead = (None, None) if baseline is None else _untouched(model, baseline)
-    noise = _noise(reference or Untouched(model.baseline_V, None), noise_V)
-    _say_intervals(model, noise)
-    _say_holding(model, held_s)
-    with (_until_stopped(out), opened(frames, _say) as source,
-          nullcontext(sys.stdout) if out is None else rows_written(out) as sink):
-        counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, _say,
-                        scaling=scaling, held_s=held_s)
-    if out is not None:
-        print(f"{out}: {_counted(counts.answered, counts.flagged)}")
-
-
-def _track_stream(model: Model | TrainedReader, frames: str, baseline: Path | None, noise_V: float | None,
-                  out: Path | None, rate_hz: float, scaling: str = "auto", held_s: float | None = None) -> None:
-    from contextlib import nullcontext
-
-    from surrogate.data.frame_source import opened
-    from surrogate.model.tracking.tracked_stream import track
-    from surrogate.model.tracking.tracker import Tracker
-    from surrogate.model.trained import TrainedModel
-
-    if isinstance(model, TrainedModel):
-        _say_intervals(model, 0.0)
-        readings = len(model.baseline_V)
-    else:
-        readings = model.reader.signals.channels
-    untouched = None if baseline is None else _sound_lines(baseline, readings)
-    tracker = Tracker(model, untouched, noise_V, rate_hz=rate_hz, scale_baseline=scaling, held_s=held_s, say=_say)
-    with (_until_stopped(out), opened(frames, _say) as source,
-          nullcontext(sys.stdout) if out is None else rows_written(out) as sink):
-        counts = track(tracker, model, source, sink, _say)
-    if out is not None:
-        print(f"{out}: {_counted(counts.answered, counts.flagged)}")
-
-
-@contextmanager
-def _until_stopped(out: Path | None) -> Iterator[None]:
-    """Ctrl-C ends a stream: rows are written as they come, so that all are there."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        _say("stopped by Ctrl-C" + ("." if out is None else f"; {out} holds all rows so far."))
-        raise typer.Exit(STOPPED) from None
-
-
-def _counted(frames: int, flagged: int) -> str:
-    return f"{frames} frame{'' if frames == 1 else 's'}, {flagged or 'none'} flagged."
-
-
-def _compared(model: Model, reference: Untouched, noise_V: float, scaling: str) -> Comparison:
-    """The untouched frame next to the training's; says what differs."""
-    from surrogate.data.baseline_frame import compared
-
-    found = compared(model.baseline_V, model.ring, reference.volts, noise_V, scaling)
-    if found.words:
-        _say(found.words)
-    return found
-
-
-def _say_holding(model: Model, held_s: float | None) -> None:
-    from surrogate.model.holding_time import holding_caution
-
-    if words := holding_caution(model, held_s):
-        _say(words)
-
-
-def _noise(reference: Untouched, given: float | None) -> float:
-    """Standard deviation of the noise, V; a caution where it is unknown."""
-    noise = given if given is not None else reference.noise_V
-    if noise is None:
-        _say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "
-             "untouched frames with --baseline.")
-    return noise or 0.0
-
-
-def _say_intervals(model: Model, noise_V: float) -> None:
-    from surrogate.model.trained import calibrated
-    from surrogate.statistics.conformal import few
-
-    if not calibrated(model, noise_V):
-        _say("the intervals are calibrated at this noise first, which takes a while; they are kept for the next time.")
-    if words := few(len(model.calibration.target)):
-        _say(words)
-
-
-def _say(words: str) -> None:
-    print(f"surrogate: {words}", file=sys.stderr)
-
-
-def _untouched(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
-    from surrogate.data.baseline_frame import untouched
-    from surrogate.model.missing_channels import check_needed, silent, stuck
-
-    volts = _sound_lines(baseline, len(model.baseline_V))
-    dead = stuck(volts) | silent(volts, model.baseline_V).any(axis=0)
-    check_needed(model, dead, str(baseline))
-    return untouched(volts), dead
-
-
-def _sound_lines(path: Path, readings: int) -> Array:
-    """(n, readings) V of a file all of whose lines are frames."""
-    from surrogate.data.frame_rows import read_lines
-    from touchcal.errors import InputFileError
-
-    read = read_lines(path, readings)
-    if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
-        raise InputFileError(path, f"{read.problem[bad]}. Fix it, or leave the line out.", line=int(read.line[bad]))
-    return read.volts
-
-
-def _frames(model: Model, path: Path, baseline: Path | None) -> tuple[Lines, Untouched, Mask]:
-    """Frames of a file, their untouched frame, and channels that are dead in all of them."""
-    from surrogate.data.baseline_frame import Untouched
-    from surrogate.data.frame_rows import first_frame, read_lines
-    from surrogate.model.missing_channels import check_needed, silent, stuck
-
-    read = read_lines(path, len(model.baseline_V))
-    dead = stuck(read.volts)
-    check_needed(model, dead, str(path))
-    if baseline is not None:
-        reference, lost = _untouched(model, baseline)
-        return read, reference, dead | lost
-    first = first_frame(read, str(path))
-    if len(read.line) < 2:
-        raise ValueError(f"{path}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
-                         "put the untouched frame first.")
-    where = f"{path}, line {read.line[0]}"
-    check_needed(model, silent(first[None], model.baseline_V)[0], where)
-    _say(f"{where} is taken as the untouched frame; give --baseline FILE where it is not.")
-    return read.after_first(), Untouched(first, None), dead

@@ -178,6 +178,15 @@ def read_lines(path: Path, readings: int) -> Lines:
     return found
 
 
+def sound_lines(path: Path, readings: int) -> Array:
+    """(n, readings) V of a file all of whose lines are frames; InputFileError names the first that is none."""
+    read = read_lines(path, readings)
+    for line, problem in zip(read.line.tolist(), read.problem, strict=True):
+        if problem:
+            raise InputFileError(path, f"{problem}. Fix it, or leave the line out.", line=line)
+    return read.volts
+
+
 def first_frame(lines: Lines, where: str) -> Array:
     """(readings,) V of the first line, as the untouched frame; ValueError where it is none."""
     if lines.problem[0]:

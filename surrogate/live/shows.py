@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from eitsim.sensors.formats.open_file import open_recording
-from surrogate.data.frame_rows import read_lines
 from surrogate.live.controls import Controls, Latest, Limits
 from surrogate.live.marked_presses import marked_reader, marks_presses
 from surrogate.live.messages import hello
@@ -22,7 +21,6 @@ from surrogate.live.skins import LearnedSkin, Skin, limits_of, usual_noise_V
 from surrogate.model.trained import TrainedModel
 from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
-from touchcal.errors import InputFileError
 
 
 def pressed_show(model: TrainedModel, skin: Skin, noise_V: float | None = None) -> Show:
@@ -64,14 +62,6 @@ def streamed_show(model: TrainedModel | TrainedReader, source: BufferedIOBase, u
                   noise_V: float | None = None) -> Show:
     """Lines of frames as they come, the first ones untouched where none are given."""
     return _show(model, untouched_V, noise_V, streamed_moments(source, pictured(model).readings), "streamed")
-
-
-def read_untouched(path: Path, readings: int) -> Array:
-    """(n, readings) untouched frames of a file, V; InputFileError where a line of it is no frame."""
-    read = read_lines(path, readings)
-    if bad := next((k for k, problem in enumerate(read.problem) if problem), None):
-        raise InputFileError(path, f"{read.problem[bad]}. Fix it, or leave the line out.", line=int(read.line[bad]))
-    return read.volts
 
 
 def _show(model: TrainedModel | TrainedReader, untouched_V: Array | None, noise_V: float | None,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
 from surrogate.cli import main
-from surrogate.data.frame_rows import BATCH, read_lines, waiting_lines
+from surrogate.data.frame_rows import BATCH, read_lines, sound_lines, waiting_lines
 from surrogate.data.samples import Samples
 from surrogate.model.model import Model
 from surrogate.model.predict import predict, prepare, table_of
@@ -190,3 +190,11 @@ def test_frames_of_a_board_s_file_are_read_by_their_numbers(tmp_path: Path) -> N
     found = read_lines(tmp_path / "frames.npy", 208)
     np.testing.assert_array_equal(found.volts, volts)
     assert (found.line.tolist(), found.problem) == ([1, 2, 3], ["", "", ""])
+
+
+@pytest.mark.parametrize(("text", "line"), [("1,2\n1,2,3\n", 1), ("1,2,3\n\n1,2,x\n", 3)], ids=["first", "later"])
+def test_a_file_of_untouched_frames_is_refused_by_its_first_line_that_is_none(tmp_path: Path, text: str, line: int
+                                                                              ) -> None:
+    (tmp_path / "untouched.csv").write_text(text)
+    with pytest.raises(InputFileError, match=rf"untouched.csv.*line {line}: unreadable: .*leave the line out"):
+        sound_lines(tmp_path / "untouched.csv", 3)
