@@ -97,10 +97,10 @@ def calibrated(model: Model, mesh: Samples) -> Iterator[Row]:
     error, covered = found.value - mesh.target, []
     side = np.where(error > 0, found.below, found.above)
     for _ in range(SPLITS):
-        used, apart = np.array_split(rng.permutation(len(mesh)), 2)
+        used, held_back = np.array_split(rng.permutation(len(mesh)), 2)
         branched = model.learner.branched(model.names)
         scales = np.array([conformal_scale(error[used], side[used], len(used), c, branched) for c in COVERAGES])
-        covered.append(np.mean(np.abs(error[apart]) <= side[apart] * scales[:, None], axis=1))
+        covered.append(np.mean(np.abs(error[held_back]) <= side[held_back] * scales[:, None], axis=1))
     held = np.mean(covered, axis=0)
     for k, row in enumerate(scored("one card, calibrated", "mesh, other half", np.inf, mesh, found,
                                    np.ones((len(COVERAGES), 1, len(outputs.ALL))))):

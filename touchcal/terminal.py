@@ -54,8 +54,7 @@ def run(app: typer.Typer, name: str) -> None:
             app(args=arguments, prog_name=name)
         except SystemExit as end:
             if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
-                print(f"{name}: stopped by Ctrl-C; files are written whole or not at all, but for rows of a "
-                      "stream.", file=sys.stderr)
+                print(f"{name}: stopped by Ctrl-C; files are written whole or not at all.", file=sys.stderr)
             raise
         finally:
             sys.stdout.flush()

@@ -128,8 +128,8 @@ def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: M
 
     if result.readings is not None:
         for name, place in write_output_files(scene, result, card, files, exact=exact):
-            drawn = f" (eitsim draw {place} --out {place.with_suffix('.png')} draws it)" * (place.suffix == ".pvd")
-            yield f"{name}: {place}{drawn}"
+            drawing = f" (eitsim draw {place} --out {place.with_suffix('.png')} draws it)"
+            yield f"{name}: {place}{drawing if place.suffix == '.pvd' else ''}"
     if out is None:
         return
     if result.readings is not None and files.skin is not None:

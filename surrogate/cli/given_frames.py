@@ -35,7 +35,7 @@ def noise_of(reference: Untouched, given: float | None) -> float:
     noise = given if given is not None else reference.noise_V
     if noise is None:
         say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "
-             "untouched frames with --baseline.")
+            "untouched frames with --baseline.")
     return noise or 0.0
 
 

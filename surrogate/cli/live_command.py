@@ -55,7 +55,7 @@ def live(model_folder: ModelFolder,
 
     _check_choice(frames, replay, simulate, data or scene)
     if export is not None:
-        _check_export({f"{frames}": frames, "--replay": replay, "--simulate": simulate, "--baseline": baseline,
+        _check_export({frames or "-": frames, "--replay": replay, "--simulate": simulate, "--baseline": baseline,
                        "--noise-V": noise_v, "--port": port or None, "--rate": rate})
     elif baseline is not None and frames is None and replay is None:
         raise ValueError("--baseline gives the untouched frames of a recording (--replay) or a device (-); presses on "
@@ -95,12 +95,13 @@ def _check_export(given: dict[str, object]) -> None:
 
 
 def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None, sensor: Path | None) -> None:
-    from surrogate.data.frame_source import comes_live
+    from surrogate.data.frame_source import check_no_port, comes_live
 
     if frames is not None and not comes_live(frames):
+        check_no_port(frames)
         raise ValueError(f"'{frames}' is no input; - reads standard input, serial:PORT a serial port. Give a file with "
                          "--replay.")
-    given = [name for name, value in ((f"{frames}", frames), ("--replay", replay), ("--simulate", simulate))
+    given = [name for name, value in ((frames or "-", frames), ("--replay", replay), ("--simulate", simulate))
              if value is not None]
     if len(given) > 1:
         raise ValueError(f"{' and '.join(given)} are different sources of readings. Give one of them.")
@@ -117,7 +118,7 @@ def _serve_frames(model: Model | TrainedReader, frames: str | None, replay: Path
     from surrogate.live.shows import recorded_show, streamed_show
 
     untouched_V = None if baseline is None else sound_lines(baseline, pictured(model).readings)
-    if frames is None and replay is not None:
+    if replay is not None:
         with waiting(STARTS):
             show = recorded_show(model, replay, untouched_V, noise_v, rate)
         serve(show, port, _served)

@@ -238,7 +238,7 @@ def _simulator(model: Model, card: Path, data: Path | None, scene: Path | None, 
         say(f"{card} has no posterior, so the material is taken as exact.")
     elif model.ring.sheet is not None:
         say("what the card's posterior leaves open does not count: sensitivities by the material are not built for "
-             "skins with an outline.")
+            "skins with an outline.")
     return simulator
 
 
@@ -257,7 +257,7 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
                  "the simulator's, the material exact" if exact else
                  "the simulator's, with what the card's posterior leaves open")
         say("prior: places uniform where the punch fits, d and F uniform over the training touches' ranges, whatever "
-             f"punches these share; the likelihood is {whose}.")
+            f"punches these share; the likelihood is {whose}.")
     rows = []
     with waiting("preparing the model"):
         ready = prepare(model, reference.volts, noise, dead, calibrate=seed is None)

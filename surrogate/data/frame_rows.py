@@ -68,10 +68,10 @@ def waiting_lines(source: BufferedIOBase, most: int = BATCH) -> Iterator[list[Li
             whole, rest, cut = [*whole, rest[:LONGEST]], b"", True
         for first in range(0, len(whole), most):
             part = whole[first:first + most]
-            yield [(number + i, _text(line)) for i, line in enumerate(part, start=1)]
+            yield [(number + i, text_of(line)) for i, line in enumerate(part, start=1)]
             number += len(part)
     if rest:
-        yield [(number + 1, _text(rest))]
+        yield [(number + 1, text_of(rest))]
 
 
 def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines]:
@@ -99,15 +99,12 @@ def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines
 
 def _is_banner(text: str, readings: int) -> bool:
     """Whether a line holds words that are no header: too few to name all readings, and none of a reading first."""
-    first, *others = text.split(",")
-    try:
-        float(first.strip() or "nan")
-    except ValueError:
-        return len(others) + 1 < readings and not first.strip('" ').startswith("v_")
-    return False
+    first, *others = (cell.strip().strip('"') for cell in text.split(","))
+    return len(others) + 1 < readings and bool(first) and not is_number(first) and not first.startswith("v_")
 
 
-def _text(line: bytes) -> str:
+def text_of(line: bytes) -> str:
+    """A line without its end, whatever its bytes are."""
     return line.decode("utf-8-sig", errors="replace").strip()
 
 
@@ -116,10 +113,11 @@ def header_of(text: str, readings: int) -> Columns | None:
     line is no header, as one that holds a number, of which the beginning may be cut. ValueError for a header of other
     names."""
     names = [cell.strip().strip('"') for cell in text.split(",")]
-    return None if not names[0] or any(map(_is_number, names)) else Columns(column_order(names, readings), len(names))
+    return None if not names[0] or any(map(is_number, names)) else Columns(column_order(names, readings), len(names))
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number."""
     try:
         float(cell)
     except ValueError:

@@ -11,7 +11,7 @@ from io import BufferedIOBase
 from typing import TYPE_CHECKING
 
 from eitsim.sensors.formats.serial_magnitudes import labelled
-from surrogate.data.frame_rows import CHUNK
+from surrogate.data.frame_rows import CHUNK, is_number, text_of
 
 if TYPE_CHECKING:
     import serial
@@ -21,7 +21,6 @@ BAUD = 115200  # bits a second where none are given; boards on USB take any
 INSTALL = "run pip install '.[serial]' in the project's folder."
 QUIET_S = 5.0  # how long nothing may come until a port says so
 LONGEST_START = 1 << 15  # bytes that a board may send before its first line of numbers: 3 s at BAUD
-_PORT = re.compile(r"serial:(?P<port>.+?)(@(?P<baud>[^@]*))?")
 _DEVICE = re.compile(r"/dev/(tty|cu)\S+|COM\d+", re.IGNORECASE)
 
 
@@ -64,12 +63,11 @@ def opened(frames: str, say: Callable[[str], object] = lambda words: None) -> It
 
 def _port(frames: str) -> tuple[str, int]:
     """Name and bits a second of `serial:PORT@BAUD`."""
-    found = _PORT.fullmatch(frames)
-    baud = None if found is None else found["baud"] or (str(BAUD) if found["baud"] is None else "")
-    if found is None or baud is None or not baud.isdecimal() or not int(baud):
+    port, at, baud = frames.removeprefix("serial:").partition("@")
+    if not port or (at and not (baud.isdecimal() and int(baud))):
         raise ValueError(f"'{frames}' names no serial port. Write serial:PORT or serial:PORT@BAUD, as "
                          "serial:/dev/ttyACM0@115200 or serial:COM3.")
-    return found["port"], int(baud)
+    return port, int(baud or BAUD)
 
 
 class SerialLines(BufferedIOBase):
@@ -99,7 +97,7 @@ class SerialLines(BufferedIOBase):
         while not begun:
             if seen >= LONGEST_START:
                 raise ValueError(f"serial port {self.device.port}: none of its first {seen} bytes make a line of "
-                                 f"numbers separated by commas; the latest line begins {_text(line)[:30]!r}. Is it "
+                                 f"numbers separated by commas; the latest line begins {text_of(line)[:30]!r}. Is it "
                                  f"{self.device.baudrate} bits a second? Give serial:PORT@BAUD, and let the board end "
                                  "lines with a line feed.")
             line = self._line(LONGEST_START - seen)
@@ -120,21 +118,13 @@ class SerialLines(BufferedIOBase):
 
 
 def _is_named(line: bytes) -> bool:
-    text = _text(line)
+    text = text_of(line)
     return labelled(text) is not None or text.startswith(("v_", '"v_'))
 
 
 def _is_numbers(line: bytes) -> bool:
-    first, comma, _ = _text(line).partition(",")
-    try:
-        float(first)
-    except ValueError:
-        return False
-    return bool(comma)
-
-
-def _text(line: bytes) -> str:
-    return line.decode("utf-8-sig", errors="replace").strip()
+    first, comma, _ = text_of(line).partition(",")
+    return bool(comma) and is_number(first)
 
 
 def widen_pipe(descriptor: int) -> None:

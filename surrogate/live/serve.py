@@ -26,7 +26,7 @@ HOST = "127.0.0.1"
 PAGE = Path(__file__).parent / "page"
 # Frames that wait for a watcher at most, before the oldest is left out; watchers at most
 WAITING, WATCHERS = 25, 8
-ENDED = ("the input ended", "the recording ended; start the command again to see it again")
+ENDED, SHOWN = "the input ended", "the recording ended; start the command again to see it again"
 INSTALL = "run pip install '.[live]' in the project's folder."
 
 
@@ -162,7 +162,7 @@ def _reading(show: Show, loop: asyncio.AbstractEventLoop, watchers: _Watchers) -
             text = messages.frame(number, moment, found, show.hello, " ".join(show.cautions),
                                   (time.perf_counter() - begun) * 1e3)
             loop.call_soon_threadsafe(watchers.tell, text)
-        problem = ENDED[show.hello["source"] == "recorded"]
+        problem = SHOWN if show.hello["source"] == "recorded" else ENDED
     except Exception as error:  # whatever the input holds, the page says it; a closed loop has nobody to say it to
         problem = f"stopped: {error}"
     none = np.full(4, np.nan)

@@ -58,7 +58,7 @@ function pressing({ hello, edge, picture }, send) {
   // Why what is pressed lies elsewhere than was pointed at, if it does.
   function pulled() {
     const drawn = hello.skin.circle_mm && limits.gap_mm > 1;
-    return down && drawn && off_mm > PULLED_MM ? "moved onto the dotted circle: no touch outside it was trained" : "";
+    return down && drawn && off_mm > PULLED_MM ? "moved onto the dotted circle: presses go no farther" : "";
   }
 
   function pointed(event) {

@@ -51,7 +51,7 @@ def press(spots: Spots, untouched_V: Array) -> Callable[[Array, int], Array]:
     return frames
 
 
-def told(tracker: Tracker, frames: Array) -> list[Tracked]:
+def tracked(tracker: Tracker, frames: Array) -> list[Tracked]:
     return [tracker.update(frame) for frame in frames]
 
 
@@ -79,7 +79,7 @@ def test_the_first_frame_of_a_touch_is_read_as_alone(model: Model, press: Callab
 def test_touches_elsewhere_without_a_pause_are_read_as_alone(model: Model, spots: Spots, untouched_V: Array) -> None:
     touch = np.array([[0.0, 30, 12, 1.0], [-30, -10, 16, 0.6], [25, -25, 11, 1.5], [5, 5, 14, 0.9]])
     frames = untouched_V + spots(touch, *punch(touch[:, 2], touch[:, 3]))
-    found = np.array([now.value for now in told(Tracker(model, untouched_V, 1e-5), frames)])
+    found = np.array([now.value for now in tracked(Tracker(model, untouched_V, 1e-5), frames)])
     alone = model.predict(frames, untouched_V, noise_V=1e-5)
     assert np.allclose(found, alone[["x0_m", "y0_m", "d_m", "F_N"]], rtol=2e-2, atol=1e-4)
 
@@ -89,7 +89,7 @@ def test_a_sliding_press_is_found_followed_held_and_let_go(model: Model, press: 
     held = []
     for seed in range(4):
         touch = slide(force=0.6 + 0.3 * seed)
-        said = told(Tracker(model, untouched_V, NOISE_V, rate_hz=RATE_HZ), press(touch, seed))
+        said = tracked(Tracker(model, untouched_V, NOISE_V, rate_hz=RATE_HZ), press(touch, seed))
         states = [now.state for now in said]
         assert states[:REST] == [UNTOUCHED] * REST
         assert states[REST + 1] == TOUCH
@@ -108,9 +108,9 @@ def test_what_is_wrong_with_the_map_does_not_average_out(model: Model, press: Ca
     """The place of a held press is no surer after 300 frames than the exact frame makes it; its diameter is surer than
     after one."""
     touch = np.tile([10.0, -15.0, 13.0, 0.8], (300, 1))
-    said = told(Tracker(model, untouched_V, NOISE_V), press(touch, 5))[REST + 1:-REST]
+    said = tracked(Tracker(model, untouched_V, NOISE_V), press(touch, 5))[REST + 1:-REST]
     mean = press(touch, 5)[REST:-REST].mean(axis=0)
-    exact = told(Tracker(model, untouched_V, 1e-7), np.tile(mean, (3, 1)))
+    exact = tracked(Tracker(model, untouched_V, 1e-7), np.tile(mean, (3, 1)))
     floor = np.sqrt(np.diag(exact[0].covariance)[:2])
     assert np.all(np.sqrt(np.diag(said[-1].covariance)[:2]) > 0.9 * floor)
     assert said[-1].below[2] + said[-1].above[2] < 0.7 * (said[0].below[2] + said[0].above[2])
@@ -122,7 +122,7 @@ def test_a_drift_is_followed_and_makes_no_contact(model: Model, press: Callable[
     frames = np.concatenate([press(touch, k)[:REST] for k in range(12)] + [press(touch, 9)])
     way = np.random.default_rng(0).normal(size=len(untouched_V))
     frames += np.linspace(0, 5e-3, len(frames))[:, None] * way / np.linalg.norm(way)
-    said = told(Tracker(model, untouched_V, NOISE_V), frames)
+    said = tracked(Tracker(model, untouched_V, NOISE_V), frames)
     rest = np.ones(len(frames), bool)
     rest[-REST - len(touch):-REST + 2] = False
     assert {now.state for now, still in zip(said, rest, strict=True) if still} == {UNTOUCHED}
@@ -153,7 +153,7 @@ def test_a_drift_that_only_short_pauses_show_makes_no_contact(model: Model, pres
     rng, readings = np.random.default_rng(3), frames.shape[1]
     root = (3 * NOISE_V * np.sqrt(readings) * np.linalg.qr(rng.normal(size=(readings, 3)))[0].T if cause == "any" else
             2e-4 * by_gain(model.ring, model.baseline_V).T)
-    said = told(Tracker(model, rate_hz=RATE_HZ, say=lambda words: None), frames + walked(root, len(frames)))
+    said = tracked(Tracker(model, rate_hz=RATE_HZ, say=lambda words: None), frames + walked(root, len(frames)))
     states = np.array([now.state for now in said])
     begun = np.flatnonzero(touched[1:] & ~touched[:-1]) + 1
     lifted = np.flatnonzero(~touched[1:] & touched[:-1]) + 1
@@ -169,7 +169,7 @@ def test_an_untouched_frame_that_jumps_is_taken_anew(model: Model, press: Callab
     frames = press(slide(), 8)
     way = np.random.default_rng(1).normal(size=frames.shape[1])
     frames[10:] += 0.05 * way / np.linalg.norm(way)
-    said = told(Tracker(model, frames[:8], NOISE_V, rate_hz=RATE_HZ), frames[8:])
+    said = tracked(Tracker(model, frames[:8], NOISE_V, rate_hz=RATE_HZ), frames[8:])
     assert said[2].flag == STRANGE
     assert {now.state for now in said[:REST - 8]} == {UNTOUCHED}
     assert {now.flag for now in said[5:REST - 8]} == {""}
@@ -180,9 +180,9 @@ def test_an_untouched_frame_that_jumps_is_taken_anew(model: Model, press: Callab
 def test_a_frame_that_is_cut_changes_nothing(model: Model, press: Callable[..., Array]) -> None:
     """One reading of 1000 V, or all of them half as large again, in an untouched frame."""
     frames = press(slide(), 8)
-    whole = told(Tracker(model, rate_hz=RATE_HZ), frames)
+    whole = tracked(Tracker(model, rate_hz=RATE_HZ), frames)
     for cut in (np.where(np.arange(frames.shape[1]) == 50, 1000.0, frames[24]), frames[24] * 1.5):
-        said = told(Tracker(model, rate_hz=RATE_HZ), np.concatenate([frames[:24], cut[None], frames[25:]]))
+        said = tracked(Tracker(model, rate_hz=RATE_HZ), np.concatenate([frames[:24], cut[None], frames[25:]]))
         assert said[24].flag
         assert [now.state for now in said] == [now.state for now in whole]
         now, then = said[REST + 20], whole[REST + 20]
@@ -195,7 +195,7 @@ def test_a_frame_of_no_single_touch_teaches_nothing_of_the_touch(model: Model, p
     touch = np.tile([-20.0, -17.0, 12.0, 0.8], (12, 1))
     frames = press(touch, 1)
     frames[REST + 6] *= 1.02
-    said = told(Tracker(model, rate_hz=RATE_HZ), frames)[REST:-REST]
+    said = tracked(Tracker(model, rate_hz=RATE_HZ), frames)[REST:-REST]
     assert said[6].flag
     for now in said[7:]:
         off = now.value * [1e3, 1e3, 1e3, 1] - touch[0]
@@ -210,10 +210,10 @@ def test_a_jump_of_all_readings_is_said_and_scaled(model: Model, press: Callable
     touch = slide()
     frames = press(touch, 3)
     frames[22:] *= 1.25
-    said = told(Tracker(model, rate_hz=RATE_HZ, say=words.append), frames)
+    said = tracked(Tracker(model, rate_hz=RATE_HZ, say=words.append), frames)
     assert [one.split("):")[1].split(":")[0] for one in words] == [" all readings are 1.25 times those"]
     assert said[22].flag == OTHER_SIGN
-    now, then = said[REST + 20], told(Tracker(model, say=lambda one: None), press(touch, 3))[REST + 20]
+    now, then = said[REST + 20], tracked(Tracker(model, say=lambda one: None), press(touch, 3))[REST + 20]
     assert now.state == TOUCH
     assert now.signal_V == pytest.approx(then.signal_V, abs=2 * NOISE_V)
     assert np.hypot(*(now.value - then.value)[:2]) < 0.5e-3
@@ -223,7 +223,7 @@ def test_a_reading_that_no_instrument_has_is_a_dead_channel(model: Model, press:
                                                             untouched_V: Array) -> None:
     frames = press(slide(), 3)
     frames[REST + 5:, 40] = 1e300
-    said = told(Tracker(model, untouched_V, NOISE_V), frames)[REST + 10]
+    said = tracked(Tracker(model, untouched_V, NOISE_V), frames)[REST + 10]
     assert (said.state, said.flag) == (TOUCH, "dead channel: column 41")
 
 
@@ -243,7 +243,7 @@ def test_channels_that_flicker_take_no_more_memory(model: Model, press: Callable
 def test_a_press_in_the_untouched_frame_is_no_contact_when_it_is_lifted(model: Model, press: Callable[..., Array]
                                                                         ) -> None:
     frames = press(slide(), 9)
-    said = told(Tracker(model, frames[REST + 20:REST + 22].mean(axis=0), NOISE_V, rate_hz=RATE_HZ,
+    said = tracked(Tracker(model, frames[REST + 20:REST + 22].mean(axis=0), NOISE_V, rate_hz=RATE_HZ,
                         say=lambda words: None), frames[-REST:])
     assert said[0].flag == OTHER_SIGN
     assert {now.state for now in said} == {UNTOUCHED}
@@ -251,7 +251,7 @@ def test_a_press_in_the_untouched_frame_is_no_contact_when_it_is_lifted(model: M
 
 def test_calibration_tells_the_noise_and_how_long_it_takes(model: Model, press: Callable[..., Array]) -> None:
     tracker = Tracker(model)
-    said = told(tracker, press(slide(), 3))
+    said = tracked(tracker, press(slide(), 3))
     count = tracker.calibration
     assert [now.state for now in said[:count - 1]] == [CALIBRATING] * (count - 1)
     assert [now.left for now in said[:count]] == list(range(count - 1, -1, -1))
@@ -265,7 +265,7 @@ def test_a_channel_that_dies_in_a_touch_costs_nothing(model: Model, press: Calla
     frames = press(slide(), 4)
     lost = frames.copy()
     lost[REST + 12:, [40, 41]] = np.nan
-    whole, fewer = (told(Tracker(model, untouched_V, NOISE_V), one) for one in (frames, lost))
+    whole, fewer = (tracked(Tracker(model, untouched_V, NOISE_V), one) for one in (frames, lost))
     for k in range(REST + 12, REST + 34):
         assert fewer[k].state == TOUCH
         assert fewer[k].flag.startswith("dead channels: columns 41, 42")
@@ -273,7 +273,7 @@ def test_a_channel_that_dies_in_a_touch_costs_nothing(model: Model, press: Calla
     # what is left of the information is a little less
     assert np.trace(fewer[REST + 30].covariance[:2, :2]) > np.trace(whole[REST + 30].covariance[:2, :2])
     lost[REST + 14] = np.nan
-    assert told(Tracker(model, untouched_V, NOISE_V), lost)[REST + 14].state == UNREADABLE
+    assert tracked(Tracker(model, untouched_V, NOISE_V), lost)[REST + 14].state == UNREADABLE
 
 
 def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[..., Array],
@@ -281,9 +281,9 @@ def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[
     one = np.tile([-25.0, 5.0, 13.0, 1.0], (12, 1))
     other = one * [-1, 1, 1, 0.8]
     both = press(one, 0) + press(other, 1) - untouched_V
-    said = told(Tracker(model, untouched_V, 1.5 * NOISE_V), both)[REST + 2:-REST]
+    said = tracked(Tracker(model, untouched_V, 1.5 * NOISE_V), both)[REST + 2:-REST]
     assert {now.state for now in said} == {SEVERAL_TOUCHES}
-    alone = told(Tracker(model, untouched_V, NOISE_V), press(one, 0))[REST + 2:-REST]
+    alone = tracked(Tracker(model, untouched_V, NOISE_V), press(one, 0))[REST + 2:-REST]
     assert {now.state for now in alone} == {TOUCH}
 
 
@@ -298,7 +298,7 @@ def test_a_punch_whose_error_is_said_to_be_small_is_not_the_likely_one_for_that(
 
     monkeypatch.setattr(reading_covariance, "own_error", surer_of_small_ones)
     held = np.tile([10.0, -15.0, 16.0, 1.2], (12, 1))
-    now = told(Tracker(model, untouched_V, NOISE_V), press(held, 1))[-REST - 1]
+    now = tracked(Tracker(model, untouched_V, NOISE_V), press(held, 1))[-REST - 1]
     assert now.value[2] == pytest.approx(0.016, abs=1e-3)
     assert now.value[2] - now.below[2] < 0.016 < now.value[2] + now.above[2]
 
@@ -309,7 +309,7 @@ def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: 
     target = np.column_stack([touch, samples.target[:100, outputs.TOUCH:]])
     one_punch = replace(take(samples, np.arange(100)), signal_V=signal, target=target)
     tracker = Tracker(train(one_punch, "forward", outputs.NAMES[:outputs.TOUCH], 1), untouched_V, NOISE_V)
-    now = told(tracker, untouched_V + np.repeat(signal[:1], 3, axis=0))[-1]
+    now = tracked(tracker, untouched_V + np.repeat(signal[:1], 3, axis=0))[-1]
     assert now.state == TOUCH
     assert now.value[2] == pytest.approx(0.014)
     assert now.below[2] == now.above[2] == 0.0
@@ -320,7 +320,7 @@ def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: 
 def test_another_method_reads_every_frame_alone(samples: Samples, press: Callable[..., Array], untouched_V: Array
                                                 ) -> None:
     ridge, frames = train(samples, "ridge", ("x0", "F"), 1), press(slide(), 6)
-    now = told(Tracker(ridge, untouched_V, NOISE_V), frames)[REST + 15]
+    now = tracked(Tracker(ridge, untouched_V, NOISE_V), frames)[REST + 15]
     assert now.value[0] == pytest.approx(ridge.predict(now.signal_V + untouched_V)["x0_m"][0], rel=1e-6)
     assert np.isnan(now.value[[1, 2]]).all()
 
