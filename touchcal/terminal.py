@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
+import os
+import select
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-BAD_INPUT, NOT_CONVERGED = 2, 3
+BAD_INPUT, NOT_CONVERGED, READER_LEFT = 2, 3, 141
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**63 - 1, help="Seed of all that is drawn.")]
@@ -46,7 +48,11 @@ def _options(version: Annotated[bool, typer.Option("--version", is_eager=True, c
 
 
 def run(app: typer.Typer, name: str) -> None:
-    """Run `app`; exit 0 done, 2 bad usage or input, 3 not converged. `--debug` anywhere shows the traceback."""
+    """Run `app`; exit 0 done, 2 bad usage or input, 3 not converged, 141 (no word) where a pipe's reader left.
+    `--debug` anywhere shows the traceback."""
+    if sys.stdout is None:
+        print(f"{name}: standard output is closed. Open it, or send it to a file or /dev/null.", file=sys.stderr)
+        sys.exit(BAD_INPUT)
     arguments = [a for a in sys.argv[1:] if a != "--debug"]
     debug = len(arguments) != len(sys.argv) - 1
     try:
@@ -55,14 +61,26 @@ def run(app: typer.Typer, name: str) -> None:
         except SystemExit as end:
             if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
                 print(f"{name}: stopped by Ctrl-C; files are written whole or not at all.", file=sys.stderr)
+            if isinstance(end.__context__, BrokenPipeError):
+                raise end.__context__ from None
             raise
         finally:
             sys.stdout.flush()
     except (ValueError, OSError, NotConverged) as error:
         if debug:
             raise
+        if isinstance(error, BrokenPipeError) and _reader_left():
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is still buffered goes nowhere
+            sys.exit(READER_LEFT)
         print(f"{name}: {_sentence(error)}", file=sys.stderr)
         sys.exit(NOT_CONVERGED if isinstance(error, NotConverged) else BAD_INPUT)
+
+
+def _reader_left() -> bool:
+    """Whether standard output is a pipe that nothing reads any more."""
+    pipe = select.poll()
+    pipe.register(1, 0)
+    return any(event & select.POLLERR for _, event in pipe.poll(0))
 
 
 def _sentence(error: BaseException) -> str:

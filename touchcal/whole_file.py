@@ -3,6 +3,7 @@
 import errno
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,10 +13,13 @@ from typing import BinaryIO, TextIO
 @contextmanager
 def written(path: Path) -> Iterator[BinaryIO]:
     """A file that takes the place of `path` in one step when the block ends, after the disk has it, so that no reader
-    sees half of it; where the block raises, `path` stays as it was. Who may read it is as the umask says."""
+    sees half of it; where the block raises, `path` stays as it was. Who may read it is as before, for a new file as the
+    umask says."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
         with open(temporary, "xb") as file:
+            if path.is_file():
+                os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode))
             yield file
             file.flush()
             os.fsync(file.fileno())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from collections.abc import Callable
 from importlib.metadata import version
@@ -61,3 +62,16 @@ def test_what_takes_long_is_said_on_a_terminal_alone(monkeypatch: pytest.MonkeyP
     out, err = capsys.readouterr()
     assert out == ""
     assert re.search("learning.*networks.*0/3", err, re.DOTALL)
+
+
+@pytest.mark.parametrize(("how", "status", "words"), [
+    (">&-", 2, "matcal: standard output is closed. Open it, or send it to a file or /dev/null.\n"),
+    ("| true; exit ${PIPESTATUS[0]}", 141, ""), ("| head -n 1 >/dev/null; exit ${PIPESTATUS[0]}", 141, "")])
+def test_a_closed_output_and_a_reader_that_left_end_a_command_without_a_traceback(how: str, status: int,
+                                                                                   words: str) -> None:
+    lines = "print('x\\n' * 200_000)"
+    program = ("import time; from touchcal.terminal import application, run; app = application('Help.'); "
+               f"app.command('lines')(lambda: (time.sleep(0.3), {lines})); run(app, 'matcal')")
+    done = subprocess.run(["bash", "-c", f'"$0" -c "$1" lines {how}', sys.executable, program],
+                          capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (status, words)

@@ -76,3 +76,12 @@ def test_a_lock_follows_no_link_and_cuts_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "victim.txt").read_text() == "kept"
     lock_file(tmp_path / "victim.txt").close()
     assert (tmp_path / "victim.txt").read_text() == "kept"
+
+
+def test_a_file_written_again_is_read_by_whom_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "card.json"
+    for mode in (0o640, 0o600):
+        path.touch()
+        path.chmod(mode)
+        write_json({"a": 1}, path)
+        assert path.stat().st_mode & 0o777 == mode
