@@ -92,7 +92,8 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
     cautions = [f"Stale: {', '.join(name for name in old if old[name] == why)}: {why}"
                 for why in dict.fromkeys(old.values())]
     return Report("paper", "The paper, walked through", _subtitle(run), _footer(run), _findings(parts, old), plates,
-                  tables, absent, prose, cautions, verdict=[*ratios.verdict(known, _synthetic(run))])
+                  tables, absent, prose, cautions, verdict=[
+                      *ratios.verdict(known, ratios.ratios_at_full_size(full), _synthetic(run))])
 
 
 def _networks(run: Run) -> tuple[dict[str, Table], str]:
@@ -150,7 +151,7 @@ def _findings(parts: Sequence[Section], old: Mapping[str, str]) -> list[str]:
     drawn = sum(section.figure not in NAMES for section in there)
     table = "and its Table 1" if any(section.figure == "T1" for section in there) else "but not its Table 1"
     said = [f"{drawn} of the paper's {FIGURES} figures of data {table} are set next to our own; "
-            f"{counted(len(old), 'stage')} {'is' if len(old) == 1 else 'are'} stale."]
+            f"Of this run, {counted(len(old), 'stage')} {'is' if len(old) == 1 else 'are'} stale."]
     said += [f"{NAMES.get(section.figure, f'Figure {section.figure}')}: {section.differs}" for section in there
              if section.figure in SUMMARISED]
     return said
@@ -178,7 +179,8 @@ def _other_code(run: Run, rows: pd.DataFrame) -> str:
     code_of = {name: stage.code for name, stage in run.stages.items()}
     here = pd.Series([code_of.get(name) for name in rows["stage"]], index=rows.index, dtype=object)
     if old := rows.loc[here.notna() & codes.notna() & (codes != here), "stage"].tolist():
-        said.append(f" Stale, made by other code than is here: {', '.join(old)}.")
+        said.append(f" Of its {counted(len(rows), 'stage')}, {len(old)} {'is' if len(old) == 1 else 'are'} stale, made "
+                    f"by other code than is here: {', '.join(old)}.")
     if unknown := rows.loc[here.notna() & codes.isna(), "stage"].tolist():
         said.append(f" Not known to be of this code, since their record does not tell: {', '.join(unknown)}.")
     return "".join(said)

@@ -176,8 +176,9 @@ def test_full_numbers_of_other_code_are_told(run: Run) -> None:
             {"stage": "sweep", "state": "stale", "code": None}]
     assert paper_report._other_code(run, pd.DataFrame(rows[:1])) == ""
     assert paper_report._other_code(run, pd.DataFrame(rows)) == (
-        " Of it, sweep was made by other code or another card than the rest. Stale, made by other code than is here: "
-        "networks. Not known to be of this code, since their record does not tell: touch, sweep.")
+        " Of it, sweep was made by other code or another card than the rest. Of its 4 stages, 1 is stale, made by "
+        "other code than is here: networks. Not known to be of this code, since their record does not tell: touch, "
+        "sweep.")
 
 
 def test_a_comparison_sets_paper_run_and_full_run_side_by_side() -> None:
@@ -213,14 +214,27 @@ def test_the_worst_of_every_figure_stands_on_the_first_page() -> None:
     assert table.rows[3][1:] == ["RMSE of x₀, test rows", "networks", "mm", "0.579", "7.50", "13.0", "–"]
     assert table.rows[5][1:] == ["Mean pressure, RMSE, test rows", "networks", "kPa", "0.653", "5.69", "8.71", "2.00"]
     assert "The worst is μ₁ (T1), of the other sign" in table.caption
-    lines = {line.what: (line.grade, line.why) for line in ratios.verdict(found, synthetic=True)}
+    lines = {line.what: (line.grade, line.why) for line in ratios.verdict(found, [], synthetic=True)}
     assert lines["Curves of the material"][0] == GOOD
     assert lines["Single terms of Table 1"][0] == NOT_USABLE
     assert lines["The paper's networks"] == (
         NOT_USABLE, "at worst, RMSE of x₀, test rows by the networks (figure 13) is 13 times the paper's")
     assert lines["The forward map"][0] == GOOD
     assert lines["A real sensor"][0] == NOT_USABLE
-    assert [line.grade for line in ratios.verdict([], synthetic=False)] == [NOT_USABLE]
+    assert [line.grade for line in ratios.verdict([], [], synthetic=False)] == [NOT_USABLE]
+
+
+def test_a_use_is_judged_by_the_run_at_full_size_where_it_is_there() -> None:
+    found = ratios.ratios([section("13", Number("RMSE of x₀, test rows", "mm", 7.5, "networks"),
+                                   Number("RMSE of x₀, test rows", "mm", 7.5, "forward map"))])
+    full = pd.DataFrame({"figure": "13", "quantity": ["RMSE of x₀, test rows", "RMSE of y₀, test rows"], "unit": "mm",
+                         "method": "networks", "value": [0.579, 0.01]})
+    lines = {line.what: (line.grade, line.why)
+             for line in ratios.verdict(found, ratios.ratios_at_full_size(full), synthetic=False)}
+    assert lines["The paper's networks"][0] == GOOD
+    assert "in the run at full size" in lines["The paper's networks"][1]
+    assert lines["The forward map"][0] == NOT_USABLE
+    assert "full size" not in lines["The forward map"][1]
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.5])
