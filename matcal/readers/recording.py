@@ -35,6 +35,7 @@ class Recording:
     metadata: Mapping[str, str] = field(default_factory=dict)  # key -> value lines that stand above the table
     properties: Mapping[str, float] = field(default_factory=dict)  # size in the file (a key of SIZES) -> value in SI
     notes: tuple[str, ...] = ()  # what was assumed or left out, one sentence each
+    cautions: tuple[str, ...] = ()  # what a user of the result must know of it, one sentence each
 
     def __post_init__(self) -> None:
         if unknown := sorted(set(self.columns) - set(QUANTITIES)):

@@ -170,7 +170,7 @@ def _direction(kind: str, recording: Recording, block: Block, sign: float,
         return 1.0, ()
     if kind == "volumetric":
         return -1.0, ("Compression, as every volumetric test.",)
-    named = named_direction(words_about(recording))
+    named = named_direction(words_about(recording)) or named_direction([*recording.names.values()])
     if block.direction is not None:
         return SIGNS[block.direction], (f"{block.direction.capitalize()}, as the specimen says.",)
     if named is not None:

@@ -12,10 +12,11 @@ from matcal.readers.recording import Recording
 from matcal.readers.test_inputs import Input, inputs_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.load_cycles import BRANCHES
+from matcal.reduction.measured_twice import best_measures, is_table, needs_no_size
 from matcal.reduction.reduced_tables import reduce_table
 from matcal.reduction.replicates import with_scatter
 from matcal.reduction.specimen import Block, Strip
-from matcal.reduction.specimen_sizes import specimen_of
+from matcal.reduction.specimen_sizes import specimen_of, stated_direction
 from matcal.reduction.test_kind import decide_kind
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
@@ -172,38 +173,58 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
         raise ValueError(f"{', '.join(r.label for r in recordings)}: these are {len(recordings)} recordings, but a "
                          f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give each "
                          "replicate as a test of its own.")
-    if len(recordings) == 1 and _is_reduced(first):
+    if kind == "conductivity":
+        return _conductivity(recordings, why, specimen)
+    direction = stated_direction(kind, first, specimen)
+    if is_table(first):
         unused = () if specimen is None else (
             f"{first.label} holds strain and its value already: no size of {specimen.name} was needed.",)
-        return _said(reduce_table(kind, first), why, *unused), ()
-    sizes, where, files = specimen_of(kind, first, specimen)
+        return _said(reduce_table(kind, first, direction), why, *unused), ()
+    sizes, where, files = specimen_of(kind, first, specimen, needed=not needs_no_size(first))
+    assert not isinstance(sizes, Strip)
     try:
-        made = _by_protocol(kind, recordings, sizes, branch)
-        area = sizes.ring_area_m2 if isinstance(sizes, Strip) else sizes.area_m2
-        facts = {"specimen_area_mm2": 1e6 * area, "specimen_length_mm": 1e3 * sizes.length_m, **made.facts}
-        return _said(replace(made, facts=facts), why, *where), files
+        used = best_measures(first, sizes or Block(0.0, 0.0, direction=direction))
+        made = _by_protocol(kind, used.recording, used.block, branch)
     except InputFileError:
         raise
     except ValueError as error:
-        raise InputFileError(first.paths[0], f"it cannot be reduced as {kind}: {str(error).rstrip('.')}.") from error
+        raise _unreduced(first, kind, error) from error
+    known = {} if sizes is None else {"specimen_area_mm2": 1e6 * sizes.area_m2,
+                                      "specimen_length_mm": 1e3 * sizes.length_m}
+    return _said(replace(made, facts={**known, **made.facts}, cautions=(*used.cautions, *made.cautions)), why, *where,
+                 *used.decisions), files
 
 
-def _is_reduced(recording: Recording) -> bool:
-    return not {"displacement", "current"} & set(recording.columns)
+def _conductivity(recordings: list[Recording], why: str, specimen: Path | None) -> tuple[Experiment, tuple[Path, ...]]:
+    from matcal.reduction.electric.strip_conductivity import reduce_stretch
+
+    first = recordings[0]
+    if len(recordings) == 1 and not {"displacement", "current"} & set(first.columns):
+        return _said(reduce_table("conductivity", first), why), ()
+    sizes, where, files = specimen_of("conductivity", first, specimen)
+    assert isinstance(sizes, Strip)
+    try:
+        made = reduce_stretch(recordings, sizes)
+    except InputFileError:
+        raise
+    except ValueError as error:
+        raise _unreduced(first, "conductivity", error) from error
+    facts = {"specimen_area_mm2": 1e6 * sizes.ring_area_m2, "specimen_length_mm": 1e3 * sizes.length_m, **made.facts}
+    return _said(replace(made, facts=facts), why, *where), files
 
 
-def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip, branch: str) -> Experiment:
-    if isinstance(sizes, Strip):
-        from matcal.reduction.strip_conductivity import reduce_stretch
+def _unreduced(recording: Recording, kind: str, error: ValueError) -> InputFileError:
+    return InputFileError(recording.paths[0], f"it cannot be reduced as {kind}: {str(error).rstrip('.')}.")
 
-        return reduce_stretch(recordings, sizes)
+
+def _by_protocol(kind: str, recording: Recording, block: Block, branch: str) -> Experiment:
     if kind == "relaxation":
         from matcal.reduction.stress_relaxation import reduce_relaxation
 
-        return reduce_relaxation(recordings[0], sizes)
+        return reduce_relaxation(recording, block)
     from matcal.reduction.quasistatic import reduce_quasistatic
 
-    return reduce_quasistatic(kind, recordings[0], sizes, branch)
+    return reduce_quasistatic(kind, recording, block, branch)
 
 
 def _said(experiment: Experiment, *sentences: str) -> Experiment:

@@ -91,14 +91,19 @@ def make_specimen(kind: str, table: Mapping[str, Any], path: Path) -> Block | St
         return Block(area, size("thickness_mm") * 1e-3, compliance)
     if kind == "volumetric":
         return _volume(table, size, compliance, preload, path)
-    direction = table.get("direction")
-    if direction not in (None, *DIRECTIONS):
-        raise InputFileError(path, f"[{kind}] direction '{direction}' is unknown; known: {', '.join(DIRECTIONS)}.")
+    direction = known_direction(table["direction"], kind, path) if "direction" in table else None
     if kind in ("biaxial", "planar"):
         return sheet(kind, size("length_mm") * 1e-3, size("width_mm") * 1e-3, size("thickness_mm") * 1e-3, compliance,
                      preload, direction)
     return Block(_same_area(table, size, SECTIONS, kind, path), size("height_mm") * 1e-3, compliance, preload,
                  direction)
+
+
+def known_direction(direction: Any, kind: str, path: Path) -> str:
+    """The direction, one of DIRECTIONS; InputFileError for any other."""
+    if direction not in DIRECTIONS:
+        raise InputFileError(path, f"[{kind}] direction '{direction}' is unknown; known: {', '.join(DIRECTIONS)}.")
+    return str(direction)
 
 
 def sheet(kind: str, length_m: float, width_m: float, thickness_m: float, compliance_m_per_N: float = 0.0,

@@ -15,7 +15,7 @@ _WORDS = (
     ("conductivity", r"conductiv|resistiv|resistance|coated|leitf[äa]hig|widerstand|电阻|电导"),
     ("planar", r"planar|pure shear|平面"), ("shear", r"shear|\bss\b|scher|schub|cisaill|cizall|taglio|剪切|せん断"),
     ("biaxial", r"biax|zweiachs|双轴"), ("volumetric", r"volumetr|hydrostat|体积|静水"),
-    ("uniaxial", r"uniax|compres|tension|tensile|\buc\b|\but\b|einachs|druckvers|druckfest|stauch|zugvers"
+    ("uniaxial", r"uniax|\bcompres|\btension|\btensile|\buc\b|\but\b|einachs|druckvers|druckfest|stauch|zugvers"
                  r"|\bzug\b|\bdruck\b|traction|tracci[óo]n|trazione|单轴|压缩|拉伸|圧縮|引張"),
 )
 

@@ -7,9 +7,15 @@ import numpy as np
 
 from matcal.laws.conductivity import strip_conductivity
 from matcal.readers.recording import Recording
-from matcal.reduction import clock_alignment
-from matcal.reduction.clock_alignment import Shift
-from matcal.reduction.cyclic_resistance import Turns, cycle_table, settling_facts, settling_sentences, turning_points
+from matcal.reduction.electric import clock_alignment
+from matcal.reduction.electric.clock_alignment import Shift
+from matcal.reduction.electric.cyclic_resistance import (
+    Turns,
+    cycle_table,
+    settling_facts,
+    settling_sentences,
+    turning_points,
+)
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.specimen import Strip
 from matcal.reduction.stroke_segments import Stroke, find_stroke
