@@ -11,6 +11,7 @@ from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
+from matcal.readers.specimens import labels_of
 from matcal.readers.units import COMMON, is_common, measures, si_factor
 from matcal.readers.vocabulary import preference, quantity_of, true_quantity
 from touchcal.arrays import Array
@@ -53,6 +54,9 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         header = _shortened(grid, header, columns, said)
     else:
         columns = _recognised(grid, header, said)
+    labelled, labels = labels_of(grid, [name for name, _ in header.cells], header.rows)
+    if labels:
+        said.append(f"column '{shown(labelled)}' says which of {len(set(labels))} specimens each row belongs to.")
     for quantity in {"strain", "stretch", "stress"} & set(columns):
         if true_quantity(columns[quantity].name):
             raise _true(grid, header, quantity, columns[quantity].name)
@@ -65,7 +69,7 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
                    _in_percent(grid, columns), chosen=selection is not None and bool(selection.columns))
     return Recording(paths=(grid.path,), vendor=vendor, columns=values, names=names, units=units,
                      first_line=grid.lines[header.rows.start], metadata=metadata or {}, properties=sizes or {},
-                     notes=tuple(said))
+                     notes=tuple(said), specimen=labels)
 
 
 def _widened(grid: Grid, header: Header, said: list[str]) -> Header:
@@ -163,7 +167,9 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
                                         "and stress, or displacement and force (and time), with a line of units below, "
                                         f"or say which is which: {flag_for(grid, header)}", line=header.line)
     out = {quantity: _one_of(grid, header, quantity, columns, said) for quantity, columns in found.items()}
-    others = [f"'{shown(name)}'" for name, _ in header.cells if name and quantity_of(name) is None]
+    labelled, _ = labels_of(grid, [name for name, _ in header.cells], header.rows)
+    others = [f"'{shown(name)}'" for name, _ in header.cells
+              if name not in ("", labelled) and quantity_of(name) is None]
     if others:
         said.append(f"column {others[0]} left out: not a known quantity." if len(others) == 1 else
                     f"columns {', '.join(others[:12])}{' ...' if len(others) > 12 else ''} left out: not known "

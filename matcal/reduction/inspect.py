@@ -9,6 +9,7 @@ from matcal.readers import vendors
 from matcal.readers.column_options import Selection
 from matcal.readers.detect import read
 from matcal.readers.recording import QUANTITIES, SIZES, Recording
+from matcal.readers.specimens import specimens_of
 from matcal.readers.units import si_factor
 from matcal.reduction.stroke_segments import find_stroke
 from matcal.reduction.test_kind import decide_kind
@@ -30,9 +31,10 @@ def inspect(path: Path | str, selection: Selection | None = None, kind: str | No
     Returns
     -------
     dict
-        JSON values: layout, files, rows, first_line, head, columns (name, unit, range in SI), specimen, clock, blocks,
-        motion, kind with the reason for it, and notes on what was decided in reading it. The `kind` of a file that
-        does not tell it is None, and the reason says what to do.
+        JSON values: layout, files, rows, first_line, specimens (rows of each, where several stand in one table), head,
+        columns (name, unit, range in SI), specimen (its sizes), clock, blocks, motion, kind with the reason for it, and
+        notes on what was decided in reading it. The `kind` of a file that does not tell it is None, and the reason says
+        what to do.
 
     Raises
     ------
@@ -48,21 +50,25 @@ def inspect(path: Path | str, selection: Selection | None = None, kind: str | No
     >>> found["layout"], found["kind"], list(found["columns"])
     ('mts_testsuite', 'uniaxial', ['displacement', 'force', 'time'])
     """
-    recording = read(path, selection)
+    whole = read(path, selection)
+    specimens = specimens_of(whole)
+    recording = specimens[0]
     out: dict[str, Any] = {"layout": recording.vendor, "files": [str(p) for p in recording.paths],
-                           "rows": recording.rows, "first_line": recording.first_line}
+                           "rows": whole.rows, "first_line": recording.first_line}
+    if len(specimens) > 1:
+        out["specimens"] = {part.part: part.rows for part in specimens}
     if recording.metadata:
         out["head"] = dict(recording.metadata)
     out["columns"] = {quantity: {"name": recording.names[quantity], "unit": recording.units[quantity] or "-",
                                  "min": float(values.min()), "max": float(values.max()),
                                  "si_unit": QUANTITIES[quantity] or "-"}
-                      for quantity, values in recording.columns.items()}
+                      for quantity, values in whole.columns.items()}
     if recording.properties:
         out["specimen"] = {f"{size}_{SIZES[size].replace('^', '')}": value
                            for size, value in recording.properties.items()}
     out |= _clock(recording) | _blocks(recording) | _motion(recording) | _kind(recording, kind)
-    if recording.notes:
-        out["notes"] = list(recording.notes)
+    if said := [*whole.notes, *recording.cautions]:
+        out["notes"] = said
     return out
 
 
@@ -138,6 +144,10 @@ def print_description(path: str, found: dict[str, Any]) -> None:
 def _facts(found: dict[str, Any]) -> list[tuple[str, str]]:
     reason = found["kind_reason"]
     out = [("taken for", reason.partition(": ")[2] if found["kind"] else reason[:1].upper() + reason[1:])]
+    if "specimens" in found:
+        rows = [f"{name} ({count:,} rows)" for name, count in list(found["specimens"].items())[:8]]
+        out.append(("specimens", f"{', '.join(rows)}{' ...' if len(found['specimens']) > 8 else ''}; clock and motion "
+                                 "are those of the first"))
     if "specimen" in found:
         out.append(("specimen", ", ".join(_size(name, value) for name, value in found["specimen"].items())))
     if "duration_s" in found:

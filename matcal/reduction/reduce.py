@@ -9,6 +9,7 @@ from typing import Any
 from matcal.readers.column_options import Selection, parse_selection, selections_of
 from matcal.readers.detect import files_of, read
 from matcal.readers.recording import Recording
+from matcal.readers.specimens import specimens_of
 from matcal.readers.test_inputs import Input, inputs_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.load_cycles import BRANCHES
@@ -83,7 +84,9 @@ def read_test(test: Given, specimen: Path | str | None = None, *, columns: Seque
     chosen = selections_of(tests, [parse_selection(text) for text in columns])
     experiments = read_and_reduce(tests, specimen, chosen, branch).experiments
     if len(experiments) != 1:
-        raise ValueError(f"read_test reads one test, got {len(experiments)}. Call it once for each.")
+        why = (" in one file, one specimen each. Give each a file of its own" if len(tests) == 1 else
+               ". Call it once for each")
+        raise ValueError(f"read_test reads one test, got {len(experiments)}{why}.")
     return experiments[0]
 
 
@@ -126,14 +129,18 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
         if len(key) > len(sources) and part in seen:
             continue
         seen.add(part)
-        experiment, files = _reduce(kind, recordings, sizes, branch)
+        specimens = [[one] for one in specimens_of(recordings[0])] if len(recordings) == 1 else [recordings]
+        reduced = [_reduce(kind, specimen, sizes, branch) for specimen in specimens]
         if own:
             content = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in key)
-            _refuse_twice(contents.get(content), recordings[0], experiment, chosen)
-            contents.setdefault(content, (recordings[0], experiment, chosen))
-        more = [*_sidecars(recordings), *files]
+            _refuse_twice(contents.get(content), recordings[0], reduced[0][0], chosen)
+            contents.setdefault(content, (recordings[0], reduced[0][0], chosen))
+        more = [*_sidecars(recordings), *(file for _, used in reduced for file in used)]
         layout = ", ".join(dict.fromkeys(recording.vendor for recording in recordings)) if own else ""
-        out.append(replace(experiment, files=tuple(dict.fromkeys([*own, *more])), layout=layout))
+        files = tuple(dict.fromkeys([*own, *more]))
+        out += [replace(experiment, files=files, layout=layout,
+                        cautions=(*(said for one in specimen for said in one.cautions), *experiment.cautions))
+                for specimen, (experiment, _) in zip(specimens, reduced, strict=True)]
         also_read += more
     return Reduced(with_scatter(out), tuple(dict.fromkeys(given)), tuple(dict.fromkeys(also_read)))
 

@@ -22,7 +22,7 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     """The table as it stands, stretch turned into strain, pressure into mean stress, compression made negative;
     `direction` is what the specimen's file says of it. InputFileError where a column is missing or constant, signs
     disagree, or a number cannot be what its column says."""
-    notes, cautions = list(recording.notes), list(recording.cautions)
+    notes, cautions = list(recording.notes), list[str]()
     strain, value = (_volumetric if kind == "volumetric" else _strain_and_value)(kind, recording, notes)
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation"):
