@@ -309,8 +309,9 @@ def _from_units(header: Header) -> dict[str, int]:
 def _from_numbers(grid: Grid, header: Header) -> dict[str, int]:
     """Of the first two columns whose names are of nothing else, the one that begins near 1 as the stretch, or else the
     first as the strain; the other as stress. A guess that shows how the option is written; only the user knows."""
-    open_ = [n for n, (name, _) in enumerate(header.cells)
-             if _last_words(name) in (None, "strain", "stretch", "stress") and not true_quantity(name)][:2]
+    open_ = [n for n, (name, unit) in enumerate(header.cells)
+             if _last_words(name) in (None, "strain", "stretch", "stress") and not true_quantity(name)
+             and (not unit or not (others := measures(unit)) or "stress" in others)][:2]
     if len(open_) < 2:
         return {}
     begins = [grid.number(grid.cell(header.rows.start, n)) if header.rows else None for n in open_]

@@ -11,7 +11,7 @@ from touchcal.arrays import Array
 
 # quantity -> SI unit of its column
 QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "stretch": "", "stress": "Pa",
-              "current": "A", "potential": "V", "resistance": "ohm", "conductivity": "S/m",
+              "current": "A", "potential": "V", "resistance": "ohm", "resistance_ratio": "", "conductivity": "S/m",
               "deviation": "Pa", "lateral": "", "lateral_stretch": "", "volume_ratio": "", "pressure": "Pa",
               "cycle": "", "block": ""}
 

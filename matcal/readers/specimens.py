@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -17,8 +18,8 @@ _FEWEST = 3  # rows of a specimen, at least
 # shares of the largest strain between which a record begins again: it falls from above the first to below the second
 _HIGH, _LOW = 0.5, 0.1
 _NAME = re.compile(
-    r"(test )?(specimen|sample|coupon|replicate|repeat|rep|run|trial|piece|id|uid|probe(n|korper)?|prufling|prufkorper|versuch|"
-    r"eprouvette|echantillon|essai|muestra|probeta|ensayo|provino|campione|prova|amostra|proefstuk|test|part)s?"
+    r"(test )?(specimen|sample|coupon|replicate|repeat|rep|run|trial|piece|id|uid|probe(n|korper)?|prufling|prufkorper|"
+    r"versuch|eprouvette|echantillon|essai|muestra|probeta|ensayo|provino|campione|prova|amostra|proefstuk|test|part)s?"
     r"( ?(id|no|nr|num|number|name|label|code|index|nummer|kennung|bezeichnung|n|numero|#))?\.?|试样(编号)?|样品(编号)?"
     r"|試験片")
 
@@ -38,7 +39,7 @@ def labels_of(grid: Grid, names: Sequence[str], rows: range) -> tuple[str, tuple
         if not names_specimens(name):
             continue
         cells = tuple(grid.cell(row, n) for row in rows)
-        counts = {cell: cells.count(cell) for cell in dict.fromkeys(cells)} if len(set(cells)) < len(cells) else {}
+        counts = Counter(cells)
         whole = all((value := grid.number(cell)) is None or value == int(value) for cell in counts)
         if len(counts) > 1 and whole and min(counts.values()) >= _FEWEST and "" not in counts:
             return name, cells

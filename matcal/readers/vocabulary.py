@@ -38,6 +38,7 @@ _COLUMNS = (
     ("current", r"we\(1\)\.current|current|i|strom"),
     ("potential", r"we\(1\)\.potential|potential|voltage|u|v"),
     ("resistance", r"resistance|r|widerstand|电阻"),
+    ("resistance_ratio", r"r ?/ ?r ?[0o]|(relative|normali[sz]ed) resistance"),
     ("conductivity", r"conductivity|c|leitfahigkeit|电导率"),
     ("volume_ratio", r"volume ratio|volumetric ratio|j|v/v0|jacobian"),
     ("pressure", r"(hydrostatic )?pressure|压力"),

@@ -74,7 +74,7 @@ def best_measures(recording: Recording, known: Block) -> Measured:
         names["displacement"] = names.get("strain", names.get("stretch", ""))
     if stress.values is not None:
         chosen["force"], names["force"] = stress.values * area, names["stress"]
-    if _counted_down(columns):
+    if counted_down(columns):
         chosen |= {q: -chosen[q] for q in ("displacement", "force") if q in chosen and not _falls(chosen[q])}
     said = (*strain.decisions, *stress.decisions)
     sizes = replace(known, length_m=length, area_m2=area)
@@ -85,6 +85,16 @@ def best_measures(recording: Recording, known: Block) -> Measured:
     units = {q: recording.units.get(q, "") for q in chosen}
     made = replace(recording, columns=chosen, names={q: names[q] for q in chosen}, units=units)
     return Measured(made, sizes, said, (*strain.cautions, *stress.cautions))
+
+
+def counted_down(columns: Mapping[str, Array]) -> bool:
+    """Whether a column counts compression as negative: strain or stress, or displacement together with force."""
+    fall = {q for q, x in columns.items() if _falls(x)}
+    return bool({"strain", "stretch", "stress"} & fall) or {"displacement", "force"} <= fall
+
+
+def _falls(column: Array) -> bool:
+    return bool(column[int(np.argmax(np.abs(column - column[0])))] < column[0])
 
 
 def _own_strain(recording: Recording) -> Array | None:
@@ -176,13 +186,3 @@ def _multiple(x: Array, y: Array) -> tuple[float, float]:
     slope, offset = np.polyfit(x, y, 1)
     edges = np.unique(np.linspace(0, x.size, min(_BLOCKS, x.size) + 1).astype(int))
     return float(slope), float(np.abs(block_means(y - slope * x - offset, edges)).max() / np.ptp(y))
-
-
-def _counted_down(columns: Mapping[str, Array]) -> bool:
-    """Whether a column counts compression as negative: strain or stress, or displacement together with force."""
-    fall = {q for q, x in columns.items() if _falls(x)}
-    return bool({"strain", "stretch", "stress"} & fall) or {"displacement", "force"} <= fall
-
-
-def _falls(column: Array) -> bool:
-    return bool(column[int(np.argmax(np.abs(column - column[0])))] < column[0])

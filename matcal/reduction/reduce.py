@@ -22,6 +22,7 @@ from matcal.reduction.test_kind import decide_kind
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
+_FEWEST = 30  # rows from which on a conductivity test with a clock is a record and not a table
 # tests as a user gives them, one or several: what `inputs_of` takes, and experiments
 Given = str | Path | Mapping[str, Any] | Experiment
 
@@ -203,15 +204,16 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
 
 
 def _conductivity(recordings: list[Recording], why: str, specimen: Path | None) -> tuple[Experiment, tuple[Path, ...]]:
-    from matcal.reduction.electric.strip_conductivity import reduce_stretch
+    from matcal.reduction.electric.strip_conductivity import reduce_rows, reduce_stretch
 
     first = recordings[0]
-    if len(recordings) == 1 and not {"displacement", "current"} & set(first.columns):
-        return _said(reduce_table("conductivity", first), why), ()
+    if len(recordings) == 1 and "conductivity" in first.columns and {"strain", "stretch"} & set(first.columns):
+        return _said(reduce_table("conductivity", first, stated_direction("conductivity", first, specimen)), why), ()
     sizes, where, files = specimen_of("conductivity", first, specimen)
     assert isinstance(sizes, Strip)
     try:
-        made = reduce_stretch(recordings, sizes)
+        rows = len(recordings) == 1 and ("time" not in first.columns or first.rows < _FEWEST)
+        made = reduce_rows(first, sizes) if rows else reduce_stretch(recordings, sizes)
     except InputFileError:
         raise
     except ValueError as error:

@@ -25,7 +25,7 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     notes, cautions = list(recording.notes), list[str]()
     strain, value = (_volumetric if kind == "volumetric" else _strain_and_value)(kind, recording, notes)
     _check(kind, recording, strain, value)
-    if kind in (*_FREE_FACES, "relaxation"):
+    if kind in (*_FREE_FACES, "relaxation", "conductivity"):
         strain, value = _compression_negative(kind, recording, strain, value, direction, notes, cautions)
     _check_range(kind, recording, strain)
     if kind in (*_FREE_FACES, "shear"):
@@ -110,19 +110,19 @@ def _compression_negative(kind: str, recording: Recording, strain: Array, stress
     named = direction or named_direction(words_about(recording)) or named_direction([*recording.names.values()])
     by = "as the specimen's file says" if direction else "by its name"
     if named == "compression":
-        notes.append(f"Compression, {by}, and counted positive: both signs turned.")
-        return -strain, -stress
+        notes.append(f"Compression, {by}, and counted positive: the sign is turned.")
+        return -strain, stress if kind == "conductivity" else -stress
     if named == "tension":
         notes.append(f"Tension, {by}.")
     elif "strain" not in recording.columns:
         notes.append("Tension, as the stretch is above 1.")
-    elif kind in ("uniaxial", "relaxation"):
-        shape = " Its slope falls and then rises, as that of foam does in compression." if densifies(
-            strain, stress) else ""
+    elif kind in ("uniaxial", "relaxation", "conductivity"):
+        shape = " Its slope falls and then rises, as that of foam does in compression." if (
+            kind != "conductivity" and densifies(strain, stress)) else ""
         cautions.append(f"Nothing tells compression from tension in {recording.label}: its strain is positive and was "
                         f"read as tension.{shape} If it is compression, write compression in the name of the file or "
                         f"of a column, or direction = \"compression\" below [{kind}] of the specimen file, or make "
-                        "strain and stress negative.")
+                        f"{'strain' if kind == 'conductivity' else 'strain and stress'} negative.")
     else:
         notes.append(f"Its strain is positive and was read as tension, as a sheet in a {kind} test is pulled.")
     return strain, stress

@@ -165,7 +165,7 @@ def test_plain_tables_stand_as_they_are(tmp_path: Path) -> None:
     turned = _reduced(_written(tmp_path, "compression.csv", CURVE.replace("-0.", "0.").replace(",-", ",")
                                .replace("stress\n,kPa", "stress\n-,kPa")))
     assert turned.strain.tolist() == [0.0, -0.1, -0.2]
-    assert any("both signs turned" in sentence for sentence in turned.decisions)
+    assert any("the sign is turned" in sentence for sentence in turned.decisions)
     with pytest.raises(InputFileError, match="opposite signs"):
         _reduced(_written(tmp_path, "uniaxial.csv", CURVE.replace("-1.6", "1.6").replace("-2.7", "2.7")))
     with pytest.raises(InputFileError, match="needs a stress column"):
