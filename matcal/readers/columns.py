@@ -65,11 +65,12 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         units[quantity] = column.unit or ""
         values[quantity] = _in_si(grid, header, quantity, column)
     names = {quantity: column.name for quantity, column in columns.items()}
-    check_credible(grid, header.line, values, names, units, said, flag_for(grid, header),
+    warned: list[str] = []
+    check_credible(grid, header.line, values, names, units, said, warned, flag_for(grid, header),
                    _in_percent(grid, columns), chosen=selection is not None and bool(selection.columns))
     return Recording(paths=(grid.path,), vendor=vendor, columns=values, names=names, units=units,
                      first_line=grid.lines[header.rows.start], metadata=metadata or {}, properties=sizes or {},
-                     notes=tuple(said), specimen=labels)
+                     notes=tuple(said), cautions=tuple(warned), specimen=labels)
 
 
 def _widened(grid: Grid, header: Header, said: list[str]) -> Header:
@@ -119,7 +120,7 @@ def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Co
                 f"given as {before} and as {quantity}. Choose another for one of them. {_listed(header)}",
                 line=header.line)
         name, own = header.cells[index]
-        if unit is None and own is None and not QUANTITIES[quantity]:
+        if unit is None and own is None and not QUANTITIES[quantity] and quantity != "strain":
             own = "-"
         out[quantity] = _Column(index, name or f"column {index + 1}", unit if unit is not None else own,
                                 unit is not None)

@@ -28,6 +28,7 @@ _COLUMNS = (
     ("stretch", r"stretch|lambda|λ|stretch ratio"),
     ("strain", r"(nominal |engineering |compressive |tensile |shear |axial |volumetric |volume )?strain"
                r"|eps|epsilon|ε|gamma|γ|e"
+               r"|(shear )?angle|(scher|schub|schiebungs|gleit)winkel|angle de cisaillement"
                r"|(nenn|technische )?dehnung|stauchung|(nenn)?verzerrung|scherung|deformacion|deformazione|rek"
                r"|(压缩|拉伸|剪切|工程|名义)?应变|ひずみ"),
     ("stress", r"(nominal |engineering |compressive |tensile |shear |piola |axial )?stress|sigma|σ|tau|τ|p|pk1"

@@ -12,6 +12,7 @@ from matcal.readers.recording import Recording
 from matcal.readers.specimens import specimens_of
 from matcal.readers.test_inputs import Input, inputs_of
 from matcal.reduction.experiment import Experiment
+from matcal.reduction.kind_doubts import doubts
 from matcal.reduction.load_cycles import BRANCHES
 from matcal.reduction.measured_twice import best_measures, is_table, needs_no_size
 from matcal.reduction.reduced_tables import reduce_table
@@ -181,6 +182,14 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
         raise ValueError(f"{', '.join(r.label for r in recordings)}: these are {len(recordings)} recordings, but a "
                          f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give each "
                          "replicate as a test of its own.")
+    doubted = doubts(kind, first)
+    made, files = _of_kind(kind, recordings, why, specimen, branch)
+    return replace(made, cautions=(*doubted, *made.cautions)), files
+
+
+def _of_kind(kind: str, recordings: list[Recording], why: str, specimen: Path | None,
+             branch: str) -> tuple[Experiment, tuple[Path, ...]]:
+    first = recordings[0]
     if kind == "conductivity":
         return _conductivity(recordings, why, specimen)
     direction = stated_direction(kind, first, specimen)

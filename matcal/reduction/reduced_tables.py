@@ -99,7 +99,10 @@ def _check_range(kind: str, recording: Recording, strain: Array) -> None:
     lowest = {"shear": -np.inf, "volumetric": 0.0}.get(kind, -1.0)
     if strain.min() <= lowest or np.abs(strain).max() > _LARGEST_STRAIN:
         worst = strain[int(np.argmax(np.abs(strain)))] if strain.min() > lowest else strain.min()
-        raise _error(recording, f"{what} = {worst:g} is not possible. Are two columns swapped, or is it a percentage?")
+        share = "" if "strain" not in recording.names or recording.units.get("strain") == "%" else (
+            f" In per cent it is given with --columns strain={recording.names['strain']}:%")
+        raise _error(recording, f"{what} = {worst:g} is not possible. Are two columns swapped, or is it a percentage?"
+                                f"{share}")
 
 
 def _compression_negative(kind: str, recording: Recording, strain: Array, stress: Array, direction: str | None,

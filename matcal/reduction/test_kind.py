@@ -56,6 +56,12 @@ def _stated_by(recording: Recording) -> tuple[str, str] | None:
     return None
 
 
+def named_kind(recording: Recording) -> str | None:
+    """The kind that the lines above a recording's table, or its file's name, name; None where they name none."""
+    texts = [*(value for _, value in recording.titles), recording.paths[0].stem]
+    return next((kind for text in texts if (kind := _from_words(text)) is not None), None)
+
+
 def _known(kind: str, where: str) -> str:
     if kind not in KINDS:
         meant = _from_words(kind)
