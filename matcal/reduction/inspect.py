@@ -11,9 +11,13 @@ from matcal.readers.detect import read
 from matcal.readers.recording import QUANTITIES, SIZES, Recording
 from matcal.readers.specimens import specimens_of
 from matcal.readers.units import si_factor
-from matcal.reduction.stroke_segments import find_stroke
+from matcal.reduction.hold_segments import find_holds
+from matcal.reduction.loading_doubts import ramp_speed
+from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.reduction.test_kind import decide_kind
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
+from touchcal.number_words import counted
 
 
 def inspect(path: Path | str, selection: Selection | None = None, kind: str | None = None) -> dict[str, Any]:
@@ -101,7 +105,21 @@ def _motion(recording: Recording) -> dict[str, Any]:
         seconds = recording.columns["time"][stroke.end] - recording.columns["time"][stroke.start]
         span = stroke.travel[stroke.end] - stroke.travel[stroke.start]
         out["loading_speed_mm_per_min"] = float(span / seconds * 6e4) if seconds > 0 else None
+        out |= _holds(recording.columns["time"], stroke)
     return out
+
+
+def _holds(time: Array, stroke: Stroke) -> dict[str, Any]:
+    """How often and how long the travel is held on the way to the end of the first loading, and the speed between."""
+    if np.any(np.diff(time) < 0):
+        return {}
+    part = slice(stroke.start, stroke.end + 1)
+    held = [(a, b) for a, b in find_holds(time[part], stroke.travel[part]) if b < stroke.end - stroke.start]
+    if not held:
+        return {}
+    lengths = [float(time[part][b - 1] - time[part][a]) for a, b in held]
+    return {"holds_on_the_way": len(held), "hold_s": float(np.median(lengths)),
+            "ramp_speed_mm_per_min": 6e4 * ramp_speed(time[part], stroke.travel[part])}
 
 
 def _kind(recording: Recording, given: str | None) -> dict[str, Any]:
@@ -162,6 +180,10 @@ def _facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         out.append(("motion", f"{found['largest_travel_mm']:.4g} mm of travel"
                               f"{f' at {speed:.3g} mm/min' if speed else ''}, {found['loadings']} "
                               f"loading{'s' if found['loadings'] != 1 else ''}"))
+        if "holds_on_the_way" in found:
+            held = counted(found["holds_on_the_way"], "time")
+            out.append(("", f"no steady loading: held {held} on the way, for some {found['hold_s']:.3g} s, and at "
+                            f"{found['ramp_speed_mm_per_min']:.3g} mm/min between"))
     elif "motion" in found:
         out.append(("motion", found["motion"]))
     head = [f"{key}: {value}" for key, value in found.get("head", {}).items()]

@@ -1,6 +1,7 @@
 """Tables that are reduced already: strain with nominal stress, J with pressure, or strain with conductivity."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from matcal.readers.vocabulary import quantity_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import held_samples
 from matcal.reduction.loading_direction import densifies, named_direction, words_about
-from matcal.reduction.table_doubts import loading_doubts
+from matcal.reduction.loading_doubts import collapse, collapse_sentence, hold_doubts, loading_doubts
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -23,6 +24,8 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     `direction` is what the specimen's file says of it. InputFileError where a column is missing or constant, signs
     disagree, or a number cannot be what its column says."""
     notes, cautions = list(recording.notes), list[str]()
+    if kind in (*_FREE_FACES, "shear"):
+        recording = _until_collapse(recording, cautions)
     strain, value = (_volumetric if kind == "volumetric" else _strain_and_value)(kind, recording, notes)
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation", "conductivity"):
@@ -30,6 +33,9 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     _check_range(kind, recording, strain)
     if kind in (*_FREE_FACES, "shear"):
         cautions += loading_doubts(recording.label, strain, value)
+        most = int(np.argmax(np.abs(strain))) + 1
+        time = recording.columns.get("time")
+        cautions += hold_doubts(recording.label, None if time is None else time[:most], strain[:most], value[:most])
     time = recording.columns.get("time")
     if time is not None and np.any(np.diff(time) <= 0):
         raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
@@ -38,6 +44,21 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     return Experiment(kind=kind, strain=strain, value=value, time_s=time, deviation=deviation, held=held,
                       lateral=_lateral(recording, strain, notes) if kind in _FREE_FACES else None,
                       source=tuple(p.name for p in recording.paths), decisions=tuple(notes), cautions=tuple(cautions))
+
+
+def _until_collapse(recording: Recording, cautions: list[str]) -> Recording:
+    """The rows up to the largest stress, where it falls to nothing afterwards while the strain still grows."""
+    columns = recording.columns
+    strain = columns.get("strain", columns["stretch"] - 1 if "stretch" in columns else None)
+    if strain is None or "stress" not in columns:
+        return recording
+    most = int(np.argmax(np.abs(strain)))
+    side, turned = (np.sign(x[int(np.argmax(np.abs(x)))]) for x in (strain, columns["stress"]))
+    top = collapse(side * strain[:most + 1], turned * columns["stress"][:most + 1])
+    if top is None:
+        return recording
+    cautions.append(collapse_sentence(recording.label, f"a strain of {strain[top]:.3g}", f"{strain[most]:.3g}"))
+    return replace(recording, columns={q: column[:top + 1] for q, column in columns.items()})
 
 
 def _strain_and_value(kind: str, recording: Recording, notes: list[str]) -> tuple[Array, Array]:
