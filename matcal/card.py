@@ -34,7 +34,7 @@ _SHAPE = Keys({"schema": Number()}, {
     "posterior": Keys(allowed={"file": str, "n": Number(0, whole=True), "checks": dict, "derived": {str: dict}}),
     "provenance": Keys(allowed={"files": [Keys({"name": str, "sha256": str})], "versions": {str: str},
                                 "synthetic": bool, "seed": (Number(0, whole=True), None), "date": str,
-                                "decisions": [str], "decisions_of": {str: Number(0, whole=True)},
+                                "decisions": [str], "decisions_of": {str: Number(0, whole=True)}, "cautions": [str],
                                 "cpu_s": {str: Number(0)}})}, further=False)
 # what a stage of `matcal.fitting.calibrate.Calibration` is called
 STAGES = {"records": "all records", "relaxation": "relaxation", "law": "hyperfoam law", "checks": "checks of the law",

@@ -72,13 +72,27 @@ def test_demo_runs_the_same_commands(command: list[str]) -> None:
     assert skeleton(command) in [skeleton(step[2:]) for step in commands(demo) if step[0] == "step"]
 
 
+@pytest.mark.parametrize("tests", [
+    ["data_raw/uniaxial.csv"], ["data_raw/shear.csv"], ["data_raw/mts_uniaxial.txt"], ["data_raw/mts_shear.txt"],
+    ["data_raw/mts_relaxation.txt"], ["conductivity=data_raw/mts_stretch.txt,data_raw/nova_stretch.txt"],
+    ["conductivity=data_raw/mts_cyclic.txt,data_raw/nova_cyclic.txt"]], ids=lambda tests: tests[0])
+def test_the_files_of_every_page_give_nothing_to_mind(tests: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first commands of README, help, tutorials and gallery fit these: of the records nothing is to be minded."""
+    import matcal
+
+    monkeypatch.chdir(ROOT)
+    assert matcal.read_test(tests[0], "data_raw/specimen.toml").cautions == ()
+
+
 def test_the_first_page_prints_what_it_says(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path,
                                             monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
                                             ) -> None:
     (tmp_path / "disc_uniaxial.csv").write_text(readme_block("csv"))
     done = command("matcal", "fit", "disc_uniaxial.csv", "--out", "foam.json", cwd=tmp_path)
     printed = [line.rstrip() for line in done.stdout.splitlines()]
-    assert [line for line in readme_block("text").splitlines() if line not in printed] == []
+    shown = readme_block("text").splitlines()
+    assert [line for line in shown if line not in printed] == []
+    assert [line for line in printed if line.startswith("  !")] == [line for line in shown if line.startswith("  !")]
     monkeypatch.chdir(tmp_path)
     exec(readme_block("python"), {})
     depth_m, *shape, error = re.findall(r"[\d.]+", capsys.readouterr().out)

@@ -11,6 +11,7 @@ from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
+from matcal.readers.specimens import labels_of
 from matcal.readers.units import COMMON, is_common, measures, si_factor
 from matcal.readers.vocabulary import preference, quantity_of, true_quantity
 from touchcal.arrays import Array
@@ -53,6 +54,9 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         header = _shortened(grid, header, columns, said)
     else:
         columns = _recognised(grid, header, said)
+    labelled, labels = labels_of(grid, [name for name, _ in header.cells], header.rows)
+    if labels:
+        said.append(f"column '{shown(labelled)}' says which of {len(set(labels))} specimens each row belongs to.")
     for quantity in {"strain", "stretch", "stress"} & set(columns):
         if true_quantity(columns[quantity].name):
             raise _true(grid, header, quantity, columns[quantity].name)
@@ -61,11 +65,12 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         units[quantity] = column.unit or ""
         values[quantity] = _in_si(grid, header, quantity, column)
     names = {quantity: column.name for quantity, column in columns.items()}
-    check_credible(grid, header.line, values, names, units, said, flag_for(grid, header),
+    warned: list[str] = []
+    check_credible(grid, header.line, values, names, units, said, warned, flag_for(grid, header),
                    _in_percent(grid, columns), chosen=selection is not None and bool(selection.columns))
     return Recording(paths=(grid.path,), vendor=vendor, columns=values, names=names, units=units,
                      first_line=grid.lines[header.rows.start], metadata=metadata or {}, properties=sizes or {},
-                     notes=tuple(said))
+                     notes=tuple(said), cautions=tuple(warned), specimen=labels)
 
 
 def _widened(grid: Grid, header: Header, said: list[str]) -> Header:
@@ -115,7 +120,7 @@ def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Co
                 f"given as {before} and as {quantity}. Choose another for one of them. {_listed(header)}",
                 line=header.line)
         name, own = header.cells[index]
-        if unit is None and own is None and not QUANTITIES[quantity]:
+        if unit is None and own is None and not QUANTITIES[quantity] and quantity != "strain":
             own = "-"
         out[quantity] = _Column(index, name or f"column {index + 1}", unit if unit is not None else own,
                                 unit is not None)
@@ -163,7 +168,9 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
                                         "and stress, or displacement and force (and time), with a line of units below, "
                                         f"or say which is which: {flag_for(grid, header)}", line=header.line)
     out = {quantity: _one_of(grid, header, quantity, columns, said) for quantity, columns in found.items()}
-    others = [f"'{shown(name)}'" for name, _ in header.cells if name and quantity_of(name) is None]
+    labelled, _ = labels_of(grid, [name for name, _ in header.cells], header.rows)
+    others = [f"'{shown(name)}'" for name, _ in header.cells
+              if name not in ("", labelled) and quantity_of(name) is None]
     if others:
         said.append(f"column {others[0]} left out: not a known quantity." if len(others) == 1 else
                     f"columns {', '.join(others[:12])}{' ...' if len(others) > 12 else ''} left out: not known "
@@ -303,8 +310,9 @@ def _from_units(header: Header) -> dict[str, int]:
 def _from_numbers(grid: Grid, header: Header) -> dict[str, int]:
     """Of the first two columns whose names are of nothing else, the one that begins near 1 as the stretch, or else the
     first as the strain; the other as stress. A guess that shows how the option is written; only the user knows."""
-    open_ = [n for n, (name, _) in enumerate(header.cells)
-             if _last_words(name) in (None, "strain", "stretch", "stress") and not true_quantity(name)][:2]
+    open_ = [n for n, (name, unit) in enumerate(header.cells)
+             if _last_words(name) in (None, "strain", "stretch", "stress") and not true_quantity(name)
+             and (not unit or not (others := measures(unit)) or "stress" in others)][:2]
     if len(open_) < 2:
         return {}
     begins = [grid.number(grid.cell(header.rows.start, n)) if header.rows else None for n in open_]

@@ -8,20 +8,22 @@ from matcal.readers.columns import check_clock
 from matcal.readers.decoding import WORKBOOK, decode, read_bytes
 from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
+from matcal.readers.specimens import specimens_of
 from matcal.readers.vendors.mts_testsuite import join_parts, sibling_parts
 from matcal.readers.vendors.xlsx import read_workbook
 from touchcal.errors import InputFileError
 
 
 def read(path: Path | str, selection: Selection | None = None) -> Recording:
-    """The columns of one test in SI, from a file or a folder of the parts of one TestSuite test. A file that is one
-    part of a split test brings its other parts along; `selection` says which columns mean what where the file does not.
-    InputFileError names what is wrong, where, and the fix."""
+    """The columns of one file in SI, of however many specimens, or of a folder of the parts of one TestSuite test. A
+    file that is one part of a split test brings its other parts along; `selection` says which columns mean what where
+    the file does not. InputFileError names what is wrong, where, and the fix."""
     path = Path(path)
     files = files_of(path)
-    if path.is_dir() or len(files) > 1:
-        return check_clock(_read_parts(path, files, selection))
-    return check_clock(_read_file(path, selection))
+    whole = _read_parts(path, files, selection) if path.is_dir() or len(files) > 1 else _read_file(path, selection)
+    for part in specimens_of(whole):
+        check_clock(part)
+    return whole
 
 
 def files_of(path: Path) -> list[Path]:

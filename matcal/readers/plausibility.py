@@ -6,6 +6,7 @@ import numpy as np
 
 from matcal.readers.cells import Grid, shown
 from matcal.readers.recording import QUANTITIES
+from matcal.readers.shear_angle import gamma_of, is_angle
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -14,7 +15,7 @@ _LARGEST_STRAIN, _IMPOSSIBLE_STRAIN = 3.0, 20.0
 # quantity -> magnitude in SI that no test of a soft foam reaches
 _LARGEST = {"time": 1e10, "displacement": 10.0, "force": 1e8, "stress": 1e12, "deviation": 1e12, "pressure": 1e12,
             "current": 1e6, "potential": 1e9, "resistance": 1e20, "conductivity": 1e12, "volume_ratio": 100.0,
-            "cycle": 1e12, "block": 1e12, "lateral": 20.0, "lateral_stretch": 20.0}
+            "cycle": 1e12, "block": 1e12, "resistance_ratio": 1e20, "lateral": 20.0, "lateral_stretch": 20.0}
 # quantity -> magnitude in SI that any test of a soft foam exceeds somewhere
 _SMALLEST = {"displacement": 1e-12, "force": 1e-12, "stress": 1e-9, "strain": 1e-12}
 # fewer rows do not show equal steps; a column within this share of its range of equal steps has them, one above the
@@ -23,11 +24,13 @@ _ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
 
 
 def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
-                   said: list[str], flag: str, percent: str, *, chosen: bool) -> None:
-    """Turn a stretch below 0 into a strain and a lateral stretch into a strain, in place; InputFileError where a column
+                   said: list[str], warned: list[str], flag: str, percent: str, *, chosen: bool) -> None:
+    """Turn a stretch below 0 into a strain, a lateral stretch into a strain and an angle into gamma, in place, with
+    what was decided (`said`) and what is to be minded (`warned`); InputFileError where a column
     cannot be what it is called. With columns `chosen` by the user, only what no unit fixes is refused. `flag` is the
     option that exchanges columns, `percent` the one that reads the strain in per cent."""
     _ratios(values, names, units, said)
+    _angles(grid, line, values, names, units, said, warned)
     for quantity, column in values.items():
         reach = float(np.max(np.abs(column)))
         value = f"{reach:.3g} {QUANTITIES[quantity]}".strip()
@@ -56,6 +59,18 @@ def _ratios(values: dict[str, Array], names: dict[str, str], units: dict[str, st
             table["lateral"] = table.pop("lateral_stretch")  # type: ignore[assignment]
 
 
+def _angles(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
+            said: list[str], warned: list[str]) -> None:
+    if "strain" not in values or not is_angle(units["strain"]):
+        return
+    try:
+        values["strain"], decided, minded = gamma_of(values["strain"], units["strain"], shown(names["strain"]))
+    except ValueError as error:
+        raise InputFileError(grid.path, str(error), line=line) from None
+    said.append(decided)
+    warned += [minded] if minded else []
+
+
 def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: dict[str, str], units: dict[str, str],
                   said: list[str], flag: str, percent: str, chosen: bool) -> None:
     name, reach, unit = shown(names[quantity]), float(np.max(np.abs(column))), units[quantity]
@@ -69,11 +84,12 @@ def _check_strain(grid: Grid, line: int, column: Array, quantity: str, names: di
     if not unit and reach > _LARGEST_STRAIN and not chosen:
         raise InputFileError(grid.path, f"column '{name}' reaches {reach:g} and has no unit. Write its unit, % or -, "
                                         f"below its name, or, if it is in per cent, give {percent}", line=line)
-    sheared = re.search(r"gamma|γ|shear|schub|scher|剪切", names[quantity].lower())
+    sheared = is_angle(unit) or re.search(r"gamma|γ|shear|schub|scher|剪切", names[quantity].lower())
     if quantity == "strain" and float(column.min()) <= -1 and not sheared:
         raise InputFileError(grid.path, f"column '{name}' falls to {column.min():.4g}: at -1 nothing is left of the "
-                                        "specimen, and a shear strain is called gamma. Check its unit and that columns "
-                                        f"are not exchanged: {flag}", line=line)
+                                        "specimen, and a shear strain is called gamma. "
+                                        + ("" if unit else f"If it is in per cent, give {percent} ")
+                                        + f"Check its unit and that columns are not exchanged: {flag}", line=line)
     if not unit:
         said.append(f"column '{name}' has no unit: read as a plain ratio.")
 

@@ -11,7 +11,7 @@ from touchcal.arrays import Array
 
 # quantity -> SI unit of its column
 QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "stretch": "", "stress": "Pa",
-              "current": "A", "potential": "V", "resistance": "ohm", "conductivity": "S/m",
+              "current": "A", "potential": "V", "resistance": "ohm", "resistance_ratio": "", "conductivity": "S/m",
               "deviation": "Pa", "lateral": "", "lateral_stretch": "", "volume_ratio": "", "pressure": "Pa",
               "cycle": "", "block": ""}
 
@@ -35,6 +35,9 @@ class Recording:
     metadata: Mapping[str, str] = field(default_factory=dict)  # key -> value lines that stand above the table
     properties: Mapping[str, float] = field(default_factory=dict)  # size in the file (a key of SIZES) -> value in SI
     notes: tuple[str, ...] = ()  # what was assumed or left out, one sentence each
+    specimen: tuple[str, ...] = ()  # (n,) specimen of each row, where a column names several; else empty
+    part: str = ""  # which of several specimens in one file it is; "" where there is one
+    cautions: tuple[str, ...] = ()  # what a user of the result must know of it, one sentence each
 
     def __post_init__(self) -> None:
         if unknown := sorted(set(self.columns) - set(QUANTITIES)):
@@ -46,7 +49,8 @@ class Recording:
             columns[quantity] = np.array(values, dtype=float)
             columns[quantity].setflags(write=False)
         object.__setattr__(self, "columns", columns)
-        if len({c.shape for c in columns.values()}) != 1 or not self.paths:
+        if len({c.shape for c in columns.values()}) != 1 or not self.paths or (
+                self.specimen and len(self.specimen) != self.rows):
             raise ValueError("recording: at least one path, and columns of one length, are needed.")
 
     @property
@@ -63,6 +67,7 @@ class Recording:
 
     @property
     def label(self) -> str:
-        """Name for messages: the first file's, with the number of further parts."""
+        """Name for messages: the first file's, with the number of further parts, and the specimen in it."""
         first, *more = self.paths
-        return f"{first.name} and {len(more)} more parts" if more else first.name
+        name = f"{first.name} and {len(more)} more parts" if more else first.name
+        return f"{name} ({self.part})" if self.part else name

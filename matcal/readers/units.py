@@ -11,7 +11,7 @@ _NUMBERS = {"-", "1", "none", "mm/mm", "m/m", "in/in", "cycles", "cycle", "ratio
 # tried, in lower case, where a unit is not one as it stands: mPa is a millipascal, but Mpa is meant as MPa
 _ALIASES = {"ohms": "ohm", "seconds": "s", "sec": "s", "sec.": "s", "sek": "s", "sek.": "s", "newton": "N", "n": "N",
             "kn": "kN", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "mm.": "mm", "秒": "s", "毫米": "mm", "牛": "N",
-            "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa"}
+            "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "°": "deg"}
 # usual units -> (SI unit, factor), for which pint, which takes longer to load than most files to read, is not asked
 _PLAIN = {"s": ("s", 1.0), "sec": ("s", 1.0), "m": ("m", 1.0), "mm": ("m", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3),
           "Pa": ("Pa", 1.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6), "A": ("A", 1.0), "V": ("V", 1.0),

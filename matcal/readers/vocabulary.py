@@ -28,6 +28,7 @@ _COLUMNS = (
     ("stretch", r"stretch|lambda|λ|stretch ratio"),
     ("strain", r"(nominal |engineering |compressive |tensile |shear |axial |volumetric |volume )?strain"
                r"|eps|epsilon|ε|gamma|γ|e"
+               r"|(shear )?angle|(scher|schub|schiebungs|gleit)winkel|angle de cisaillement"
                r"|(nenn|technische )?dehnung|stauchung|(nenn)?verzerrung|scherung|deformacion|deformazione|rek"
                r"|(压缩|拉伸|剪切|工程|名义)?应变|ひずみ"),
     ("stress", r"(nominal |engineering |compressive |tensile |shear |piola |axial )?stress|sigma|σ|tau|τ|p|pk1"
@@ -38,6 +39,7 @@ _COLUMNS = (
     ("current", r"we\(1\)\.current|current|i|strom"),
     ("potential", r"we\(1\)\.potential|potential|voltage|u|v"),
     ("resistance", r"resistance|r|widerstand|电阻"),
+    ("resistance_ratio", r"r ?/ ?r ?[0o]|(relative|normali[sz]ed) resistance"),
     ("conductivity", r"conductivity|c|leitfahigkeit|电导率"),
     ("volume_ratio", r"volume ratio|volumetric ratio|j|v/v0|jacobian"),
     ("pressure", r"(hydrostatic )?pressure|压力"),

@@ -10,8 +10,6 @@ from matcal.fitting.hyperfoam.poisson import STOPPED
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
-from matcal.reduction.loading_direction import ASSUMED
-from matcal.reduction.reduced_tables import UNLOADS, UNTOUCHED
 from touchcal.number_words import percent
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
@@ -155,11 +153,9 @@ def _edge(card: MaterialCard) -> Iterator[str]:
 
 
 def _assumed(card: MaterialCard) -> Iterator[str]:
-    """What the decisions say that a reader must not pass over: a direction that nothing stated, a table that is not one
-    loading from contact on, nu at its bound."""
-    said = [sentence.partition(opening) for sentence in card.provenance.get("decisions", ())
-            for opening in (ASSUMED, UNLOADS, UNTOUCHED)]
-    yield from (f"{begin}{rest}" for _, begin, rest in said if begin)
+    """What the records themselves give to mind (a direction that nothing stated, a table that is not one loading from
+    contact on), and nu at its bound."""
+    yield from card.provenance.get("cautions", ())
     if card.hyperfoam is not None and any(STOPPED in s for s in card.provenance.get("decisions", ())):
         at = ", ".join(f"{nu:.3g}" for nu in dict.fromkeys(card.hyperfoam.nu.tolist()))
         yield (f"The fitted nu ({at}) ended on the bound of its range: the tests do not fix it, or the law cannot "

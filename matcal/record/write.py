@@ -64,7 +64,7 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
                   "synthetic": _synthetic(files, decisions), "seed": seed,
                   "date": datetime.now(UTC).isoformat(timespec="seconds"),
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
-                  "cpu_s": spent}
+                  "cautions": list(dict.fromkeys(c for e in found.experiments for c in e.cautions)), "cpu_s": spent}
     return MaterialCard("foam", law, found.prony.prony if found.prony else None,
                         found.conductivity.law if found.conductivity else None,
                         fit=summary(found, posterior.draws if posterior else None),

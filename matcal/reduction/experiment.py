@@ -37,6 +37,7 @@ class Experiment:
     # fitted courses fit_*; or cycle, loss_Pa, residual_strain, peak_stress_Pa. None where nothing is cycled
     cycles: Mapping[str, Array] | None = None
     decisions: tuple[str, ...] = ()  # every correction applied and decision taken, one sentence each, in order
+    cautions: tuple[str, ...] = ()  # what a user of the card must know of the record, one sentence each
     # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
     facts: Mapping[str, float] = field(default_factory=dict)
     files: tuple[Path, ...] = ()  # every file that was read for it, sizes included; empty for arrays

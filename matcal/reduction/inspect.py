@@ -9,10 +9,15 @@ from matcal.readers import vendors
 from matcal.readers.column_options import Selection
 from matcal.readers.detect import read
 from matcal.readers.recording import QUANTITIES, SIZES, Recording
+from matcal.readers.specimens import specimens_of
 from matcal.readers.units import si_factor
-from matcal.reduction.stroke_segments import find_stroke
+from matcal.reduction.hold_segments import find_holds
+from matcal.reduction.loading_doubts import ramp_speed
+from matcal.reduction.stroke_segments import Stroke, find_stroke
 from matcal.reduction.test_kind import decide_kind
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
+from touchcal.number_words import counted
 
 
 def inspect(path: Path | str, selection: Selection | None = None, kind: str | None = None) -> dict[str, Any]:
@@ -30,9 +35,10 @@ def inspect(path: Path | str, selection: Selection | None = None, kind: str | No
     Returns
     -------
     dict
-        JSON values: layout, files, rows, first_line, head, columns (name, unit, range in SI), specimen, clock, blocks,
-        motion, kind with the reason for it, and notes on what was decided in reading it. The `kind` of a file that
-        does not tell it is None, and the reason says what to do.
+        JSON values: layout, files, rows, first_line, specimens (rows of each, where several stand in one table), head,
+        columns (name, unit, range in SI), specimen (its sizes), clock, blocks, motion, kind with the reason for it, and
+        notes on what was decided in reading it. The `kind` of a file that does not tell it is None, and the reason says
+        what to do.
 
     Raises
     ------
@@ -48,21 +54,25 @@ def inspect(path: Path | str, selection: Selection | None = None, kind: str | No
     >>> found["layout"], found["kind"], list(found["columns"])
     ('mts_testsuite', 'uniaxial', ['displacement', 'force', 'time'])
     """
-    recording = read(path, selection)
+    whole = read(path, selection)
+    specimens = specimens_of(whole)
+    recording = specimens[0]
     out: dict[str, Any] = {"layout": recording.vendor, "files": [str(p) for p in recording.paths],
-                           "rows": recording.rows, "first_line": recording.first_line}
+                           "rows": whole.rows, "first_line": recording.first_line}
+    if len(specimens) > 1:
+        out["specimens"] = {part.part: part.rows for part in specimens}
     if recording.metadata:
         out["head"] = dict(recording.metadata)
     out["columns"] = {quantity: {"name": recording.names[quantity], "unit": recording.units[quantity] or "-",
                                  "min": float(values.min()), "max": float(values.max()),
                                  "si_unit": QUANTITIES[quantity] or "-"}
-                      for quantity, values in recording.columns.items()}
+                      for quantity, values in whole.columns.items()}
     if recording.properties:
         out["specimen"] = {f"{size}_{SIZES[size].replace('^', '')}": value
                            for size, value in recording.properties.items()}
     out |= _clock(recording) | _blocks(recording) | _motion(recording) | _kind(recording, kind)
-    if recording.notes:
-        out["notes"] = list(recording.notes)
+    if said := [*whole.notes, *recording.cautions]:
+        out["notes"] = said
     return out
 
 
@@ -95,7 +105,21 @@ def _motion(recording: Recording) -> dict[str, Any]:
         seconds = recording.columns["time"][stroke.end] - recording.columns["time"][stroke.start]
         span = stroke.travel[stroke.end] - stroke.travel[stroke.start]
         out["loading_speed_mm_per_min"] = float(span / seconds * 6e4) if seconds > 0 else None
+        out |= _holds(recording.columns["time"], stroke)
     return out
+
+
+def _holds(time: Array, stroke: Stroke) -> dict[str, Any]:
+    """How often and how long the travel is held on the way to the end of the first loading, and the speed between."""
+    if np.any(np.diff(time) < 0):
+        return {}
+    part = slice(stroke.start, stroke.end + 1)
+    held = [(a, b) for a, b in find_holds(time[part], stroke.travel[part]) if b < stroke.end - stroke.start]
+    if not held:
+        return {}
+    lengths = [float(time[part][b - 1] - time[part][a]) for a, b in held]
+    return {"holds_on_the_way": len(held), "hold_s": float(np.median(lengths)),
+            "ramp_speed_mm_per_min": 6e4 * ramp_speed(time[part], stroke.travel[part])}
 
 
 def _kind(recording: Recording, given: str | None) -> dict[str, Any]:
@@ -138,6 +162,10 @@ def print_description(path: str, found: dict[str, Any]) -> None:
 def _facts(found: dict[str, Any]) -> list[tuple[str, str]]:
     reason = found["kind_reason"]
     out = [("taken for", reason.partition(": ")[2] if found["kind"] else reason[:1].upper() + reason[1:])]
+    if "specimens" in found:
+        rows = [f"{name} ({count:,} rows)" for name, count in list(found["specimens"].items())[:8]]
+        out.append(("specimens", f"{', '.join(rows)}{' ...' if len(found['specimens']) > 8 else ''}; clock and motion "
+                                 "are those of the first"))
     if "specimen" in found:
         out.append(("specimen", ", ".join(_size(name, value) for name, value in found["specimen"].items())))
     if "duration_s" in found:
@@ -152,6 +180,10 @@ def _facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         out.append(("motion", f"{found['largest_travel_mm']:.4g} mm of travel"
                               f"{f' at {speed:.3g} mm/min' if speed else ''}, {found['loadings']} "
                               f"loading{'s' if found['loadings'] != 1 else ''}"))
+        if "holds_on_the_way" in found:
+            held = counted(found["holds_on_the_way"], "time")
+            out.append(("", f"no steady loading: held {held} on the way, for some {found['hold_s']:.3g} s, and at "
+                            f"{found['ramp_speed_mm_per_min']:.3g} mm/min between"))
     elif "motion" in found:
         out.append(("motion", found["motion"]))
     head = [f"{key}: {value}" for key, value in found.get("head", {}).items()]

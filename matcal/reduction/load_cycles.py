@@ -27,6 +27,7 @@ class Loading:
     facts: Mapping[str, float]  # its numbers
     # one row a cycle where the test has several: cycle, peak_stress_Pa, loss_Pa, residual_strain; else None
     cycles: Mapping[str, Array] | None = None
+    cautions: tuple[str, ...] = ()  # what is to be minded of it
     from_rest: bool = True  # whether it begins without stress
 
 

@@ -3,12 +3,15 @@
 Of a cyclic test one loading is kept, the last or the first; preconditioning is the user's choice, never an accident.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from matcal.readers.recording import Recording
 from matcal.reduction.contact_point import Contact, find_contact
 from matcal.reduction.load_cycles import BRANCHES, Loading, one_loading
 from matcal.reduction.loading_direction import SIGNS, named_direction, words_about
+from matcal.reduction.loading_doubts import collapse, collapse_sentence
 from matcal.reduction.size_checks import check_reach, check_sizes, fix_of_sizes
 from matcal.reduction.specimen import Block
 from matcal.reduction.stroke_segments import Stroke, find_stroke
@@ -31,7 +34,8 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     stroke = _stroke(recording)
     force, time = recording.columns["force"], recording.columns.get("time")
     noise = sample_noise(force)
-    load_sign = 1.0 if force[stroke.end] > np.median(force[:max(stroke.start, 1)]) else -1.0
+    load_sign = _load_sign(stroke, force)
+    stroke, broken = (stroke, ()) if kind == "relaxation" else _until_collapse(recording, stroke, load_sign * force)
     sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
     notes = [*recording.notes, *block.notes, *why, _start_sentence(recording, stroke)]
     _check_touch(recording, stroke, load_sign * force, noise)
@@ -60,7 +64,7 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     whole = Loading(time_s=None if time is None else time[first:] - _contact_time(time, moved, first, contact.travel_m),
                     strain=sign * (moved[first:] - contact.travel_m) / block.length_m,
                     stress_Pa=sign * (load[first:] - contact.zero_N) / block.area_m2, end=stroke.end - first,
-                    noise_Pa=noise / block.area_m2, decisions=tuple(notes), facts=facts)
+                    noise_Pa=noise / block.area_m2, decisions=tuple(notes), facts=facts, cautions=broken)
     spans = tuple((max(begin - first, 0), end - first) for begin, end in stroke.spans)
     return whole if kind == "relaxation" else one_loading(whole, spans, branch, block.length_m)
 
@@ -77,6 +81,27 @@ def _stroke(recording: Recording) -> Stroke:
         return find_stroke(recording.columns["displacement"])
     except ValueError as error:
         raise InputFileError(path, f"{error}, so there is no test in it.") from None
+
+
+def _load_sign(stroke: Stroke, force: Array) -> float:
+    """1 where the load grows in the loading, -1 where it falls, by its largest change."""
+    change = force[stroke.start:stroke.end + 1] - np.median(force[:max(stroke.start, 1)])
+    size = max(1, change.size // 50)
+    mean = block_means(change, np.arange(0, change.size + 1, size))
+    return 1.0 if mean[int(np.argmax(np.abs(mean)))] > 0 else -1.0
+
+
+def _until_collapse(recording: Recording, stroke: Stroke, load: Array) -> tuple[Stroke, tuple[str, ...]]:
+    """The stroke whose first loading ends at its largest load, where the load falls to nothing before the travel does;
+    what is said of it."""
+    part = slice(stroke.start, stroke.end + 1)
+    top = collapse(stroke.travel[part], load[part] - float(np.median(load[:max(stroke.start, 1)])))
+    if top is None or stroke.loadings > 1:
+        return stroke, ()
+    end = stroke.start + top
+    said = collapse_sentence(recording.label, f"{1e3 * stroke.travel[end]:.4g} mm",
+                             f"{1e3 * stroke.travel[stroke.end]:.4g} mm")
+    return replace(stroke, end=end, spans=((stroke.start, end),)), (said,)
 
 
 def _check_touch(recording: Recording, stroke: Stroke, load: Array, noise: float) -> None:
@@ -170,7 +195,7 @@ def _direction(kind: str, recording: Recording, block: Block, sign: float,
         return 1.0, ()
     if kind == "volumetric":
         return -1.0, ("Compression, as every volumetric test.",)
-    named = named_direction(words_about(recording))
+    named = named_direction(words_about(recording)) or named_direction([*recording.names.values()])
     if block.direction is not None:
         return SIGNS[block.direction], (f"{block.direction.capitalize()}, as the specimen says.",)
     if named is not None:

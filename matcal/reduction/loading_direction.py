@@ -10,10 +10,9 @@ from touchcal.arrays import Array
 
 DIRECTIONS = ("compression", "tension")
 SIGNS = {"compression": -1.0, "tension": 1.0}
-# how the sentence begins that says that a direction was assumed; `matcal.record.cautions` repeats it
-ASSUMED = "Nothing tells compression from tension"
-_WORDS = {"compression": r"compres|druck|stauch|schiacc|\buc\b|压缩|圧縮",
-          "tension": r"tension|tensile|stretch|\bzug|zugvers|traction|tracci|trazione|\but\b|拉伸|引張"}
+_WORDS = {"compression": r"\bcomp\b|\bcompr|(?<!aus)druck(?!er|sensor)|stauch|schiacc|\buc\b|压缩|圧縮",
+          "tension": r"\btension|\btensile|\bstretch(?!er)|\bzug|zugvers|\btraction|\btracci|\btrazione|\but\b"
+                     r"|拉伸|引張"}
 
 
 def named_direction(texts: Sequence[str]) -> str | None:

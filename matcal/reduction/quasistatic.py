@@ -5,6 +5,7 @@ import numpy as np
 from matcal.readers.recording import Recording
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.load_frame import FEW_ROWS, correct
+from matcal.reduction.loading_doubts import hold_doubts
 from matcal.reduction.specimen import Block
 from matcal.statistics.block_means import block_means, equal_blocks
 from touchcal.errors import InputFileError
@@ -28,6 +29,8 @@ def reduce_quasistatic(kind: str, recording: Recording, block: Block, branch: st
     if strain.size < _FEWEST:
         raise InputFileError(recording.paths[0], f"only {strain.size} samples lie in the loading from contact on; "
                                                  f"{_FEWEST} are needed. Give more of them. {FEW_ROWS}")
+    time = None if record.time_s is None else record.time_s[:record.end + 1]
+    warned = (*record.cautions, *hold_doubts(recording.label, time, strain, stress))
     toe = int(np.argmax(np.abs(strain) >= _TOE_STRAIN)) if record.from_rest else 0
     edges = toe + equal_blocks(strain.size - toe, _POINTS)
     size = int(edges[1] - edges[0])
@@ -40,5 +43,5 @@ def reduce_quasistatic(kind: str, recording: Recording, block: Block, branch: st
     said = (f"{left}{'means' if left else 'Means'} of {size} samples, {e.size - len(rest)} points.",)
     return Experiment(kind=kind, strain=e, value=p, time_s=time, source=tuple(p.name for p in recording.paths),
                       noise=block.mean_share * record.noise_Pa / np.sqrt(size), cycles=record.cycles,
-                      decisions=record.decisions + said,
+                      decisions=record.decisions + said, cautions=warned,
                       facts={**record.facts, "samples_per_point": float(size)})

@@ -9,17 +9,21 @@ from typing import Any
 from matcal.readers.column_options import Selection, parse_selection, selections_of
 from matcal.readers.detect import files_of, read
 from matcal.readers.recording import Recording
+from matcal.readers.specimens import specimens_of
 from matcal.readers.test_inputs import Input, inputs_of
 from matcal.reduction.experiment import Experiment
+from matcal.reduction.kind_doubts import doubts
 from matcal.reduction.load_cycles import BRANCHES
+from matcal.reduction.measured_twice import best_measures, is_table, needs_no_size
 from matcal.reduction.reduced_tables import reduce_table
 from matcal.reduction.replicates import with_scatter
 from matcal.reduction.specimen import Block, Strip
-from matcal.reduction.specimen_sizes import specimen_of
+from matcal.reduction.specimen_sizes import specimen_of, stated_direction
 from matcal.reduction.test_kind import decide_kind
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
+_FEWEST = 30  # rows from which on a conductivity test with a clock is a record and not a table
 # tests as a user gives them, one or several: what `inputs_of` takes, and experiments
 Given = str | Path | Mapping[str, Any] | Experiment
 
@@ -82,7 +86,9 @@ def read_test(test: Given, specimen: Path | str | None = None, *, columns: Seque
     chosen = selections_of(tests, [parse_selection(text) for text in columns])
     experiments = read_and_reduce(tests, specimen, chosen, branch).experiments
     if len(experiments) != 1:
-        raise ValueError(f"read_test reads one test, got {len(experiments)}. Call it once for each.")
+        why = (" in one file, one specimen each. Give each a file of its own" if len(tests) == 1 else
+               ". Call it once for each")
+        raise ValueError(f"read_test reads one test, got {len(experiments)}{why}.")
     return experiments[0]
 
 
@@ -125,14 +131,18 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
         if len(key) > len(sources) and part in seen:
             continue
         seen.add(part)
-        experiment, files = _reduce(kind, recordings, sizes, branch)
+        specimens = [[one] for one in specimens_of(recordings[0])] if len(recordings) == 1 else [recordings]
+        reduced = [_reduce(kind, specimen, sizes, branch) for specimen in specimens]
         if own:
             content = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in key)
-            _refuse_twice(contents.get(content), recordings[0], experiment, chosen)
-            contents.setdefault(content, (recordings[0], experiment, chosen))
-        more = [*_sidecars(recordings), *files]
+            _refuse_twice(contents.get(content), recordings[0], reduced[0][0], chosen)
+            contents.setdefault(content, (recordings[0], reduced[0][0], chosen))
+        more = [*_sidecars(recordings), *(file for _, used in reduced for file in used)]
         layout = ", ".join(dict.fromkeys(recording.vendor for recording in recordings)) if own else ""
-        out.append(replace(experiment, files=tuple(dict.fromkeys([*own, *more])), layout=layout))
+        files = tuple(dict.fromkeys([*own, *more]))
+        out += [replace(experiment, files=files, layout=layout,
+                        cautions=(*(said for one in specimen for said in one.cautions), *experiment.cautions))
+                for specimen, (experiment, _) in zip(specimens, reduced, strict=True)]
         also_read += more
     return Reduced(with_scatter(out), tuple(dict.fromkeys(given)), tuple(dict.fromkeys(also_read)))
 
@@ -172,38 +182,67 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
         raise ValueError(f"{', '.join(r.label for r in recordings)}: these are {len(recordings)} recordings, but a "
                          f"{kind} test takes {'two' if kind == 'conductivity' else 'one'}. Give each "
                          "replicate as a test of its own.")
-    if len(recordings) == 1 and _is_reduced(first):
+    doubted = doubts(kind, first)
+    made, files = _of_kind(kind, recordings, why, specimen, branch)
+    return replace(made, cautions=(*doubted, *made.cautions)), files
+
+
+def _of_kind(kind: str, recordings: list[Recording], why: str, specimen: Path | None,
+             branch: str) -> tuple[Experiment, tuple[Path, ...]]:
+    first = recordings[0]
+    if kind == "conductivity":
+        return _conductivity(recordings, why, specimen)
+    direction = stated_direction(kind, first, specimen)
+    if is_table(first):
         unused = () if specimen is None else (
             f"{first.label} holds strain and its value already: no size of {specimen.name} was needed.",)
-        return _said(reduce_table(kind, first), why, *unused), ()
-    sizes, where, files = specimen_of(kind, first, specimen)
+        return _said(reduce_table(kind, first, direction), why, *unused), ()
+    sizes, where, files = specimen_of(kind, first, specimen, needed=not needs_no_size(first))
+    assert not isinstance(sizes, Strip)
     try:
-        made = _by_protocol(kind, recordings, sizes, branch)
-        area = sizes.ring_area_m2 if isinstance(sizes, Strip) else sizes.area_m2
-        facts = {"specimen_area_mm2": 1e6 * area, "specimen_length_mm": 1e3 * sizes.length_m, **made.facts}
-        return _said(replace(made, facts=facts), why, *where), files
+        used = best_measures(first, sizes or Block(0.0, 0.0, direction=direction))
+        made = _by_protocol(kind, used.recording, used.block, branch)
     except InputFileError:
         raise
     except ValueError as error:
-        raise InputFileError(first.paths[0], f"it cannot be reduced as {kind}: {str(error).rstrip('.')}.") from error
+        raise _unreduced(first, kind, error) from error
+    known = {} if sizes is None else {"specimen_area_mm2": 1e6 * sizes.area_m2,
+                                      "specimen_length_mm": 1e3 * sizes.length_m}
+    return _said(replace(made, facts={**known, **made.facts}, cautions=(*used.cautions, *made.cautions)), why, *where,
+                 *used.decisions), files
 
 
-def _is_reduced(recording: Recording) -> bool:
-    return not {"displacement", "current"} & set(recording.columns)
+def _conductivity(recordings: list[Recording], why: str, specimen: Path | None) -> tuple[Experiment, tuple[Path, ...]]:
+    from matcal.reduction.electric.strip_conductivity import reduce_rows, reduce_stretch
+
+    first = recordings[0]
+    if len(recordings) == 1 and "conductivity" in first.columns and {"strain", "stretch"} & set(first.columns):
+        return _said(reduce_table("conductivity", first, stated_direction("conductivity", first, specimen)), why), ()
+    sizes, where, files = specimen_of("conductivity", first, specimen)
+    assert isinstance(sizes, Strip)
+    try:
+        rows = len(recordings) == 1 and ("time" not in first.columns or first.rows < _FEWEST)
+        made = reduce_rows(first, sizes) if rows else reduce_stretch(recordings, sizes)
+    except InputFileError:
+        raise
+    except ValueError as error:
+        raise _unreduced(first, "conductivity", error) from error
+    facts = {"specimen_area_mm2": 1e6 * sizes.ring_area_m2, "specimen_length_mm": 1e3 * sizes.length_m, **made.facts}
+    return _said(replace(made, facts=facts), why, *where), files
 
 
-def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip, branch: str) -> Experiment:
-    if isinstance(sizes, Strip):
-        from matcal.reduction.strip_conductivity import reduce_stretch
+def _unreduced(recording: Recording, kind: str, error: ValueError) -> InputFileError:
+    return InputFileError(recording.paths[0], f"it cannot be reduced as {kind}: {str(error).rstrip('.')}.")
 
-        return reduce_stretch(recordings, sizes)
+
+def _by_protocol(kind: str, recording: Recording, block: Block, branch: str) -> Experiment:
     if kind == "relaxation":
         from matcal.reduction.stress_relaxation import reduce_relaxation
 
-        return reduce_relaxation(recordings[0], sizes)
+        return reduce_relaxation(recording, block)
     from matcal.reduction.quasistatic import reduce_quasistatic
 
-    return reduce_quasistatic(kind, recordings[0], sizes, branch)
+    return reduce_quasistatic(kind, recording, block, branch)
 
 
 def _said(experiment: Experiment, *sentences: str) -> Experiment:

@@ -1,6 +1,7 @@
 """Tables that are reduced already: strain with nominal stress, J with pressure, or strain with conductivity."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,29 +9,33 @@ from matcal.readers.recording import Recording
 from matcal.readers.vocabulary import quantity_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import held_samples
-from matcal.reduction.loading_direction import ASSUMED, densifies, named_direction, words_about
+from matcal.reduction.loading_direction import densifies, named_direction, words_about
+from matcal.reduction.loading_doubts import collapse, collapse_sentence, hold_doubts, loading_doubts
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
+_SIGNED = 0.02  # share of the largest strain, below 0, from which on a table counts compression as negative
 _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another unit
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
-# how the sentences begin on tables that hold more than one loading from contact; `matcal.record.cautions` repeats them
-UNLOADS, UNTOUCHED = "The strain turns back", "No load is carried"
-# share of the largest strain to which unloading falls; strain at which a curve's early stress is read, share of it that
-# shows contact, and strain before which a specimen should be touched
-_UNLOADED, _EARLY, _TOUCHED, _GAP = 0.7, 0.1, 0.1, 0.03
 
 
-def reduce_table(kind: str, recording: Recording) -> Experiment:
-    """The table as it stands, stretch turned into strain, pressure into mean stress, compression made negative.
-    InputFileError where a column is missing or constant, signs disagree, or a number cannot be what its column says."""
-    notes = list(recording.notes)
+def reduce_table(kind: str, recording: Recording, direction: str | None = None) -> Experiment:
+    """The table as it stands, stretch turned into strain, pressure into mean stress, compression made negative;
+    `direction` is what the specimen's file says of it. InputFileError where a column is missing or constant, signs
+    disagree, or a number cannot be what its column says."""
+    notes, cautions = list(recording.notes), list[str]()
+    if kind in (*_FREE_FACES, "shear"):
+        recording = _until_collapse(recording, cautions)
     strain, value = (_volumetric if kind == "volumetric" else _strain_and_value)(kind, recording, notes)
     _check(kind, recording, strain, value)
-    if kind in (*_FREE_FACES, "relaxation"):
-        strain, value = _compression_negative(kind, recording, strain, value, notes)
+    if kind in (*_FREE_FACES, "relaxation", "conductivity"):
+        strain, value = _compression_negative(kind, recording, strain, value, direction, notes, cautions)
+    _check_range(kind, recording, strain)
     if kind in (*_FREE_FACES, "shear"):
-        notes += _loading_doubts(recording, strain, value)
+        cautions += loading_doubts(recording.label, strain, value)
+        most = int(np.argmax(np.abs(strain))) + 1
+        time = recording.columns.get("time")
+        cautions += hold_doubts(recording.label, None if time is None else time[:most], strain[:most], value[:most])
     time = recording.columns.get("time")
     if time is not None and np.any(np.diff(time) <= 0):
         raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
@@ -38,7 +43,22 @@ def reduce_table(kind: str, recording: Recording) -> Experiment:
     held = held_samples(time, strain) if kind == "relaxation" and time is not None else None
     return Experiment(kind=kind, strain=strain, value=value, time_s=time, deviation=deviation, held=held,
                       lateral=_lateral(recording, strain, notes) if kind in _FREE_FACES else None,
-                      source=tuple(p.name for p in recording.paths), decisions=tuple(notes))
+                      source=tuple(p.name for p in recording.paths), decisions=tuple(notes), cautions=tuple(cautions))
+
+
+def _until_collapse(recording: Recording, cautions: list[str]) -> Recording:
+    """The rows up to the largest stress, where it falls to nothing afterwards while the strain still grows."""
+    columns = recording.columns
+    strain = columns.get("strain", columns["stretch"] - 1 if "stretch" in columns else None)
+    if strain is None or "stress" not in columns:
+        return recording
+    most = int(np.argmax(np.abs(strain)))
+    side, turned = (np.sign(x[int(np.argmax(np.abs(x)))]) for x in (strain, columns["stress"]))
+    top = collapse(side * strain[:most + 1], turned * columns["stress"][:most + 1])
+    if top is None:
+        return recording
+    cautions.append(collapse_sentence(recording.label, f"a strain of {strain[top]:.3g}", f"{strain[most]:.3g}"))
+    return replace(recording, columns={q: column[:top + 1] for q, column in columns.items()})
 
 
 def _strain_and_value(kind: str, recording: Recording, notes: list[str]) -> tuple[Array, Array]:
@@ -88,10 +108,6 @@ def _check(kind: str, recording: Recording, strain: Array, value: Array) -> None
         raise _error(recording, f"{what} is {strain[0]:g} in every row. Give the whole test, or choose another column.")
     if not np.any(value) or (kind not in ("conductivity", "relaxation") and np.ptp(value) == 0):
         raise _error(recording, f"the measured value is {value[0]:g} in every row. Choose another column.")
-    lowest = {"shear": -np.inf, "volumetric": 0.0}.get(kind, -1.0)
-    if strain.min() <= lowest or np.abs(strain).max() > _LARGEST_STRAIN:
-        worst = strain[int(np.argmax(np.abs(strain)))] if strain.min() > lowest else strain.min()
-        raise _error(recording, f"{what} = {worst:g} is not possible. Are two columns swapped, or is it a percentage?")
     rest = 1.0 if kind == "volumetric" else 0.0
     if kind not in ("conductivity",) and float((strain - rest) @ value) < 0:
         raise _error(recording, f"{what} and stress have opposite signs. Give compression as negative in both columns.")
@@ -99,50 +115,41 @@ def _check(kind: str, recording: Recording, strain: Array, value: Array) -> None
         raise _error(recording, f"a conductivity of {value.min():g} S/m is not possible. Are two columns swapped?")
 
 
-def _compression_negative(kind: str, recording: Recording, strain: Array, stress: Array,
-                          notes: list[str]) -> tuple[Array, Array]:
-    """Strain and stress with compression negative; a table that calls itself compression may count it positive."""
-    if np.any(strain < 0):
+def _check_range(kind: str, recording: Recording, strain: Array) -> None:
+    what = {"shear": "gamma", "volumetric": "J"}.get(kind, "strain")
+    lowest = {"shear": -np.inf, "volumetric": 0.0}.get(kind, -1.0)
+    if strain.min() <= lowest or np.abs(strain).max() > _LARGEST_STRAIN:
+        worst = strain[int(np.argmax(np.abs(strain)))] if strain.min() > lowest else strain.min()
+        share = "" if "strain" not in recording.names or recording.units.get("strain") == "%" else (
+            f" In per cent it is given with --columns strain={recording.names['strain']}:%")
+        raise _error(recording, f"{what} = {worst:g} is not possible. Are two columns swapped, or is it a percentage?"
+                                f"{share}")
+
+
+def _compression_negative(kind: str, recording: Recording, strain: Array, stress: Array, direction: str | None,
+                          notes: list[str], cautions: list[str]) -> tuple[Array, Array]:
+    """Strain and stress with compression negative; a table of compression may count it positive."""
+    if strain.min() < -_SIGNED * np.abs(strain).max():
         return strain, stress
-    named = named_direction([*words_about(recording), *recording.names.values()])
+    named = direction or named_direction(words_about(recording)) or named_direction([*recording.names.values()])
+    by = "as the specimen's file says" if direction else "by its name"
     if named == "compression":
-        notes.append("Compression by its name and counted positive: both signs turned.")
-        return -strain, -stress
+        notes.append(f"Compression, {by}, and counted positive: the sign is turned.")
+        return -strain, stress if kind == "conductivity" else -stress
     if named == "tension":
-        notes.append("Tension, by its name.")
+        notes.append(f"Tension, {by}.")
     elif "strain" not in recording.columns:
         notes.append("Tension, as the stretch is above 1.")
-    elif kind in ("uniaxial", "relaxation"):
-        shape = " Its slope falls and then rises, as that of foam does in compression." if densifies(
-            strain, stress) else ""
-        notes.append(f"{ASSUMED} in {recording.label}: its strain is positive and was read as tension.{shape} If it is "
-                     "compression, write compression in the name of the file or of a column, or make strain and "
-                     "stress negative.")
+    elif kind in ("uniaxial", "relaxation", "conductivity"):
+        shape = " Its slope falls and then rises, as that of foam does in compression." if (
+            kind != "conductivity" and densifies(strain, stress)) else ""
+        cautions.append(f"Nothing tells compression from tension in {recording.label}: its strain is positive and was "
+                        f"read as tension.{shape} If it is compression, write compression in the name of the file or "
+                        f"of a column, or direction = \"compression\" below [{kind}] of the specimen file, or make "
+                        f"{'strain' if kind == 'conductivity' else 'strain and stress'} negative.")
     else:
         notes.append(f"Its strain is positive and was read as tension, as a sheet in a {kind} test is pulled.")
     return strain, stress
-
-
-def _loading_doubts(recording: Recording, strain: Array, stress: Array) -> list[str]:
-    """What makes a table other than one loading from contact on: unloading, and strain before the stress begins."""
-    out, side = [], np.sign(strain[int(np.argmax(np.abs(strain)))])
-    size = side * strain
-    peak = int(np.argmax(size))
-    rising, falling = size[:peak + 1], size[peak:]
-    gradual = -np.diff(size).min() < (1 - _UNLOADED) * size[peak]  # else another loading follows
-    if max(rising.min(), falling.min()) < _UNLOADED * size[peak] and gradual:
-        out.append(f"{UNLOADS} in {recording.label} after its largest: loading and unloading are fitted as one curve. "
-                   "Keep the rows of one loading, or give displacement and force, of which the last loading is taken.")
-    order = np.argsort(rising, kind="stable")
-    early, load = rising[order], side * stress[:peak + 1][order]
-    if early[0] < _GAP and early[-1] > 1.5 * _EARLY:
-        within = early <= _EARLY
-        touched = load[within] > _TOUCHED * float(np.interp(_EARLY, early, load))
-        if touched.any() and (start := float(early[within][int(np.argmax(touched))])) > _GAP:
-            out.append(f"{UNTOUCHED} in {recording.label} up to a strain of {side * start:.3f}, and a table's strain "
-                       "is taken as it stands. Count it from contact, or give displacement and force, in which "
-                       "contact is found.")
-    return out
 
 
 def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | None:

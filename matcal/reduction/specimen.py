@@ -21,7 +21,8 @@ _DISC = {"area_mm2", "diameter_mm", "width_mm", "depth_mm", "height_mm", "compli
 SECTIONS = (("area_mm2",), ("diameter_mm",), ("width_mm", "depth_mm"))
 # Least and largest value of a key, in its unit: 1 um to 10 m; below the least only 0 where it may be left out.
 _OF_UNITS = {"mm": (1e-3, 1e4), "mm2": (1e-6, 1e8), "mm3": (1e-9, 1e12), "um": (1e-3, 1e5),
-             "mm_per_N": (0.0, 1e3), "N": (0.0, 1e7), "V": (1e-9, 1e5), "ratio": (0.0, 1.0)}
+             "mm_per_N": (0.0, 1e3), "N": (0.0, 1e7), "V": (1e-9, 1e5), "ratio": (0.0, 1.0),
+             "Ohm": (1e-9, 1e15)}
 MOST_FACES = 100
 SAME = 0.01  # areas that differ by less are one
 # table -> keys it may hold
@@ -33,7 +34,8 @@ KEYS = {
     "volumetric": {"method", "diameter_mm", "width_mm", "depth_mm", "height_mm", "lateral_ratio", "piston_diameter_mm",
                    "volume_mm3", "compliance_mm_per_N", "preload_N"},
     "shear": {"area_mm2", "faces", "length_mm", "width_mm", "thickness_mm", "compliance_mm_per_N"},
-    "conductivity": {"length_mm", "width_mm", "thickness_mm", "coating_um", "voltage_V"},
+    "conductivity": {"length_mm", "width_mm", "thickness_mm", "coating_um", "area_mm2", "voltage_V", "direction",
+                     "rest_resistance_Ohm"},
 }
 
 
@@ -52,11 +54,16 @@ class Block:
 
 @dataclass(frozen=True)
 class Strip:
-    """A coated strip under voltage."""
+    """A coated strip, or a block that conducts throughout, under voltage."""
 
     length_m: float  # length between the electrodes, m
-    ring_area_m2: float  # cross-section of the coating ring, m2: 2 (width + thickness) x coating, of constant thickness
+    # cross-section that conducts, kept as the strip is strained, m2: of a coating ring 2 (width + thickness) x coating,
+    # of a block its area
+    ring_area_m2: float
     voltage_V: float | None = None  # applied voltage, V; None where the potentiostat's own column is to be used
+    direction: str | None = None  # one of DIRECTIONS, or None where the files must tell
+    rest_resistance_Ohm: float | None = None  # resistance at rest, Ohm, that a relative one refers to
+    coated: bool = True  # whether the area is that of a coating ring
 
 
 def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
@@ -82,8 +89,7 @@ def make_specimen(kind: str, table: Mapping[str, Any], path: Path) -> Block | St
         return _size(table, key, default, kind, path)
 
     if kind == "conductivity":
-        ring = 2 * (size("width_mm") + size("thickness_mm")) * 1e-3 * size("coating_um") * 1e-6
-        return Strip(size("length_mm") * 1e-3, ring, size("voltage_V") if "voltage_V" in table else None)
+        return _strip(table, size, path)
     compliance, preload = size("compliance_mm_per_N", 0.0) * 1e-3, size("preload_N", 0.0)
     if kind == "shear":
         faces = ("faces", "length_mm", "width_mm")
@@ -91,14 +97,33 @@ def make_specimen(kind: str, table: Mapping[str, Any], path: Path) -> Block | St
         return Block(area, size("thickness_mm") * 1e-3, compliance)
     if kind == "volumetric":
         return _volume(table, size, compliance, preload, path)
-    direction = table.get("direction")
-    if direction not in (None, *DIRECTIONS):
-        raise InputFileError(path, f"[{kind}] direction '{direction}' is unknown; known: {', '.join(DIRECTIONS)}.")
+    direction = known_direction(table["direction"], kind, path) if "direction" in table else None
     if kind in ("biaxial", "planar"):
         return sheet(kind, size("length_mm") * 1e-3, size("width_mm") * 1e-3, size("thickness_mm") * 1e-3, compliance,
                      preload, direction)
     return Block(_same_area(table, size, SECTIONS, kind, path), size("height_mm") * 1e-3, compliance, preload,
                  direction)
+
+
+def _strip(table: Mapping[str, Any], size: Callable[..., float], path: Path) -> Strip:
+    """A coated strip, or a block with `area_mm2`; InputFileError where both are given."""
+    ring = {"width_mm", "thickness_mm", "coating_um"} & set(table)
+    if "area_mm2" in table and ring:
+        raise InputFileError(path, f"[conductivity] gives area_mm2, of a block that conducts throughout, and "
+                                   f"{sorted(ring)[0]}, of a coated strip. Leave one of them out.")
+    area = (size("area_mm2") * 1e-6 if "area_mm2" in table else
+            2 * (size("width_mm") + size("thickness_mm")) * 1e-3 * size("coating_um") * 1e-6)
+    direction = known_direction(table["direction"], "conductivity", path) if "direction" in table else None
+    known = {key: size(key) for key in ("voltage_V", "rest_resistance_Ohm") if key in table}
+    return Strip(size("length_mm") * 1e-3, area, known.get("voltage_V"), direction, known.get("rest_resistance_Ohm"),
+                 "area_mm2" not in table)
+
+
+def known_direction(direction: Any, kind: str, path: Path) -> str:
+    """The direction, one of DIRECTIONS; InputFileError for any other."""
+    if direction not in DIRECTIONS:
+        raise InputFileError(path, f"[{kind}] direction '{direction}' is unknown; known: {', '.join(DIRECTIONS)}.")
+    return str(direction)
 
 
 def sheet(kind: str, length_m: float, width_m: float, thickness_m: float, compliance_m_per_N: float = 0.0,

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from matcal.readers.recording import Recording
-from matcal.reduction.specimen import KEYS, SAME, SECTIONS, Block, Strip, make_specimen, read_tables
+from matcal.reduction.specimen import KEYS, SAME, SECTIONS, Block, Strip, known_direction, make_specimen, read_tables
 from touchcal.errors import InputFileError
 
 # kind -> size that a file may state -> key of that kind's table; of several for one key the first counts
@@ -19,9 +19,10 @@ _SECTION = {**dict.fromkeys(("uniaxial", "relaxation"), frozenset(key for way in
             "shear": frozenset(("area_mm2", "faces", "length_mm", "width_mm"))}
 
 
-def specimen_of(kind: str, recording: Recording,
-                given: Path | None) -> tuple[Block | Strip, tuple[str, ...], tuple[Path, ...]]:
-    """Sizes for `kind`, sentences that say where they are from, and the files that were used.
+def specimen_of(kind: str, recording: Recording, given: Path | None, *,
+                needed: bool = True) -> tuple[Block | Strip | None, tuple[str, ...], tuple[Path, ...]]:
+    """Sizes for `kind`, sentences that say where they are from, and the files that were used; None where they are not
+    `needed` and nothing states a whole specimen.
 
     `given` comes first, and a file that states other sizes is mentioned; without it a TOML of the file's name, else
     specimen.toml next to it, where the two must agree. A table that lacks a size is completed by the file's own, and
@@ -29,6 +30,11 @@ def specimen_of(kind: str, recording: Recording,
     """
     own, path = own_table(kind, recording.properties), recording.paths[0]
     toml, table = _table(kind, path, given)
+    if not needed and not set(table or {}) - {"direction"}:
+        try:
+            return make_specimen(kind, own, path), (_by_its_own(recording, kind, given),), ()
+        except InputFileError:
+            return None, (), () if toml is None else (toml,)
     if table is None:
         return _own_alone(kind, recording, own, given)
     assert toml is not None
@@ -50,6 +56,13 @@ def specimen_of(kind: str, recording: Recording,
     elif own and not differing:
         said += " and agrees with what the file itself states"
     return sizes, (f"{said}.", *((f"{differing}.",) if differing else ())), (toml,)
+
+
+def stated_direction(kind: str, recording: Recording, given: Path | None) -> str | None:
+    """The direction that the specimen's table of `kind` states, one of DIRECTIONS; None where it states none."""
+    toml, table = _table(kind, recording.paths[0], given)
+    direction = (table or {}).get("direction")
+    return None if direction is None or toml is None else known_direction(direction, kind, toml)
 
 
 def own_table(kind: str, sizes: Mapping[str, float]) -> dict[str, float]:
@@ -89,8 +102,12 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
                                    f"and {path.with_suffix('.toml')} or {path.parent / 'specimen.toml'} has no table "
                                    f"[{kind}]. Give --specimen specimen.toml with {_needed(kind)} below [{kind}]."
                              ) from None
+    return sizes, (_by_its_own(recording, kind, given),), ()
+
+
+def _by_its_own(recording: Recording, kind: str, given: Path | None) -> str:
     missing = f"; {given.name} has no table [{kind}]" if given is not None else ""
-    return sizes, (f"Specimen from the file's own sizes: {_words(recording.properties)}{missing}.",), ()
+    return f"Specimen from the file's own sizes: {_words(recording.properties)}{missing}."
 
 
 def _needed(kind: str) -> str:

@@ -15,7 +15,7 @@ _WORDS = (
     ("conductivity", r"conductiv|resistiv|resistance|coated|leitf[äa]hig|widerstand|电阻|电导"),
     ("planar", r"planar|pure shear|平面"), ("shear", r"shear|\bss\b|scher|schub|cisaill|cizall|taglio|剪切|せん断"),
     ("biaxial", r"biax|zweiachs|双轴"), ("volumetric", r"volumetr|hydrostat|体积|静水"),
-    ("uniaxial", r"uniax|compres|tension|tensile|\buc\b|\but\b|einachs|druckvers|druckfest|stauch|zugvers"
+    ("uniaxial", r"uniax|\bcompres|\btension|\btensile|\buc\b|\but\b|einachs|druckvers|druckfest|stauch|zugvers"
                  r"|\bzug\b|\bdruck\b|traction|tracci[óo]n|trazione|单轴|压缩|拉伸|圧縮|引張"),
 )
 
@@ -42,7 +42,9 @@ def _stated_by(recording: Recording) -> tuple[str, str] | None:
     sidecar = path.with_suffix(".toml")
     if sidecar.exists() and "kind" in (table := read_toml(sidecar)):
         return _known(str(table["kind"]), str(sidecar)), f"{recording.label}: {table['kind']}, from {sidecar.name}."
-    if {"current", "conductivity"} & set(recording.columns):
+    electric = {"resistance", "resistance_ratio"} & set(recording.columns)
+    if {"current", "conductivity"} & set(recording.columns) or (
+            electric and not {"force", "stress", "pressure"} & set(recording.columns)):
         return "conductivity", f"{recording.label}: conductivity, from its columns."
     if {"volume_ratio", "pressure"} & set(recording.columns) and "displacement" not in recording.columns:
         return "volumetric", f"{recording.label}: volumetric, from its columns."
@@ -52,6 +54,12 @@ def _stated_by(recording: Recording) -> tuple[str, str] | None:
     if recording.vendor == "mts_793" and (kind := _from_words(path.absolute().parent.name)) is not None:
         return kind, f"{recording.label}: {kind}, from the name of its folder, '{path.absolute().parent.name}'."
     return None
+
+
+def named_kind(recording: Recording) -> str | None:
+    """The kind that the lines above a recording's table, or its file's name, name; None where they name none."""
+    texts = [*(value for _, value in recording.titles), recording.paths[0].stem]
+    return next((kind for text in texts if (kind := _from_words(text)) is not None), None)
 
 
 def _known(kind: str, where: str) -> str:

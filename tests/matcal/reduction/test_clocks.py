@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from matcal.reduction.clock_alignment import Shift, combined, shift_by_break, shift_by_motion
+from matcal.reduction.electric.clock_alignment import Shift, combined, shift_by_break, shift_by_motion
 
 FRAME = np.arange(0, 400, 0.1)
 SHIFT = 1234.567

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from matcal.reduction.clock_alignment import Shift, shift_with_backlash, with_backlash
-from matcal.reduction.cyclic_resistance import (
+from matcal.reduction.electric.clock_alignment import Shift, shift_with_backlash, with_backlash
+from matcal.reduction.electric.cyclic_resistance import (
     Turns,
     cycle_table,
     fit_history,

@@ -1,0 +1,31 @@
+"""A shear that is given as an angle: gamma = tan(angle)."""
+
+import numpy as np
+
+from touchcal.arrays import Array
+
+_DEGREES = ("deg", "deg.", "degree", "degrees", "°")
+_RADIANS = ("rad", "radian", "radians", "mrad")
+MOST = 1.45  # rad; no shear test turns its specimen further
+
+
+def is_angle(unit: str) -> bool:
+    """Whether a unit is one of angles."""
+    return unit.strip().lower() in (*_DEGREES, *_RADIANS)
+
+
+def gamma_of(angle: Array, unit: str, name: str) -> tuple[Array, str, str]:
+    """gamma of angles (n,), rad; what was decided, and what is to be minded where the angle may be gamma itself.
+    ValueError for an angle that no shear has."""
+    most = float(np.max(np.abs(angle)))
+    if most > MOST:
+        raise ValueError(f"column '{name}' reaches an angle of {np.degrees(most):.4g} degrees, which no shear has. If "
+                         f"it is gamma itself, give it with --columns strain={name}:-")
+    gamma = np.tan(angle)
+    said = f"column '{name}' is the shear angle: gamma = tan(angle)."
+    far = float(np.max(np.abs(gamma)))
+    if unit.strip().lower() in _DEGREES or far < 1.01 * most:
+        return gamma, said, ""
+    return gamma, said, (f"Column '{name}' has the unit {unit} and was read as the shear angle: gamma = tan(angle) "
+                         f"reaches {far:.3g}, and the angle {most:.3g}. If it is gamma itself, give it with --columns "
+                         f"strain={name}:-")
