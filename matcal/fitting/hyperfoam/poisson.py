@@ -4,7 +4,7 @@ With one nu for all terms the lateral stretch is lambda_2 = lambda_1^-nu whateve
 fitted in closed form. Source: Storakers, J. Mech. Phys. Solids 34 (1986) 125, DOI 10.1016/0022-5096(86)90033-5.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ NU_BOUNDS = (-0.4, 0.49)
 # words of the sentence about a value that a fit left at a bound; `matcal.record.cautions` looks for them
 STOPPED = "stopped at that bound"
 # share of the range of NU_BOUNDS within which a value counts as at the bound; coarse values tried first
-_AT_BOUND, _COARSE = 2e-3, 9
+AT_BOUND, _COARSE = 2e-3, 9
 
 
 def checked_poisson(poisson: Poisson, curves: Sequence[Curve]) -> float | str | tuple[float, ...]:
@@ -42,11 +42,10 @@ def checked_poisson(poisson: Poisson, curves: Sequence[Curve]) -> float | str | 
     return values[0] if len(set(values)) == 1 else values
 
 
-def fitted_nu(curves: Sequence[Curve], cost: Callable[[float], float]) -> float:
-    """The one nu of least cost(nu) plus `lateral_cost`, first on a coarse grid, then by bounded search about its best.
-    """
+def lateral_nu(curves: Sequence[Curve]) -> float:
+    """The one nu of least `lateral_cost`, first on a coarse grid, then by bounded search about its best."""
     def total(nu: float) -> float:
-        return cost(nu) + lateral_cost(curves, Hyperfoam(np.ones(1), np.ones(1), np.array([nu])))
+        return lateral_cost(curves, Hyperfoam(np.ones(1), np.ones(1), np.array([nu])))
 
     grid = np.linspace(*NU_BOUNDS, _COARSE)
     best = int(np.argmin([total(float(nu)) for nu in grid]))
@@ -81,7 +80,7 @@ def nu_sentences(nu: Sequence[float], poisson: Poisson, curves: Sequence[Curve])
     if not isinstance(poisson, str):
         return [f"{text}, as given.", *_unused_lateral(float(np.mean(nu)), curves)]
     low, high = NU_BOUNDS
-    at = [v for v in dict.fromkeys(nu) if min(v - low, high - v) < _AT_BOUND * (high - low)]
+    at = [v for v in dict.fromkeys(nu) if min(v - low, high - v) < AT_BOUND * (high - low)]
     how = "the lateral strains among the data" if any(c.experiment.lateral is not None for c in curves) else (
         "the volumetric data among the data" if any(c.experiment.kind == "volumetric" for c in curves) else
         "stress alone, from how the modes differ")
@@ -106,6 +105,6 @@ def _unused_lateral(nu: float, curves: Sequence[Curve]) -> list[str]:
     own = [c for c in curves if c.experiment.lateral is not None]
     if not own:
         return []
-    seen = fitted_nu(own, lambda _: 0.0)
+    seen = lateral_nu(own)
     return [f"The lateral strains of {', '.join(c.label for c in own)} say nu = {seen:.3g}; they were not used, the "
             f"law has {nu:.3g}."]
