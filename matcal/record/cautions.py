@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from matcal.card import MaterialCard
-from matcal.fitting.hyperfoam.poisson import STOPPED
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -28,7 +27,7 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _edge, _assumed, _set, _held,
-             _misfit, _at_bound, _undetermined, _band, _predictions, _coverage, _series, _skin)
+             _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -156,14 +155,10 @@ def _edge(card: MaterialCard) -> Iterator[str]:
 
 def _assumed(card: MaterialCard) -> Iterator[str]:
     """What the decisions say that a reader must not pass over: a direction that nothing stated, a table that is not one
-    loading from contact on, nu at its bound."""
+    loading from contact on."""
     said = [sentence.partition(opening) for sentence in card.provenance.get("decisions", ())
             for opening in (ASSUMED, UNLOADS, UNTOUCHED)]
     yield from (f"{begin}{rest}" for _, begin, rest in said if begin)
-    if card.hyperfoam is not None and any(STOPPED in s for s in card.provenance.get("decisions", ())):
-        at = ", ".join(f"{nu:.3g}" for nu in dict.fromkeys(card.hyperfoam.nu.tolist()))
-        yield (f"The fitted nu ({at}) ended on the bound of its range: the tests do not fix it, or the law cannot "
-               "follow them. Measure the lateral strain, or give a value with --poisson.")
 
 
 def _set(card: MaterialCard) -> Iterator[str]:
@@ -218,6 +213,20 @@ def _at_bound(card: MaterialCard) -> Iterator[str]:
         clear = any(row["order"] == order and not row["confluence"] for row in tried)  # else _misfit names an order
         yield (f"{' and '.join(kept)} ended on the bound of the exponents that are searched: outside the fitted "
                "strains the law rests on that bound." + (_safer(order, tried) if clear else ""))
+
+
+def _open_nu(card: MaterialCard) -> Iterator[str]:
+    """A fitted nu that the tests leave open, and what that does to the modulus."""
+    nu, left = card.fit.get("nu", {}), card.fit.get("not_determined", ())
+    if not any(name.startswith("nu") for name in left):
+        return
+    ends = nu["interval"] if isinstance(nu["interval"][0], list) else [nu["interval"]]
+    low, high = nu["bounds"]
+    where = ", ".join(f"{lo:.3g} to {hi:.3g}" for lo, hi in ends)
+    mu_0 = card.fit.get("derived", {}).get("mu_0_Pa")
+    then = f"; mu_0 lies between {mu_0['lo'] / 1e3:.3g} and {mu_0['hi'] / 1e3:.3g} kPa with it" if mu_0 else ""
+    yield (f"nu is not determined by these tests: its 95 % interval is {where}, searched from {low:g} to {high:g}"
+           f"{then}. Add lateral strain or a volumetric test, or give a known value with --poisson.")
 
 
 def _undetermined(card: MaterialCard) -> Iterator[str]:

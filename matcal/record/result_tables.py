@@ -15,6 +15,10 @@ MEANING = {"mu_0_Pa": "initial shear modulus", "E_0_Pa": "initial Young's modulu
            "omega": "scatter of ln stiffness", "c0_S_per_m": "unstrained skin"}
 
 
+# what follows the meaning of a quantity that the tests leave open
+OPEN = ", not determined by these tests"
+
+
 @dataclass(frozen=True)
 class Printed:
     """One table, cells already formatted."""
@@ -32,16 +36,31 @@ def derived(card: MaterialCard) -> Printed:
     """What the tests measure, by linearisation and, where it was sampled, by the posterior."""
     linear: Mapping[str, Any] = card.fit.get("derived", {})
     drawn: Mapping[str, Any] = card.posterior.get("derived", {})
-    rows = []
+    left, rows = card.fit.get("not_determined", ()), _nu_rows(card, drawn)
     for name in dict.fromkeys([*linear, *drawn]):
+        if name == "nu":
+            continue
         own = linear.get(name) or {**drawn[name], "value": drawn[name]["median"]}
         value, interval = within(own["value"], own["lo"], own["hi"])
         sampled = [_posterior(drawn.get(name))] if drawn else []
-        rows.append([name, value, interval if name in linear else "-", *sampled, MEANING.get(name, "")])
+        rows.append([name, value, interval if name in linear else "-", *sampled,
+                     MEANING.get(name, "") + (OPEN if name in left else "")])
     head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
     title = f"Results: {card.hyperfoam.moduli} moduli" if card.hyperfoam else "Results"
     return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w",
                    [card.fit["intervals"]] if "intervals" in card.fit else ())
+
+
+def _nu_rows(card: MaterialCard, drawn: Mapping[str, Any]) -> list[list[str]]:
+    """A fitted nu with its interval, one row or one a term."""
+    found, left = card.fit.get("nu", {}), card.fit.get("not_determined", ())
+    if "interval" not in found:
+        return []
+    one = not isinstance(found["value"], Sequence)
+    each = {"nu": (found["value"], found["interval"])} if one else {
+        f"nu_{k}": pair for k, pair in enumerate(zip(found["value"], found["interval"], strict=True), 1)}
+    return [[name, *within(value, *ends), *([_posterior(drawn.get(name))] if drawn else []),
+             "Poisson-like ratio" + (OPEN if name in left else "")] for name, (value, ends) in each.items()]
 
 
 def _posterior(row: Mapping[str, float] | None) -> str:

@@ -27,7 +27,7 @@ from matcal.fitting.hyperfoam.order_selection import (
     order_sentences,
 )
 from matcal.fitting.hyperfoam.per_term_poisson import refine, with_nu
-from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, Poisson, checked_poisson, nu_sentences
+from matcal.fitting.hyperfoam.poisson import FITTED, NU_BOUNDS, Poisson, checked_poisson, nu_sentences
 from matcal.fitting.hyperfoam.shared_poisson import best_at_any_nu, with_coarse_nu
 from matcal.fitting.hyperfoam.stable_fit import StabilityRows, keeps, search_stable
 from matcal.fitting.hyperfoam.variable_projection import Optimum
@@ -77,16 +77,21 @@ class Fit:
     cpu_s: float
     # the law without the stability that was asked for; None where none was
     free: Hyperfoam | None = None
-    # how nu was fitted, one of `poisson.FITTED`; None where it was given
-    nu_fitted: str | None = None
+    # how nu came about: "fit", "fit-each", "given", or "assumed" where nothing was said of it
+    nu_how: str = "given"
+
+    @property
+    def nu_fitted(self) -> str | None:
+        """How nu was fitted, one of `poisson.FITTED`; None where it was not."""
+        return self.nu_how if self.nu_how in FITTED else None
 
 
-def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0.0, starts: int = 8,
+def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson | None = None, starts: int = 8,
         thorough: bool = True, stable: str | None = None, stable_range: tuple[float, float] | None = None) -> Fit:
     """Long-term hyperfoam law with least weighted mean square residual over `curves`.
 
     order: number of terms 1 to 6, or "auto" (by BIC, see `chosen_order`); poisson: one nu for all terms, one a term
-    (increasing alpha), "fit" or "fit-each"; thorough: also fit one more term, and each mode alone; stable: criterion
+    (increasing alpha), "fit", "fit-each", or None: a foam's 0; thorough: also fit one more term, and each mode alone; stable: criterion
     that the law keeps at all principal stretches within stable_range (by default those that the curves drive), the
     single-mode laws and the neighbours being left free. Raises ValueError for another choice, for no curves, or for
     fewer different strains than parameters; NotConverged where no such stable law is found.
@@ -117,7 +122,8 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
                  *_cost_sentences(stable, log_range, law, free, curves))
     near = _neighbours(curves, {} if stable else tried, _finder(choice, curves, max(1, starts // 2)), found, law
                        ) if thorough else ()
-    return Fit(law, curves, found, rows, near, alone, decisions, time.process_time() - start, free, fitted)
+    return Fit(law, curves, found, rows, near, alone, decisions, time.process_time() - start, free,
+               fitted or ("assumed" if poisson is None else "given"))
 
 
 def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam:
@@ -132,10 +138,10 @@ def modelled(law: Hyperfoam, curve: Curve) -> Array:
     return curve.model(law)
 
 
-def _orders(order: int | str, curves: tuple[Curve, ...], poisson: Poisson) -> tuple[int, ...]:
+def _orders(order: int | str, curves: tuple[Curve, ...], poisson: Poisson | None) -> tuple[int, ...]:
     if not curves:
         raise ValueError("no stress-strain curve to fit: give a uniaxial, biaxial, planar, shear or volumetric file.")
-    listed = 0 if isinstance(poisson, str) else np.atleast_1d(poisson).size
+    listed = 0 if poisson is None or isinstance(poisson, str) else np.atleast_1d(poisson).size
     if listed > 1 and order not in ("auto", listed):
         raise ValueError(f"poisson lists {listed} values but the order is {order}. Give one value a term.")
     order = listed if listed > 1 else order

@@ -19,8 +19,8 @@ from matcal.fitting.hyperfoam.variable_projection import Optimum, exponents, lea
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 
-# values of nu tried first, starts at each, valleys that are descended
-_COARSE, _FEW, _VALLEYS = 13, 3, 3
+# values of nu tried first, starts at each and the step at which they stop, valleys that are descended
+_COARSE, _FEW, _LOOSE, _VALLEYS = 13, 3, 1e-4, 3
 # a profile: nodes at first, nodes at most, cost above the least (in units) up to which it is resolved, step between
 # nodes in roots of that cost, least distance of two nodes
 _FIRST, _MOST, _FAR, _STEP, _LEAST_STEP = 9, 45, 14.0, 0.8, 1e-6
@@ -43,7 +43,7 @@ def with_coarse_nu(curves: Sequence[Curve]) -> tuple[Problem, ...]:
 def best_at_any_nu(coarse: Sequence[Problem], order: int, starts: int) -> tuple[Problem, Optimum]:
     """The best law of `order` terms over nu within its bounds as well, and the problem with its nu."""
     curves = coarse[0].curves
-    found = [search(p, order, _FEW, least_moduli) for p in coarse]
+    found = [search(p, order, _FEW, least_moduli, tolerance=_LOOSE) for p in coarse]
     cost = np.array([o.cost + lateral_of(curves, p.nu) for p, o in zip(coarse, found, strict=True)])
     beside = np.r_[np.inf, cost, np.inf]
     valleys = np.flatnonzero((cost <= beside[:-2]) & (cost <= beside[2:]))
@@ -77,7 +77,7 @@ def profile(curves: Sequence[Curve], law: Hyperfoam, unit: float) -> Profile:
 
     add(float(law.nu[0]), 0, [law.alpha])
     for nu in np.linspace(*NU_BOUNDS, _FIRST):
-        add(float(nu), _FEW, [law.alpha])
+        add(float(nu), 2, [law.alpha])
     while len(held) < _MOST and (widest := _unresolved(held, unit)) is not None:
         a, b = widest
         add((a + b) / 2, 1, [held[a][1].alpha, held[b][1].alpha])

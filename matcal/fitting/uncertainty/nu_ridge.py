@@ -23,8 +23,9 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.statistics.residual_correlation import Errors
 from touchcal.arrays import Array
 
-# points between two nodes of a profile; halvings of a bracket of a quantile; log density that counts as none
-_BETWEEN, _HALVINGS, _NONE = 5, 50, -12.0
+# points between two nodes of a profile; halvings of a bracket of a quantile; log density, and weight of an order, that
+# count as none
+_BETWEEN, _HALVINGS, _NONE, _LEAST_SHARE = 5, 50, -12.0, 1e-4
 
 
 @dataclass(frozen=True)
@@ -73,12 +74,14 @@ def ridges(fit: Fit, effect: Array, errors: Sequence[Errors], spare: float) -> t
     first = fit.free or fit.law
     least, out = _cost(fit, first), []
     for law in (first, *fit.neighbours):
+        gain = (least - _cost(fit, law)) / variance - 4 * (law.alpha.size - first.alpha.size)
+        share = 1.0 if law is first else float(np.exp(0.5 * min(gain, 0.0)))
+        if share < _LEAST_SHARE:
+            continue
         own = replace(fit, law=law)
         unit = _given(own, effect, errors, variance).unit
-        found = profile(fit.curves, law, unit)
-        gain = (least - float(found.cost.min())) / variance - 4 * (law.alpha.size - first.alpha.size)
-        nodes = _nodes(own, found, effect, errors, variance, unit, spare)
-        out.append(Ridge(nodes, 1.0 if law is first else float(np.exp(0.5 * min(gain, 0.0)))))
+        nodes = _nodes(own, profile(fit.curves, law, unit), effect, errors, variance, unit, spare)
+        out.append(Ridge(nodes, share))
     return tuple(out)
 
 
