@@ -55,8 +55,8 @@ def fit_command(
                                             "or first.")] = "last",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
         poisson: Annotated[str | None, typer.Option(
-            help="Poisson-like nu: a value for all terms, or A,B,... one a term (by increasing alpha); fit: one for all "
-                 "terms from lateral strain, a volumetric test, or two modes at least (from stress alone, less sure); "
+            help="Poisson-like nu: a value for all terms, or A,B,... one a term (by increasing alpha); fit: one for "
+                 "all terms from lateral strain, a volumetric test, or two modes at least (from stress, less sure); "
                  "fit-each: one a term, from lateral strain or a volumetric test. Without it a foam's 0.")] = None,
         stable: Annotated[str | None, typer.Option(help="Fit the best stable law: drucker or elliptic.")] = None,
         stable_range: Annotated[str | None, typer.Option(metavar="LO,HI", help="With --stable: principal stretches "

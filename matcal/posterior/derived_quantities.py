@@ -16,8 +16,8 @@ _NU_NODES = 9  # values of nu between which stresses are interpolated
 
 
 def derived_of(draws: Draws) -> dict[str, Array]:
-    """mu_0_Pa, E_0_Pa, plateau_Pa; nu where it was sampled; with a series g_infinity and mu_0_instantaneous_Pa; with replicates the value for
-    a new specimen, mu_0_new_specimen_Pa; with a skin c0_S_per_m; each (D,)."""
+    """mu_0_Pa, E_0_Pa, plateau_Pa; nu where it was sampled; with a series g_infinity and mu_0_instantaneous_Pa; with
+    replicates the value for a new specimen, mu_0_new_specimen_Pa; with a skin c0_S_per_m; each (D,)."""
     out: dict[str, Array] = {}
     if len(draws) == 0:
         return out

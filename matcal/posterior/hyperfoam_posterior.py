@@ -22,7 +22,6 @@ from matcal.fitting.hyperfoam.poisson import lateral_cost
 from matcal.fitting.hyperfoam.specimen_factors import PRIOR_OMEGA, specimens
 from matcal.fitting.hyperfoam.variable_projection import Exponents
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
-from matcal.fitting.uncertainty.intervals import Uncertainty
 from matcal.fitting.uncertainty.nu_ridge import Ridge
 from matcal.fitting.uncertainty.nuisance import nuisance
 from matcal.laws.deformation_modes import push_forward, second_piola
@@ -61,16 +60,16 @@ class LawPart:
         return self.order + 1 + (self.nu.size > 1) + (self.factor.shape[1] > 0)
 
 
-def law_part(fit: Fit, about: Uncertainty, prony: PronyFit | None) -> LawPart:
-    """Tables of a fit and of what it leaves open; ValueError for a law with unequal nu."""
-    points, fitted_nu = about.effective_points, bool(about.ridges)
+def law_part(fit: Fit, points: float, prony: PronyFit | None, ridge: Ridge | None = None) -> LawPart:
+    """Tables of a fit whose residuals are worth `points`, and of the nu along the ridge that it leaves open; ValueError
+    for a law with unequal nu."""
     fit = replace(fit, curves=tuple(of_mean_foam(c) for c in fit.curves))  # factors are drawn, not taken
     law = fit.law
     if np.ptp(law.nu) > 0:
         raise ValueError(f"--posterior is built for one nu for all terms, the law has {law.nu.tolist()}. Use --poisson "
                          "fit or one value.")
     known, differ = nuisance(fit), specimens(fit.curves, law)
-    nu = _nu_nodes(about.ridges[0]) if fitted_nu else law.nu[:1]
+    nu = law.nu[:1] if ridge is None else _nu_nodes(ridge)
     allowed = allowed_exponents(fit.curves, float(law.nu[0]))
     times, rate = _rate_effect(fit.curves, law, prony)
     more = np.column_stack([known.effect, differ.stated, differ.factor, weighted_model(fit.curves, law)[:, None], rate])
@@ -81,7 +80,7 @@ def law_part(fit: Fit, about: Uncertainty, prony: PronyFit | None) -> LawPart:
     fitted_rate = series_effect(spline, np.log(prony.prony.tau_s)[None], prony.prony.g[None])[0] \
         if spline is not None and prony is not None else np.zeros(basis.shape[1])
     lateral = None
-    if fitted_nu and any(c.experiment.lateral is not None for c in fit.curves):
+    if ridge is not None and any(c.experiment.lateral is not None for c in fit.curves):
         grid = np.linspace(nu.min(), nu.max(), 33)
         lateral = CubicSpline(grid, [lateral_cost(fit.curves, Hyperfoam(np.ones(1), np.ones(1), np.full(1, v)))
                                      for v in grid])

@@ -85,7 +85,8 @@ def sample(fit: Fit | None, uncertainty: Uncertainty | None, prony: PronyFit | N
     start = time.process_time()
     rng = np.random.default_rng([seed, 1])
     relaxing = prony if prony is not None and np.any(prony.prony.g) else None
-    joint = _Joint(hyperfoam_posterior.law_part(fit, uncertainty, relaxing)
+    joint = _Joint(hyperfoam_posterior.law_part(fit, uncertainty.effective_points, relaxing,
+                                                (*uncertainty.ridges, None)[0])
                    if fit is not None and uncertainty is not None else None,
                    prony_posterior.series_part(relaxing) if relaxing is not None else None)
     if joint.law is None and joint.series is None and skin is None:

@@ -91,10 +91,10 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson | N
     """Long-term hyperfoam law with least weighted mean square residual over `curves`.
 
     order: number of terms 1 to 6, or "auto" (by BIC, see `chosen_order`); poisson: one nu for all terms, one a term
-    (increasing alpha), "fit", "fit-each", or None: a foam's 0; thorough: also fit one more term, and each mode alone; stable: criterion
-    that the law keeps at all principal stretches within stable_range (by default those that the curves drive), the
-    single-mode laws and the neighbours being left free. Raises ValueError for another choice, for no curves, or for
-    fewer different strains than parameters; NotConverged where no such stable law is found.
+    (increasing alpha), "fit", "fit-each", or None: a foam's 0; thorough: also fit one more term, and each mode alone;
+    stable: criterion that the law keeps at all principal stretches within stable_range (by default those that the
+    curves drive), the single-mode laws and the neighbours being left free. Raises ValueError for another choice, for no
+    curves, or for fewer different strains than parameters; NotConverged where no such stable law is found.
     """
     start = time.process_time()
     curves = tuple(curves)

@@ -129,7 +129,7 @@ def prior_precision(fit: Fit) -> Array:
     sd = np.r_[np.full(law.mu_Pa.size, PRIOR_MODULI * law.mu_0_Pa), np.full(law.alpha.size, PRIOR_ALPHA)]
     free = free_directions(fit)
     fitted = {None: 0, "fit": 1, "fit-each": law.nu.size}[fit.nu_fitted]
-    return block_diag(free.T @ (free / sd[:, None] ** 2), np.eye(fitted) / PRIOR_NU**2)
+    return np.asarray(block_diag(free.T @ (free / sd[:, None] ** 2), np.eye(fitted) / PRIOR_NU**2), dtype=float)
 
 
 def weighted_residual(fit: Fit) -> Array:

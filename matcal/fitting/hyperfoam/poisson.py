@@ -28,8 +28,8 @@ AT_BOUND, _COARSE = 2e-3, 9
 
 
 def checked_poisson(poisson: Poisson | None, curves: Sequence[Curve]) -> float | str | tuple[float, ...]:
-    """The choice, a list of equal values as one, FOAM where there is none; ValueError for a value outside (-1, 0.5), or where the data cannot
-    tell what is to be fitted."""
+    """The choice, a list of equal values as one, FOAM where there is none; ValueError for a value outside (-1, 0.5), or
+    where the data cannot tell what is to be fitted."""
     if poisson is None:
         return FOAM
     if isinstance(poisson, str) and poisson in FITTED:

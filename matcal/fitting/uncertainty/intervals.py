@@ -104,8 +104,8 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     n, parameters = sum(e.count for e in errors), 2 * fit.law.alpha.size + linear_response.nu_slopes(fit).shape[1]
     spare = max(sum(e.effective_sample_size for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
     reach = float(stdtrit(spare, 0.975))
-    effect = linear_response.padded(fit, _effects(known, differ, reach))
-    slopes = linear_response.all_slopes(fit) if fit.nu_fitted == "fit" else linear_response.fitted_slopes(fit)
+    slopes, terms = linear_response.all_slopes(fit), _nu_effects(fit)
+    effect = np.hstack([terms, linear_response.padded(fit, _effects(known, differ, reach))])
     hold = linear_response.prior_precision(fit)[:slopes.shape[1], :slopes.shape[1]]
     gain = linear_response.joint_gain(slopes, effect, variance, hold)[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
@@ -117,7 +117,8 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
                        spare, over)
     derived = intervals(bare, measured_quantities)
     mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(len(free) - fit.law.mu_Pa.size)]
-    names = (*known.names, *("scatter between specimens",) * (effect.shape[1] - len(known.names) + stated.shape[1]))
+    names = [*("nu",) * terms.shape[1], *known.names]
+    names += ["scatter between specimens"] * (effect.shape[1] - len(names) + stated.shape[1])
     squares = np.r_[variance * (mu_0 @ prior) ** 2, (mu_0 @ stated) ** 2]
     shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), squares, names, bool(over))
     found = replace(bare, derived=derived, shares=shares, nu=_nu_intervals(fit, bare))
@@ -128,7 +129,14 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
 def _free_directions(fit: Fit) -> Array:
     """Directions in (mu, alpha), and in nu where that was fitted term by term, that the search was free to take."""
     free = linear_response.free_directions(fit)
-    return block_diag(free, np.eye(fit.law.nu.size)) if fit.nu_fitted == "fit-each" else free
+    more = fit.law.nu.size if fit.nu_fitted == "fit-each" else 0
+    return np.asarray(block_diag(free, linear_response.PRIOR_NU * np.eye(more)), dtype=float)
+
+
+def _nu_effects(fit: Fit) -> Array:
+    """(n + l, N) effects of nu fitted term by term, each one standard deviation of a uniform nu; else no columns."""
+    slopes = linear_response.nu_slopes(fit)
+    return linear_response.PRIOR_NU * slopes if fit.nu_fitted == "fit-each" else slopes[:, :0]
 
 
 def _nu_intervals(fit: Fit, about: Uncertainty) -> tuple[Interval, ...]:
