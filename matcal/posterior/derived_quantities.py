@@ -17,7 +17,8 @@ _NU_NODES = 9  # values of nu between which stresses are interpolated
 
 def derived_of(draws: Draws) -> dict[str, Array]:
     """mu_0_Pa, E_0_Pa, plateau_Pa; nu where it was sampled; with a series g_infinity and mu_0_instantaneous_Pa; with
-    replicates the value for a new specimen, mu_0_new_specimen_Pa; with a skin c0_S_per_m; each (D,)."""
+    replicates the value for a new specimen, mu_0_new_specimen_Pa; with a skin c0_S_per_m and a_i; each
+    (D,)."""
     out: dict[str, Array] = {}
     if len(draws) == 0:
         return out
@@ -37,6 +38,7 @@ def derived_of(draws: Draws) -> dict[str, Array]:
         out["omega"] = draws.omega
     if draws.conductivity_S_per_m is not None:
         out["c0_S_per_m"] = draws.conductivity_S_per_m[:, 0]
+        out |= {f"a_{k}": draws.conductivity_S_per_m[:, k] / draws.conductivity_S_per_m[:, 0] for k in (1, 2, 3)}
     return out
 
 

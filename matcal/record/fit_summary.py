@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from matcal.fitting.calibrate import FittedLaws, is_curve, labels
 from matcal.fitting.conductivity_fit import ConductivityFit
@@ -100,11 +101,16 @@ def _series_part(prony: PronyFit) -> dict[str, Any]:
 
 
 def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
-    """Standard errors of c_0 and of a_i = b_i/b_0, to first order in those of the coefficients b."""
-    law, covariance = skin.law, skin.covariance
+    """Standard errors and 95 % intervals of c_0 and of a_i = b_i/b_0, to first order in those of the coefficients b;
+    what the bound that keeps the cubic positive moved them by is in them."""
+    law, covariance, moved = skin.law, skin.covariance, skin.centre[1:] / skin.centre[0] - skin.law.a
     slope = np.column_stack([-law.a, np.eye(3)]) / law.c0_S_per_m
-    return {"chi_square": skin.chi_square, "freedom": skin.freedom, "c0_sd_S_per_m": float(np.sqrt(covariance[0, 0])),
-            "a_sd": np.sqrt(np.diag(slope @ covariance @ slope.T)),
+    c0_sd = float(np.hypot(np.sqrt(covariance[0, 0]), skin.centre[0] - law.c0_S_per_m))
+    a_sd = np.hypot(np.sqrt(np.diag(slope @ covariance @ slope.T)), moved)
+    reach = float(stdtrit(skin.effective_sample_size, 0.975))
+    return {"chi_square": skin.chi_square, "freedom": skin.freedom, "c0_sd_S_per_m": c0_sd, "a_sd": a_sd,
+            "c0_interval_S_per_m": [law.c0_S_per_m - reach * c0_sd, law.c0_S_per_m + reach * c0_sd],
+            "a_interval": np.column_stack([law.a - reach * a_sd, law.a + reach * a_sd]),
             "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance))}
 
 

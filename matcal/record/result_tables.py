@@ -12,7 +12,8 @@ from touchcal.number_words import percent, significant, with_error, within
 MEANING = {"mu_0_Pa": "initial shear modulus", "E_0_Pa": "initial Young's modulus",
            "plateau_Pa": "stress at 40 % strain", "g_infinity": "long-term share",
            "mu_0_instantaneous_Pa": "before relaxation", "mu_0_new_specimen_Pa": "of a further specimen",
-           "omega": "scatter of ln stiffness", "c0_S_per_m": "unstrained skin"}
+           "omega": "scatter of ln stiffness", "c0_S_per_m": "unstrained skin",
+           **{f"a_{k}": "of the skin's cubic" for k in (1, 2, 3)}}
 
 
 # what follows the meaning of a quantity that the tests leave open
@@ -105,9 +106,12 @@ def skin(card: MaterialCard) -> Printed:
     """Coefficients of the conductivity law."""
     assert card.conductivity is not None
     found = card.fit.get("conductivity", {})
-    rows = [["c0_S_per_m", *_pair(card.conductivity.c0_S_per_m, found.get("c0_sd_S_per_m"))]]
-    rows += [[f"a_{k + 1}", *_pair(a, _at(found, "a_sd", k))] for k, a in enumerate(card.conductivity.a)]
-    return Printed("Conductivity, one standard error each", ["", "value", "+-"], rows, "<>>",
+    pairs = [("c0_S_per_m", card.conductivity.c0_S_per_m, found.get("c0_sd_S_per_m"), found.get("c0_interval_S_per_m"))]
+    pairs += [(f"a_{k + 1}", a, _at(found, "a_sd", k), found["a_interval"][k] if "a_interval" in found else None)
+              for k, a in enumerate(card.conductivity.a)]
+    rows = [[name, *_pair(value, sd), within(value, *ends)[1] if ends is not None else "unknown"]
+            for name, value, sd, ends in pairs]
+    return Printed("Conductivity, one standard error each", ["", "value", "+-", "95 % interval"], rows, "<>>>",
                    (f"Fitted for strains of {_span(card.conductivity.strain_range)}.",))
 
 
