@@ -17,10 +17,11 @@ NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
 # relative RMS of a fit, and of a prediction, from which on it is said; share of a relaxation time likewise
 _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
 # share of a test in its 95 % band below which it is said; mu_0 of soft foams, Pa; ratio of stiffness between modes from
-# which on units and sizes are doubted, over the first share of their strains; stretch from which on nu = 0 is
-_INSIDE, _SOFT_PA, _RATIO, _EARLY, _STRETCHED = 0.9, (20.0, 1e6), 1.6, 0.3, 1.0
+# which on units and sizes are doubted, over the first share of their strains
+_INSIDE, _SOFT_PA, _RATIO, _EARLY = 0.9, (20.0, 1e6), 1.6, 0.3
 # strain that earlier loadings left, and share by which a held stress differs from the law's, from which on it is said
 _SET, _HELD_OFF = 0.02, 0.15
+_RUBBER = 0.49  # nu above which a rubber's was given
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
@@ -92,11 +93,20 @@ def _stiffness(mode: str, ends: tuple[float, float], own: Hyperfoam, other: Hype
 
 
 def _volume(card: MaterialCard) -> Iterator[str]:
-    ranges = card.hyperfoam.strain_range if card.hyperfoam is not None and not np.any(card.hyperfoam.nu) else {}
-    far = max((hi for mode, (_, hi) in ranges.items() if mode in ("uniaxial", "planar", "biaxial")), default=0.0)
-    if far > _STRETCHED:
-        yield (f"nu = 0 was taken, which is a foam's, for a material stretched to a strain of {far:.3g}: rubbers and "
-               "gels keep their volume. Give --poisson 0.45, or fit with lateral strain.")
+    """A material stretched like a rubber whose nu was not measured, and what nu does to its modulus."""
+    kept = card.fit.get("nu", {}).get("nearly_incompressible")
+    if kept is None or card.hyperfoam is None or card.hyperfoam.nu.min() > _RUBBER:
+        return
+    first, last = kept["nu"]
+    one, other = (f"{mu / 1e3:.4g} kPa" for mu in kept["mu_0_Pa"])
+    does = f"mu_0 goes from {one} at nu = {first:g} to {other} at {last:g}"
+    if not np.any(card.hyperfoam.nu):
+        how = "was taken, which" if card.fit["nu"]["how"] == "assumed" else "as given"
+        yield (f"nu = 0 {how} is a foam's, for a material stretched like a rubber, which keeps its volume: {does}. Give "
+               f"--poisson {last:g} for a rubber or gel, or fit nu with lateral strain.")
+    else:
+        yield (f"nu was given, not measured, for a material stretched like a rubber: {does}, and the intervals leave "
+               f"that out. A rubber or gel has nu near {last:g}.")
 
 
 def _band(card: MaterialCard) -> Iterator[str]:

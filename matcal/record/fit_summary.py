@@ -48,10 +48,12 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
 
 
 def _nu_part(fit: Fit, uncertainty: Uncertainty) -> dict[str, Any]:
-    """How the law got its nu; where it was fitted, its values with their 95 % intervals and the bounds of the search,
-    one number for all terms or a list of one a term."""
+    """How the law got its nu, and what mu_0 would be if a stretched material kept its volume; where it was fitted, its
+    values with their 95 % intervals and the bounds of the search, one number for all terms or a list of one a term."""
+    kept = {} if not fit.kept_volume else {"nearly_incompressible": {
+        "nu": list(fit.kept_volume), "mu_0_Pa": list(fit.kept_volume.values())}}
     if not uncertainty.nu:
-        return {"how": fit.nu_how}
+        return {"how": fit.nu_how, **kept}
     values, ends = [i.value for i in uncertainty.nu], [[i.lo, i.hi] for i in uncertainty.nu]
     one = fit.nu_fitted == "fit"
     return {"how": fit.nu_how, "value": values[0] if one else values, "interval": ends[0] if one else ends,

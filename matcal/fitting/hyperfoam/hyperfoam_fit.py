@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from matcal.fitting.hyperfoam.order_selection import (
     order_sentences,
 )
 from matcal.fitting.hyperfoam.per_term_poisson import refine, with_nu
-from matcal.fitting.hyperfoam.poisson import FITTED, NU_BOUNDS, Poisson, checked_poisson, nu_sentences
+from matcal.fitting.hyperfoam.poisson import FITTED, KEPT_VOLUME, NU_BOUNDS, Poisson, checked_poisson, nu_sentences
 from matcal.fitting.hyperfoam.shared_poisson import best_at_any_nu, with_coarse_nu
 from matcal.fitting.hyperfoam.stable_fit import StabilityRows, keeps, search_stable
 from matcal.fitting.hyperfoam.variable_projection import Optimum
@@ -53,6 +53,8 @@ _FEW = 3
 NEARLY = 1.5
 # nu of the first and last term off the shared one, at further starts of a search term by term
 _TILT = 0.1
+# tensile strain above which a material may be a rubber
+_STRETCHED = 1.0
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,8 @@ class Fit:
     cpu_s: float
     # the law without the stability that was asked for; None where none was
     free: Hyperfoam | None = None
+    # nu -> mu_0, Pa, of laws that nearly keep their volume, where a stretched material's nu was not fitted
+    kept_volume: Mapping[float, float] = field(default_factory=dict)
     # how nu came about: "fit", "fit-each", "given", or "assumed" where nothing was said of it
     nu_how: str = "given"
 
@@ -123,6 +127,7 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson | N
     near = _neighbours(curves, {} if stable else tried, _finder(choice, curves, max(1, starts // 2)), found, law
                        ) if thorough else ()
     return Fit(law, curves, found, rows, near, alone, decisions, time.process_time() - start, free,
+               {} if fitted or not thorough else _kept_volume(curves, best.order),
                fitted or ("assumed" if poisson is None else "given"))
 
 
@@ -163,6 +168,13 @@ def _finder(choice: float | str | tuple[float, ...], curves: tuple[Curve, ...], 
         return lambda order: best_at_any_nu(coarse, order, starts)
     problem = pose(curves, float(np.mean(choice)))
     return lambda order: (problem, best_law(problem, order, starts))
+
+
+def _kept_volume(curves: tuple[Curve, ...], order: int) -> dict[float, float]:
+    """nu -> mu_0, Pa, at the ends of KEPT_VOLUME, where some curve is stretched like a rubber."""
+    far = max((float(c.experiment.strain.max()) for c in curves
+               if c.experiment.kind in ("uniaxial", "planar", "biaxial")), default=0.0)
+    return {nu: float(best_law(pose(curves, nu), order, _FEW).mu_Pa.sum()) for nu in KEPT_VOLUME if far > _STRETCHED}
 
 
 def _tried(find: _Find, orders: Sequence[int], auto: bool, fitted: str | None) -> dict[int, tuple[Problem, Optimum]]:

@@ -22,7 +22,9 @@ FITTED = ("fit", "fit-each")
 # a foam's, which is taken where nothing is said
 FOAM = 0.0
 # values that a fit may take
-NU_BOUNDS = (-0.4, 0.49)
+NU_BOUNDS = (-0.4, 0.4999)
+# values between which a material counts as one that nearly keeps its volume
+KEPT_VOLUME = (0.45, 0.4999)
 # share of the range of NU_BOUNDS within which a value counts as at the bound; coarse values tried first
 AT_BOUND, _COARSE = 2e-3, 9
 

@@ -34,6 +34,7 @@ _LARGE = float(ndtri(0.975))  # standard deviations to either side that hold 95 
 # what the intervals are about, said where they are given
 OF_THIS_LAW = ("Intervals are of this law: noise, misfit and the choice of its order are in them; a toe of the record, "
                "or a law of another kind, is not.")
+_WIDE_NU, _NARROW_NU = 0.3, 0.1  # widths of an interval of nu: not determined, and determined even at nu = 0.5
 FACTOR = 2.0  # ratio of the ends of an interval from which on a quantity counts as not determined
 PLATEAU_STRAIN = -0.4  # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 
@@ -68,14 +69,19 @@ class Uncertainty:
 
     @property
     def not_determined(self) -> tuple[str, ...]:
-        """What the tests leave open: a nu whose interval reaches a bound of its search or spans half of it, quantities
-        whose interval spans more than a factor of `FACTOR`."""
-        low, high = NU_BOUNDS
-        near = AT_BOUND * (high - low)
+        """What the tests leave open: a nu whose interval is wide or reaches a bound of its search, quantities whose
+        interval spans more than a factor of `FACTOR`."""
         names = ["nu"] if len(self.nu) == 1 else [f"nu_{k + 1}" for k in range(len(self.nu))]
-        return (*(name for name, i in zip(names, self.nu, strict=True)
-                  if i.lo < low + near or i.hi > high - near or i.hi - i.lo > (high - low) / 2),
+        return (*(name for name, i in zip(names, self.nu, strict=True) if _left_open(i)),
                 *(name for name, i in self.derived.items() if i.hi > FACTOR * i.lo))
+
+
+def _left_open(nu: Interval) -> bool:
+    """Whether an interval of nu is wide, or ends at a bound of the search; a narrow one at the upper bound is that of a
+    material that keeps its volume."""
+    low, high = NU_BOUNDS
+    near = AT_BOUND * (high - low)
+    return nu.hi - nu.lo > _WIDE_NU or nu.lo < low + near or (nu.hi > high - near and nu.hi - nu.lo > _NARROW_NU)
 
 
 def derived_quantities(law: Hyperfoam) -> dict[str, float]:

@@ -96,3 +96,23 @@ def test_bounds_of_a_search_are_those_of_the_card() -> None:
     found, _ = calibrated([10e3], [5.0], 0.3, ("uniaxial", "planar"), order=1)
     assert found.card.fit["nu"]["bounds"] == list(NU_BOUNDS)
     assert found.card.fit["not_determined"] == []
+
+
+def rubber(strain: np.ndarray) -> np.ndarray:
+    """Nominal stress, Pa, of an incompressible Ogden material of 24.6 kPa in uniaxial tension."""
+    stretch = 1 + strain
+    return sum(2 * mu / a * (stretch ** (a - 1) - stretch ** (-a / 2 - 1)) for mu, a in ((22e3, 1.6), (2.6e3, 5.0)))
+
+
+def test_what_a_stretched_material_is_advised_is_right(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    """The range of mu_0 that is stated holds the truth, the nu that is advised gives it, and nothing overflows."""
+    strain = np.linspace(0.02, 2.0, 60)
+    test = {"uniaxial": (strain, rubber(strain))}
+    first = matcal.fit([test], order=2).card
+    ends = sorted(first.fit["nu"]["nearly_incompressible"]["mu_0_Pa"])
+    assert 0.995 * ends[0] < 24.6e3 < ends[1]
+    assert any("Give --poisson 0.4999" in s for s in cautions(first))
+    advised = matcal.fit([test], order=2, poisson=0.4999).save(tmp_path / "card.json").card
+    assert advised.hyperfoam.mu_0_Pa == pytest.approx(24.6e3, rel=5e-3)
+    assert not any("rubber" in s for s in cautions(advised))
+    assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
