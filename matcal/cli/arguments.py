@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _POINTS = 11
 
 
-def fit_options(order: str, poisson: str, stable: str | None, stable_range: str | None, residual: str,
+def fit_options(order: str, poisson: str | None, stable: str | None, stable_range: str | None, residual: str,
                 weight: Sequence[str], prony_terms: str) -> FitOptions:
     """The options behind the flags of `matcal fit`; ValueError names the flag that cannot be read."""
     from matcal.fitting.calibrate import FitOptions
@@ -49,10 +49,10 @@ def _count(flag: str, text: str) -> int | str:
     return text if text == "auto" else int(text)
 
 
-def _poisson(text: str) -> float | str | tuple[float, ...]:
+def _poisson(text: str | None) -> float | str | tuple[float, ...] | None:
     from matcal.fitting.hyperfoam.poisson import FITTED
 
-    if text in FITTED:
+    if text is None or text in FITTED:
         return text
     values = tuple(numbers(text, "--poisson", f"0.1 or 0.1,0.2, or one of {', '.join(FITTED)}"))
     return values[0] if len(values) == 1 else values

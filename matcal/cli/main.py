@@ -54,10 +54,10 @@ def fit_command(
         branch: Annotated[str, typer.Option(help="Which loading of a cyclic test counts: last (preconditioned) "
                                             "or first.")] = "last",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
-        poisson: Annotated[str, typer.Option(help="Poisson-like nu: a value for all terms, or A,B,... one a term (by "
-                                             "increasing alpha); fit: one for all terms from lateral strain, a "
-                                             "volumetric test, or two modes at least (from stress alone, less sure); "
-                                             "fit-each: one a term, from lateral strain or a volumetric test.")] = "0",
+        poisson: Annotated[str | None, typer.Option(
+            help="Poisson-like nu: a value for all terms, or A,B,... one a term (by increasing alpha); fit: one for "
+                 "all terms from lateral strain, a volumetric test, or two modes at least (from stress, less sure); "
+                 "fit-each: one a term, from lateral strain or a volumetric test. Without it a foam's 0.")] = None,
         stable: Annotated[str | None, typer.Option(help="Fit the best stable law: drucker or elliptic.")] = None,
         stable_range: Annotated[str | None, typer.Option(metavar="LO,HI", help="With --stable: principal stretches "
                                                          "between which the law is stable; by default those of the "

@@ -10,7 +10,7 @@ from matcal.fitting.conductivity_fit import ConductivityFit, fit_conductivity
 from matcal.fitting.hyperfoam.cross_prediction import Predicted, predictions, unstable_within
 from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit, fit, quick_law
-from matcal.fitting.hyperfoam.poisson import FITTED, Poisson
+from matcal.fitting.hyperfoam.poisson import FITTED, FOAM, Poisson
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
 from matcal.fitting.relaxation.record_thinning import thinned
@@ -40,7 +40,8 @@ class FitOptions:
     """
 
     order: int | str = "auto"  # terms of the law: 1 to 6, or "auto"
-    poisson: Poisson = 0.0  # one Poisson-like ratio for all terms, one a term, "fit" (one) or "fit-each"
+    # one Poisson-like ratio for all terms, one a term, "fit" (one), "fit-each", or None: a foam's 0
+    poisson: Poisson | None = None
     stable: str | None = None  # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
     stable_range: tuple[float, float] | None = None  # principal stretches between which it must; None: the curves'
     residual: str = "relative"  # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
@@ -122,7 +123,7 @@ def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: Fit
     """Series through the shape of the law, which is fitted again with each series until they agree."""
     if not curves:
         return fit_prony(relaxing, None, options.prony_terms)
-    nu = 0.0 if isinstance(options.poisson, str) else float(np.mean(options.poisson))
+    nu = FOAM if options.poisson is None or isinstance(options.poisson, str) else float(np.mean(options.poisson))
     law: Hyperfoam = quick_law(curves, options.order, nu)
     first = fit_prony(relaxing, law, options.prony_terms)
     law = _corrected(curves, first, options.order, nu)
@@ -193,8 +194,10 @@ def _refined(curves: tuple[Curve, ...], options: FitOptions) -> tuple[tuple[Curv
         row.bic for row in fit(refined[0], order, nu, starts=_FEW, thorough=False).orders) + surprise(refined[0]))
 
 
-def _with_one_nu(options: FitOptions) -> tuple[int | str, float | str]:
+def _with_one_nu(options: FitOptions) -> tuple[int | str, float | str | None]:
     """Order and nu of the fit that refines the records: one nu for all terms."""
+    if options.poisson is None:
+        return options.order, None
     if isinstance(options.poisson, str):
         return options.order, "fit" if options.poisson in FITTED else options.poisson
     values = np.atleast_1d(options.poisson)

@@ -14,12 +14,14 @@ from numpy.typing import ArrayLike
 from matcal.fitting.hyperfoam.constrained_moduli import nearest
 from matcal.laws.conductivity import Conductivity
 from matcal.reduction.experiment import Experiment
-from matcal.statistics.residual_correlation import integrated_autocorrelation_time
+from matcal.statistics.residual_correlation import Errors, correlated_errors
 from touchcal.arrays import Array
 
 # lowest strain in use, and the least conductivity allowed from there on, as a share of the data's median
 LOWEST_STRAIN, FLOOR = -0.9, 0.01
 _GRID = 181
+# least points to spare in Student's law: errors' sizes are averaged already, see `statistics.residual_correlation`
+_LEAST_SPARE = 16.0
 
 
 @dataclass(frozen=True)
@@ -28,12 +30,12 @@ class ConductivityFit:
 
     law: Conductivity  # fitted law, positive from LOWEST_STRAIN to the end of the data
     centre: Array  # (4,) unconstrained estimate of c_0 (1, a_1, a_2, a_3), S/m
-    covariance: Array  # (4, 4) its covariance, widened where residuals are larger than the noise or correlated
+    covariance: Array  # (4, 4) its covariance, the errors correlated as the residuals show and not below the noise
     zero_covariance: Array  # the part of it from an uncertain strain zero, whose size the residuals do not show
     positive: tuple[Array, float]  # (4, m) columns p(e) where p(e) . b >= floor is asked, and that floor, S/m
     chi_square: float | None  # sum of squared residuals over the noise; None where no noise is known
     freedom: int  # its degrees of freedom
-    effective_sample_size: float  # independent points that the residuals are worth, less the four coefficients
+    effective_sample_size: float  # independent points that the errors are worth, less the four coefficients
     relative_rms: tuple[float, ...]  # rms(residual)/rms(value), each experiment
     decisions: tuple[str, ...]  # what was decided, one sentence each
 
@@ -47,16 +49,15 @@ def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
         raise ValueError(f"{where}: a cubic needs at least five positive conductivities at four strains, got {e.size} "
                          f"points, the least {c.min() if c.size else 0:g} S/m.")
     known = all(x.noise is not None for x in experiments)
-    sd = np.concatenate([_deviation(x) for x in experiments]) if known else np.ones(e.size)
     basis = powers(e)
-    centre = np.asarray(np.linalg.lstsq(basis / sd[:, None], c / sd, rcond=None)[0], dtype=float)
-    residual = (basis @ centre - c) / sd
-    order = np.argsort(e, kind="stable")
+    sd = np.concatenate([_deviation(x) for x in experiments]) if known else _likelier_size(basis, c)
+    centre = _least(basis, c, sd)
     freedom = e.size - 4
-    wider = integrated_autocorrelation_time(residual[order])
-    spread = float(residual @ residual) / freedom * wider
+    errors = _errors(experiments, (basis @ centre - c) / sd, basis / sd[:, None], 1.0 if known else 0.0)
+    spare = max(sum(x.effective_sample_size for x in errors) - 4, min(_LEAST_SPARE, max(1.0, freedom)))
     gain = np.asarray(np.linalg.pinv(basis / sd[:, None]), dtype=float)
-    covariance = gain @ gain.T * (max(1.0, spread) if known else spread)
+    ends = np.cumsum([x.count for x in errors])[:-1]
+    covariance = np.sum([x.of(g) for x, g in zip(errors, np.split(gain, ends, axis=1), strict=True)], axis=0)
     zero = _zero_covariance(experiments, gain, sd, centre)
     covariance += zero
     positive = (powers(np.linspace(LOWEST_STRAIN, max(float(e.max()), 0.0), _GRID)).T, FLOOR * float(np.median(c)))
@@ -66,8 +67,26 @@ def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
                 for x in experiments)
     chi_square = float(np.sum(((basis @ best - c) / sd) ** 2)) if known else None
     return ConductivityFit(law, centre, covariance, zero, positive, chi_square, freedom,
-                           max(e.size / wider - 4, 1.0), rms,
+                           spare, rms,
                            _sentences(law, not np.allclose(best, centre), chi_square, freedom))
+
+
+def _least(basis: Array, value: Array, sd: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(basis / sd[:, None], value / sd, rcond=None)[0], dtype=float)
+
+
+def _likelier_size(basis: Array, value: Array) -> Array:
+    """(n,) relative size of unknown noise: the same at every point, or that of the value, whichever is likelier."""
+    sizes = np.ones(value.size), value / float(np.exp(np.mean(np.log(value))))
+    squares = [float(np.sum(((basis @ _least(basis, value, sd) - value) / sd) ** 2)) for sd in sizes]
+    return sizes[int(np.argmin(squares))]
+
+
+def _errors(experiments: Sequence[Experiment], residual: Array, slopes: Array, least: float) -> tuple[Errors, ...]:
+    """Errors of each test, in the order of its points, correlated as its residuals (n,) show."""
+    ends = np.cumsum([x.strain.size for x in experiments])[:-1]
+    tiny = 1e-12 * slopes.T @ slopes / max(float(np.mean(residual**2)), 1e-300)
+    return correlated_errors(np.split(residual, ends), np.split(slopes, ends), tiny, [least] * len(experiments))
 
 
 def _zero_covariance(experiments: Sequence[Experiment], gain: Array, sd: Array, centre: Array) -> Array:

@@ -16,8 +16,9 @@ _NU_NODES = 9  # values of nu between which stresses are interpolated
 
 
 def derived_of(draws: Draws) -> dict[str, Array]:
-    """mu_0_Pa, E_0_Pa, plateau_Pa; with a series g_infinity and mu_0_instantaneous_Pa; with replicates the value for
-    a new specimen, mu_0_new_specimen_Pa; with a skin c0_S_per_m; each (D,)."""
+    """mu_0_Pa, E_0_Pa, plateau_Pa; nu where it was sampled; with a series g_infinity and mu_0_instantaneous_Pa; with
+    replicates the value for a new specimen, mu_0_new_specimen_Pa; with a skin c0_S_per_m and a_i; each
+    (D,)."""
     out: dict[str, Array] = {}
     if len(draws) == 0:
         return out
@@ -25,6 +26,8 @@ def derived_of(draws: Draws) -> dict[str, Array]:
         mu_0 = draws.mu_Pa.sum(axis=1)
         out = {"mu_0_Pa": mu_0, "E_0_Pa": _young(draws),
                "plateau_Pa": -stress_of(draws, "uniaxial", [PLATEAU_STRAIN])[:, 0]}
+        if np.ptp(draws.nu) > 0 and not np.any(np.ptp(draws.nu, axis=1)):
+            out["nu"] = draws.nu[:, 0]
     if draws.g is not None:
         out["g_infinity"] = 1 - draws.g.sum(axis=1)
         if "mu_0_Pa" in out:
@@ -35,6 +38,7 @@ def derived_of(draws: Draws) -> dict[str, Array]:
         out["omega"] = draws.omega
     if draws.conductivity_S_per_m is not None:
         out["c0_S_per_m"] = draws.conductivity_S_per_m[:, 0]
+        out |= {f"a_{k}": draws.conductivity_S_per_m[:, k] / draws.conductivity_S_per_m[:, 0] for k in (1, 2, 3)}
     return out
 
 

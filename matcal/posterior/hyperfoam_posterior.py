@@ -17,11 +17,12 @@ from scipy.interpolate import BarycentricInterpolator, CubicSpline
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam, weighted_model
 from matcal.fitting.hyperfoam.design_table import Table, tabulate
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents
-from matcal.fitting.hyperfoam.linear_response import PRIOR_MODULI, free_slopes
-from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, lateral_cost
+from matcal.fitting.hyperfoam.linear_response import PRIOR_MODULI
+from matcal.fitting.hyperfoam.poisson import lateral_cost
 from matcal.fitting.hyperfoam.specimen_factors import PRIOR_OMEGA, specimens
 from matcal.fitting.hyperfoam.variable_projection import Exponents
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty.nu_ridge import Ridge
 from matcal.fitting.uncertainty.nuisance import nuisance
 from matcal.laws.deformation_modes import push_forward, second_piola
 from matcal.laws.hyperfoam import Hyperfoam
@@ -29,7 +30,7 @@ from matcal.laws.prony import Prony, decaying
 from matcal.statistics.linear_marginals import conditional, log_marginal, triangles
 from touchcal.arrays import Array
 
-_NU_NODES, _NU_REACH = 5, 8.0  # values of nu that are tabulated, and how far they reach in standard deviations of nu
+_NU_NODES, _NU_NODES_PER_UNIT, _MOST_NU_NODES = 5, 40, 25  # values of nu that are tabulated, more for a wide range
 _PER_DECADE = 12  # relaxation times, in each decade, at which the rate effect is tabulated
 
 
@@ -59,16 +60,17 @@ class LawPart:
         return self.order + 1 + (self.nu.size > 1) + (self.factor.shape[1] > 0)
 
 
-def law_part(fit: Fit, points: float, prony: PronyFit | None, fitted_nu: bool) -> LawPart:
-    """Tables of a fit whose residuals are worth `points`; ValueError for a law with unequal nu."""
+def law_part(fit: Fit, points: float, prony: PronyFit | None, ridge: Ridge | None = None) -> LawPart:
+    """Tables of a fit whose residuals are worth `points`, and of the nu along the ridge that it leaves open; ValueError
+    for a law with unequal nu."""
     fit = replace(fit, curves=tuple(of_mean_foam(c) for c in fit.curves))  # factors are drawn, not taken
     law = fit.law
     if np.ptp(law.nu) > 0:
         raise ValueError(f"--posterior is built for one nu for all terms, the law has {law.nu.tolist()}. Use --poisson "
                          "fit or one value.")
     known, differ = nuisance(fit), specimens(fit.curves, law)
-    nu = _nu_nodes(fit, points) if fitted_nu else law.nu[:1]
-    allowed = allowed_exponents(fit.curves)
+    nu = law.nu[:1] if ridge is None else _nu_nodes(ridge)
+    allowed = allowed_exponents(fit.curves, float(law.nu[0]))
     times, rate = _rate_effect(fit.curves, law, prony)
     more = np.column_stack([known.effect, differ.stated, differ.factor, weighted_model(fit.curves, law)[:, None], rate])
     tables = _tables(fit, nu, (allowed.low, allowed.high), more)
@@ -78,7 +80,7 @@ def law_part(fit: Fit, points: float, prony: PronyFit | None, fitted_nu: bool) -
     fitted_rate = series_effect(spline, np.log(prony.prony.tau_s)[None], prony.prony.g[None])[0] \
         if spline is not None and prony is not None else np.zeros(basis.shape[1])
     lateral = None
-    if fitted_nu and any(c.experiment.lateral is not None for c in fit.curves):
+    if ridge is not None and any(c.experiment.lateral is not None for c in fit.curves):
         grid = np.linspace(nu.min(), nu.max(), 33)
         lateral = CubicSpline(grid, [lateral_cost(fit.curves, Hyperfoam(np.ones(1), np.ones(1), np.full(1, v)))
                                      for v in grid])
@@ -195,19 +197,12 @@ def _tables(fit: Fit, nu: Array, bounds: tuple[float, float], more: Array) -> tu
                        basis.T @ (t.basis @ t.target)) for t in others)
 
 
-def _nu_nodes(fit: Fit, points: float) -> Array:
-    """Chebyshev nodes over what the data allow nu to be, within its bounds."""
-    law, step = fit.law, 1e-4
-    nu, n = float(law.nu[0]), law.nu.size
-    high, low = (weighted_model(fit.curves, Hyperfoam(law.mu_Pa, law.alpha, np.full(n, v)))
-                 for v in (nu + step, nu - step))
-    slope = (high - low) / (2 * step)
-    others = np.linalg.qr(free_slopes(fit))[0]
-    own = slope - others @ (others.T @ slope)
-    sd = np.sqrt(fit.optimum.cost / points / max(float(own @ own), 1e-12))
-    reach = float(np.clip(_NU_REACH * sd, 0.02, 0.3))
-    lo, hi = max(nu - reach, NU_BOUNDS[0]), min(nu + reach, NU_BOUNDS[1])
-    nodes = np.cos(np.pi * np.arange(_NU_NODES) / (_NU_NODES - 1))
+def _nu_nodes(ridge: Ridge) -> Array:
+    """Chebyshev nodes over the nu that the profile leaves open, more of them for a wide range."""
+    nu = np.array([node.law.nu[0] for node in ridge.nodes])
+    lo, hi = float(nu.min()), float(nu.max())
+    count = min(_NU_NODES + int(_NU_NODES_PER_UNIT * (hi - lo)), _MOST_NU_NODES)
+    nodes = np.cos(np.pi * np.arange(count) / (count - 1))
     return np.sort((lo + hi) / 2 + (hi - lo) / 2 * nodes)
 
 

@@ -78,14 +78,15 @@ class _Joint:
 
 
 def sample(fit: Fit | None, uncertainty: Uncertainty | None, prony: PronyFit | None, skin: ConductivityFit | None,
-           seed: int, advance: Callable[[int], None] = lambda done: None, fitted_nu: bool = False) -> Posterior:
+           seed: int, advance: Callable[[int], None] = lambda done: None) -> Posterior:
     """Draws from the posterior of law, series and skin, those that there are; NotConverged carries them where the
-    checks fail. `advance` gets the number of steps done, of MOST_STEPS at most; `fitted_nu`: the law's nu was
-    fitted, not given. Raises ValueError where there is nothing to sample, or for unequal nu."""
+    checks fail. `advance` gets the number of steps done, of MOST_STEPS at most. Raises ValueError where there is
+    nothing to sample, or for unequal nu."""
     start = time.process_time()
     rng = np.random.default_rng([seed, 1])
     relaxing = prony if prony is not None and np.any(prony.prony.g) else None
-    joint = _Joint(hyperfoam_posterior.law_part(fit, uncertainty.effective_points, relaxing, fitted_nu)
+    joint = _Joint(hyperfoam_posterior.law_part(fit, uncertainty.effective_points, relaxing,
+                                                (*uncertainty.ridges, None)[0])
                    if fit is not None and uncertainty is not None else None,
                    prony_posterior.series_part(relaxing) if relaxing is not None else None)
     if joint.law is None and joint.series is None and skin is None:

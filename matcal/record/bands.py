@@ -49,15 +49,18 @@ def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
 
 
 def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> Columns:
-    """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes."""
+    """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes, without
+    those where a law near nu = 0.5 has no finite stress."""
     tables = []
     for mode, span in spans(law.strain_range).items():
         strain = np.unique(np.r_[np.linspace(*span, _POINTS), 1.0 if mode == "volumetric" else 0.0])
-        low, high = _band(source, mode, strain)
+        with np.errstate(over="ignore", invalid="ignore"):
+            stress, (low, high) = nominal_stress(law, mode, strain), _band(source, mode, strain)
         lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
-        tables.append({"mode": np.full(strain.size, mode), "strain": strain,
-                       "stress_Pa": nominal_stress(law, mode, strain), "stress_lo_Pa": low, "stress_hi_Pa": high,
-                       "extrapolated": (strain < lo) | (strain > hi)})
+        table = {"mode": np.full(strain.size, mode), "strain": strain, "stress_Pa": stress, "stress_lo_Pa": low,
+                 "stress_hi_Pa": high, "extrapolated": (strain < lo) | (strain > hi)}
+        finite = np.isfinite(stress) & np.isfinite(low) & np.isfinite(high)
+        tables.append({name: column[finite] for name, column in table.items()})
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 

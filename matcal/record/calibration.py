@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from matcal.card import MaterialCard
 from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
-from matcal.fitting.hyperfoam.poisson import FITTED
 from matcal.readers.column_options import parse_selection, selections_of
 from matcal.record.write import check_place, make_card, write_record
 from matcal.reduction.reduce import Given, read_and_reduce, tests_of
@@ -124,7 +123,7 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
 
     try:
         draws = sample(laws.fit, laws.uncertainty, laws.prony, laws.conductivity, seed,
-                       progress or (lambda done: None), options.poisson in FITTED)
+                       progress or (lambda done: None))
     except NotConverged as error:
         found = Calibration(make_card(laws, files, seed, error.estimate), laws, error.estimate, files)
         raise NotConverged(str(error), estimate=found) from error

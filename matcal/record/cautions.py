@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from matcal.card import MaterialCard
-from matcal.fitting.hyperfoam.poisson import STOPPED
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -16,17 +15,18 @@ NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
 # relative RMS of a fit, and of a prediction, from which on it is said; share of a relaxation time likewise
 _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
 # share of a test in its 95 % band below which it is said; mu_0 of soft foams, Pa; ratio of stiffness between modes from
-# which on units and sizes are doubted, over the first share of their strains; stretch from which on nu = 0 is
-_INSIDE, _SOFT_PA, _RATIO, _EARLY, _STRETCHED = 0.9, (20.0, 1e6), 1.6, 0.3, 1.0
+# which on units and sizes are doubted, over the first share of their strains
+_INSIDE, _SOFT_PA, _RATIO, _EARLY = 0.9, (20.0, 1e6), 1.6, 0.3
 # strain that earlier loadings left, and share by which a held stress differs from the law's, from which on it is said
 _SET, _HELD_OFF = 0.02, 0.15
+_RUBBER = 0.49  # nu above which a rubber's was given
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _edge, _assumed, _set, _held,
-             _misfit, _at_bound, _undetermined, _band, _predictions, _coverage, _series, _skin)
+             _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _series, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -91,11 +91,20 @@ def _stiffness(mode: str, ends: tuple[float, float], own: Hyperfoam, other: Hype
 
 
 def _volume(card: MaterialCard) -> Iterator[str]:
-    ranges = card.hyperfoam.strain_range if card.hyperfoam is not None and not np.any(card.hyperfoam.nu) else {}
-    far = max((hi for mode, (_, hi) in ranges.items() if mode in ("uniaxial", "planar", "biaxial")), default=0.0)
-    if far > _STRETCHED:
-        yield (f"nu = 0 was taken, which is a foam's, for a material stretched to a strain of {far:.3g}: rubbers and "
-               "gels keep their volume. Give --poisson 0.45, or fit with lateral strain.")
+    """A material stretched like a rubber whose nu was not measured, and what nu does to its modulus."""
+    kept = card.fit.get("nu", {}).get("nearly_incompressible")
+    if kept is None or card.hyperfoam is None or card.hyperfoam.nu.min() > _RUBBER:
+        return
+    first, last = kept["nu"]
+    one, other = (f"{mu / 1e3:.4g} kPa" for mu in kept["mu_0_Pa"])
+    does = f"mu_0 goes from {one} at nu = {first:g} to {other} at {last:g}"
+    if not np.any(card.hyperfoam.nu):
+        how = "was taken, which" if card.fit["nu"]["how"] == "assumed" else "as given"
+        yield (f"nu = 0 {how} is a foam's, for a material stretched like a rubber, which keeps its volume: {does}. "
+               f"Give --poisson {last:g} for a rubber or gel, or fit nu with lateral strain.")
+    else:
+        yield (f"nu was given, not measured, for a material stretched like a rubber: {does}, and the intervals leave "
+               f"that out. A rubber or gel has nu near {last:g}.")
 
 
 def _band(card: MaterialCard) -> Iterator[str]:
@@ -153,13 +162,9 @@ def _edge(card: MaterialCard) -> Iterator[str]:
 
 
 def _assumed(card: MaterialCard) -> Iterator[str]:
-    """What the records themselves give to mind (a direction that nothing stated, a table that is not one loading from
-    contact on), and nu at its bound."""
+    """What the records themselves give to mind: a direction that nothing stated, a table that is not one loading from
+    contact on."""
     yield from card.provenance.get("cautions", ())
-    if card.hyperfoam is not None and any(STOPPED in s for s in card.provenance.get("decisions", ())):
-        at = ", ".join(f"{nu:.3g}" for nu in dict.fromkeys(card.hyperfoam.nu.tolist()))
-        yield (f"The fitted nu ({at}) ended on the bound of its range: the tests do not fix it, or the law cannot "
-               "follow them. Measure the lateral strain, or give a value with --poisson.")
 
 
 def _set(card: MaterialCard) -> Iterator[str]:
@@ -214,6 +219,20 @@ def _at_bound(card: MaterialCard) -> Iterator[str]:
         clear = any(row["order"] == order and not row["confluence"] for row in tried)  # else _misfit names an order
         yield (f"{' and '.join(kept)} ended on the bound of the exponents that are searched: outside the fitted "
                "strains the law rests on that bound." + (_safer(order, tried) if clear else ""))
+
+
+def _open_nu(card: MaterialCard) -> Iterator[str]:
+    """A fitted nu that the tests leave open, and what that does to the modulus."""
+    nu, left = card.fit.get("nu", {}), card.fit.get("not_determined", ())
+    if not any(name.startswith("nu") for name in left):
+        return
+    ends = nu["interval"] if isinstance(nu["interval"][0], list) else [nu["interval"]]
+    low, high = nu["bounds"]
+    where = ", ".join(f"{lo:.3g} to {hi:.3g}" for lo, hi in ends)
+    mu_0 = card.fit.get("derived", {}).get("mu_0_Pa")
+    then = f"; mu_0 lies between {mu_0['lo'] / 1e3:.3g} and {mu_0['hi'] / 1e3:.3g} kPa with it" if mu_0 else ""
+    yield (f"nu is not determined by these tests: its 95 % interval is {where}, searched from {low:g} to {high:g}"
+           f"{then}. Add lateral strain or a volumetric test, or give a known value with --poisson.")
 
 
 def _undetermined(card: MaterialCard) -> Iterator[str]:

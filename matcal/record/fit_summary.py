@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from matcal.fitting.calibrate import FittedLaws, is_curve, labels
 from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
+from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
-from matcal.fitting.uncertainty.intervals import OF_THIS_LAW
+from matcal.fitting.uncertainty.intervals import OF_THIS_LAW, Uncertainty
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.record.bands import share_inside
 from matcal.reduction.experiment import Experiment
@@ -35,12 +37,27 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
                           for n, i in found.uncertainty.derived.items()}
         out["intervals"] = OF_THIS_LAW
+        out["nu"] = _nu_part(found.fit, found.uncertainty)
+        out["not_determined"] = list(found.uncertainty.not_determined)
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
         out["prony"] = _series_part(found.prony)
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
     return out
+
+
+def _nu_part(fit: Fit, uncertainty: Uncertainty) -> dict[str, Any]:
+    """How the law got its nu, and what mu_0 would be if a stretched material kept its volume; where it was fitted, its
+    values with their 95 % intervals and the bounds of the search, one number for all terms or a list of one a term."""
+    kept = {} if not fit.kept_volume else {"nearly_incompressible": {
+        "nu": list(fit.kept_volume), "mu_0_Pa": list(fit.kept_volume.values())}}
+    if not uncertainty.nu:
+        return {"how": fit.nu_how, **kept}
+    values, ends = [i.value for i in uncertainty.nu], [[i.lo, i.hi] for i in uncertainty.nu]
+    one = fit.nu_fitted == "fit"
+    return {"how": fit.nu_how, "value": values[0] if one else values, "interval": ends[0] if one else ends,
+            "bounds": list(NU_BOUNDS)}
 
 
 def curve_of(found: FittedLaws, label: str) -> Curve:
@@ -52,7 +69,7 @@ def curve_of(found: FittedLaws, label: str) -> Curve:
 def _law_part(fit: Fit) -> dict[str, Any]:
     return {"parameters": standard_errors(fit),
             "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.collinearity}
-                       for r in fit.orders],
+                       | ({} if r.nu is None else {"nu": r.nu}) for r in fit.orders],
             "cross_prediction": {mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
                                         "relative_rms": dict(alone.relative_rms),
                                         "relative_rms_of": dict(alone.relative_rms_of), "unstable": alone.unstable}
@@ -86,11 +103,16 @@ def _series_part(prony: PronyFit) -> dict[str, Any]:
 
 
 def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
-    """Standard errors of c_0 and of a_i = b_i/b_0, to first order in those of the coefficients b."""
-    law, covariance = skin.law, skin.covariance
+    """Standard errors and 95 % intervals of c_0 and of a_i = b_i/b_0, to first order in those of the coefficients b;
+    what the bound that keeps the cubic positive moved them by is in them."""
+    law, covariance, moved = skin.law, skin.covariance, skin.centre[1:] / skin.centre[0] - skin.law.a
     slope = np.column_stack([-law.a, np.eye(3)]) / law.c0_S_per_m
-    return {"chi_square": skin.chi_square, "freedom": skin.freedom, "c0_sd_S_per_m": float(np.sqrt(covariance[0, 0])),
-            "a_sd": np.sqrt(np.diag(slope @ covariance @ slope.T)),
+    c0_sd = float(np.hypot(np.sqrt(covariance[0, 0]), skin.centre[0] - law.c0_S_per_m))
+    a_sd = np.hypot(np.sqrt(np.diag(slope @ covariance @ slope.T)), moved)
+    reach = float(stdtrit(skin.effective_sample_size, 0.975))
+    return {"chi_square": skin.chi_square, "freedom": skin.freedom, "c0_sd_S_per_m": c0_sd, "a_sd": a_sd,
+            "c0_interval_S_per_m": [law.c0_S_per_m - reach * c0_sd, law.c0_S_per_m + reach * c0_sd],
+            "a_interval": np.column_stack([law.a - reach * a_sd, law.a + reach * a_sd]),
             "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance))}
 
 

@@ -12,7 +12,12 @@ from touchcal.number_words import percent, significant, with_error, within
 MEANING = {"mu_0_Pa": "initial shear modulus", "E_0_Pa": "initial Young's modulus",
            "plateau_Pa": "stress at 40 % strain", "g_infinity": "long-term share",
            "mu_0_instantaneous_Pa": "before relaxation", "mu_0_new_specimen_Pa": "of a further specimen",
-           "omega": "scatter of ln stiffness", "c0_S_per_m": "unstrained skin"}
+           "omega": "scatter of ln stiffness", "c0_S_per_m": "unstrained skin",
+           **{f"a_{k}": "of the skin's cubic" for k in (1, 2, 3)}}
+
+
+# what follows the meaning of a quantity that the tests leave open
+OPEN = ", not determined by these tests"
 
 
 @dataclass(frozen=True)
@@ -32,16 +37,31 @@ def derived(card: MaterialCard) -> Printed:
     """What the tests measure, by linearisation and, where it was sampled, by the posterior."""
     linear: Mapping[str, Any] = card.fit.get("derived", {})
     drawn: Mapping[str, Any] = card.posterior.get("derived", {})
-    rows = []
+    left, rows = card.fit.get("not_determined", ()), _nu_rows(card, drawn)
     for name in dict.fromkeys([*linear, *drawn]):
+        if name == "nu":
+            continue
         own = linear.get(name) or {**drawn[name], "value": drawn[name]["median"]}
         value, interval = within(own["value"], own["lo"], own["hi"])
         sampled = [_posterior(drawn.get(name))] if drawn else []
-        rows.append([name, value, interval if name in linear else "-", *sampled, MEANING.get(name, "")])
+        rows.append([name, value, interval if name in linear else "-", *sampled,
+                     MEANING.get(name, "") + (OPEN if name in left else "")])
     head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
     title = f"Results: {card.hyperfoam.moduli} moduli" if card.hyperfoam else "Results"
     return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w",
                    [card.fit["intervals"]] if "intervals" in card.fit else ())
+
+
+def _nu_rows(card: MaterialCard, drawn: Mapping[str, Any]) -> list[list[str]]:
+    """A fitted nu with its interval, one row or one a term."""
+    found, left = card.fit.get("nu", {}), card.fit.get("not_determined", ())
+    if "interval" not in found:
+        return []
+    one = not isinstance(found["value"], Sequence)
+    each = {"nu": (found["value"], found["interval"])} if one else {
+        f"nu_{k}": pair for k, pair in enumerate(zip(found["value"], found["interval"], strict=True), 1)}
+    return [[name, *within(value, *ends), *([_posterior(drawn.get(name))] if drawn else []),
+             "Poisson-like ratio" + (OPEN if name in left else "")] for name, (value, ends) in each.items()]
 
 
 def _posterior(row: Mapping[str, float] | None) -> str:
@@ -86,9 +106,12 @@ def skin(card: MaterialCard) -> Printed:
     """Coefficients of the conductivity law."""
     assert card.conductivity is not None
     found = card.fit.get("conductivity", {})
-    rows = [["c0_S_per_m", *_pair(card.conductivity.c0_S_per_m, found.get("c0_sd_S_per_m"))]]
-    rows += [[f"a_{k + 1}", *_pair(a, _at(found, "a_sd", k))] for k, a in enumerate(card.conductivity.a)]
-    return Printed("Conductivity, one standard error each", ["", "value", "+-"], rows, "<>>",
+    pairs = [("c0_S_per_m", card.conductivity.c0_S_per_m, found.get("c0_sd_S_per_m"), found.get("c0_interval_S_per_m"))]
+    pairs += [(f"a_{k + 1}", a, _at(found, "a_sd", k), found["a_interval"][k] if "a_interval" in found else None)
+              for k, a in enumerate(card.conductivity.a)]
+    rows = [[name, *_pair(value, sd), within(value, *ends)[1] if ends is not None else "unknown"]
+            for name, value, sd, ends in pairs]
+    return Printed("Conductivity, one standard error each", ["", "value", "+-", "95 % interval"], rows, "<>>>",
                    (f"Fitted for strains of {_span(card.conductivity.strain_range)}.",))
 
 

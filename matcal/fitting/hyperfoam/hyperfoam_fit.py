@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +27,19 @@ from matcal.fitting.hyperfoam.order_selection import (
     order_sentences,
 )
 from matcal.fitting.hyperfoam.per_term_poisson import refine, with_nu
-from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, Poisson, checked_poisson, fitted_nu, nu_sentences
+from matcal.fitting.hyperfoam.poisson import FITTED, KEPT_VOLUME, NU_BOUNDS, Poisson, checked_poisson, nu_sentences
+from matcal.fitting.hyperfoam.shared_poisson import best_at_any_nu, with_coarse_nu
 from matcal.fitting.hyperfoam.stable_fit import StabilityRows, keeps, search_stable
-from matcal.fitting.hyperfoam.variable_projection import Optimum, least_moduli
+from matcal.fitting.hyperfoam.variable_projection import Optimum
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
 
 __all__ = ["ORDERS", "Alone", "Fit", "allowed_exponents", "fit", "modelled", "quick_law", "relative_rms"]
 
 Array = NDArray[np.float64]
+# order -> the problem with its nu, and the best law of that order
+_Find = Callable[[int], tuple[Problem, Optimum]]
+_Tried = Mapping[int, tuple[Problem, Optimum]]
 # rows that must stay positive -> the best law that keeps them so
 _Search = Callable[[StabilityRows], Hyperfoam]
 
@@ -49,6 +53,8 @@ _FEW = 3
 NEARLY = 1.5
 # nu of the first and last term off the shared one, at further starts of a search term by term
 _TILT = 0.1
+# tensile strain above which a material may be a rubber
+_STRETCHED = 1.0
 
 
 @dataclass(frozen=True)
@@ -73,29 +79,38 @@ class Fit:
     cpu_s: float
     # the law without the stability that was asked for; None where none was
     free: Hyperfoam | None = None
+    # nu -> mu_0, Pa, of laws that nearly keep their volume, where a stretched material's nu was not fitted
+    kept_volume: Mapping[float, float] = field(default_factory=dict)
+    # how nu came about: "fit", "fit-each", "given", or "assumed" where nothing was said of it
+    nu_how: str = "given"
+
+    @property
+    def nu_fitted(self) -> str | None:
+        """How nu was fitted, one of `poisson.FITTED`; None where it was not."""
+        return self.nu_how if self.nu_how in FITTED else None
 
 
-def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0.0, starts: int = 8,
+def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson | None = None, starts: int = 8,
         thorough: bool = True, stable: str | None = None, stable_range: tuple[float, float] | None = None) -> Fit:
     """Long-term hyperfoam law with least weighted mean square residual over `curves`.
 
     order: number of terms 1 to 6, or "auto" (by BIC, see `chosen_order`); poisson: one nu for all terms, one a term
-    (increasing alpha), "fit" or "fit-each"; thorough: also fit one more term, and each mode alone; stable: criterion
-    that the law keeps at all principal stretches within stable_range (by default those that the curves drive), the
-    single-mode laws and the neighbours being left free. Raises ValueError for another choice, for no curves, or for
-    fewer different strains than parameters; NotConverged where no such stable law is found.
+    (increasing alpha), "fit", "fit-each", or None: a foam's 0; thorough: also fit one more term, and each mode alone;
+    stable: criterion that the law keeps at all principal stretches within stable_range (by default those that the
+    curves drive), the single-mode laws and the neighbours being left free. Raises ValueError for another choice, for no
+    curves, or for fewer different strains than parameters; NotConverged where no such stable law is found.
     """
     start = time.process_time()
     curves = tuple(curves)
     orders = _orders(order, curves, poisson)
     choice = checked_poisson(poisson, curves)
     log_range = _log_range(stable_range, curves)
-    nu = _shared_nu(choice, curves, orders)
-    problem = pose(curves, nu)
-    tried = _tried(problem, orders, starts, order == "auto")
-    rows = tuple(_row(problem, optimum) for optimum in tried.values())
+    find, fitted = _finder(choice, curves, starts), choice if isinstance(choice, str) else None
+    tried = _tried(find, orders, order == "auto", fitted)
+    rows = tuple(_row(problem, optimum, fitted) for problem, optimum in tried.values())
     best = chosen_order(rows)
-    found = tried[best.order]
+    problem, found = tried[best.order]
+    nu = problem.nu
     law = _law(found, nu, curves)
     if isinstance(choice, tuple) or choice == "fit-each":
         law, found = _term_by_term(problem, choice if isinstance(choice, tuple) else None, found)
@@ -105,12 +120,15 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson = 0
     alone = each_alone(curves, lambda own: _law(best_law(pose(own, nu), best.order, max(1, starts // 2)), nu, own)
                        ) if thorough else {}
     decisions = (weight_sentence(curves),
-                 *order_sentences(order, rows, best, tried[best.order], different_strains(curves)),
+                 *order_sentences(order, rows, best, tried[best.order][1], different_strains(curves)),
                  *alone_sentences(curves, alone), *nu_sentences(law.nu.tolist(), poisson, curves),
                  *_unequal_sentences(law, free, nu, curves, bool(alone)),
                  *_cost_sentences(stable, log_range, law, free, curves))
-    return Fit(law, curves, found, rows, _neighbours(problem, {} if stable else tried, found, starts, law)
-               if thorough else (), alone, decisions, time.process_time() - start, free)
+    near = _neighbours(curves, {} if stable else tried, _finder(choice, curves, max(1, starts // 2)), found, law
+                       ) if thorough else ()
+    return Fit(law, curves, found, rows, near, alone, decisions, time.process_time() - start, free,
+               {} if fitted or not thorough else _kept_volume(curves, best.order),
+               fitted or ("assumed" if poisson is None else "given"))
 
 
 def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam:
@@ -125,10 +143,10 @@ def modelled(law: Hyperfoam, curve: Curve) -> Array:
     return curve.model(law)
 
 
-def _orders(order: int | str, curves: tuple[Curve, ...], poisson: Poisson) -> tuple[int, ...]:
+def _orders(order: int | str, curves: tuple[Curve, ...], poisson: Poisson | None) -> tuple[int, ...]:
     if not curves:
         raise ValueError("no stress-strain curve to fit: give a uniaxial, biaxial, planar, shear or volumetric file.")
-    listed = 0 if isinstance(poisson, str) else np.atleast_1d(poisson).size
+    listed = 0 if poisson is None or isinstance(poisson, str) else np.atleast_1d(poisson).size
     if listed > 1 and order not in ("auto", listed):
         raise ValueError(f"poisson lists {listed} values but the order is {order}. Give one value a term.")
     order = listed if listed > 1 else order
@@ -143,25 +161,33 @@ def _orders(order: int | str, curves: tuple[Curve, ...], poisson: Poisson) -> tu
     return (int(order),)
 
 
-def _shared_nu(choice: float | str | tuple[float, ...], curves: tuple[Curve, ...], orders: tuple[int, ...]) -> float:
-    """The one nu of the search: as given, the mean of a list, or fitted."""
-    if not isinstance(choice, str):
-        return float(np.mean(choice))
-    terms = orders[0] if len(orders) == 1 else min(3, orders[-1])
-    return fitted_nu(curves, lambda nu: search(pose(curves, nu), terms, _FEW, least_moduli).cost)
+def _finder(choice: float | str | tuple[float, ...], curves: tuple[Curve, ...], starts: int) -> _Find:
+    """What finds the best law of an order: with nu as given, the mean of a list, or the best one for that order."""
+    if isinstance(choice, str):
+        coarse = with_coarse_nu(curves)
+        return lambda order: best_at_any_nu(coarse, order, starts)
+    problem = pose(curves, float(np.mean(choice)))
+    return lambda order: (problem, best_law(problem, order, starts))
 
 
-def _tried(problem: Problem, orders: Sequence[int], starts: int, auto: bool) -> dict[int, Optimum]:
-    out: dict[int, Optimum] = {}
+def _kept_volume(curves: tuple[Curve, ...], order: int) -> dict[float, float]:
+    """nu -> mu_0, Pa, at the ends of KEPT_VOLUME, where some curve is stretched like a rubber."""
+    far = max((float(c.experiment.strain.max()) for c in curves
+               if c.experiment.kind in ("uniaxial", "planar", "biaxial")), default=0.0)
+    return {nu: float(best_law(pose(curves, nu), order, _FEW).mu_Pa.sum()) for nu in KEPT_VOLUME if far > _STRETCHED}
+
+
+def _tried(find: _Find, orders: Sequence[int], auto: bool, fitted: str | None) -> dict[int, tuple[Problem, Optimum]]:
+    out: dict[int, tuple[Problem, Optimum]] = {}
     for n in orders:
-        if auto and n > _ALWAYS and not _worth_another(problem, out):
+        if auto and n > _ALWAYS and not _worth_another(out, fitted):
             break
-        out[n] = best_law(problem, n, starts)
+        out[n] = find(n)
     return out
 
 
-def _worth_another(problem: Problem, tried: Mapping[int, Optimum]) -> bool:
-    rows = [_row(problem, optimum) for optimum in tried.values()]
+def _worth_another(tried: _Tried, fitted: str | None) -> bool:
+    rows = [_row(problem, optimum, fitted) for problem, optimum in tried.values()]
     return min(rows, key=lambda row: row.bic) is rows[-1] and not rows[-1].collinearity
 
 
@@ -241,26 +267,27 @@ def _cost(law: Hyperfoam, curves: tuple[Curve, ...]) -> float:
     return float(np.sum((weighted_model(curves, law) - weighted_stress(curves)) ** 2))
 
 
-def _neighbours(problem: Problem, tried: Mapping[int, Optimum], found: Optimum, starts: int,
-                law: Hyperfoam) -> tuple[Hyperfoam, ...]:
+def _neighbours(curves: tuple[Curve, ...], tried: _Tried, find: _Find, found: Optimum, law: Hyperfoam
+                ) -> tuple[Hyperfoam, ...]:
     """Laws of one more term, and of one fewer that fits nearly as well, with one nu; with nu term by term none."""
     if np.ptp(law.nu):
         return ()
-    order, most = found.alpha.size, sum(np.unique(c.experiment.strain).size for c in problem.curves)
-    near = [(n, tried.get(n) or best_law(problem, n, max(1, starts // 2))) for n in (order + 1, order - 1)
-            if 0 < 2 * n < most]
-    return tuple(_law(optimum, problem.nu, problem.curves) for n, optimum in near
+    order, most = found.alpha.size, sum(np.unique(c.experiment.strain).size for c in curves)
+    near = [(n, tried.get(n) or find(n)) for n in (order + 1, order - 1) if 0 < 2 * n < most]
+    return tuple(_law(optimum, problem.nu, problem.curves) for n, (problem, optimum) in near
                  if n > order or optimum.cost < NEARLY**2 * found.cost)
 
 
-def _row(problem: Problem, optimum: Optimum) -> OrderRow:
+def _row(problem: Problem, optimum: Optimum, fitted: str | None) -> OrderRow:
     curves, order = problem.curves, optimum.alpha.size
     merged = collinearity(optimum.mu_Pa, optimum.alpha, problem.allowed.gap)
-    bic = criterion(optimum.cost, order, sum(c.experiment.value.size for c in curves), different_strains(curves))
+    bic = criterion(optimum.cost, 2 * order + (fitted is not None), sum(c.experiment.value.size for c in curves),
+                    different_strains(curves))
     law = _law(optimum, problem.nu, curves)
     worst = max(relative_rms(law, c) for c in curves)
     return OrderRow(order, float(np.sqrt(optimum.cost)), worst, bic, merged,
-                    worst < ACCURATE and "drucker" in unstable_within(law, curves))
+                    worst < ACCURATE and "drucker" in unstable_within(law, curves),
+                    problem.nu if fitted else None)
 
 
 def _law(optimum: Optimum, nu: float, curves: tuple[Curve, ...]) -> Hyperfoam:

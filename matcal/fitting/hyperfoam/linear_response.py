@@ -1,30 +1,95 @@
 """How the parameters of a fit answer, to first order, to its data: slopes, what the residuals are worth, gains."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from matcal.fitting.hyperfoam.curves import weighted_design, weighted_model, weighted_stress
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents
+from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, lateral_residual
 from matcal.statistics.residual_correlation import Errors, correlated_errors
 from touchcal.arrays import Array
 
 # standard deviations of a prior so wide that it only holds directions that no curve sees: exponents, moduli over mu_0
 PRIOR_ALPHA, PRIOR_MODULI = 10.0, 100.0
+# that of a uniform nu between its bounds
+PRIOR_NU = (NU_BOUNDS[1] - NU_BOUNDS[0]) / 12**0.5
 
 
 def free_slopes(fit: Fit) -> Array:
     """d(weighted stress) along the free directions of (mu, alpha), (n, K)."""
     law, nu, step = fit.law, float(fit.law.nu[0]), 1e-5
+    if np.ptp(law.nu):
+        return _differences(fit, _along(fit))[:weighted_residual(fit).size]
     high, low = (weighted_design(fit.curves, law.alpha + s, nu) for s in (step, -step))
     return np.hstack([weighted_design(fit.curves, law.alpha, nu),
                       law.mu_Pa * (high - low) / (2 * step)]) @ free_directions(fit)
 
 
+def nu_slopes(fit: Fit) -> Array:
+    """d(weighted stress, then lateral strain) with what was fitted of nu, (n + l, 0, 1 or N)."""
+    n = fit.law.alpha.size
+    moves = {None: np.zeros((0, n)), "fit": np.ones((1, n)), "fit-each": np.eye(n)}[fit.nu_fitted]
+    return _differences(fit, np.hstack([np.zeros((len(moves), 2 * n)), moves]))
+
+
+def all_slopes(fit: Fit) -> Array:
+    """d(weighted stress, then lateral strain) along the free directions of (mu, alpha), (n + l, K); the lateral strains
+    of a law with one nu depend on that alone."""
+    if np.ptp(fit.law.nu) and fit.nu_fitted:
+        return _differences(fit, _along(fit))
+    return padded(fit, free_slopes(fit))
+
+
+def fitted_slopes(fit: Fit) -> Array:
+    """d(weighted stress, then lateral strain) with all that was fitted, (n + l, K'): the free directions, then nu."""
+    return np.hstack([all_slopes(fit), nu_slopes(fit)])
+
+
+def padded(fit: Fit, columns: Array) -> Array:
+    """(n + l, J) columns (n, J) over the stresses, 0 over the lateral strains that nu was fitted to."""
+    return np.vstack([columns, np.zeros((rows_of(fit) - columns.shape[0], columns.shape[1]))])
+
+
+def rows_of(fit: Fit) -> int:
+    """Number n + l of stresses, and of lateral strains that nu was fitted to."""
+    return sum(r.size for r in misses(fit))
+
+
+def misses(fit: Fit) -> list[Array]:
+    """Law minus record of each curve's weighted stress, then of each lateral record that nu was fitted to."""
+    ends = np.cumsum([c.experiment.value.size for c in fit.curves])[:-1]
+    lateral = [c for c in fit.curves if fit.nu_fitted and c.experiment.lateral is not None]
+    return [*np.split(weighted_residual(fit), ends), *(lateral_residual([c], fit.law) for c in lateral)]
+
+
+def _along(fit: Fit) -> Array:
+    """The free directions as moves (K, 3 N) in (mu, alpha, nu)."""
+    free = free_directions(fit).T
+    return np.hstack([free, np.zeros((len(free), fit.law.nu.size))])
+
+
+def _differences(fit: Fit, moves: Array) -> Array:
+    """Slopes (n + l, K) of `misses` along moves (K, 3 N) in (mu, alpha, nu), by central differences."""
+    law, n, step = fit.law, fit.law.alpha.size, 1e-5
+
+    def at(move: Array) -> Array:
+        moved = replace(law, mu_Pa=law.mu_Pa + law.mu_0_Pa * move[:n], alpha=law.alpha + move[n:2 * n],
+                        nu=law.nu + move[2 * n:])
+        return np.concatenate(misses(replace(fit, law=moved)))
+
+    unit = np.r_[np.full(n, 1 / law.mu_0_Pa), np.ones(2 * n)]
+    sizes = [step / max(float(np.abs(move * unit).max()), 1e-300) for move in moves]
+    out = [(at(h * unit * move) - at(-h * unit * move)) / (2 * h) for h, move in zip(sizes, moves, strict=True)]
+    return np.column_stack(out) if out else np.zeros((rows_of(fit), 0))
+
+
 def free_directions(fit: Fit) -> Array:
     """(2 N, K) directions in (mu, alpha) that the search was free to take: merged exponents move together."""
     alpha, n = fit.law.alpha, fit.law.alpha.size
-    allowed = allowed_exponents(fit.curves)
+    allowed = allowed_exponents(fit.curves, float(fit.law.nu.mean()))
     loose = np.r_[alpha[0] > allowed.low + 1e-3, np.diff(alpha) > allowed.gap + 1e-3]
     if alpha[-1] > allowed.high - 1e-3 and loose.any():
         loose[np.flatnonzero(loose)[-1]] = False
@@ -33,15 +98,17 @@ def free_directions(fit: Fit) -> Array:
 
 
 def errors_of(fit: Fit, effect: Array) -> tuple[Errors, ...]:
-    """Errors of each curve's weighted stress, misfit among them, when (mu, alpha) and nuisances with `effect` (n, J)
-    and a standard normal prior were fitted."""
-    ends = np.cumsum([c.experiment.value.size for c in fit.curves])[:-1]
-    slopes = np.hstack([free_slopes(fit), effect])
-    free = slopes.shape[1] - effect.shape[1]
+    """Errors of each curve's weighted stress, misfit among them, then of each lateral record that nu was fitted to,
+    when (mu, alpha), what was fitted of nu and nuisances with `effect` (n, J) and a standard normal prior were
+    fitted."""
+    slopes = np.hstack([fitted_slopes(fit), padded(fit, effect)])
+    found = misses(fit)
     prior = np.eye(slopes.shape[1])
+    free = slopes.shape[1] - effect.shape[1]
     prior[:free, :free] = prior_precision(fit)
     noise = [float(np.sqrt(np.mean(((c.experiment.noise or 0.0) / c.scale_Pa) ** 2))) for c in fit.curves]
-    return correlated_errors(np.split(weighted_residual(fit), ends), np.split(slopes, ends), prior, noise)
+    ends = np.cumsum([r.size for r in found])[:-1]
+    return correlated_errors(found, np.split(slopes, ends), prior, noise + [0.0] * (len(found) - len(noise)))
 
 
 def propagated(errors: Sequence[Errors], gain: Array) -> Array:
@@ -57,11 +124,12 @@ def effective_variance(errors: Sequence[Errors]) -> float:
 
 
 def prior_precision(fit: Fit) -> Array:
-    """Precision of the wide prior along the free directions."""
+    """Precision of the wide prior along the free directions, then of what was fitted of nu, as of a uniform one."""
     law = fit.law
     sd = np.r_[np.full(law.mu_Pa.size, PRIOR_MODULI * law.mu_0_Pa), np.full(law.alpha.size, PRIOR_ALPHA)]
     free = free_directions(fit)
-    return free.T @ (free / sd[:, None] ** 2)
+    fitted = {None: 0, "fit": 1, "fit-each": law.nu.size}[fit.nu_fitted]
+    return np.asarray(block_diag(free.T @ (free / sd[:, None] ** 2), np.eye(fitted) / PRIOR_NU**2), dtype=float)
 
 
 def weighted_residual(fit: Fit) -> Array:
@@ -76,5 +144,9 @@ def joint_gain(slopes: Array, effect: Array, variance: float, hold: Array) -> Ar
     rows = np.vstack([np.hstack([slopes, effect]), prior])
     normal = rows.T @ rows
     normal[:columns, :columns] += variance * hold
-    scale = np.sqrt(np.diag(normal))
-    return np.linalg.solve(normal / np.outer(scale, scale), rows.T / scale[:, None]) / scale[:, None]
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    unit, right = normal / np.outer(scale, scale), rows.T / scale[:, None]
+    try:
+        return np.linalg.solve(unit, right) / scale[:, None]
+    except np.linalg.LinAlgError:  # a term of no size, whose exponent nothing sees
+        return np.linalg.lstsq(unit, right, rcond=1e-13)[0] / scale[:, None]

@@ -17,7 +17,7 @@ GOOD_ENOUGH = 0.05
 ACCURATE = 0.005
 _PLENTY = 10  # different strains for each parameter below which the correction of BIC for few points is said
 # relative residual that no record resolves
-_DIGITS = 1e-6
+RESOLVED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class OrderRow:
     bic: float  # see `criterion`
     collinearity: str  # what makes its single parameters meaningless, or ""
     unstable: bool = False  # whether it fits within ACCURATE and loses Drucker stability inside the tests
+    nu: float | None = None  # of every term, where it was fitted at this order
 
 
 def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
@@ -46,14 +47,13 @@ def chosen_order(rows: Sequence[OrderRow]) -> OrderRow:
     return min(clear, key=lambda row: row.bic, default=best)
 
 
-def criterion(cost: float, order: int, count: int, different: int) -> float:
-    """Bayesian information criterion n ln(cost) + k ln(n) m/(m - k - 2), k = 2 `order`, for `count` n residuals at
-    `different` m strains; residuals below _DIGITS count as that, so that no term follows rounding. The last factor is
+def criterion(cost: float, parameters: int, count: int, different: int) -> float:
+    """Bayesian information criterion n ln(cost) + k ln(n) m/(m - k - 2), k `parameters`, for `count` n residuals at
+    `different` m strains; residuals below RESOLVED count as that, so that no term follows rounding. The last factor is
     the correction for few points; it is 1 for many. Source: McQuarrie, Stat. Probab. Lett. 44 (1999) 79,
     DOI 10.1016/S0167-7152(98)00294-6."""
-    parameters = 2 * order
     price = different / max(different - parameters - 2, 1)
-    return float(count * np.log(max(cost, _DIGITS**2)) + parameters * np.log(count) * price)
+    return float(count * np.log(max(cost, RESOLVED**2)) + parameters * np.log(count) * price)
 
 
 def collinearity(mu_Pa: Array, alpha: Array, least: float) -> str:
@@ -71,7 +71,8 @@ def order_sentences(order: int | str, rows: tuple[OrderRow, ...], chosen: OrderR
                     different: int) -> list[str]:
     """What was tried, what was chosen and why, one sentence each; `optimum` is that of the chosen order, `different`
     the number of different strains."""
-    table = ", ".join(f"N = {r.order}: {r.rms:.3%}, BIC {r.bic:.0f}" for r in rows)
+    table = ", ".join(f"N = {r.order}: {r.rms:.3%}, BIC {r.bic:.0f}" + ("" if r.nu is None else f", nu {r.nu:.3g}")
+                      for r in rows)
     out = [f"Order {chosen.order}, {'by BIC' if order == 'auto' else 'as given'} (weighted RMS {table})."]
     most = 2 * max(r.order for r in rows)
     if order == "auto" and different < _PLENTY * most:

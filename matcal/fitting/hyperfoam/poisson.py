@@ -4,7 +4,7 @@ With one nu for all terms the lateral stretch is lambda_2 = lambda_1^-nu whateve
 fitted in closed form. Source: Storakers, J. Mech. Phys. Solids 34 (1986) 125, DOI 10.1016/0022-5096(86)90033-5.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,21 @@ Array = NDArray[np.float64]
 Poisson = float | str | Sequence[float]
 
 FITTED = ("fit", "fit-each")
+# a foam's, which is taken where nothing is said
+FOAM = 0.0
 # values that a fit may take
-NU_BOUNDS = (-0.4, 0.49)
-# words of the sentence about a value that a fit left at a bound; `matcal.record.cautions` looks for them
-STOPPED = "stopped at that bound"
+NU_BOUNDS = (-0.4, 0.4999)
+# values between which a material counts as one that nearly keeps its volume
+KEPT_VOLUME = (0.45, 0.4999)
 # share of the range of NU_BOUNDS within which a value counts as at the bound; coarse values tried first
-_AT_BOUND, _COARSE = 2e-3, 9
+AT_BOUND, _COARSE = 2e-3, 9
 
 
-def checked_poisson(poisson: Poisson, curves: Sequence[Curve]) -> float | str | tuple[float, ...]:
-    """The choice, a list of equal values as one; ValueError for a value outside (-1, 0.5), or where the data cannot
-    tell what is to be fitted."""
+def checked_poisson(poisson: Poisson | None, curves: Sequence[Curve]) -> float | str | tuple[float, ...]:
+    """The choice, a list of equal values as one, FOAM where there is none; ValueError for a value outside (-1, 0.5), or
+    where the data cannot tell what is to be fitted."""
+    if poisson is None:
+        return FOAM
     if isinstance(poisson, str) and poisson in FITTED:
         _require_data(poisson, curves)
         return poisson
@@ -42,11 +46,10 @@ def checked_poisson(poisson: Poisson, curves: Sequence[Curve]) -> float | str | 
     return values[0] if len(set(values)) == 1 else values
 
 
-def fitted_nu(curves: Sequence[Curve], cost: Callable[[float], float]) -> float:
-    """The one nu of least cost(nu) plus `lateral_cost`, first on a coarse grid, then by bounded search about its best.
-    """
+def lateral_nu(curves: Sequence[Curve]) -> float:
+    """The one nu of least `lateral_cost`, first on a coarse grid, then by bounded search about its best."""
     def total(nu: float) -> float:
-        return cost(nu) + lateral_cost(curves, Hyperfoam(np.ones(1), np.ones(1), np.array([nu])))
+        return lateral_cost(curves, Hyperfoam(np.ones(1), np.ones(1), np.array([nu])))
 
     grid = np.linspace(*NU_BOUNDS, _COARSE)
     best = int(np.argmin([total(float(nu)) for nu in grid]))
@@ -72,21 +75,22 @@ def lateral_residual(curves: Sequence[Curve], law: Hyperfoam) -> Array:
     return np.concatenate(parts)
 
 
-def nu_sentences(nu: Sequence[float], poisson: Poisson, curves: Sequence[Curve]) -> list[str]:
+def nu_sentences(nu: Sequence[float], poisson: Poisson | None, curves: Sequence[Curve]) -> list[str]:
     """Which nu the law has and why, and what a lateral record that was not used says."""
     nu = [float(f"{v:.4g}") for v in nu]
     values = list(dict.fromkeys(f"{v:g}" for v in nu))
     text = f"nu = {values[0]} for every term" if len(values) == 1 else (
         "nu = " + ", ".join(f"{v:.4g}" for v in nu) + ", a term each in the order of increasing alpha")
     if not isinstance(poisson, str):
-        return [f"{text}, as given.", *_unused_lateral(float(np.mean(nu)), curves)]
+        why = "taken as a foam's, since nothing was said of it" if poisson is None else "as given"
+        return [f"{text}, {why}.", *_unused_lateral(float(np.mean(nu)), curves)]
     low, high = NU_BOUNDS
-    at = [v for v in dict.fromkeys(nu) if min(v - low, high - v) < _AT_BOUND * (high - low)]
+    at = [f"{v:.4g}" for v in dict.fromkeys(nu) if min(v - low, high - v) < AT_BOUND * (high - low)]
     how = "the lateral strains among the data" if any(c.experiment.lateral is not None for c in curves) else (
         "the volumetric data among the data" if any(c.experiment.kind == "volumetric" for c in curves) else
         "stress alone, from how the modes differ")
     out = f"{text}, fitted to {how}, between {low:g} and {high:g}"
-    return [out + (f"; {', '.join(f'{v:.4g}' for v in at)} {STOPPED}: do not read it." if at else ".")]
+    return [out + (f"; {', '.join(at)} stopped at that bound: do not read it." if at else ".")]
 
 
 def _require_data(poisson: str, curves: Sequence[Curve]) -> None:
@@ -106,6 +110,6 @@ def _unused_lateral(nu: float, curves: Sequence[Curve]) -> list[str]:
     own = [c for c in curves if c.experiment.lateral is not None]
     if not own:
         return []
-    seen = fitted_nu(own, lambda _: 0.0)
+    seen = lateral_nu(own)
     return [f"The lateral strains of {', '.join(c.label for c in own)} say nu = {seen:.3g}; they were not used, the "
             f"law has {nu:.3g}."]

@@ -4,7 +4,8 @@ Parameters and nuisances (contact points, Prony series) move together with the d
 A C A' is built from what the data can do (a "sandwich"), C being that of each curve's own errors, correlated as its
 residuals show (`matcal.statistics.residual_correlation`), so that misfit counts as few effective points and not as
 many. What the order of the law hides is seen by adding one term, or by leaving one out where that fits nearly as well:
-the larger difference enters as one more standard deviation.
+the larger difference enters as one more standard deviation. A fitted nu is not linearised: see
+`matcal.fitting.uncertainty.nu_ridge`; fitted term by term it moves with the moduli, its prior uniform.
 Replicates and stated scatter are in it (`matcal.fitting.hyperfoam.specimen_factors`); without either, scatter from
 specimen to specimen is left out, as are errors in the specimen's size.
 """
@@ -13,12 +14,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import ndtri, stdtrit
 
 from matcal.fitting.hyperfoam import linear_response
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
+from matcal.fitting.hyperfoam.poisson import AT_BOUND, NU_BOUNDS
 from matcal.fitting.hyperfoam.specimen_factors import Specimens, specimens
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty.nu_ridge import Ridge, mixed, ridges, with_stated
 from matcal.fitting.uncertainty.nuisance import Nuisance, nuisance
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -30,6 +34,8 @@ _LARGE = float(ndtri(0.975))  # standard deviations to either side that hold 95 
 # what the intervals are about, said where they are given
 OF_THIS_LAW = ("Intervals are of this law: noise, misfit and the choice of its order are in them; a toe of the record, "
                "or a law of another kind, is not.")
+_WIDE_NU, _NARROW_NU = 0.3, 0.1  # widths of an interval of nu: not determined, and determined even at nu = 0.5
+FACTOR = 2.0  # ratio of the ends of an interval from which on a quantity counts as not determined
 PLATEAU_STRAIN = -0.4  # compression at which the plateau stress is read (CV40 of ISO 3386-1)
 
 
@@ -57,6 +63,25 @@ class Uncertainty:
     reach: float  # standard deviations to either side that hold 95 %, by Student's law for few effective points
     shares: Mapping[str, float]  # where the interval of mu_0 comes from, share of its variance
     decisions: tuple[str, ...]  # the largest of them, and what was assumed about specimens, one sentence each
+    spare: float = 1e6  # points to spare in Student's law
+    ridges: tuple[Ridge, ...] = ()  # profiles of a fitted nu, which then make the intervals; none where it was given
+    nu: tuple[Interval, ...] = ()  # of a fitted nu, one for all terms or one a term
+
+    @property
+    def not_determined(self) -> tuple[str, ...]:
+        """What the tests leave open: a nu whose interval is wide or reaches a bound of its search, quantities whose
+        interval spans more than a factor of `FACTOR`."""
+        names = ["nu"] if len(self.nu) == 1 else [f"nu_{k + 1}" for k in range(len(self.nu))]
+        return (*(name for name, i in zip(names, self.nu, strict=True) if _left_open(i)),
+                *(name for name, i in self.derived.items() if i.hi > FACTOR * i.lo))
+
+
+def _left_open(nu: Interval) -> bool:
+    """Whether an interval of nu is wide, or ends at a bound of the search; a narrow one at the upper bound is that of a
+    material that keeps its volume."""
+    low, high = NU_BOUNDS
+    near = AT_BOUND * (high - low)
+    return nu.hi - nu.lo > _WIDE_NU or nu.lo < low + near or (nu.hi > high - near and nu.hi - nu.lo > _NARROW_NU)
 
 
 def derived_quantities(law: Hyperfoam) -> dict[str, float]:
@@ -78,28 +103,65 @@ def measured_quantities(law: Hyperfoam) -> dict[str, float]:
 
 def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     """Intervals of derived quantities and covariance of (mu, alpha) about the fit."""
-    free, differ = linear_response.free_directions(fit), specimens(fit.curves, fit.law)
+    free, differ = _free_directions(fit), specimens(fit.curves, fit.law)
     known = nuisance(fit, prony)
     errors = linear_response.errors_of(fit, _effects(known, differ, _LARGE))
     variance = linear_response.effective_variance(errors)
-    n, parameters = sum(e.count for e in errors), 2 * fit.law.alpha.size
+    n, parameters = sum(e.count for e in errors), 2 * fit.law.alpha.size + linear_response.nu_slopes(fit).shape[1]
     spare = max(sum(e.effective_sample_size for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
     reach = float(stdtrit(spare, 0.975))
-    effect = _effects(known, differ, reach)
-    gain = linear_response.joint_gain(linear_response.free_slopes(fit), effect, variance,
-                                      linear_response.prior_precision(fit))[:free.shape[1]]
+    slopes, terms = linear_response.all_slopes(fit), _nu_effects(fit)
+    effect = np.hstack([terms, linear_response.padded(fit, _effects(known, differ, reach))])
+    hold = linear_response.prior_precision(fit)[:slopes.shape[1], :slopes.shape[1]]
+    gain = linear_response.joint_gain(slopes, effect, variance, hold)[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
     from_data = linear_response.propagated(errors, data)
-    stated = data @ differ.stated
+    stated = data @ linear_response.padded(fit, differ.stated)
     covariance = from_data + variance * prior @ prior.T + stated @ stated.T
-    bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.neighbours, reach, {}, ())
+    over = tuple(with_stated(ridge, stated) for ridge in ridges(fit, effect, errors, spare))
+    bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.neighbours, reach, {}, (),
+                       spare, over)
     derived = intervals(bare, measured_quantities)
-    mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(fit.law.alpha.size)]
-    names = (*known.names, *("scatter between specimens",) * (effect.shape[1] - len(known.names) + stated.shape[1]))
+    mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(len(free) - fit.law.mu_Pa.size)]
+    names = [*("nu",) * terms.shape[1], *known.names]
+    names += ["scatter between specimens"] * (effect.shape[1] - len(names) + stated.shape[1])
     squares = np.r_[variance * (mu_0 @ prior) ** 2, (mu_0 @ stated) ** 2]
-    shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), squares, names)
-    return replace(bare, derived=derived, shares=shares, decisions=(_share_sentence(shares), *differ.decisions,
-                                                                    *_limit_sentences(fit)))
+    shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), squares, names, bool(over))
+    found = replace(bare, derived=derived, shares=shares, nu=_nu_intervals(fit, bare))
+    return replace(found, decisions=(*_nu_words(found), _share_sentence(shares), *differ.decisions,
+                                     *_limit_sentences(fit)))
+
+
+def _free_directions(fit: Fit) -> Array:
+    """Directions in (mu, alpha), and in nu where that was fitted term by term, that the search was free to take."""
+    free = linear_response.free_directions(fit)
+    more = fit.law.nu.size if fit.nu_fitted == "fit-each" else 0
+    return np.asarray(block_diag(free, linear_response.PRIOR_NU * np.eye(more)), dtype=float)
+
+
+def _nu_effects(fit: Fit) -> Array:
+    """(n + l, N) effects of nu fitted term by term, each one standard deviation of a uniform nu; else no columns."""
+    slopes = linear_response.nu_slopes(fit)
+    return linear_response.PRIOR_NU * slopes if fit.nu_fitted == "fit-each" else slopes[:, :0]
+
+
+def _nu_intervals(fit: Fit, about: Uncertainty) -> tuple[Interval, ...]:
+    """Of what was fitted of nu, within the bounds of its search."""
+    if fit.nu_fitted is None:
+        return ()
+    count = 1 if fit.nu_fitted == "fit" else fit.law.nu.size
+    found = intervals(about, lambda law: {str(k): float(law.nu[k]) for k in range(count)})
+    low, high = NU_BOUNDS
+    return tuple(replace(i, lo=max(i.lo, low), hi=min(i.hi, high)) for i in found.values())
+
+
+def _nu_words(found: Uncertainty) -> list[str]:
+    if not found.nu:
+        return []
+    each = ", ".join(f"{i.value:.3g} ({i.lo:.3g} to {i.hi:.3g})" for i in found.nu)
+    how = ("from the profile of the fit over nu, at this order and the next ones" if found.ridges else
+           "from slopes at the fit, nu being uniform between its bounds before")
+    return [f"nu with its 95 % interval: {each}, {how}; the other intervals include it."]
 
 
 def _effects(known: Nuisance, differ: Specimens, reach: float) -> Array:
@@ -118,11 +180,15 @@ def _limit_sentences(fit: Fit) -> list[str]:
 
 
 def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Interval]:
-    """95 % intervals of any smooth `quantities` of a law: covariance and hidden order together."""
+    """95 % intervals of any smooth `quantities` of a law: covariance, a fitted nu and hidden order together."""
     value = quantities(about.law)
+    if about.ridges:
+        spread = mixed(about.ridges, about.law, about.spare,
+                       lambda law: (quantities(law), _gradients(law, quantities, 2 * law.alpha.size)))
+        return {name: Interval(value[name], s.sd, s.form, s.lo, s.hi) for name, s in spread.items()}
     others = [quantities(law) for law in about.neighbours]
     out = {}
-    for name, gradient in _gradients(about.law, quantities).items():
+    for name, gradient in _gradients(about.law, quantities, len(about.covariance)).items():
         form = max((abs(other[name] - value[name]) for other in others), default=0.0)
         # slopes of laws with nu near 0.5 have squares that overflow; a power of two rounds nothing
         size = 2.0 ** float(np.frexp(np.abs(gradient).max())[1])
@@ -132,9 +198,11 @@ def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str,
     return out
 
 
-def _shares(mu_0: Interval, noise: float, squares: Array, names: Sequence[str]) -> dict[str, float]:
+def _shares(mu_0: Interval, noise: float, squares: Array, names: Sequence[str], nu_fitted: bool) -> dict[str, float]:
     """Source -> share of the variance of mu_0."""
     out = {"noise and misfit": noise, "the order of the law": mu_0.form**2}
+    if nu_fitted:
+        out["nu"] = max(mu_0.sd**2 - mu_0.form**2 - noise - float(np.sum(squares)), 0.0)
     for name, square in zip(names, squares, strict=True):
         out[name] = out.get(name, 0.0) + float(square)
     total = max(sum(out.values()), 1e-300)
@@ -151,19 +219,20 @@ def _effective_points(fit: Fit, gain: Array, covariance: Array) -> float:
     """Points of one noise level for which the quantity that suffers most from correlation has the same variance; as in
     Student's law, not fewer than the parameters and _LEAST_SPARE, for the errors' sizes are averaged already."""
     sizes = [fit.optimum.cost * float(np.sum((g @ gain) ** 2)) / float(g @ covariance @ g)
-             for g in _gradients(fit.law, measured_quantities).values()]
+             for g in _gradients(fit.law, measured_quantities, len(gain)).values()]
     least = min(sum(c.experiment.value.size for c in fit.curves), 2 * fit.law.alpha.size + _LEAST_SPARE)
     return max(min(sizes), least)
 
 
-def _gradients(law: Hyperfoam, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Array]:
-    """Quantity -> (2 N,) slope in (mu, alpha)."""
+def _gradients(law: Hyperfoam, quantities: Callable[[Hyperfoam], Mapping[str, float]], size: int) -> dict[str, Array]:
+    """Quantity -> (size,) slope in (mu, alpha), or in (mu, alpha, nu)."""
     n = law.mu_Pa.size
-    scale = np.r_[np.full(n, 1e-4 * law.mu_0_Pa), np.full(n, 1e-5)]
+    scale = np.r_[np.full(n, 1e-4 * law.mu_0_Pa), np.full(2 * n, 1e-5)]
 
     def at(shift: Array) -> Mapping[str, float]:
-        return quantities(replace(law, mu_Pa=law.mu_Pa + shift[:n], alpha=law.alpha + shift[n:]))
+        return quantities(replace(law, mu_Pa=law.mu_Pa + shift[:n], alpha=law.alpha + shift[n:2 * n],
+                                  nu=law.nu + shift[2 * n:]))
 
-    ends = [(at(row), at(-row)) for row in np.diag(scale)]
-    return {name: np.array([(high[name] - low[name]) / (2 * s) for (high, low), s in zip(ends, scale, strict=True)])
-            for name in quantities(law)}
+    ends = [(at(row), at(-row)) for row in np.diag(scale)[:size]]
+    return {name: np.array([(high[name] - low[name]) / (2 * s)
+                            for (high, low), s in zip(ends, scale[:size], strict=True)]) for name in quantities(law)}

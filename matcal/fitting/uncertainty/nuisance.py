@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from matcal.fitting.hyperfoam import linear_response
-from matcal.fitting.hyperfoam.curves import Curve, weighted_design, with_history
+from matcal.fitting.hyperfoam.curves import Curve, weighted_model, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.laws.prony import Prony
@@ -91,10 +91,10 @@ def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
 def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
     """The curves with contact and drift where the whole curve wants them under their priors, and what was moved."""
     known = nuisance(fit)
-    slopes = linear_response.free_slopes(fit)
+    slopes, effect = linear_response.fitted_slopes(fit), linear_response.padded(fit, known.effect)
     variance = linear_response.effective_variance(linear_response.errors_of(fit, known.effect))
-    gain = linear_response.joint_gain(slopes, known.effect, variance, linear_response.prior_precision(fit))
-    miss = -linear_response.weighted_residual(fit)
+    gain = linear_response.joint_gain(slopes, effect, variance, linear_response.prior_precision(fit))
+    miss = -np.concatenate(linear_response.misses(fit))
     curves, said = list(fit.curves), []
     for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:, :miss.size] @ miss, strict=True):
         sd = curves[k].experiment.facts[fact]
@@ -188,5 +188,4 @@ def _prony_effect(fit: Fit, prony: Prony, direction: Array) -> Array:
 
 
 def _effect(fit: Fit, curves: Sequence[Curve]) -> Array:
-    law, nu = fit.law, float(fit.law.nu[0])
-    return (weighted_design(curves, law.alpha, nu) - weighted_design(fit.curves, law.alpha, nu)) @ law.mu_Pa
+    return weighted_model(curves, fit.law) - weighted_model(fit.curves, fit.law)

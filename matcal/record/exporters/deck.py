@@ -86,12 +86,36 @@ def _comment(card: MaterialCard, into: Target, units: Units, written: Written, w
     if ranges:
         fitted = ", ".join(f"{mode} {lo:g} to {hi:g}" for mode, (lo, hi) in ranges.items())
         yield f"Fitted strains (gamma in shear, J in volumetric): {fitted}; outside them the law extrapolates."
+    yield from _intervals(card, units)
     for text in cautions(card):
         yield f"Caution: {text}"
     for text in warnings:
         yield f"Warning: {text}"
     if card.conductivity is not None:
         yield _cubic(card.conductivity)
+
+
+def _intervals(card: MaterialCard, units: Units) -> Iterator[str]:
+    """What the tests leave open of each derived quantity of the card, stresses in the units that are written."""
+    linear, drawn = card.fit.get("derived", {}), card.posterior.get("derived", {})
+    rows = {**drawn, **linear}
+    nu = card.fit.get("nu", {})
+    if isinstance(nu.get("value"), float):
+        rows["nu"] = {"value": nu["value"], "lo": nu["interval"][0], "hi": nu["interval"][1]}
+    skin = card.fit.get("conductivity", {})
+    if card.conductivity is not None and "c0_interval_S_per_m" in skin and "c0_S_per_m" not in rows:
+        lo, hi = skin["c0_interval_S_per_m"]
+        rows["c0_S_per_m"] = {"value": card.conductivity.c0_S_per_m, "lo": lo, "hi": hi}
+    if not rows:
+        return
+    moduli = card.hyperfoam.moduli.replace("longterm", "long-term") if card.hyperfoam else "no"
+    yield f"95 % intervals of the card ({moduli} moduli), which this input does not hold:"
+    for name, row in rows.items():
+        plain = name.removesuffix("_Pa")
+        scale, unit = (units.stress, f" {units.stress_name}") if plain != name else (1.0, "")
+        value, lo, hi = (f"{scale * row[key]:.6g}" for key in ("value", "lo", "hi"))
+        left = ", not determined by the tests" if name in card.fit.get("not_determined", ()) else ""
+        yield f"{plain} = {value}{unit} [{lo}, {hi}]{left}"
 
 
 def _skin_left_out(card: MaterialCard) -> tuple[str, ...]:

@@ -151,11 +151,12 @@ def test_words_and_shape_of_a_direction() -> None:
     assert not densifies(e, 1e4 * (1 - np.exp(-3 * e)))
 
 
-def test_nu_at_its_bound_is_among_the_cautions() -> None:
-    card = MaterialCard("a", replace(FOAM, nu=np.full(3, 0.49)), None, None)
-    assert not any("bound" in s for s in cautions(card))
-    told = replace(card, provenance={"decisions": ["nu = 0.49 for every term; 0.49 stopped at that bound: do not."]})
-    assert any("The fitted nu (0.49) ended on the bound" in s for s in cautions(told))
+def test_a_nu_that_is_left_open_is_among_the_cautions() -> None:
+    card = MaterialCard("a", replace(FOAM, nu=np.full(3, 0.2)), None, None)
+    assert not any("not determined" in s for s in cautions(card))
+    fitted = {"nu": {"how": "fit", "value": 0.2, "interval": [-0.4, 0.31], "bounds": [-0.4, 0.4999]},
+              "not_determined": ["nu"]}
+    assert any("its 95 % interval is -0.4 to 0.31" in s for s in cautions(replace(card, fit=fitted)))
 
 
 def test_what_is_read_is_not_overwritten_and_files_are_kept_apart(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from matcal.fitting.conductivity_fit import FLOOR, LOWEST_STRAIN, ConductivityFit, fit_conductivity, powers
 from matcal.laws.conductivity import conductivity
 from matcal.posterior.conductivity_posterior import _log_density, conductivity_draws, skin_chains, skin_checks
+from matcal.record.fit_summary import _skin_part
 from matcal.reduction.experiment import Experiment
 
 TRUTH = 30 * np.array([1.0, -2.0, 2.0, -1.0])
@@ -52,6 +53,46 @@ def test_noisier_tests_count_less() -> None:
     shifted = 1.02 * TRUTH
     near = fit_conductivity([stretch(), stretch(shifted, noise=1.0, seed=1)]).law.c0_S_per_m
     assert abs(near - 30.0) < 0.05
+
+
+def slow_errors(count: int, correlation: float, rng: np.random.Generator) -> np.ndarray:
+    """Errors of unit size that are correlated from point to point."""
+    fresh = rng.normal(size=count)
+    out = fresh.copy()
+    for k in range(1, count):
+        out[k] = correlation * out[k - 1] + np.sqrt(1 - correlation**2) * fresh[k]
+    return out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("correlation", "proportional", "count"), [(0.0, False, 100), (0.5, False, 100),
+                                                                    (0.9, False, 100), (0.0, True, 100),
+                                                                    (0.0, False, 12)])
+def test_intervals_of_the_cubic_cover(correlation: float, proportional: bool, count: int) -> None:
+    """At most 7 of 60 miss by chance in 98 of 100 such tests; c_0 and each a_i, by the fit and by draws."""
+    truth, e = np.r_[30.0, -2.0, 2.0, -1.0], np.linspace(0, 0.4, count)
+    missed, drawn = np.zeros(4), np.zeros(4)
+    for seed in range(60):
+        rng = np.random.default_rng([9, seed])
+        value = powers(e) @ TRUTH
+        errors = 0.03 * slow_errors(count, correlation, rng) * (value / 20 if proportional else 1)
+        found = fit_conductivity([Experiment("conductivity", e, value + errors)])
+        part = _skin_part(found)
+        ends = np.vstack([part["c0_interval_S_per_m"], part["a_interval"]])
+        missed += (ends[:, 0] > truth) | (ends[:, 1] < truth)
+        if seed < 30:
+            b = conductivity_draws(found, 600, rng)
+            low, high = np.quantile(np.column_stack([b[:, 0], b[:, 1:] / b[:, :1]]), [0.025, 0.975], axis=0)
+            drawn += (low > truth) | (high < truth)
+    print(correlation, proportional, count, missed, drawn)
+    assert missed.max() <= 7
+    assert drawn.max() <= 5
+
+
+def test_a_cubic_held_by_its_bound_says_what_the_bound_moved() -> None:
+    found = fit_conductivity([stretch(FALLING, noise=0.01)])
+    part = _skin_part(found)
+    assert part["c0_interval_S_per_m"][0] < found.centre[0] < part["c0_interval_S_per_m"][1]
 
 
 def test_uncertain_strain_zero_widens_the_band() -> None:

@@ -66,9 +66,15 @@ def test_a_lateral_record_that_is_not_used_is_told() -> None:
 
 
 def test_a_bound_that_is_reached_is_told() -> None:
-    stiff = replace(SHARED, nu=np.full(2, 0.497))
-    said = fit(weigh([curve("uniaxial", stiff, True)]), 2, "fit", thorough=False).decisions
-    assert any("0.49 stopped at that bound" in d for d in said)
+    auxetic = replace(SHARED, nu=np.full(2, -0.5))
+    said = fit(weigh([curve("uniaxial", auxetic, True)]), 2, "fit", thorough=False).decisions
+    assert any("-0.4 stopped at that bound" in d for d in said)
+
+
+def test_a_nu_near_one_half_is_found() -> None:
+    rubber = replace(SHARED, nu=np.full(2, 0.497))
+    found = fit(weigh([curve("uniaxial", rubber, True)]), 2, "fit", thorough=False)
+    np.testing.assert_allclose(found.law.nu, 0.497, atol=1e-4)
 
 
 @pytest.mark.parametrize(("modes", "choice", "word"), [

@@ -57,7 +57,7 @@ def sampled(fitted):
 
 def test_moduli_are_integrated_out_exactly() -> None:
     found = fit(weigh([replace(e, value=2e3 * e.strain) for e in pair()]), 1)
-    part = law_part(found, 50.0, None, False)
+    part = law_part(found, 50.0, None)
     points = np.array([[2.0, -1.0], [3.0, -1.5], [5.0, -0.3]])
     value = log_law(part, points, None, None)
     unit, stress = found.law.mu_0_Pa, weighted_stress(found.curves)
@@ -99,7 +99,7 @@ def test_the_rate_effect_follows_the_series() -> None:
                       noise=5.0)
     series = fit_prony([hold], TABLE_1, 2)
     found = fit([with_history(c, series.prony) for c in weigh([test])], 3, starts=2, thorough=False)
-    part = law_part(found, 50.0, series, False)
+    part = law_part(found, 50.0, series)
     basis = part.tables[0].basis
     asked = found.law
     moved = weighted_model([with_history(c, far) for c in weigh([test])], asked)
@@ -178,7 +178,7 @@ def test_a_fitted_nu_is_sampled_with_the_rest() -> None:
     tests = [Experiment(mode, e := np.linspace(lo, hi, 60), nominal_stress(law, mode, e) + 20 * rng.normal(size=60),
                         noise=20.0) for mode, lo, hi in (("uniaxial", -0.5, -0.01), ("shear", 0.02, 0.6))]
     found = fit(weigh(tests), 1, "fit")
-    drawn = sample(found, linearised(found), None, None, seed=0, fitted_nu=True)
+    drawn = sample(found, linearised(found), None, None, seed=0)
     low, high = np.quantile(drawn.draws.nu[:, 0], [0.005, 0.995])
     assert low < 0.2 < high
     assert 0 < high - low < 0.2

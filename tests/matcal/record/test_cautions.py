@@ -99,7 +99,7 @@ def test_stated_scatter_widens_the_draws_about_the_fit() -> None:
     curves = weigh([Experiment(mode, e, stress, deviation=0.15 * np.abs(stress)) for mode, e in modes.items()
                     for stress in [nominal_stress(LAW, mode, e)]])
     found = fit(curves, 1)
-    part = law_part(found, 40.0, None, False)
+    part = law_part(found, 40.0, None)
     mu, alpha, *_ = draw_law(part, np.repeat(start_law(part, found)[None], 4000, axis=0), None, None,
                              np.random.default_rng(0))
     assert mu.mean() == pytest.approx(found.law.mu_Pa[0], rel=0.02)

@@ -84,8 +84,8 @@ def test_intervals_count_the_order_below_where_it_fits_nearly_as_well() -> None:
 
 
 def test_the_criterion_is_bic_for_many_points_and_dear_for_few() -> None:
-    assert criterion(1e-4, 2, 10**5, 10**5) == pytest.approx(1e5 * np.log(1e-4) + 4 * np.log(1e5), rel=1e-6)
-    assert criterion(1e-4, 3, 10, 10) - criterion(1e-4, 2, 10, 10) > 5 * 2 * np.log(10)
+    assert criterion(1e-4, 4, 10**5, 10**5) == pytest.approx(1e5 * np.log(1e-4) + 4 * np.log(1e5), rel=1e-6)
+    assert criterion(1e-4, 6, 10, 10) - criterion(1e-4, 4, 10, 10) > 5 * 2 * np.log(10)
 
 
 def test_five_points_a_curve_choose_two_terms_and_intervals_hold_the_truth() -> None:

@@ -351,3 +351,24 @@ def test_command_line(tmp_path) -> None:
     assert refused.returncode == 2
     assert "known: abaqus" in refused.stderr
     assert "Traceback" not in refused.stderr
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize(("units", "size"), [("SI", 1.0), ("mm-t-s", 1e-6)])
+def test_a_deck_states_the_intervals_of_its_card(target: str, units: str, size: float) -> None:
+    """As comments, in the units that are written, and with what the tests leave open; the input stays what it was."""
+    rows = {"mu_0_Pa": {"value": 12e3, "sd": 500.0, "lo": 11e3, "hi": 13e3},
+            "E_0_Pa": {"value": 24e3, "sd": 3e3, "lo": 10e3, "hi": 38e3}}
+    plain = MaterialCard("foam", Hyperfoam([12e3], [2.0], [0.0], strain_range={"uniaxial": (-0.6, 0.0)}))
+    card = replace(plain, fit={"derived": rows, "not_determined": ["E_0_Pa"],
+                               "nu": {"how": "fit", "value": 0.0, "interval": [-0.01, 0.02], "bounds": [-0.4, 0.4999]}})
+    with_it, without = export(card, target, units=units).text, export(plain, target, units=units).text
+    (first,) = re.findall(r"mu_0 = (\S+) \S+ \[(\S+), (\S+)\]", with_it)
+    np.testing.assert_allclose([float(v) for v in first], [12e3 * size, 11e3 * size, 13e3 * size])
+    (second,) = re.findall(r"E_0 = .*", with_it)
+    assert second.endswith("not determined by the tests")
+    assert "nu = 0 [-0.01, 0.02]" in with_it
+    added = [line for line in with_it.splitlines() if line not in without.splitlines()]
+    assert all(line.lstrip().startswith(("**", "$", "!")) for line in added) or target == "febio"
+    if target == "febio":
+        xml.fromstring(with_it)
