@@ -1,4 +1,5 @@
-"""Labels of recorded presses: a CSV with `touch` and any of x_mm, y_mm, d_mm, F_N, depth_mm, z_mm."""
+"""Labels of recorded presses: a CSV with `touch` and any of x_mm, y_mm, d_mm, F_N, depth_mm, z_mm; where frames of one
+press have names of their own, `press` names that."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from touchcal.csv_numbers import csv_rows, too_wide
 from touchcal.errors import InputFileError, unknown_key
 
 NAMES = ("x_mm", "y_mm", "d_mm", "F_N", "depth_mm", "z_mm")
-TOUCH = "touch"
+TOUCH, PRESS = "touch", "press"
 PLACE = NAMES[:2]
 
 
@@ -24,11 +25,13 @@ class Labels:
     touch: NDArray[np.str_]  # (n,) name of each touch, all different
     names: tuple[str, ...]  # some of NAMES
     values: Array  # (n, len(names)) in the units of the names
+    press: NDArray[np.str_] | None = None  # (n,) name of the press that each belongs to; None: not said
 
 
 def labels_of(labels: Labels, rows: Index) -> Labels:
     """The labels of some of the touches, in this order."""
-    return Labels(labels.touch[rows], labels.names, labels.values[rows])
+    return Labels(labels.touch[rows], labels.names, labels.values[rows],
+                  None if labels.press is None else labels.press[rows])
 
 
 def places_of(labels: Labels) -> Array:
@@ -44,7 +47,8 @@ def unit_of(name: str) -> str:
 
 
 def read_labels(path: Path | str) -> Labels:
-    """Read a CSV of labels, a row a touch: `touch` and any of NAMES, in the units of the names.
+    """Read a CSV of labels, a row a touch: `touch` and any of NAMES, in the units of the names, and `press` where
+    several touches are frames of one press.
 
     InputFileError names the line and column of what is no label.
 
@@ -79,18 +83,28 @@ def read_labels(path: Path | str) -> Labels:
         seen[name] = line
     names = tuple(name for name in NAMES if name in header)
     values = [[_value(path, line, name, cells[header.index(name)]) for name in names] for line, cells in rows[1:]]
-    return Labels(np.array([*seen], dtype=np.str_), names, np.array(values))
+    press = [cells[header.index(PRESS)] for _, cells in rows[1:]] if PRESS in header else None
+    return Labels(np.array([*seen], dtype=np.str_), names, np.array(values),
+                  None if press is None else _presses(path, [line for line, _ in rows[1:]], press))
 
 
 def _check_header(path: Path, line: int, header: list[str]) -> None:
-    known = (TOUCH, *NAMES)
+    known = (TOUCH, PRESS, *NAMES)
     if odd := [name for name in header if name not in known]:
         raise InputFileError(path, unknown_key(odd[0][:20], known), line=line)
     if len(set(header)) < len(header):
         raise InputFileError(path, f"the header names {', '.join(header)}: one of them twice.", line=line)
-    if TOUCH not in header or len(header) < 2:
+    if TOUCH not in header or not {*NAMES} & {*header}:
         raise InputFileError(path, f"the header names {', '.join(header)}; expected {TOUCH} and any of "
                                    f"{', '.join(NAMES)}.", line=line)
+
+
+def _presses(path: Path, lines: list[int], names: list[str]) -> NDArray[np.str_]:
+    for line, name in zip(lines, names, strict=True):
+        if not name:
+            raise InputFileError(path, "press is empty; name the press of each touch, or leave the column out.",
+                                 line=line)
+    return np.array([touch_name(name) for name in names], dtype=np.str_)
 
 
 def _value(path: Path, line: int, name: str, cell: str) -> float:

@@ -41,8 +41,8 @@ def report(model: TrainedReader, model_dir: Path) -> Report:
                for name in dict.fromkeys(one.score.output for one in model.tested) if name != PLACE]
     tables = {"families": _families(model)} | ({"scores": _scores(model.tested)} if model.tested else {})
     absent = {} if model.tested else {"scores": NO_SCORES}
-    findings = [f"The reader was trained in {number(model.fit_s)} s of CPU on {_presses(model.presses)}."]
-    return Report("reader", "Reader of presses", f"{_presses(model.presses)}, readings of the kind {model.kind}",
+    findings = [f"The reader was trained in {number(model.fit_s)} s of CPU on {_presses(model)}."]
+    return Report("reader", "Reader of presses", f"{_presses(model)}, readings of the kind {model.kind}",
                   provenance.footer(sources, provenance.seed_words(model.seed)), findings, plates, tables, absent,
                   cautions=[typeset(words[0].upper() + words[1:])
                             for words in (*model.left_out, *model.reader.left_out)],
@@ -53,8 +53,9 @@ def _has(model: TrainedReader, output: str) -> bool:
     return any(one.score.output == output for one in model.tested)
 
 
-def _presses(count: int) -> str:
-    return counted(count, "labelled press", "labelled presses")
+def _presses(model: TrainedReader) -> str:
+    frames = f" of {counted(model.frames, 'frame')}" * (model.frames > model.presses)
+    return counted(model.presses, "labelled press", "labelled presses") + frames
 
 
 def _verdict(model: TrainedReader) -> Iterator[Verdict]:

@@ -29,7 +29,7 @@ app = application("Learn touches from electrode voltages: the paper's networks, 
 TrainedOn = Annotated[Path, typer.Argument(metavar="DIR|RECORDING", help="Data set that `eitsim sweep` wrote, or "
                                                                         "recorded frames with --labels, --sensor.")]
 LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of x_mm, y_mm, d_mm, F_N, depth_mm, "
-               "z_mm.")
+               "z_mm; press where several touches are frames of one press.")
 SENSOR_HELP = "Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote."
 SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrodes and drive: what its touches say of a "
                   "recording's patterns is used in place of the sensitivity of a uniform disc.")

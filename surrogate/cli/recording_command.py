@@ -161,18 +161,20 @@ def _described(model: TrainedReader) -> dict[str, Any]:
 
     from surrogate.recordings.trained.train_reader import choice
 
-    return {"presses": model.presses, "fit_s": model.fit_s, "choice": choice(model.reader),
+    return {"presses": model.presses, "frames": model.frames, "fit_s": model.fit_s, "choice": choice(model.reader),
             "left_out": model.left_out, "scores": [asdict(one.score) for one in model.tested]}
 
 
 def _print_trained(model: TrainedReader) -> None:
     from rich.table import Table
 
+    from surrogate.recordings.press_frames import counted
     from surrogate.recordings.trained.train_reader import choice
 
     table = Table("split", "trained", "tested", "output", "error", "kernel ridge", "mean", "in 90 %", "+-90 %",
                   "in ellipse of 90 %",
-                  title="mean error on presses that were not trained on; of a place, the distance; in 90 % of x, y")
+                  title="mean error on presses that were not trained on, which trained and tested count; of a place, "
+                        "the distance; in 90 % of x, y")
     for one in (tested.score for tested in model.tested):
         table.add_row(one.split, str(one.trained), str(one.tested), one.output, f"{one.error:.3g} {one.unit}",
                       f"{one.ridge_error:.3g}", f"{one.mean_error:.3g}",
@@ -182,4 +184,4 @@ def _print_trained(model: TrainedReader) -> None:
     print_table(table)
     for line in (*model.left_out, *choice(model.reader)):
         print(line)
-    print(f"fit {model.fit_s:.1f} CPU s on {model.presses} presses, without the scores")
+    print(f"fit {model.fit_s:.1f} CPU s on {counted(model.presses, model.frames)}, without the scores")

@@ -65,26 +65,27 @@ class OldReadings:
         return self.mean + gain * (value - self.mean), bounds
 
 
-def learn_known(presses: Presses, late: Index) -> Known:
-    """What training presses say of signals, and untouched frames without a dead channel of drift and age; ValueError as
-    learn_signals."""
+def learn_known(presses: Presses, late: Index, count: int | None = None) -> Known:
+    """What training frames, of so many presses, say of signals, and untouched frames without a dead channel of drift
+    and age; ValueError as learn_signals."""
     presses = whole_rest(presses)
-    signals, signal = learn_signals(presses, late)
+    signals, signal = learn_signals(presses, late, count)
     aged = _aged(signals, presses, signal)
     oldest = aged[-1].age if aged else signals.greatest_age
     return Known(replace(signals, oldest=oldest), signal, aged)
 
 
 def calibrated_by_age(aged: tuple[Aged, ...], target: Array, fresh: tuple[Array, Array],
-                      seen: tuple[tuple[Array, Array], ...]) -> OldReadings:
+                      seen: tuple[tuple[Array, Array], ...], press: Index) -> OldReadings:
     """Gain, of least squares, and intervals for each age from what is read of held-out presses, values and spreads
-    (n, k) of targets (n, k), and of these as `aged` shows them."""
+    (n, k) of targets (n, k), of presses (n,), and of these as `aged` shows them."""
     mean, gain, intervals = target.mean(axis=0), [], []
     rows = [np.arange(len(target)), *(one.rows for one in aged)]
     for kept, (value, spread) in zip(rows, (fresh, *seen), strict=True):
         read, right = value[kept] - mean, target[kept] - mean
         gain.append(float(np.clip(np.sum(read * right) / max(np.sum(read**2), np.finfo(float).tiny), 0, 1)))
-        intervals.append(calibrated(gain[-1] * read - right, gain[-1] * spread[kept], np.zeros(len(kept))))
+        intervals.append(calibrated(gain[-1] * read - right, gain[-1] * spread[kept], np.zeros(len(kept)),
+                                    len(np.unique(press[kept]))))
     return OldReadings(np.array([0.0, *(one.age for one in aged)]), mean, np.array(gain), tuple(intervals))
 
 

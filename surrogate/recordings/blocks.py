@@ -1,4 +1,4 @@
-"""Blocks in time: each is held out once, so that a row is read by what was learnt before and after it."""
+"""Blocks in time: each is held out once, so that a press is read by what was learnt before and after it."""
 
 import numpy as np
 
@@ -6,6 +6,11 @@ from touchcal.arrays import Index
 
 # Blocks of many rows; of fewer than FEW rows there are more blocks, for each row that is held out is missed.
 BLOCKS, FEW, BLOCKS_OF_FEW = 8, 50, 20
+
+
+def press_blocks(press: Index) -> Index:
+    """(n,) block of each frame of presses (n,), numbered from 0 in time: that of its press."""
+    return time_blocks(int(press.max()) + 1)[press]
 
 
 def time_blocks(rows: int) -> Index:

@@ -17,16 +17,17 @@ class Readings:
 
     mean: Array  # (m,)
     covariance: Array  # (m, m)
-    rows: int  # training signals
+    presses: int  # that the training signals show
     kept: Array  # (k, m) some of them, evenly spread
 
 
-def learn_readings(signal: Array) -> Readings:
-    """Mean and covariance of whole signals (n, m)."""
+def learn_readings(signal: Array, presses: int | None = None) -> Readings:
+    """Mean and covariance of whole signals (n, m) of so many presses, each its own where that is None."""
     mean = signal.mean(axis=0)
     covariance = (signal - mean).T @ (signal - mean) / len(signal)
     covariance += RIDGE * np.trace(covariance) / len(mean) * np.eye(len(mean))
-    return Readings(mean, covariance, len(signal), signal[spread_evenly(len(signal), MOST_KEPT)])
+    return Readings(mean, covariance, len(signal) if presses is None else presses,
+                    signal[spread_evenly(len(signal), MOST_KEPT)])
 
 
 def filled(readings: Readings, signal: Array) -> Array:
@@ -42,11 +43,12 @@ def filled(readings: Readings, signal: Array) -> Array:
 
 def filled_without(readings: Readings, dead: Mask) -> Array:
     """(k, m) the kept training signals with these readings (m,) filled in from what the training signals but their own
-    say: with leverages h of the others, which are alive, leave-one-out residuals are residuals over 1 - h."""
+    say: with leverages h of the others, which are alive, residuals without a press are residuals over 1 - h, h counted
+    once for each of its frames."""
     left = readings.kept - readings.mean
     alive = left[:, ~dead]
     weighted = np.linalg.solve(readings.covariance[np.ix_(~dead, ~dead)], alive.T)
     missed = left[:, dead] - (readings.covariance[np.ix_(dead, ~dead)] @ weighted).T
     out = readings.kept.copy()
-    out[:, dead] -= missed / (1 - (1 + np.sum(alive.T * weighted, axis=0)) / readings.rows)[:, None]
+    out[:, dead] -= missed / (1 - (1 + np.sum(alive.T * weighted, axis=0)) / readings.presses)[:, None]
     return out

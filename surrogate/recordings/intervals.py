@@ -56,26 +56,28 @@ class Intervals:
                       np.full(len(spread), self.ellipse))
 
 
-def calibrated(error: Array, spread: Array, cross: Array) -> Intervals:
+def calibrated(error: Array, spread: Array, cross: Array, presses: int | None = None) -> Intervals:
     """Intervals that hold 90 % of held-out errors (n, k) of these spreads (n, k), and ellipses likewise: of the floors
-    tried, the one of least mean width. cross: (n,) covariance of x and y."""
+    tried, the one of least mean width. cross: (n,) covariance of x and y; presses: that
+    the errors are of, each of its own where that is None."""
+    count, labels = len(error) if presses is None else presses, error.shape[1]
     rms = max(float(np.sqrt(np.mean(error**2))), float(np.finfo(float).tiny))
     tried = []
-    for floor in (share * rms for share in (FLOORS if len(error) >= FEW else FLOORS[-1:])):
+    for floor in (share * rms for share in (FLOORS if count >= FEW else FLOORS[-1:])):
         sd = np.sqrt(spread**2 + floor**2)
-        order = float(conformal_scale(error.reshape(-1, 1), sd.reshape(-1, 1), error.size)[0])
-        factor = _steadied(order, MEAN_ERRORS * float(np.mean(np.abs(error) / sd)), len(error))
+        order = float(conformal_scale(error.reshape(-1, 1), sd.reshape(-1, 1), count * labels)[0])
+        factor = _steadied(order, MEAN_ERRORS * float(np.mean(np.abs(error) / sd)), count)
         tried.append((float(np.mean(factor * sd)), floor, factor))
     _, floor, factor = min(tried)
-    if error.shape[1] == 1:
+    if labels == 1:
         return Intervals(floor, factor, 0.0, 1.0)
     sd = np.sqrt(spread**2 + floor**2)
     (u, v), said = (error / sd).T, cross / sd.prod(axis=1)
     found = u @ v / max(np.sqrt((u @ u) * (v @ v)), np.finfo(float).tiny) - said.mean()
-    correlation = float(found) * len(u) / (len(u) + FEW)
+    correlation = float(found) * count / (count + FEW)
     bounds = Intervals(floor, factor, correlation, 1.0).bounds(spread, cross)
-    order = float(conformal_scale(radius(error, bounds)[:, None], np.ones((len(error), 1)), len(error))[0])
-    return Intervals(floor, factor, correlation, _steadied(order, ELLIPSE, len(error)))
+    order = float(conformal_scale(radius(error, bounds)[:, None], np.ones((len(error), 1)), count)[0])
+    return Intervals(floor, factor, correlation, _steadied(order, ELLIPSE, count))
 
 
 def radius(error: Array, bounds: Bounds) -> Array:

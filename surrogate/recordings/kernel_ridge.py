@@ -1,4 +1,5 @@
-"""Kernel ridge regression from signals to places, every setting by leave-one-out: the yardstick of the other families.
+"""Kernel ridge regression from signals to places, every setting by leaving a press out: the yardstick of the other
+families.
 
 y(s) = mean + sum_i a_i exp(-|f(s) - f(s_i)|^2 / (c h)), h the median squared distance of the training features,
 or their mean where that is 0.
@@ -10,6 +11,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from surrogate.recordings.patterns import compressed, compression_scale, direction
+from surrogate.statistics import left_out
 from surrogate.statistics.gaussian_process import spread_evenly, squared_distance
 from touchcal.arrays import Array, Index, Mask
 
@@ -44,12 +46,13 @@ class KernelRidge:
         return np.linalg.norm(seen - nearest, axis=1) <= ROUNDING * np.linalg.norm(nearest, axis=1)
 
 
-def fit(signal: Array, target: Array) -> KernelRidge:
-    """Fit targets (n, k) on signals (n, m), the view, the width and the ridge of least leave-one-out distance over at
-    most MOST_SEARCHED rows, evenly spread."""
+def fit(signal: Array, target: Array, press: Index | None = None) -> KernelRidge:
+    """Fit targets (n, k) on signals (n, m) of presses (n,), each row its own where these are None: the view, the width
+    and the ridge of least distance over at most MOST_SEARCHED rows, evenly spread, each read without its press."""
     scale, searched = compression_scale(signal), spread_evenly(len(signal), MOST_SEARCHED)
     scored = [(score, view, width, ridge) for view in VIEWS
-              for score, width, ridge in _leave_one_out(_view(view, scale, signal[searched]), target[searched])]
+              for score, width, ridge in _leave_one_out(_view(view, scale, signal[searched]), target[searched],
+                                                            None if press is None else press[searched])]
     _, view, width, ridge = min(scored)
     return _solved(view, scale, width, ridge, signal, target)
 
@@ -66,8 +69,8 @@ def held_out(fitted: KernelRidge, signal: Array, target: Array, blocks: Index, s
     return out
 
 
-def _leave_one_out(nodes: Array, target: Array) -> list[tuple[float, float, float]]:
-    """Mean leave-one-out distance, width and ridge of each setting."""
+def _leave_one_out(nodes: Array, target: Array, press: Index | None) -> list[tuple[float, float, float]]:
+    """Mean distance of rows read without their press, width and ridge of each setting."""
     apart, left = squared_distance(nodes, nodes), target - target.mean(axis=0)
     typical = float(np.median(apart)) or float(apart.mean()) or 1.0
     out = []
@@ -75,7 +78,8 @@ def _leave_one_out(nodes: Array, target: Array) -> list[tuple[float, float, floa
         values, axes = np.linalg.eigh(np.exp(-apart / (c * typical)))
         for ridge in RIDGES:
             inverse = 1 / (np.maximum(values, 0) + ridge)
-            missed = axes @ (inverse[:, None] * (axes.T @ left)) / (axes**2 @ inverse)[:, None]
+            missed, _ = left_out.missed(left_out.of_axes(axes, inverse), axes @ (inverse[:, None] * (axes.T @ left)),
+                                        press)
             out.append((float(np.linalg.norm(missed, axis=1).mean()), c * typical, ridge))
     return out
 

@@ -11,8 +11,9 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from surrogate.recordings.patterns import centred
+from surrogate.statistics import left_out
 from surrogate.statistics.gaussian_process import spread_evenly, squared_distance
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 
 LENGTHS = (0.3, 0.45, 0.65, 1.0, 1.4, 2.0)  # lengths tried, over the spread of the places along an axis
 NOISES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)  # variances of noise tried, over that of the process
@@ -34,11 +35,12 @@ def matern(a: Array, b: Array, length: float) -> Array:
     return (1 + root + root**2 / 3) * np.exp(-root)
 
 
-def choose(pattern: Array, place: Array, expected: Array) -> Process:
-    """Length and noise of the highest leave-one-out predictive density of patterns (n, m) at places (n, 2), mm, one
-    amplitude for all readings; expected (n, m) there."""
+def choose(pattern: Array, place: Array, expected: Array, press: Index | None = None) -> Process:
+    """Length and noise of the highest predictive density of patterns (n, m) at places (n, 2), mm, each without its
+    press (n,), or itself alone where that is None, one amplitude for all readings; expected (n, m) there."""
     rows = spread_evenly(len(pattern), MOST_SEARCHED)
     left, basis, at = centred(pattern[rows]), centred(expected[rows]), place[rows]
+    kept = None if press is None else press[rows]
     spread = float(np.sqrt(at.var(axis=0).mean()))
     scored = []
     for length in LENGTHS:
@@ -47,8 +49,7 @@ def choose(pattern: Array, place: Array, expected: Array) -> Process:
         for noise in NOISES:
             inverse = 1 / (np.maximum(values, 0) + noise)
             free = turned - _gains(turned, turned_basis, inverse[:, None] * turned_basis) * turned_basis
-            variance = 1 / (axes**2 @ inverse)
-            missed = axes @ (inverse[:, None] * free) * variance[:, None]
+            missed, variance = left_out.missed(left_out.of_axes(axes, inverse), axes @ (inverse[:, None] * free), kept)
             common = np.mean(missed**2 / variance[:, None])
             scored.append((float(np.mean(np.log(common * variance))), length * spread, noise))
     return Process(*min(scored)[1:])
@@ -64,7 +65,7 @@ class Conditioned:
     gains: Array  # (m,)
     mean: Array  # (m,) of the patterns
     expected: Array  # (m,) mean of what is expected at the places
-    residual: Array  # (n, m) of the patterns, leave-one-out
+    residual: Array  # (n, m) of the patterns, each without its press
 
     def at(self, place: Array, expected: Array) -> Array:
         """Mean patterns (g, m) at places (g, 2), mm, where `expected` (g, m) is expected."""
@@ -72,22 +73,24 @@ class Conditioned:
                 + matern(place, self.place, self.length) @ self.weights)
 
 
-def conditioned(process: Process, pattern: Array, place: Array, expected: Array) -> Conditioned:
-    """The process given patterns (n, m) at places (n, 2), mm, where `expected` (n, m) is expected."""
+def conditioned(process: Process, pattern: Array, place: Array, expected: Array,
+                press: Index | None = None) -> Conditioned:
+    """The process given patterns (n, m) of presses (n,), each its own where these are None, at places (n, 2), mm, where
+    `expected` (n, m) is expected."""
     left, basis = centred(pattern), centred(expected)
     factor = cho_factor(matern(place, place, process.length) + process.noise * np.eye(len(place)))
     inverse = cho_solve(factor, np.eye(len(place)))
     gains = _gains(left, basis, inverse @ basis)
     weights = inverse @ (left - gains * basis)
     return Conditioned(process.length, place, weights, gains, pattern.mean(axis=0), expected.mean(axis=0),
-                       weights / np.diag(inverse)[:, None])
+                       left_out.missed(left_out.of_matrix(inverse), weights, press)[0])
 
 
-def mapped(process: Process, pattern: Array, place: Array, expected: Array, grid: Array,
-           expected_there: Array) -> tuple[Array, Array]:
-    """Mean patterns (g, m) on a grid (g, 2), mm, and leave-one-out residuals (n, m) of patterns (n, m) at places
-    (n, 2), mm; expected (n, m) at the places and (g, m) on the grid."""
-    found = conditioned(process, pattern, place, expected)
+def mapped(process: Process, pattern: Array, place: Array, expected: Array, grid: Array, expected_there: Array,
+           press: Index | None = None) -> tuple[Array, Array]:
+    """Mean patterns (g, m) on a grid (g, 2), mm, and residuals (n, m) of patterns (n, m) at places (n, 2), mm, each
+    without its press (n,); expected (n, m) at the places and (g, m) on the grid."""
+    found = conditioned(process, pattern, place, expected, press)
     return found.at(grid, expected_there), found.residual
 
 

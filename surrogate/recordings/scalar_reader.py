@@ -12,13 +12,13 @@ from eitsim.sensors.labels import unit_of
 from surrogate.recordings import kernel_ridge, networks, stacking
 from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
 from surrogate.recordings.baselines import without
-from surrogate.recordings.blocks import time_blocks
+from surrogate.recordings.blocks import press_blocks
 from surrogate.recordings.intervals import Bounds, Intervals, calibrated
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.worth import check_worth, distance
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 
 FAMILIES = ("kernel ridge", "kernel ridge on place and size", "networks on place and size")
 EPOCHS = 60  # of the networks
@@ -55,35 +55,37 @@ class ScalarReader:
     held_out: Array  # (families + 2,) mean held-out error of each family, of all combined and of the mean
 
 
-def fit(name: str, label: Array, known: Known, lacking: Array, taken_out: tuple[int, int], place: HeldOut | None,
-        seed: int) -> ScalarReader:
-    """Learn a label (n,) from what is known of presses in time order, from their signals (n, m) without the frames that
-    follow, and from the places read of them when they were held out. taken_out: directions of drift, of all signals and
-    of those whose untouched frame is old. NothingToRead where held-out presses are read no better than by the mean."""
-    drift, target, blocks = known.signals.drift, label[:, None], time_blocks(len(label))
+def fit(name: str, label: Array, press: Index, known: Known, lacking: Array, taken_out: tuple[int, int],
+        place: HeldOut | None, seed: int) -> ScalarReader:
+    """Learn a label (n,) from what is known of frames in time order of presses (n,), from their signals (n, m)
+    without the frames that follow, and from the places read of them when they were held out. taken_out: directions of
+    drift, of all signals and of those whose untouched frame is old. NothingToRead where held-out presses are read no
+    better than by the mean."""
+    drift, target, blocks = known.signals.drift, label[:, None], press_blocks(press)
+    count = int(press.max()) + 1
     signal, cut = without(drift, known.signal, taken_out[0]), without(drift, lacking, taken_out[0])
     at, at_cut, at_old = (place.place, place.cut, place.old) if place else (None, None, None)
     raw = _context(signal, at)
     context = Context(raw.mean(axis=0), np.maximum(raw.std(axis=0), np.finfo(float).tiny))
     features, near = learn_features(signal), context.of(signal, at)
-    ridge, sized = kernel_ridge.fit(signal, target), kernel_ridge.fit(near, target)
+    ridge, sized = kernel_ridge.fit(signal, target, press), kernel_ridge.fit(near, target, press)
     ensemble, of_networks = networks.fit(_inputs(features, signal, near), target, blocks, seed, EPOCHS)
     each = np.stack([kernel_ridge.held_out(ridge, signal, target, blocks),
                      kernel_ridge.held_out(sized, near, target, blocks), of_networks])
-    value, of_each = stacking.combined(each, target, blocks)
+    value, of_each = stacking.combined(each, target, blocks, press)
     mean, none = np.broadcast_to(target.mean(axis=0), target.shape), np.zeros_like(target)
-    check_worth(value, mean, target, name, unit_of(name))
+    check_worth(value, mean, target, press, name, unit_of(name))
     of_cut = networks.held_out(ensemble, _inputs(features, cut, context.of(cut, at_cut)), blocks)
     places = (at_old, *(place.aged if place else [None] * len(known.aged)))
     spared, *views = (context.of(without(drift, one, taken_out[1]), there)
                       for one, there in zip((known.signal, *(one.signal for one in known.aged)), places, strict=True))
-    old = kernel_ridge.fit(spared, target) if len(drift.root) else sized
+    old = kernel_ridge.fit(spared, target, press) if len(drift.root) else sized
     fresh, *seen = ((kernel_ridge.held_out(old, spared, target, blocks, one) for one in (spared, *views))
                     if len(drift.root) else each[1:2])
-    return ScalarReader(name, context, features, ridge, sized, ensemble, old, stacking.weights(each, target),
-                        calibrated(value - target, _spread(of_each, each, value), none[:, 0]),
-                        calibrated(of_cut - target, none, none[:, 0]),
-                        calibrated_by_age(known.aged, target, (fresh, none), tuple((one, none) for one in seen)),
+    return ScalarReader(name, context, features, ridge, sized, ensemble, old, stacking.weights(each, target, count),
+                        calibrated(value - target, _spread(of_each, each, value), none[:, 0], count),
+                        calibrated(of_cut - target, none, none[:, 0], count),
+                        calibrated_by_age(known.aged, target, (fresh, none), tuple((one, none) for one in seen), press),
                         np.array([distance(one, target) for one in (*each, value, mean)]))
 
 

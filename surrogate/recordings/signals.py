@@ -59,16 +59,16 @@ class Signals:
         return self.old(presses) & (len(self.drift.root) > 0)
 
 
-def learn_signals(presses: Presses, late: Index) -> tuple[Signals, Array]:
-    """What training presses say of signals, and their signals (n, m + late); ValueError where fewer than FEWEST of
-    them are without dead channels."""
+def learn_signals(presses: Presses, late: Index, count: int | None = None) -> tuple[Signals, Array]:
+    """What training frames, of so many presses, say of signals, and their signals (n, m + late); ValueError where fewer
+    than FEWEST of them are without dead channels."""
     signal = with_late(presses.signal, presses.following, late)
     whole = ~np.isnan(signal).any(axis=1)
     if whole.sum() < FEWEST:
         dead = np.flatnonzero(np.isnan(signal).any(axis=0))
         raise ValueError(f"readings {', '.join(f'v_{number:03d}' for number in dead[:5])} are dead in most labelled "
                          f"presses; {FEWEST} or more must be whole. Leave these columns out of recording and sensor.")
-    readings = learn_readings(signal[whole])
+    readings = learn_readings(signal[whole], count)
     signal = filled(readings, signal)
     drift = learn_drift(np.hstack([presses.rest, presses.rest[:, late]]), presses.rest_time)
     age = float(presses.age.max()) if len(presses.rest) else np.inf

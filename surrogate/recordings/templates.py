@@ -95,17 +95,19 @@ class Fitted:
 
 
 def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, seen: tuple[Array, ...] = (),
-        priors: Sequence[Prior] = (nothing,)) -> Fitted:
+        priors: Sequence[Prior] = (nothing,), press: Index | None = None) -> Fitted:
     """Templates of the compressed readings or of the direction of signals (n, m) at places (n, 2), mm; what they read
     of held-out rows, and of these as seen in other signals, (n, m) each. They go on from the first prior unless another
-    leaves less than WORTH times as much of the patterns of held-out blocks."""
+    leaves less than WORTH times as much of the patterns of held-out blocks. press: (n,) of each row, which no block
+    splits; each row is its own where that is None."""
     last = slice(max(len(signal) - MOST_ROWS, 0), None)
     scale = compression_scale(signal[last]) if compress else 0.0
     pattern, at, grid = _pattern(scale, signal[last]), place[last], places_about(place[last])
-    number = 0 if len(priors) == 1 else _chosen(pattern, at, blocks[last], priors)
+    own = np.arange(len(pattern)) if press is None else press[last]
+    number = 0 if len(priors) == 1 else _chosen(pattern, at, blocks[last], priors, own)
     learnt = priors[number](pattern, at)
-    process = choose(pattern, at, learnt(at))
-    parts = [(block, *mapped(process, pattern[kept], at[kept], part(at[kept]), grid, part(grid)))
+    process = choose(pattern, at, learnt(at), own)
+    parts = [(block, *mapped(process, pattern[kept], at[kept], part(at[kept]), grid, part(grid), own[kept]))
              for kept, block, part in _parts(pattern, at, blocks[last], priors[number])]
     tried = []
     for shrink in SHRINKS:
@@ -117,7 +119,7 @@ def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, seen: tup
             value, _ = _moments(grid, misfit * temper)
             tried.append((float(np.linalg.norm(value - at, axis=1).mean()), shrink, -temper))
     _, shrink, temper = min(tried)
-    mean, residual = mapped(process, pattern, at, learnt(at), grid, learnt(grid))
+    mean, residual = mapped(process, pattern, at, learnt(at), grid, learnt(grid), own)
     templates = Templates(scale, grid, mean, _shrunk(residual, shrink), -temper, number)
     without = [(last.start + block, replace(templates, pattern=mean, covariance=_shrunk(residual, shrink)))
                for block, mean, residual in parts]
@@ -134,14 +136,14 @@ def _held_out(templates: Templates, without: list[tuple[Index, Templates]],
     return value, sd, nearest
 
 
-def _chosen(pattern: Array, place: Array, blocks: Index, priors: Sequence[Prior]) -> int:
+def _chosen(pattern: Array, place: Array, blocks: Index, priors: Sequence[Prior], press: Index) -> int:
     """Number of the prior whose processes miss the patterns of held-out blocks least, in the mean square, the first
     one's square counted WORTH times."""
     rows = spread_evenly(len(pattern), MOST_SEARCHED)
-    pattern, place, blocks = pattern[rows], place[rows], blocks[rows]
+    pattern, place, blocks, press = pattern[rows], place[rows], blocks[rows], press[rows]
     missed = []
     for prior in priors:
-        process = choose(pattern, place, prior(pattern, place)(place))
+        process = choose(pattern, place, prior(pattern, place)(place), press)
         missed.append(sum(float(np.sum((mapped(process, pattern[kept], place[kept], part(place[kept]), place[block],
                                                part(place[block]))[0] - pattern[block])**2))
                           for kept, block, part in _parts(pattern, place, blocks, prior)))

@@ -7,7 +7,7 @@ import numpy as np
 from surrogate.recordings import kernel_ridge, networks, stacking, templates
 from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
 from surrogate.recordings.baselines import without
-from surrogate.recordings.blocks import time_blocks
+from surrogate.recordings.blocks import press_blocks
 from surrogate.recordings.intervals import Bounds, Intervals, calibrated, chosen
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.networks import Networks
@@ -18,7 +18,7 @@ from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Fitted, Templates
 from surrogate.recordings.waves import Waves, draw_waves
 from surrogate.recordings.worth import check_worth, distance
-from touchcal.arrays import Array, Mask
+from touchcal.arrays import Array, Index, Mask
 
 FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates",
             "corrected templates")
@@ -59,26 +59,27 @@ class Reading:
     strange: Mask  # (n,) whether the pattern is unlike those of the training presses
 
 
-def learn(presses: Presses, place: Array, known: Known, seed: int,
+def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
           expectation: Expectation | None = None) -> tuple[TouchReader, HeldOut]:
-    """Learn places (n, 2), mm, from presses in time order, from what is known of their signals and what a model of the
-    sensor expects of them; NothingToRead where held-out presses are read no better than by the mean place."""
+    """Learn places (n, 2), mm, from frames in time order of presses (n,), from what is known of their signals and what
+    a model of the sensor expects of them; NothingToRead where held-out presses are read no better than by the mean
+    place."""
     signals, signal, drift = known.signals, known.signal, known.signals.drift
-    blocks = time_blocks(len(place))
+    blocks, count = press_blocks(press), int(press.max()) + 1
     columns = np.append(np.arange(signals.channels), signals.late)
     priors = (templates.nothing, *([expectation.taking(columns).learn] if expectation else []))
-    fits = {count: templates.fit(without(drift, signal, count), place, blocks, compress=False,
-                                 seen=tuple(without(drift, one.signal, count) for one in known.aged))
-            for count in PROJECTED if count <= len(drift.root)}
-    projected = min((count for count in fits if count <= len(drift.root) // 2),
-                    key=lambda count: distance(fits[count].place, place))
-    spared = min(fits, key=lambda count: _aged_distance(known, fits[count], place)) if known.aged else max(fits)
+    fits = {directions: templates.fit(without(drift, signal, directions), place, blocks, compress=False,
+                                 seen=tuple(without(drift, one.signal, directions) for one in known.aged), press=press)
+            for directions in PROJECTED if directions <= len(drift.root)}
+    projected = min((some for some in fits if some <= len(drift.root) // 2),
+                    key=lambda some: distance(fits[some].place, place))
+    spared = min(fits, key=lambda some: _aged_distance(known, fits[some], place)) if known.aged else max(fits)
     direction, old = fits[projected], fits[spared]
     kept = without(drift, signal, projected)
     if expectation:
-        direction = templates.fit(kept, place, blocks, compress=False, priors=priors)
-    ridge = kernel_ridge.fit(kept, place)
-    compressed = templates.fit(kept, place, blocks, compress=True, priors=priors)
+        direction = templates.fit(kept, place, blocks, compress=False, priors=priors, press=press)
+    ridge = kernel_ridge.fit(kept, place, press)
+    compressed = templates.fit(kept, place, blocks, compress=True, priors=priors, press=press)
     features, waves = learn_features(kept), draw_waves(place, seed)
     inputs = features.of(kept)
     ensemble, of_networks = networks.fit(inputs, place, blocks, seed)
@@ -87,18 +88,18 @@ def learn(presses: Presses, place: Array, known: Known, seed: int,
     correction, missing = networks.fit(further, place - compressed.place, blocks, seed + 2)
     each = np.stack([kernel_ridge.held_out(ridge, kept, place, blocks), direction.place, compressed.place,
                      of_networks, refined, compressed.place + missing])
-    weights = stacking.weights(each, place)
-    value, of_each = stacking.combined(each, place, blocks)
+    weights = stacking.weights(each, place, count)
+    value, of_each = stacking.combined(each, place, blocks, press)
     spread = _spread(of_each, each, value, direction.sd, compressed.sd)
     cross = _cross(of_each, each, value)
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
-    check_worth(value, mean, place, "the place", "mm")
+    check_worth(value, mean, place, press, "the place", "mm")
     of_cut = networks.held_out(ensemble, features.of(without(drift, signals.whole(cut(presses)), projected)), blocks)
-    of_old = calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen)
+    of_old = calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen, press)
     reader = TouchReader(signals, projected, spared, ridge, direction.templates, compressed.templates, features, waves,
                          ensemble, on_templates, correction, old.templates, weights,
-                         calibrated(value - place, spread, cross),
-                         calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place))),
+                         calibrated(value - place, spread, cross, count),
+                         calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place)), count),
                          of_old, float(direction.misfit.max()),
                          np.array([distance(one, place) for one in (*each, value, mean)]))
     fresh, *aged = (of_old.mean + gain * (one - of_old.mean)

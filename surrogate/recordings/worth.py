@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 
 # Standard errors by which the mean square of held-out errors must lie below that from the mean; chance alone reaches it
 # once in 20 times.
@@ -18,9 +18,10 @@ def distance(value: Array, target: Array) -> float:
     return float(np.linalg.norm(value - target, axis=-1).mean())
 
 
-def check_worth(value: Array, mean: Array, target: Array, name: str, unit: str) -> None:
-    """NothingToRead where held-out values (n, k) of targets (n, k) are no better than their mean."""
-    gain = np.sum((mean - target) ** 2 - (value - target) ** 2, axis=1)
+def check_worth(value: Array, mean: Array, target: Array, press: Index, name: str, unit: str) -> None:
+    """NothingToRead where held-out values (n, k) of targets (n, k), of presses (n,), are no better than their mean."""
+    of_frames = np.sum((mean - target) ** 2 - (value - target) ** 2, axis=1)
+    gain = np.bincount(press, of_frames) / np.bincount(press)
     if gain.mean() <= SURE * gain.std() / np.sqrt(len(gain)):
         raise NothingToRead(f"nothing to read here of {name}: held-out presses are read to "
                             f"{distance(value, target):.3g} {unit}, and the mean is as near, "

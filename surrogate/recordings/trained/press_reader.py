@@ -16,6 +16,7 @@ from surrogate.recordings.dead_channels import filled_without
 from surrogate.recordings.intervals import chosen
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.physics.expectation import Expectation
+from surrogate.recordings.press_frames import counted, press_of_frames
 from surrogate.recordings.presses import Presses, cut, whole_rest
 from surrogate.recordings.scalar_reader import ScalarReader
 from surrogate.recordings.signals import FEWEST, Signals, flags
@@ -57,14 +58,16 @@ class PressReading:
 
 
 def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectation | None = None) -> PressReader:
-    """Learn the labels of presses, in the same time order; frames with dead channels are filled in. What a model of the
-    sensor expects is used where it explains held-out presses better.
+    """Learn the labels of frames of presses, in the same time order; frames with dead channels are filled in. What a
+    model of the sensor expects is used where it explains held-out presses better.
 
     A label that is the same in all presses, or of which held-out presses are read no better than by its mean, is left
     out. ValueError where there are fewer than FEWEST presses or no label differs; NothingToRead where none is read.
     """
-    if len(labels.touch) < FEWEST:
-        raise ValueError(f"{len(labels.touch)} labelled presses are too few to learn from; give {FEWEST} or more.")
+    press = press_of_frames(presses, labels)
+    count = int(press.max()) + 1
+    if count < FEWEST:
+        raise ValueError(f"{counted(count, len(press))} are too few to learn from; give {FEWEST} or more.")
     values = dict(zip(labels.names, labels.values.T, strict=True))
     varied = {name: value for name, value in values.items() if np.ptp(value)}
     left_out = [f"all labelled presses have one {name}, {value[0]:.6g}: press with several, or leave the column out."
@@ -73,14 +76,14 @@ def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectatio
         raise ValueError(" ".join(left_out))
     if {*PLACE} <= {*varied}:
         place = np.stack([varied.pop(name) for name in PLACE], axis=1)
-        known = learn_known(presses, late_readings(presses.signal, presses.following, place))
-        learnt = _tried(partial(touch_reader.learn, presses, place, known, seed, expectation), left_out)
+        known = learn_known(presses, late_readings(presses.signal, presses.following, place, press), count)
+        learnt = _tried(partial(touch_reader.learn, presses, place, press, known, seed, expectation), left_out)
     else:
-        known, learnt = learn_known(presses, np.zeros(0, np.intp)), None
+        known, learnt = learn_known(presses, np.zeros(0, np.intp), count), None
     reader, held_out = learnt or (None, None)
     taken_out = (reader.projected, reader.spared) if reader else (0, SPARED)
     gone = known.signals.whole(cut(presses))
-    scalars = [_tried(partial(scalar_reader.fit, name, value, known, gone, taken_out, held_out, seed), left_out)
+    scalars = [_tried(partial(scalar_reader.fit, name, value, press, known, gone, taken_out, held_out, seed), left_out)
                for name, value in varied.items()]
     scalars = tuple(one for one in scalars if one)
     if not reader and not scalars:

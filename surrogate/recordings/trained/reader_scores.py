@@ -7,6 +7,7 @@ import numpy as np
 from eitsim.sensors.labels import PLACE, Labels, labels_of, unit_of
 from surrogate.recordings.intervals import radius
 from surrogate.recordings.physics.expectation import Expectation
+from surrogate.recordings.press_frames import frames_of, press_of_frames
 from surrogate.recordings.presses import Presses, taken, until
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.worth import distance
@@ -18,33 +19,44 @@ SPLITS = ("random", "time")
 
 @dataclass(frozen=True)
 class ReaderScore:
-    """One output on one split; errors are means over tested presses in the unit of the output."""
+    """One output on one split; errors are means over tested frames in the unit of the output."""
 
     split: str  # one of SPLITS
     output: str  # "place", whose errors are distances, or the name of a label
     unit: str
     trained: int  # presses
     tested: int  # presses
+    trained_frames: int  # of these presses
+    tested_frames: int
     error: float
     ridge_error: float  # of kernel ridge regression, trained on the same presses
     mean_error: float  # of the mean of the training
-    coverage: tuple[float, ...]  # part of the tested presses that the 90 % intervals hold: of x and y, or of the label
+    coverage: tuple[float, ...]  # part of the tested frames that the 90 % intervals hold: of x and y, or of the label
     half_width: tuple[float, ...]  # mean half width of these intervals
-    in_ellipse: float | None  # part of the tested places that the 90 % ellipses hold; None of a label
+    in_ellipse: float | None  # part of the tested frames that the 90 % ellipses hold; None of a label
 
 
 @dataclass(frozen=True, eq=False)
 class Tested:
-    """What was read of presses that did not train: one output on one split."""
+    """What was read of frames of presses that did not train: one output on one split."""
 
     score: ReaderScore
-    target: Array  # (n, k) places or labels of the tested presses, in the unit of the output
+    target: Array  # (n, k) places or labels of the tested frames, in the unit of the output
     value: Array  # (n, k)
     half_width: Array  # (n, k) of the 90 % intervals
 
 
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Labelled frames, and those that train and that test."""
+
+    press: Index  # (all rows,) press of each
+    train: Index
+    test: Index
+
+
 def split_rows(rows: int, split: str, seed: int) -> tuple[Index, Index]:
-    """Rows that train and rows that test, a fifth of them, each in time order."""
+    """Presses that train and presses that test, a fifth of them, each in time order."""
     tested = rows // TESTED
     order = np.arange(rows) if split == "time" else np.random.default_rng(seed).permutation(rows)
     return np.sort(order[:rows - tested]), np.sort(order[rows - tested:])
@@ -52,9 +64,10 @@ def split_rows(rows: int, split: str, seed: int) -> tuple[Index, Index]:
 
 def read_split(presses: Presses, labels: Labels, split: str, seed: int = 0,
                expectation: Expectation | None = None) -> tuple[Tested, ...]:
-    """Train on four fifths of labelled presses and read the rest, for each output that is read; errors as
+    """Train on four fifths of labelled presses and read all frames of the rest, for each output that is read; errors as
     press_reader.fit."""
-    train, test = split_rows(len(labels.touch), split, seed)
+    press = press_of_frames(presses, labels)
+    train, test = (frames_of(press, some) for some in split_rows(int(press.max()) + 1, split, seed))
     return read_rows(presses, labels, train, test, split, seed, expectation)
 
 
@@ -66,25 +79,27 @@ def read_rows(presses: Presses, labels: Labels, train: Index, test: Index, split
     tested = taken(presses, test)
     found = press_reader.read(reader, tested)
     known = dict(zip(labels.names, labels.values.T, strict=True))
+    rows = Rows(press_of_frames(presses, labels), train, test)
     signal, out = press_reader.seen(reader.signals, reader.place, tested), []
     if reader.place and found.place:
         target = np.stack([known[name] for name in PLACE], axis=1)
-        one = _tested(split, "place", "mm", target, train, test, found.place.value, found.place.bounds.half_width,
-                     reader.place.ridge.read(signal))
+        one = _tested(split, "place", "mm", target, rows, found.place.value, found.place.bounds.half_width,
+                      reader.place.ridge.read(signal))
         inside = radius(found.place.value - target[test], found.place.bounds) <= found.place.bounds.ellipse
         out.append(replace(one, score=replace(one.score, in_ellipse=float(inside.mean()))))
     for one, said in zip(reader.scalars, found.scalars, strict=True):
-        out.append(_tested(split, one.name, unit_of(one.name), known[one.name][:, None], train, test,
-                          said.value[:, None], said.half_width[:, None], one.ridge.read(signal)))
+        out.append(_tested(split, one.name, unit_of(one.name), known[one.name][:, None], rows,
+                           said.value[:, None], said.half_width[:, None], one.ridge.read(signal)))
     return tuple(out)
 
 
-def _tested(split: str, output: str, unit: str, target: Array, train: Index, test: Index, value: Array,
-            half_width: Array, ridge: Array) -> Tested:
+def _tested(split: str, output: str, unit: str, target: Array, rows: Rows, value: Array, half_width: Array,
+            ridge: Array) -> Tested:
     """The score of values (n, k) and of those of kernel ridge regression; target (all rows, k)."""
-    there = target[test]
+    there = target[rows.test]
     held = np.abs(value - there) <= half_width
-    score = ReaderScore(split, output, unit, len(train), len(test), distance(value, there), distance(ridge, there),
-                        distance(target[train].mean(axis=0), there), tuple(held.mean(axis=0).tolist()),
-                        tuple(half_width.mean(axis=0).tolist()), None)
+    counts = (len(np.unique(rows.press[rows.train])), len(np.unique(rows.press[rows.test])))
+    score = ReaderScore(split, output, unit, *counts, len(rows.train), len(rows.test), distance(value, there),
+                        distance(ridge, there), distance(target[rows.train].mean(axis=0), there),
+                        tuple(held.mean(axis=0).tolist()), tuple(half_width.mean(axis=0).tolist()), None)
     return Tested(score, there, value, half_width)

@@ -16,13 +16,13 @@ from touchcal.errors import InputFileError
 from touchcal.json_file import digest, file_digest, read_json, write_json
 from touchcal.whole_file import written
 
-METHOD, SCHEMA = "recording", 3
+METHOD, SCHEMA = "recording", 4
 DESCRIPTION, ARRAYS, PART, TESTED, SKIN = "model.json", "arrays.npz", "reader", "tested", "skin"
 _HASH, _DESCRIBED = "arrays_sha256", "description_sha256"
 _RETRAIN = "A model is the folder that `surrogate train --out` writes; train it again."
 _COUNT = Number(0, 1e15, whole=True)
-_SHAPE = Keys({"schema": _COUNT, "method": str, "kind": str, "presses": _COUNT, "seed": Number(0, whole=True),
-               "fit_s": Number(0), "left_out": [str], "scores": list, _HASH: str})
+_SHAPE = Keys({"schema": _COUNT, "method": str, "kind": str, "presses": _COUNT, "frames": _COUNT,
+               "seed": Number(0, whole=True), "fit_s": Number(0), "left_out": [str], "scores": list, _HASH: str})
 
 
 def save_reader(model: TrainedReader, folder: Path) -> None:
@@ -30,7 +30,8 @@ def save_reader(model: TrainedReader, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / DESCRIPTION).unlink(missing_ok=True)
     text: dict[str, Any] = {"schema": SCHEMA, "method": METHOD, "kind": model.kind, "presses": model.presses,
-                            "seed": model.seed, "fit_s": model.fit_s, "left_out": [*model.left_out],
+                            "frames": model.frames, "seed": model.seed, "fit_s": model.fit_s,
+                            "left_out": [*model.left_out],
                             "scores": [asdict(one.score) for one in model.tested]}
     with written(folder / ARRAYS) as file:
         np.savez_compressed(file, allow_pickle=False, **dict(flat(model.reader, PART)),
@@ -62,8 +63,8 @@ def load_reader(folder: Path | str) -> TrainedReader:
             raise ValueError(f"{ARRAYS} was changed, or is of another model")
         if str(arrays.pop(_DESCRIBED)) != digest(text):
             raise ValueError(f"{DESCRIPTION} was changed")
-        return TrainedReader(rebuilt(PressReader, PART, arrays), text["kind"], text["presses"], text["seed"],
-                             rebuilt(tuple[Tested, ...], TESTED, arrays), text["fit_s"],
+        return TrainedReader(rebuilt(PressReader, PART, arrays), text["kind"], text["presses"], text["frames"],
+                             text["seed"], rebuilt(tuple[Tested, ...], TESTED, arrays), text["fit_s"],
                              tuple(text["left_out"]), rebuilt(SkinFromAbove | None, SKIN, arrays))
     except (LookupError, TypeError, ValueError) as error:
         raise InputFileError(folder, f"its {ARRAYS} and its {DESCRIPTION} do not belong together, or one is damaged "

@@ -12,6 +12,7 @@ from surrogate.data.dead_readings import too_many
 from surrogate.data.skin_from_above import SkinFromAbove
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.physics.expectation import Expectation
+from surrogate.recordings.press_frames import counted, press_of_frames, with_presses
 from surrogate.recordings.presses import Presses, labelled, presses_of, taken
 from surrogate.recordings.signals import FEWEST
 from surrogate.recordings.trained import press_reader
@@ -29,6 +30,7 @@ class TrainedReader:
     reader: PressReader
     kind: str  # of the readings, one of eitsim.sensors.recording.KINDS
     presses: int  # that it was trained on
+    frames: int  # of these presses
     seed: int
     tested: tuple[Tested, ...]  # by readers of four fifths, a split after the other; none where these are too few
     fit_s: float  # CPU time of the reader, s
@@ -41,7 +43,7 @@ def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: i
     """Learn the labels of a recording's presses by families of readers whose weights make the held-out error least, and
     test readers of four fifths of the presses on the rest, at random and the last in time.
 
-    recording: frames in time order, (n, m) readings of one kind; labels: of ten touches or more; workers: processes;
+    recording: frames in time order, (n, m) readings of one kind; labels: of ten presses or more; workers: processes;
     expectation: what a model of the sensor expects, used where it explains held-out presses better.
     ValueError where the presses are too few, or dead channels too many; NothingToRead where no label is read better
     than by its mean. `save_reader` keeps what it returns, `read_touches` reads with it.
@@ -50,10 +52,12 @@ def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: i
     >>> read_touches(model, read_recording("new.csv"))                                     # doctest: +SKIP
     """
     presses, known, left_out = _readable(*labelled(presses_of(recording), labels, str(recording.source)))
-    count = len(known.touch)
+    known = with_presses(presses, known)
+    count, frames = int(press_of_frames(presses, known).max()) + 1, len(known.touch)
     splits = SPLITS if count - count // TESTED >= FEWEST else ()
     if not splits:
-        left_out.append(f"{count} presses are too few to test on as well: there are no scores. Label more of them.")
+        left_out.append(f"{counted(count, frames)} are too few to test on as well: there are no scores. Label "
+                        "more of them.")
     found = {}
     with processes(min(workers, 1 + len(splits))) as pool:
         for item, answer in answers(pool, partial(_answer, presses, known, seed, expectation), ("", *splits)):
@@ -63,7 +67,7 @@ def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: i
     reader, fit_s = found.pop("")
     left_out += [f"split {split}, no scores: {found[split]}" for split in splits if isinstance(found[split], str)]
     tested = tuple(one for split in splits if not isinstance(found[split], str) for one in found[split])
-    return TrainedReader(reader, recording.kind, count, seed, tested, fit_s, tuple(left_out))
+    return TrainedReader(reader, recording.kind, count, frames, seed, tested, fit_s, tuple(left_out))
 
 
 def _readable(presses: Presses, labels: Labels) -> tuple[Presses, Labels, list[str]]:
@@ -73,7 +77,7 @@ def _readable(presses: Presses, labels: Labels) -> tuple[Presses, Labels, list[s
         return presses, labels, []
     rows = np.flatnonzero(~np.array(dead))
     return taken(presses, rows), labels_of(labels, rows), [
-        f"{sum(dead)} labelled presses, more than half of whose readings are dead, are left out."]
+        f"{sum(dead)} labelled frames, more than half of whose readings are dead, are left out."]
 
 
 def _answer(presses: Presses, labels: Labels, seed: int, expectation: Expectation | None,

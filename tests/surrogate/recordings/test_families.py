@@ -51,7 +51,7 @@ def test_kernel_ridge_chooses_by_what_refits_without_a_row_would_say(presses: Pr
     fitted = kernel_ridge.fit(signal, place)
     each = kernel_ridge.held_out(fitted, signal, place, np.arange(len(place)))
     nodes = fitted.nodes
-    scores = {(width, ridge): score for score, width, ridge in kernel_ridge._leave_one_out(nodes, place)}
+    scores = {(width, ridge): score for score, width, ridge in kernel_ridge._leave_one_out(nodes, place, None)}
     width, ridge = min(scores, key=lambda one: abs(one[0] - fitted.width) + abs(one[1] - fitted.ridge))
     assert (width, ridge) == pytest.approx((fitted.width, fitted.ridge))
     # The quick formula keeps the mean of all rows; refits take their own.

@@ -41,7 +41,7 @@ def model() -> TrainedReader:
     with short_networks():
         presses, place = synthetic_presses(1, 60, noise=0.05)
         reader = press_reader.fit(presses, labels_at(place))
-    return TrainedReader(reader, "voltage", 60, 0, (), 0.0)
+    return TrainedReader(reader, "voltage", 60, 60, 0, (), 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def with_forces() -> TrainedReader:
         size = np.linalg.norm(presses.signal, axis=1)
         force = size / np.linalg.norm(synthetic_signal(place, np.ones(len(place))), axis=1)
         reader = press_reader.fit(presses, labels_at(place, F_N=force, depth_mm=2 * force))
-    return TrainedReader(reader, "voltage", 60, 0, (), 0.0)
+    return TrainedReader(reader, "voltage", 60, 60, 0, (), 0.0)
 
 
 def stream(place: Array, noise: float) -> Array:

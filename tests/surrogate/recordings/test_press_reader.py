@@ -83,7 +83,7 @@ def test_one_coordinate_is_learnt_by_itself_and_has_the_columns_of_places() -> N
     presses, place, _ = deep(1, 80)
     reader = press_reader.fit(presses, only(labels_at(place), "y_mm"))
     frames = Recording(presses.signal, presses.index, None, presses.name, "difference", Path("synthetic.csv"))
-    table = read_touches(TrainedReader(reader, "difference", 80, 0, (), 1.0), frames)
+    table = read_touches(TrainedReader(reader, "difference", 80, 80, 0, (), 1.0), frames)
     assert [*table] == ["touch", "y0_mm", "y0_lo90_mm", "y0_hi90_mm", "flag"]
     assert np.corrcoef(table["y0_mm"], place[:, 1])[0, 1] > 0.9
 
@@ -118,7 +118,7 @@ def test_stored_readers_with_and_without_places_read_the_same(reader: PressReade
     presses, place, depth = deep(1, 60)
     of_depth = press_reader.fit(presses, only(labels_at(place, depth_mm=depth), "depth_mm"))
     for name, one in (("both", reader), ("depth", of_depth)):
-        reader_store.save_reader(TrainedReader(one, "difference", 60, 0, (), 1.5), tmp_path / name)
+        reader_store.save_reader(TrainedReader(one, "difference", 60, 60, 0, (), 1.5), tmp_path / name)
         again = reader_store.load_reader(tmp_path / name).reader
         first, second = (press_reader.read(part, synthetic_presses(8, 5)[0]).scalars[0] for part in (one, again))
         np.testing.assert_array_equal(first.value, second.value)
@@ -173,7 +173,7 @@ def test_frames_most_of_which_are_dead_have_no_value(reader: PressReader) -> Non
     lacking[0, :105] = lacking[1] = np.nan
     lacking[2, :104] = np.nan
     frames = Recording(lacking, new.index, None, new.name, "difference", Path("synthetic.csv"))
-    table = read_touches(TrainedReader(reader, "difference", 80, 0, (), 0.0), frames)
+    table = read_touches(TrainedReader(reader, "difference", 80, 80, 0, (), 0.0), frames)
     values = table.drop(columns=["touch", "flag", "x0_y0_correlation", "x0_y0_ellipse90"]).to_numpy(float)
     assert np.isnan(values[:2]).all()
     assert np.isfinite(values[2:]).all()
@@ -188,7 +188,7 @@ def test_no_depth_is_below_0_at_its_lower_end_and_coordinates_may_be() -> None:
     force = (size - size.min()) / np.ptp(size)
     reader = press_reader.fit(presses, labels_at(place, F_N=force, z_mm=force - 0.1))
     frames = Recording(presses.signal, presses.index, None, presses.name, "difference", Path("synthetic.csv"))
-    table = read_touches(TrainedReader(reader, "difference", 60, 0, (), 0.0), frames)
+    table = read_touches(TrainedReader(reader, "difference", 60, 60, 0, (), 0.0), frames)
     value, low, high, coordinate = table[["F_N", "F_lo90_N", "F_hi90_N", "z_lo90_mm"]].to_numpy(float).T
     assert np.all(low >= np.minimum(value, 0))
     assert np.any(2 * value - high < 0)
@@ -221,7 +221,7 @@ def test_presses_too_few_to_test_on_and_mostly_dead_ones_are_said(tmp_path: Path
     assert model.presses == 11
     assert model.tested == ()
     assert model.left_out == (
-        "2 labelled presses, more than half of whose readings are dead, are left out.",
-        "11 presses are too few to test on as well: there are no scores. Label more of them.")
+        "2 labelled frames, more than half of whose readings are dead, are left out.",
+        "11 labelled presses are too few to test on as well: there are no scores. Label more of them.")
     reader_store.save_reader(model, tmp_path)
     assert reader_store.load_reader(tmp_path).left_out == model.left_out

@@ -19,7 +19,7 @@ import eitsim
 import surrogate
 from surrogate.cli.main import app
 from surrogate.recordings import touch_reader
-from surrogate.recordings.presses import Presses
+from surrogate.recordings.presses import Presses, taken
 from surrogate.recordings.touch_reader import Reading
 from surrogate.recordings.trained import press_reader, reader_store
 from surrogate.recordings.trained.press_reader import PressReader
@@ -81,7 +81,7 @@ def test_labels_of_other_presses_are_refused(presses: Pressed, quick: object) ->
 
 
 def test_too_few_presses_are_refused(presses: Pressed) -> None:
-    few = replace(presses[0], signal=presses[0].signal[:9])
+    few = taken(presses[0], np.arange(9))
     with pytest.raises(ValueError, match="9 labelled presses are too few"):
         press_reader.fit(few, labels_at(presses[1][:9]))
 
@@ -167,7 +167,7 @@ def test_a_split_tests_rows_that_did_not_train(presses: Pressed, quick: object) 
 
 
 def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: PressReader, tmp_path: Path) -> None:
-    model = TrainedReader(reader, "difference", 60, 0, (), 1.5)
+    model = TrainedReader(reader, "difference", 60, 60, 0, (), 1.5)
     reader_store.save_reader(model, tmp_path)
     assert reader_store.is_reader(tmp_path)
     again = reader_store.load_reader(tmp_path)
@@ -188,7 +188,7 @@ def test_a_stored_reader_reads_the_same_and_a_changed_one_is_refused(reader: Pre
 def kept_back(reader: PressReader, presses: Pressed, tmp_path: Path) -> tuple[Path, Array]:
     """A folder with a model, its 60 presses and 40 others in one recording, and labels of them all but the last; and
     their places."""
-    reader_store.save_reader(TrainedReader(reader, "difference", 60, 0, (), 1.5), tmp_path / "model")
+    reader_store.save_reader(TrainedReader(reader, "difference", 60, 60, 0, (), 1.5), tmp_path / "model")
     new, place = synthetic_presses(8, 40)
     signal, place = np.vstack([presses[0].signal, new.signal]), np.vstack([presses[1], place])
     frames = pd.DataFrame(signal, columns=[f"v_{k:03d}" for k in range(signal.shape[1])])

@@ -106,7 +106,7 @@ def aged(recording: Recording) -> Recording:
 
 def test_ages_in_seconds_are_not_compared_with_ages_in_frames(by_clock: PressReader, by_index: PressReader) -> None:
     clocked, frames = aged(recorded(0.02)[0]), aged(recorded(None)[0])
-    of_frames, of_seconds = (TrainedReader(one, "voltage", COUNT, 0, (), 0.0) for one in (by_index, by_clock))
+    of_frames, of_seconds = (TrainedReader(one, "voltage", COUNT, COUNT, 0, (), 0.0) for one in (by_index, by_clock))
     with pytest.raises(ValueError, match=r"synthetic.csv: it has no column time_s, and the model was trained"):
         read_touches(of_seconds, frames)
     read = [read_touches(model, one)["flag"].str.contains("older than any in training")
@@ -119,8 +119,8 @@ def test_a_stream_counts_frames_where_training_had_no_clock(by_clock: PressReade
     signal = synthetic_signal(np.array([[20.0, 10.0]]), np.ones(1))[0]
     background = untouched_stream.known(np.zeros(len(signal)), 1e-3, 1, 0.0)
     for since, old in ((1, False), (400, True)):
-        read = [FollowedPresses(TrainedReader(one, "voltage", COUNT, 0, (), 0.0)).read(signal, background, 0.02 * since,
-                                                                                      since, 0.02).flag
+        read = [FollowedPresses(TrainedReader(one, "voltage", COUNT, COUNT, 0, (), 0.0)).read(
+            signal, background, 0.02 * since, since, 0.02).flag
                 for one in (by_clock, by_index)]
         assert [("older than any" in flag) for flag in read] == [old, old]
 
