@@ -34,6 +34,13 @@ class Nuisance:
     series: Array | None  # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
 
 
+def with_zero(experiment: Experiment, sd: float) -> Experiment:
+    """The experiment with a standard deviation of its strain zero, where it states none and `sd` is one."""
+    if sd == 0 or experiment.facts.get("strain_zero_sd", 0.0) > 0:
+        return experiment
+    return replace(experiment, facts={**experiment.facts, "strain_zero_sd": sd})
+
+
 def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
     """The experiments, those without a drift of their own given a standard deviation of it.
 
