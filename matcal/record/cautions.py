@@ -100,11 +100,11 @@ def _volume(card: MaterialCard) -> Iterator[str]:
         return
     first, last = kept["nu"]
     one, other = (f"{mu / 1e3:.4g} kPa" for mu in kept["mu_0_Pa"])
-    does = f"with a rubber or gel, which keeps its volume, mu_0 goes from {one} at nu = {first:g} to {other} at {last:g}"
+    does = f"if it keeps its volume, as a rubber, mu_0 goes from {one} at nu = {first:g} to {other} at {last:g}"
     if not np.any(card.hyperfoam.nu):
-        how = "was taken, which" if card.fit["nu"]["how"] == "assumed" else "as given, which"
-        yield (f"nu = 0 {how} is a foam's, for a material stretched to more than twice its length: {does}. Give "
-               f"--poisson {last:g} for such a material, or fit nu with lateral strain.")
+        how = "taken" if card.fit["nu"]["how"] == "assumed" else "given"
+        yield (f"nu = 0 was {how}, which is a foam's, for a material stretched to more than twice its length: {does}. "
+               f"Give --poisson {last:g} for such a material, or fit nu with lateral strain.")
     else:
         yield (f"nu was given, not measured, for a material stretched to more than twice its length: {does}; the "
                "intervals leave that out.")

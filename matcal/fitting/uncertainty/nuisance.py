@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from matcal.fitting.hyperfoam import linear_response
 from matcal.fitting.hyperfoam.curves import Curve, weighted_model, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty import linear_response
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
 from touchcal.arrays import Array
