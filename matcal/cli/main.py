@@ -70,6 +70,9 @@ def fit_command(
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of one kind of test, for "
                                                          "instance shear=2.")] = None,
         prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 6, or auto (by BIC).")] = "auto",
+        strain_zero: Annotated[float, typer.Option(metavar="SD", help="Standard deviation of the strain zero of tests "
+                                                   "that do not state one, for instance 0.002 for tables; it is then "
+                                                   "in the intervals.")] = 0.0,
         posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior with emcee.")] = False,
         seed: SeedOption = 0,
         out: Annotated[Path, typer.Option(help="Card to write; its data go next to it.")] = Path("card.json"),
@@ -87,7 +90,8 @@ def fit_command(
     from matcal.record.calibration import Calibration, fit
 
     _check_places(out, report, [*files, *(predicted or [])], specimen)
-    options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms)
+    options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms,
+                          strain_zero)
     unfinished = None
     warnings.filterwarnings("ignore", "\nArviZ is undergoing", FutureWarning)  # arviz says so once a day
     with _counted(posterior) as progress:

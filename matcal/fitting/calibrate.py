@@ -16,7 +16,7 @@ from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicat
 from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
 from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
-from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift
+from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift, with_zero
 from matcal.laws.deformation_modes import MODES
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
@@ -24,6 +24,7 @@ from matcal.reduction.experiment import Experiment
 from touchcal.number_words import percent
 
 _TURNS, _SETTLED = 6, 1e-5  # turns of (series, law) at most, and the change of g below which they have settled
+_MOST_ZERO = 0.1  # most standard deviation of a strain zero
 _FEW = 3  # starts of the fit that only refines the records
 _FACTOR_TURNS = 2  # fits that find the factors of specimens
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
@@ -47,8 +48,12 @@ class FitOptions:
     residual: str = "relative"  # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
     weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
     prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 6, or "auto"
+    strain_zero_sd: float = 0.0  # standard deviation of the strain zero of tests that do not state one
 
     def __post_init__(self) -> None:
+        if not 0 <= self.strain_zero_sd < _MOST_ZERO:
+            raise ValueError(f"--strain-zero {self.strain_zero_sd:g}: the standard deviation of a strain zero lies "
+                             f"between 0 and {_MOST_ZERO:g}, for example 0.002.")
         if self.stable_range is not None and self.stable is None:
             raise ValueError(f"--stable-range {','.join(f'{end:g}' for end in self.stable_range)}: no law is held "
                              "stable, so there is nothing to hold it over. Add --stable drucker or --stable elliptic, "
@@ -95,7 +100,7 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     Raises ValueError for an unknown choice or for tests that cannot be fitted or compared."""
     options = options or FitOptions()
     started = time.process_time()
-    experiments, said = with_drift([thinned(e) for e in experiments])
+    experiments, said = with_drift([thinned(with_zero(e, options.strain_zero_sd)) for e in experiments])
     relaxing = [e for e in experiments if e.kind == "relaxation"]
     curves = weigh(experiments, options.residual, options.weights)
     prony = _prony(relaxing, curves, options) if relaxing else None

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from matcal.fitting.hyperfoam.constrained_moduli import nearest
 from matcal.laws.conductivity import Conductivity
 from matcal.reduction.experiment import Experiment
-from matcal.statistics.residual_correlation import Errors, correlated_errors
+from matcal.statistics.residual_correlation import Errors, correlated_errors, propagated
 from touchcal.arrays import Array
 
 # lowest strain in use, and the least conductivity allowed from there on, as a share of the data's median
@@ -56,8 +56,7 @@ def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
     errors = _errors(experiments, (basis @ centre - c) / sd, basis / sd[:, None], 1.0 if known else 0.0)
     spare = max(sum(x.effective_sample_size for x in errors) - 4, min(_LEAST_SPARE, max(1.0, freedom)))
     gain = np.asarray(np.linalg.pinv(basis / sd[:, None]), dtype=float)
-    ends = np.cumsum([x.count for x in errors])[:-1]
-    covariance = np.sum([x.of(g) for x, g in zip(errors, np.split(gain, ends, axis=1), strict=True)], axis=0)
+    covariance = propagated(errors, gain)
     zero = _zero_covariance(experiments, gain, sd, centre)
     covariance += zero
     positive = (powers(np.linspace(LOWEST_STRAIN, max(float(e.max()), 0.0), _GRID)).T, FLOOR * float(np.median(c)))

@@ -17,11 +17,11 @@ from scipy.interpolate import BarycentricInterpolator, CubicSpline
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam, weighted_model
 from matcal.fitting.hyperfoam.design_table import Table, tabulate
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents
-from matcal.fitting.hyperfoam.linear_response import PRIOR_MODULI
 from matcal.fitting.hyperfoam.poisson import lateral_cost
 from matcal.fitting.hyperfoam.specimen_factors import PRIOR_OMEGA, specimens
 from matcal.fitting.hyperfoam.variable_projection import Exponents
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty.linear_response import PRIOR_MODULI
 from matcal.fitting.uncertainty.nu_ridge import Ridge
 from matcal.fitting.uncertainty.nuisance import nuisance
 from matcal.laws.deformation_modes import push_forward, second_piola

@@ -84,7 +84,7 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     progress
         Is given the number of steps that the sampler has done.
     **choices
-        Fields of `FitOptions`, in place of those of `options`: order="auto", poisson=0.0, stable=None, ...
+        Fields of `FitOptions`, in place of those of `options`: order="auto", poisson=None, stable=None, ...
 
     Returns
     -------

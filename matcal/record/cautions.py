@@ -19,6 +19,7 @@ _MISFIT, _MISSED, _LOOSE = 0.05, 0.10, 0.5
 _INSIDE, _SOFT_PA, _RATIO, _EARLY = 0.9, (20.0, 1e6), 1.6, 0.3
 # strain that earlier loadings left, and share by which a held stress differs from the law's, from which on it is said
 _SET, _HELD_OFF = 0.02, 0.15
+_DOUBTED_ZERO = 0.002  # error of a strain zero whose effect on a conductivity is said
 _RUBBER = 0.49  # nu above which a rubber's was given
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
@@ -97,14 +98,14 @@ def _volume(card: MaterialCard) -> Iterator[str]:
         return
     first, last = kept["nu"]
     one, other = (f"{mu / 1e3:.4g} kPa" for mu in kept["mu_0_Pa"])
-    does = f"mu_0 goes from {one} at nu = {first:g} to {other} at {last:g}"
+    does = f"if it keeps its volume, as a rubber, mu_0 goes from {one} at nu = {first:g} to {other} at {last:g}"
     if not np.any(card.hyperfoam.nu):
-        how = "was taken, which" if card.fit["nu"]["how"] == "assumed" else "as given"
-        yield (f"nu = 0 {how} is a foam's, for a material stretched like a rubber, which keeps its volume: {does}. "
-               f"Give --poisson {last:g} for a rubber or gel, or fit nu with lateral strain.")
+        how = "taken" if card.fit["nu"]["how"] == "assumed" else "given"
+        yield (f"nu = 0 was {how}, which is a foam's, for a material stretched to more than twice its length: {does}. "
+               f"Give --poisson {last:g} for such a material, or fit nu with lateral strain.")
     else:
-        yield (f"nu was given, not measured, for a material stretched like a rubber: {does}, and the intervals leave "
-               f"that out. A rubber or gel has nu near {last:g}.")
+        yield (f"nu was given, not measured, for a material stretched to more than twice its length: {does}; the "
+               "intervals leave that out.")
 
 
 def _band(card: MaterialCard) -> Iterator[str]:
@@ -284,6 +285,14 @@ def _series(card: MaterialCard) -> Iterator[str]:
 
 
 def _skin(card: MaterialCard) -> Iterator[str]:
-    if card.conductivity is not None and card.conductivity.strain_range[0] > -0.01:
+    if card.conductivity is None:
+        return
+    if card.conductivity.strain_range[0] > -0.01:
         yield ("Conductivity was measured in tension only: a touch stretches the skin in its plane; driven through its "
                "thickness (strain = \"normal\"), which a touch compresses, it is extrapolated.")
+    found = card.fit.get("conductivity", {})
+    moved = abs(_DOUBTED_ZERO * card.conductivity.a[0])
+    lo, hi = found.get("c0_interval_S_per_m", (-np.inf, np.inf))
+    if not found.get("zero_in_intervals", True) and moved * card.conductivity.c0_S_per_m > (hi - lo) / 2:
+        yield (f"The strain zero of the conductivity test is taken as exact: off by {_DOUBTED_ZERO:g} it moves c_0 by "
+               f"{percent(moved, 2)}, more than its interval. Give --strain-zero SD where it is not.")

@@ -113,7 +113,8 @@ def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
     return {"chi_square": skin.chi_square, "freedom": skin.freedom, "c0_sd_S_per_m": c0_sd, "a_sd": a_sd,
             "c0_interval_S_per_m": [law.c0_S_per_m - reach * c0_sd, law.c0_S_per_m + reach * c0_sd],
             "a_interval": np.column_stack([law.a - reach * a_sd, law.a + reach * a_sd]),
-            "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance))}
+            "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance)),
+            "zero_in_intervals": bool(np.any(skin.zero_covariance))}
 
 
 def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:

@@ -69,6 +69,12 @@ def correlated_errors(residuals: Sequence[Array], slopes: Sequence[Array], prior
                  in zip(grids, share, unit, blocks, least, residuals, strict=True))
 
 
+def propagated(errors: Sequence[Errors], gain: Array) -> Array:
+    """(K, K) covariance of gain @ errors for gain (K, n) over the points of all curves."""
+    ends = np.cumsum([e.count for e in errors])[:-1]
+    return np.sum([e.of(g) for e, g in zip(errors, np.split(gain, ends, axis=1), strict=True)], axis=0)
+
+
 def _blocks(residual: Array, slopes: Array) -> tuple[Array, Array, NDArray[np.int64]]:
     first = np.unique(np.linspace(0, residual.size, min(residual.size, _MOST) + 1).astype(int)[:-1])
     count = np.diff(first, append=residual.size)

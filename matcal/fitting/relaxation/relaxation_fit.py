@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from matcal.fitting.hyperfoam.linear_response import propagated
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable, doubted, hold_of, tabulate_hold
 from matcal.fitting.relaxation.instantaneous_curve import bent, runs
 from matcal.fitting.relaxation.prony_search import LEAST_RATIO, best_series, residual, series_at, slopes
@@ -21,7 +20,12 @@ from matcal.fitting.relaxation.slowest_time import Slowest, series_sentences, sl
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, convolve
 from matcal.reduction.experiment import Experiment
-from matcal.statistics.residual_correlation import Errors, correlated_errors, integrated_autocorrelation_time
+from matcal.statistics.residual_correlation import (
+    Errors,
+    correlated_errors,
+    integrated_autocorrelation_time,
+    propagated,
+)
 from touchcal.arrays import Array
 
 TERMS = (1, 2, 3, 4, 5, 6)  # terms that "auto" chooses among

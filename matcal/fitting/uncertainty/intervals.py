@@ -5,7 +5,8 @@ A C A' is built from what the data can do (a "sandwich"), C being that of each c
 residuals show (`matcal.statistics.residual_correlation`), so that misfit counts as few effective points and not as
 many. What the order of the law hides is seen by adding one term, or by leaving one out where that fits nearly as well:
 the larger difference enters as one more standard deviation. A fitted nu is not linearised: see
-`matcal.fitting.uncertainty.nu_ridge`; fitted term by term it moves with the moduli, its prior uniform.
+`matcal.fitting.uncertainty.nu_ridge`; fitted term by term it moves with the moduli, its prior uniform, and its own
+intervals are those of profiles (`matcal.fitting.uncertainty.nu_each`).
 Replicates and stated scatter are in it (`matcal.fitting.hyperfoam.specimen_factors`); without either, scatter from
 specimen to specimen is left out, as are errors in the specimen's size.
 """
@@ -17,15 +18,17 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import ndtri, stdtrit
 
-from matcal.fitting.hyperfoam import linear_response
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.hyperfoam.poisson import AT_BOUND, NU_BOUNDS
 from matcal.fitting.hyperfoam.specimen_factors import Specimens, specimens
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
-from matcal.fitting.uncertainty.nu_ridge import Ridge, mixed, ridges, with_stated
+from matcal.fitting.uncertainty import linear_response
+from matcal.fitting.uncertainty.nu_each import ends_of
+from matcal.fitting.uncertainty.nu_ridge import Ridge, mixed, ridges, unit_of_term, with_stated
 from matcal.fitting.uncertainty.nuisance import Nuisance, nuisance
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.statistics.residual_correlation import Errors, propagated
 from touchcal.arrays import Array
 
 # least points to spare in Student's law: errors' sizes are averaged already, see `statistics.residual_correlation`
@@ -115,7 +118,7 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     hold = linear_response.prior_precision(fit)[:slopes.shape[1], :slopes.shape[1]]
     gain = linear_response.joint_gain(slopes, effect, variance, hold)[:free.shape[1]]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
-    from_data = linear_response.propagated(errors, data)
+    from_data = propagated(errors, data)
     stated = data @ linear_response.padded(fit, differ.stated)
     covariance = from_data + variance * prior @ prior.T + stated @ stated.T
     over = tuple(with_stated(ridge, stated) for ridge in ridges(fit, effect, errors, spare))
@@ -127,7 +130,8 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     names += ["scatter between specimens"] * (effect.shape[1] - len(names) + stated.shape[1])
     squares = np.r_[variance * (mu_0 @ prior) ** 2, (mu_0 @ stated) ** 2]
     shares = _shares(derived["mu_0_Pa"], float(mu_0 @ from_data @ mu_0), squares, names, bool(over))
-    found = replace(bare, derived=derived, shares=shares, nu=_nu_intervals(fit, bare))
+    nu = _nu_intervals(fit, bare, effect[:, terms.shape[1]:], errors)
+    found = replace(bare, derived=derived, shares=shares, nu=nu)
     return replace(found, decisions=(*_nu_words(found), _share_sentence(shares), *differ.decisions,
                                      *_limit_sentences(fit)))
 
@@ -145,14 +149,19 @@ def _nu_effects(fit: Fit) -> Array:
     return linear_response.PRIOR_NU * slopes if fit.nu_fitted == "fit-each" else slopes[:, :0]
 
 
-def _nu_intervals(fit: Fit, about: Uncertainty) -> tuple[Interval, ...]:
-    """Of what was fitted of nu, within the bounds of its search."""
+def _nu_intervals(fit: Fit, about: Uncertainty, effect: Array, errors: Sequence[Errors]) -> tuple[Interval, ...]:
+    """Of what was fitted of nu, within the bounds of its search: from the ridges, or from the profile of each term."""
     if fit.nu_fitted is None:
         return ()
-    count = 1 if fit.nu_fitted == "fit" else fit.law.nu.size
-    found = intervals(about, lambda law: {str(k): float(law.nu[k]) for k in range(count)})
-    low, high = NU_BOUNDS
-    return tuple(replace(i, lo=max(i.lo, low), hi=min(i.hi, high)) for i in found.values())
+    if about.ridges:
+        (found,) = intervals(about, lambda law: {"nu": float(law.nu[0])}).values()
+        return (replace(found, lo=max(found.lo, NU_BOUNDS[0]), hi=min(found.hi, NU_BOUNDS[1])),)
+    found, variance = replace(fit, law=fit.free or fit.law), linear_response.effective_variance(errors)
+    out = []
+    for k, value in enumerate(fit.law.nu.tolist()):
+        lo, hi = ends_of(found, k, about.reach**2 * unit_of_term(found, k, effect, errors, variance))
+        out.append(Interval(value, (hi - lo) / (2 * about.reach), 0.0, min(lo, value), max(hi, value)))
+    return tuple(out)
 
 
 def _nu_words(found: Uncertainty) -> list[str]:
@@ -160,7 +169,7 @@ def _nu_words(found: Uncertainty) -> list[str]:
         return []
     each = ", ".join(f"{i.value:.3g} ({i.lo:.3g} to {i.hi:.3g})" for i in found.nu)
     how = ("from the profile of the fit over nu, at this order and the next ones" if found.ridges else
-           "from slopes at the fit, nu being uniform between its bounds before")
+           "from the profile of each; the other intervals are linear in it, nu uniform between its bounds before")
     return [f"nu with its 95 % interval: {each}, {how}; the other intervals include it."]
 
 

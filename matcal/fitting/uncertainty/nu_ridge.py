@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtr
 
-from matcal.fitting.hyperfoam import linear_response
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.hyperfoam.order_selection import RESOLVED
 from matcal.fitting.hyperfoam.shared_poisson import Profile, lateral_of, profile
+from matcal.fitting.uncertainty import linear_response
 from matcal.laws.hyperfoam import Hyperfoam
-from matcal.statistics.residual_correlation import Errors
+from matcal.statistics.residual_correlation import Errors, propagated
 from touchcal.arrays import Array
 
 # points between two nodes of a profile; halvings of a bracket of a quantile; log density, and weight of an order, that
@@ -147,16 +147,31 @@ def _given(fit: Fit, effect: Array, errors: Sequence[Errors], variance: float) -
     hold = linear_response.prior_precision(fit)[:width, :width]
     gain = linear_response.joint_gain(slopes, effect, variance, hold)[:width]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
-    alone, seen = _left(own, slopes), _left(np.r_[own, np.zeros(effect.shape[1])], np.vstack(
-        [np.hstack([slopes, effect]),
-         np.hstack([np.zeros((effect.shape[1], width)), np.sqrt(variance) * np.eye(effect.shape[1])])]))
+    along, doubt, spread, unit = _direction(own, slopes, effect, errors, variance)
+    joint = propagated(errors, np.vstack([data, along]))
+    pull = (joint[:-1, -1] + variance * prior @ doubt) / np.sqrt(max(spread, 1e-300))
+    return _Given(joint[:-1, :-1] + variance * prior @ prior.T, pull, unit)
+
+
+def unit_of_term(fit: Fit, term: int, effect: Array, errors: Sequence[Errors], variance: float) -> float:
+    """Cost of one standard deviation of a term's nu, where nu is fitted term by term."""
+    nu = linear_response.nu_slopes(fit)
+    others = np.hstack([linear_response.all_slopes(fit), np.delete(nu, term, axis=1)])
+    return _direction(nu[:, term], others, effect, errors, variance)[3]
+
+
+def _direction(own: Array, slopes: Array, effect: Array, errors: Sequence[Errors], variance: float
+               ) -> tuple[Array, Array, float, float]:
+    """Unit direction in data (n,) and nuisances (J,) by which a parameter with slope `own` is known next to those with
+    `slopes`, the variance along it, and the cost of one standard deviation of the parameter."""
+    n, numbers = slopes.shape[0], effect.shape[1]
+    known = np.hstack([np.zeros((numbers, slopes.shape[1])), np.sqrt(variance) * np.eye(numbers)])
+    alone, seen = _left(own, slopes), _left(np.r_[own, np.zeros(numbers)],
+                                            np.vstack([np.hstack([slopes, effect]), known]))
     size = max(float(np.linalg.norm(seen)), 1e-9 * float(np.linalg.norm(own)), 1e-300)
     along, doubt = seen[:n] / size, seen[n:] / size
-    spread = float(linear_response.propagated(errors, along[None])[0, 0] + variance * doubt @ doubt)
-    joint = linear_response.propagated(errors, np.vstack([data, along]))
-    pull = (joint[:-1, -1] + variance * prior @ doubt) / np.sqrt(max(spread, 1e-300))
-    unit = max(spread * (float(np.linalg.norm(alone)) / size) ** 2, RESOLVED**2 / n)
-    return _Given(joint[:-1, :-1] + variance * prior @ prior.T, pull, unit)
+    spread = float(propagated(errors, along[None])[0, 0] + variance * doubt @ doubt)
+    return along, doubt, spread, max(spread * (float(np.linalg.norm(alone)) / size) ** 2, RESOLVED**2 / n)
 
 
 def _left(column: Array, others: Array) -> Array:

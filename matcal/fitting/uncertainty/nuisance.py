@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from matcal.fitting.hyperfoam import linear_response
 from matcal.fitting.hyperfoam.curves import Curve, weighted_model, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.uncertainty import linear_response
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
 from touchcal.arrays import Array
@@ -32,6 +32,13 @@ class Nuisance:
     mean: Array  # (K,) prior means: minus what refinement has moved already
     names: tuple[str, ...]  # what each number is, in words
     series: Array | None  # (2 M, J) change of (g, tau_s) with the last J of them; None without a rate correction
+
+
+def with_zero(experiment: Experiment, sd: float) -> Experiment:
+    """The experiment with a standard deviation of its strain zero, where it states none and `sd` is one."""
+    if sd == 0 or experiment.facts.get("strain_zero_sd", 0.0) > 0:
+        return experiment
+    return replace(experiment, facts={**experiment.facts, "strain_zero_sd": sd})
 
 
 def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:

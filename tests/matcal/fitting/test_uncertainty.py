@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from matcal.fitting.calibrate import FitOptions, calibrate
 from matcal.fitting.hyperfoam.curves import weigh
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.fitting.uncertainty.intervals import derived_quantities, linearised
 from matcal.fitting.uncertainty.nuisance import nuisance, refined_records, with_drift
+from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.record.fit_summary import summary
 from matcal.reduction.experiment import Experiment
 from matcal.statistics.residual_correlation import integrated_autocorrelation_time
 
@@ -113,3 +116,25 @@ def test_a_short_table_that_begins_at_rest_is_not_interpolated(seed: int) -> Non
     interval = linearised(fit(weigh([Experiment("uniaxial", strain, stress)]))).derived["mu_0_Pa"]
     assert interval.hi - interval.lo > 0.02 * interval.value
     assert interval.lo < law.mu_0_Pa < interval.hi
+
+
+@pytest.mark.slow
+def test_a_stated_doubt_of_the_strain_zero_is_in_the_intervals() -> None:
+    """Tables whose strain zero is off by 0.003, or 0.002 for a conductivity, hold where that is stated."""
+    law, cubic = Hyperfoam([18e3, 2e3], [8.0, -1.8], [0.0, 0.0]), Conductivity(30.0, [-2.0, 2.0, -1.0], (0.0, 0.4))
+    e, g, s = np.linspace(-0.01, -0.6, 60), np.linspace(0.01, 0.8, 60), np.linspace(0, 0.4, 60)
+    missed = np.zeros(3)
+    for seed in range(20):
+        rng = np.random.default_rng([11, seed])
+        tests = []
+        for mode, at in (("uniaxial", e), ("shear", g)):
+            stress = nominal_stress(law, mode, at + 0.003 * rng.normal())
+            tests.append(Experiment(mode, at, stress + 0.005 * np.sqrt(np.mean(stress**2)) * rng.normal(size=60)))
+        tests.append(Experiment("conductivity", s, conductivity(cubic, s + 0.002 * rng.normal())
+                                + 0.03 * rng.normal(size=60)))
+        found = summary(calibrate(tests, FitOptions(2, strain_zero_sd=0.003)))
+        ends = [found["derived"][name] for name in ("mu_0_Pa", "plateau_Pa")]
+        truth = [20e3, -float(nominal_stress(law, "uniaxial", -0.4)), 30.0]
+        ranges = [*((row["lo"], row["hi"]) for row in ends), found["conductivity"]["c0_interval_S_per_m"]]
+        missed += [not lo < t < hi for (lo, hi), t in zip(ranges, truth, strict=True)]
+    assert missed.max() <= 4

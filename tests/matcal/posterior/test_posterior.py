@@ -16,9 +16,9 @@ from matcal.card import MaterialCard, write_card
 from matcal.fitting.calibrate import FitOptions, calibrate
 from matcal.fitting.hyperfoam.curves import weigh, weighted_design, weighted_model, weighted_stress, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
-from matcal.fitting.hyperfoam.linear_response import PRIOR_MODULI
 from matcal.fitting.relaxation.relaxation_fit import fit_prony
 from matcal.fitting.uncertainty.intervals import linearised
+from matcal.fitting.uncertainty.linear_response import PRIOR_MODULI
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.deformation_modes import hereditary_stress, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam

@@ -111,12 +111,6 @@ def errors_of(fit: Fit, effect: Array) -> tuple[Errors, ...]:
     return correlated_errors(found, np.split(slopes, ends), prior, noise + [0.0] * (len(found) - len(noise)))
 
 
-def propagated(errors: Sequence[Errors], gain: Array) -> Array:
-    """(K, K) covariance of gain @ errors for gain (K, n) over the points of all curves."""
-    ends = np.cumsum([e.count for e in errors])[:-1]
-    return np.sum([e.of(g) for e, g in zip(errors, np.split(gain, ends, axis=1), strict=True)], axis=0)
-
-
 def effective_variance(errors: Sequence[Errors]) -> float:
     """Mean over all points of the variance that independent errors would need for the same effect on the fit."""
     needed = [e.covariance[0, 0] * e.count**2 / e.effective_sample_size for e in errors]
