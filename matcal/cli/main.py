@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from matcal.record.exporters import TARGETS
-from touchcal.errors import NotConverged
+from touchcal.errors import InputFileError, NotConverged
 from touchcal.terminal import JsonOption, SeedOption, application, check_apart, check_out, counter, print_json, run
 
 app = application("Calibrate a foam and its conductive skin from test files into a material card.")
@@ -36,13 +36,22 @@ def inspect_command(
 
     inputs = [files_named(text) for text in files]
     chosen = selections_of(inputs, [parse_selection(text) for text in columns or []])
-    described = {str(path): inspect(path, choice.get(path), kind)
-                 for (kind, paths), choice in zip(inputs, chosen, strict=True) for path in paths}
-    if as_json:
+    described, errors = {}, []
+    for path, kind, choice in ((path, kind, choice.get(path)) for (kind, paths), choice
+                               in zip(inputs, chosen, strict=True) for path in paths):
+        try:
+            described[str(path)] = inspect(path, choice, kind)
+        except InputFileError as error:
+            errors.append(error)
+    if as_json and described:
         print_json(described)
-        return
-    for path, found in described.items():
+    for path, found in () if as_json else described.items():
         print_description(path, found)
+    sys.stdout.flush()
+    for error in errors[:-1]:
+        print(f"matcal: {error}", file=sys.stderr)
+    if errors:
+        raise errors[-1]
 
 
 @app.command("fit")

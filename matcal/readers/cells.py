@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from matcal.readers.clocks import elapsed, seconds_of
 from matcal.readers.decoding import lines_of
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
@@ -55,6 +56,7 @@ class Grid:
     lines: Sequence[int]  # line of each row in the file (row of the sheet), counted from 1
     style: Style = Style()  # how its numbers are written
     sheet: str = ""  # name of the sheet it came from, "" for text
+    clocks: frozenset[int] = frozenset()  # columns that were clocks (10:00:01) and are seconds from the first row now
 
     def number(self, cell: str) -> float | None:
         """The value of a cell, None where it is no number."""
@@ -105,13 +107,32 @@ def text_grid(text: str, path: Path, delimiter: str | None = "", style: Style | 
     rows = [_cells(line, delimiter, path, n) for n, line in numbered]
     kept = [k for k, row in enumerate(rows) if row]
     grid = Grid(path, [rows[k] for k in kept], [numbered[k][0] for k in kept])
-    return replace(grid, style=style or style_of(grid.rows, path))
+    return with_seconds(replace(grid, style=style or style_of(grid.rows, path)))
+
+
+def with_seconds(grid: Grid) -> Grid:
+    """The grid with each column of clocks as seconds from its first row."""
+    found: dict[int, int] = {}
+    for row in grid.rows[-_TELLING:]:
+        for column, cell in enumerate(row):
+            if ":" in cell and seconds_of(cell) is not None:
+                found[column] = found.get(column, 0) + 1
+    clocks = [column for column, count in found.items() if 2 * count >= min(len(grid.rows), _TELLING)
+              or (count > 1 and 3 * count >= len(grid.rows))]
+    rows = list(grid.rows)
+    for column in clocks:
+        for n, value in enumerate(elapsed([grid.cell(n, column) for n in range(len(rows))])):
+            if value is not None:
+                cells = list(rows[n])
+                cells[column] = repr(value).replace(".", grid.style.decimal)
+                rows[n] = cells
+    return replace(grid, rows=rows, clocks=frozenset(clocks)) if clocks else grid
 
 
 def _cells(line: str, delimiter: str | None, path: Path, number: int) -> list[str]:
     if delimiter is None:
         cells = line.split()
-    elif '"' not in line:
+    elif not re.search(rf'(?:^|{re.escape(delimiter)})\s*"', line):  # a mark within a cell is a second prime
         cells = [cell.strip() for cell in line.split(delimiter)]
     else:
         if line.count('"') % 2:
@@ -128,11 +149,13 @@ def _cells(line: str, delimiter: str | None, path: Path, number: int) -> list[st
 def _delimiter(lines: Sequence[str], path: Path) -> str | None:
     """The separator under which the last lines are rows of at least two numbers. Tabs and semicolons go before commas
     and blanks, which also stand inside cells; of two, the one with fuller rows."""
-    tail = lines[-_TELLING:]
+    half = lines[len(lines) // 2:-_TELLING]
+    tail = [*half[::max(len(half) // _TELLING, 1)], *lines[-_TELLING:]]  # the end alone may hold one column running on
 
     def score(delimiter: str | None) -> tuple[int, float]:
         rows = [[cell.strip().strip('"').strip() for cell in _split(line, delimiter)] for line in tail]
-        counts = [(sum(_NUMBER.fullmatch(cell) is not None for cell in row), len(row)) for row in rows]
+        counts = [(sum(_NUMBER.fullmatch(cell) is not None or seconds_of(cell) is not None for cell in row), len(row))
+                  for row in rows]
         full = [(found, size) for found, size in counts if found > 1]
         return len(full), sum(found for found, _ in full) / max(sum(size for _, size in full), 1)
 

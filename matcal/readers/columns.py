@@ -9,11 +9,20 @@ import numpy as np
 
 from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
+from matcal.readers.column_words import SECOND_CHOICE
+from matcal.readers.complete_rows import complete
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
 from matcal.readers.specimens import labels_of
-from matcal.readers.units import COMMON, is_common, measures, si_factor
-from matcal.readers.vocabulary import preference, quantity_of, true_quantity
+from matcal.readers.units import COMMON, is_common, measured, measures, quantity_in, si_factor, unused_in, weighs
+from matcal.readers.vocabulary import (
+    is_dynamic,
+    is_symbol,
+    preference,
+    quantity_of,
+    relative_of,
+    true_quantity,
+)
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -54,6 +63,8 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         header = _shortened(grid, header, columns, said)
     else:
         columns = _recognised(grid, header, said)
+    grid, rows = complete(grid, header.rows, {column.index: column.name for column in columns.values()}, said)
+    header = Header(header.cells, header.line, rows)
     labelled, labels = labels_of(grid, [name for name, _ in header.cells], header.rows)
     if labels:
         said.append(f"column '{shown(labelled)}' says which of {len(set(labels))} specimens each row belongs to.")
@@ -64,6 +75,8 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
     for quantity, column in columns.items():
         units[quantity] = column.unit or ""
         values[quantity] = _in_si(grid, header, quantity, column)
+        said += _about(grid, quantity, column)
+    _add_changes(columns, values, said)
     names = {quantity: column.name for quantity, column in columns.items()}
     warned: list[str] = []
     check_credible(grid, header.line, values, names, units, said, warned, flag_for(grid, header),
@@ -90,6 +103,23 @@ def _widened(grid: Grid, header: Header, said: list[str]) -> Header:
                                             "Correct or delete the row.", line=grid.lines[further[0]])
         said.append(f"numbers to the right of the {width} columns, in {len(further)} rows, were left out.")
     return Header([*header.cells, *[("", None)] * (width - len(header.cells))], header.line, header.rows)
+
+
+def _about(grid: Grid, quantity: str, column: _Column) -> list[str]:
+    if quantity == "time" and column.index in grid.clocks:
+        return [f"column '{shown(column.name)}' is a clock: seconds from its first row."]
+    if quantity == "force" and column.unit and weighs(column.unit):
+        return [f"column '{shown(column.name)}' is in {column.unit}, a mass: the force is its weight, at 9.80665 N/kg."]
+    return []
+
+
+def _add_changes(columns: Mapping[str, _Column], values: dict[str, Array], said: list[str]) -> None:
+    """A change relative to the initial value as the ratio to it, in place."""
+    column = columns.get("relative_resistance")
+    found = relative_of(column.name) if column is not None else None
+    if column is not None and found is not None and found[1]:
+        values["relative_resistance"] = 1 + values["relative_resistance"]
+        said.append(f"column '{shown(column.name)}' is a relative change: ratio = 1 + change.")
 
 
 def _true(grid: Grid, header: Header, quantity: str, name: str) -> InputFileError:
@@ -157,8 +187,13 @@ def _shortened(grid: Grid, header: Header, columns: Mapping[str, _Column], said:
 def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Column]:
     """Quantity -> column, by name; of several of one quantity the preferred, where they say the same."""
     found: dict[str, list[_Column]] = {}
+    if is_dynamic(tuple(name for name, _ in header.cells)):
+        raise InputFileError(grid.path, "storage and loss modulus of a dynamic test (DMA): this version does not fit "
+                                        f"them. {_listed(header)} Give a relaxation or a stress-strain test.",
+                             line=header.line)
+    quantities = [quantity_in(name, unit) for name, unit in header.cells]
     for n, (name, unit) in enumerate(header.cells):
-        if (quantity := quantity_of(name)) is not None:
+        if (quantity := quantities[n] or _ratio(name, {q for q in quantities if q})) is not None:
             found.setdefault(quantity, []).append(_Column(n, name, unit))
     true = [(quantity, name) for name, _ in header.cells if (quantity := true_quantity(name)) is not None]
     if true and not ({"strain", "stress"} <= set(found) or {"displacement", "force"} <= set(found)):
@@ -169,13 +204,35 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
                                         f"or say which is which: {flag_for(grid, header)}", line=header.line)
     out = {quantity: _one_of(grid, header, quantity, columns, said) for quantity, columns in found.items()}
     labelled, _ = labels_of(grid, [name for name, _ in header.cells], header.rows)
-    others = [f"'{shown(name)}'" for name, _ in header.cells
-              if name not in ("", labelled) and quantity_of(name) is None]
+    taken = {column.index for columns in found.values() for column in columns}
+    rest = [(name, unit) for n, (name, unit) in enumerate(header.cells)
+            if name not in ("", labelled) and n not in taken]
+    unused = {f"'{shown(name)}'": word for name, unit in rest if (word := _unused(name, unit)) is not None}
+    others = [name for name in (f"'{shown(name)}'" for name, _ in rest) if name not in unused]
+    said += [f"column {name} left out: {word}, which no test uses." for name, word in list(unused.items())[:12]]
     if others:
         said.append(f"column {others[0]} left out: not a known quantity." if len(others) == 1 else
                     f"columns {', '.join(others[:12])}{' ...' if len(others) > 12 else ''} left out: not known "
                     "quantities.")
     return out
+
+
+def _ratio(name: str, known: set[str]) -> str | None:
+    """The quantity of a column of ratios to an initial value, where a test uses it: R/R0, and V/V0 next to a pressure
+    or a stress where nothing else says that V is a voltage."""
+    found = relative_of(name)
+    if found is None:
+        return None
+    if found[0] in ("r", "resistance") or quantity_of(found[0]) == "resistance":
+        return "relative_resistance"
+    volumetric = {"pressure", "stress"} & known and known <= {"pressure", "stress", "time", "cycle", "deviation"}
+    return "volume_ratio" if found[0] in ("v", "vol", "volume") and not found[1] and volumetric else None
+
+
+def _unused(name: str, unit: str | None) -> str | None:
+    if (found := relative_of(name)) is None:
+        return unused_in(name, unit)
+    return f"a {(quantity_of(found[0]) or found[0]).replace('_', ' ')} relative to its initial value"
 
 
 def _one_of(grid: Grid, header: Header, quantity: str, columns: list[_Column], said: list[str]) -> _Column:
@@ -202,7 +259,9 @@ def _relation(grid: Grid, header: Header, quantity: str, first: _Column, other: 
         if np.ptp(shift) <= span:
             moved = f"{word}, shifted by {shift[0]:.6g} {QUANTITIES[quantity]}".strip()
             return word if abs(shift[0]) <= span else moved
-    return "another clock" if quantity == "time" else None
+    if quantity == "time" or preference(quantity, other.name) > preference(quantity, first.name):
+        return SECOND_CHOICE.get(quantity)
+    return None
 
 
 def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
@@ -219,13 +278,15 @@ def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
 
 def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float:
     unit = column.unit or ""
-    value = si_factor(unit, quantity)
-    if value is not None:
+    value = 1.0 if quantity == "time" and column.index in grid.clocks else si_factor(unit, quantity)
+    unclear = not unit and quantity == "strain" and not column.chosen and is_symbol(column.name) \
+        and len(column.name.strip()) > 1
+    if value is not None and not unclear:
         return value
     name = shown(column.name)
     if unit and (column.chosen or not is_common(unit)):
-        others = measures(unit)
-        why = f"which measures {others[0]}, not {quantity}" if others else "which is not known"
+        other = next(iter(measures(unit)), None) or measured(unit)
+        why = f"which measures {other}, not {quantity}" if other else "which is not known"
         raise InputFileError(grid.path, f"column '{name}' has the unit '{shown(unit)}'"
                                         f"{' by --columns' if column.chosen else ''}, {why}. Units of {quantity}: "
                                         f"{', '.join(COMMON[QUANTITIES[quantity]])}. Write one of them in the file, or "
@@ -312,6 +373,7 @@ def _from_numbers(grid: Grid, header: Header) -> dict[str, int]:
     first as the strain; the other as stress. A guess that shows how the option is written; only the user knows."""
     open_ = [n for n, (name, unit) in enumerate(header.cells)
              if _last_words(name) in (None, "strain", "stretch", "stress") and not true_quantity(name)
+             and relative_of(name) is None and unused_in(name, unit) is None
              and (not unit or not (others := measures(unit)) or "stress" in others)][:2]
     if len(open_) < 2:
         return {}

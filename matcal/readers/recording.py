@@ -11,9 +11,9 @@ from touchcal.arrays import Array
 
 # quantity -> SI unit of its column
 QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "stretch": "", "stress": "Pa",
-              "current": "A", "potential": "V", "resistance": "ohm", "resistance_ratio": "", "conductivity": "S/m",
-              "deviation": "Pa", "lateral": "", "lateral_stretch": "", "volume_ratio": "", "pressure": "Pa",
-              "cycle": "", "block": ""}
+              "current": "A", "potential": "V", "resistance": "ohm", "conductivity": "S/m",
+              "deviation": "Pa", "lateral": "", "lateral_stretch": "", "volume_ratio": "",
+              "relative_resistance": "", "pressure": "Pa", "cycle": "", "block": ""}
 
 # size of a specimen that a file may state itself -> SI unit
 SIZES = {"diameter": "m", "width": "m", "depth": "m", "thickness": "m", "length": "m", "height": "m", "area": "m^2"}

@@ -2,16 +2,15 @@
 
 import numpy as np
 
+from matcal.readers.unit_table import ANGLE, readings
 from touchcal.arrays import Array
 
-_DEGREES = ("deg", "deg.", "degree", "degrees", "°")
-_RADIANS = ("rad", "radian", "radians", "mrad")
 MOST = 1.45  # rad; no shear test turns its specimen further
 
 
 def is_angle(unit: str) -> bool:
     """Whether a unit is one of angles."""
-    return unit.strip().lower() in (*_DEGREES, *_RADIANS)
+    return any(dimensions == ANGLE for _, dimensions in readings(unit))
 
 
 def gamma_of(angle: Array, unit: str, name: str) -> tuple[Array, str, str]:
@@ -24,7 +23,7 @@ def gamma_of(angle: Array, unit: str, name: str) -> tuple[Array, str, str]:
     gamma = np.tan(angle)
     said = f"column '{name}' is the shear angle: gamma = tan(angle)."
     far = float(np.max(np.abs(gamma)))
-    if unit.strip().lower() in _DEGREES or far < 1.01 * most:
+    if readings(unit)[0][0] == np.pi / 180 or far < 1.01 * most:
         return gamma, said, ""
     return gamma, said, (f"Column '{name}' has the unit {unit} and was read as the shear angle: gamma = tan(angle) "
                          f"reaches {far:.3g}, and the angle {most:.3g}. If it is gamma itself, give it with --columns "

@@ -1,62 +1,42 @@
-"""Units as people write them, turned into SI factors. pint is used here only, for units that are not `_PLAIN`."""
+"""Units and header cells as people write them: factors to SI, and the name and the unit of a cell."""
 
 import re
+import unicodedata
 from functools import cache
-from typing import Any
 
 from matcal.readers.recording import QUANTITIES, SIZES
-from matcal.readers.vocabulary import quantity_of, true_quantity
+from matcal.readers.unit_table import ANGLE, FORCE, MASS, ONE, OTHERS, PRESSURE, SI, Dimensions, G, plain_unit, readings
+from matcal.readers.vocabulary import is_symbol, quantities_of, quantity_of, relative_of, true_quantity, unused_of
 
-_NUMBERS = {"-", "1", "none", "mm/mm", "m/m", "in/in", "cycles", "cycle", "ratio"}
-# tried, in lower case, where a unit is not one as it stands: mPa is a millipascal, but Mpa is meant as MPa
-_ALIASES = {"ohms": "ohm", "seconds": "s", "sec": "s", "sec.": "s", "sek": "s", "sek.": "s", "newton": "N", "n": "N",
-            "kn": "kN", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "mm.": "mm", "秒": "s", "毫米": "mm", "牛": "N",
-            "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "°": "deg"}
-# usual units -> (SI unit, factor), for which pint, which takes longer to load than most files to read, is not asked
-_PLAIN = {"s": ("s", 1.0), "sec": ("s", 1.0), "m": ("m", 1.0), "mm": ("m", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3),
-          "Pa": ("Pa", 1.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6), "A": ("A", 1.0), "V": ("V", 1.0),
-          "ohm": ("ohm", 1.0), "S/m": ("S/m", 1.0)}
-_FACTOR = r"[^\W\d_]{1,14}(?:\^?-?\d)?"
-_UNIT = re.compile(rf"{_FACTOR}(?:\s?[*/·]\s?{_FACTOR}){{0,3}}")
-_SI = QUANTITIES | SIZES
+_NUMBERS = {"-", "--", "–", "—", "1", "none", "ratio", "unitless", "dimensionless", "n/a"}
+_COUNTS = {"cycles", "cycle", "count", "counts", "segments", "#"}  # units of a cycle or a block
+_UNITS_OF = {**QUANTITIES, **SIZES}
 # SI unit -> units of the same dimension that test files have
 COMMON = {"s": ("s", "ms", "min", "h"), "m": ("m", "cm", "mm", "um", "in"), "N": ("N", "mN", "kN", "lbf", "kgf"),
           "Pa": ("Pa", "kPa", "MPa", "GPa", "N/mm2", "psi"), "A": ("A", "mA", "uA"), "V": ("V", "mV"),
           "ohm": ("ohm", "kohm", "Mohm"), "S/m": ("S/m", "S/cm"), "": ("-", "%", "mm/mm")}
-
-
-@cache
-def _pint() -> tuple[Any, Any]:
-    import pint
-
-    return pint, pint.UnitRegistry()
+_INSIDE = r"[(\[（]([^()\[\]（）]*)[)\]）]"  # one pair of brackets with no other inside
 
 
 @cache
 def si_factor(unit: str, quantity: str) -> float | None:
     """Factor from `unit` to SI for `quantity` (of QUANTITIES or SIZES); None where the unit is unknown or measures
-    something else."""
-    text = unit.strip().replace("²", "2").replace("³", "3")
-    if not text or text.lower() in _NUMBERS:
-        return 1.0 if not _SI[quantity] else None
-    if text == "%":
-        text = "percent"
-    value = _factor(text, quantity)
-    return _factor(_ALIASES[text.lower()], quantity) if value is None and text.lower() in _ALIASES else value
+    something else. A mass counts as its weight where a force is measured, an angle as a shear."""
+    needed = SI[_UNITS_OF[quantity]]
+    text = plain_unit(unit).lower()
+    if not text or text in _NUMBERS or (quantity in ("cycle", "block") and text in _COUNTS):
+        return 1.0 if needed == ONE else None
+    for factor, dimensions in readings(unit):
+        if dimensions == needed or (quantity == "strain" and dimensions == ANGLE):
+            return factor
+        if needed in (FORCE, PRESSURE) and _weight(dimensions) == needed:
+            return factor * G
+    return None
 
 
-def _factor(text: str, quantity: str) -> float | None:
-    if text in _PLAIN:
-        si, factor = _PLAIN[text]
-        return factor if si == _SI[quantity] else None
-    if not _UNIT.fullmatch(text):
-        return None
-    powers = re.sub(r"([^\W\d_])\^?(-?\d)", r"\1**(\2)", text).replace("·", "*")
-    pint, registry = _pint()
-    try:
-        return float(registry.Quantity(1.0, powers).to(_SI[quantity] or "dimensionless").magnitude)
-    except (pint.PintError, AttributeError, TypeError, ValueError, ArithmeticError):
-        return None
+def weighs(unit: str) -> bool:
+    """Whether a unit is one of mass, so that a force in it is a weight."""
+    return any(dimensions == MASS for _, dimensions in readings(unit)[:1])
 
 
 def measures(unit: str) -> list[str]:
@@ -65,28 +45,93 @@ def measures(unit: str) -> list[str]:
 
 
 @cache
+def measured(unit: str) -> str | None:
+    """What a unit measures where no quantity of a test has it, in words (`a temperature`); None for any other."""
+    return next((OTHERS[dimensions] for _, dimensions in readings(unit) if dimensions in OTHERS), None)
+
+
+@cache
 def is_common(unit: str) -> bool:
     """Whether a unit is one that test files have, of whatever quantity, in any case and spelling."""
-    plain = unit.strip().lower()
     known = {other.lower() for units in COMMON.values() for other in units}
-    return plain in known or plain in _NUMBERS or plain in _ALIASES or plain in ("µm", "μm", "mv", "µa", "n/mm²", "ω")
+    return plain_unit(unit).lower() in known | _NUMBERS or bool(measures(unit))
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit, of whatever it may be, or says that there is none."""
+    return plain_unit(text).lower() in _NUMBERS | _COUNTS or bool(readings(text))
+
+
+@cache
+def quantity_in(name: str, unit: str | None) -> str | None:
+    """The quantity of a column by its name and its unit: `Tension` in V is a potential and in MPa a stress, `T` is a
+    time only in a unit of time. None where the name is unknown, or is a letter and the unit is of something else."""
+    if name.strip() == "T" and (unit is None or si_factor(unit, "time") is None):
+        return None
+    found = quantities_of(name)
+    fitting = [quantity for quantity in found if unit and si_factor(unit, quantity) is not None]
+    if fitting or not found:
+        return fitting[0] if fitting else None
+    return None if unit and is_symbol(name) and readings(unit) else found[0]
+
+
+def unused_in(name: str, unit: str | None) -> str | None:
+    """What a column holds that is known and that no test uses (`a temperature`), by its name or its unit, or None."""
+    if (word := unused_of(name)) is not None:
+        return word
+    if name.strip() == "T" and (unit is None or si_factor(unit, "time") is None):
+        return "a temperature"
+    return measured(unit) if unit and quantity_in(name, unit) is None else None
+
+
+def _weight(dimensions: Dimensions) -> Dimensions | None:
+    length, mass, time, current, temperature, angle = dimensions
+    return (length + 1, mass, time - 2, current, temperature, angle) if mass == 1 else None
+
+
+def _known(name: str) -> bool:
+    return bool(quantities_of(name)) or true_quantity(name) is not None or unused_of(name) is not None \
+        or relative_of(name) is not None
+
+
+@cache
 def split_name(cell: str) -> tuple[str, str | None]:
     """A header cell as (name, unit or None): `stress (kPa)`, `stress [kPa]`, `stress, kPa`, `stress / kPa`,
-    `stress in kPa`, `P_MPa`, `F/N`; the symbol s with a unit of length, as DIN has it, is named travel."""
+    `stress in kPa`, `P_MPa`, `F/N`, `Load N`; brackets that name a channel stay with the name, and the symbol s with a
+    unit of length, as DIN has it, is named travel."""
     cell = cell.strip()[:200]
-    for pattern in (r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", r"(WE\(1\)\.\w+)\s*[(\[]([^()\[\]]*)[)\]]",
-                    r"([^,]+?)\s*,\s*(\S+)", r"([^/]+?)\s+/\s*(\S+)", r"(.+?)\s+in\s+(\S+)"):
-        if (found := re.fullmatch(pattern, cell)) and (quantity_of(found[1]) or true_quantity(found[1])):
-            return found[1], found[2]
+    if relative_of(cell) is not None:
+        return cell, None
     if (found := re.fullmatch(r"s(?:\s*/\s*|\s*[(\[]|\s+in\s+)([^()\[\]]+)[)\]]?", cell)) \
             and si_factor(found[1], "displacement") is not None:
         return "travel", found[1]
-    if (found := re.fullmatch(r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", cell)) and measures(found[2]):
-        return found[1], found[2]
-    for pattern in (r"(.+)_([^\W\d_][^_]*)", r"([^/]+)/(.+)"):
-        if (found := re.fullmatch(pattern, cell)) and (quantity := quantity_of(found[1])) is not None \
-                and si_factor(found[2], quantity) is not None:
+    if found := re.fullmatch(rf"(.*\S)\s*{_INSIDE}", cell):
+        return _bracketed(cell, found[1], found[2].strip())
+    for pattern in (r"([^,]+?)\s*[,，;:]\s*(\S+(?: vs\.? .*)?)", r"(.+?)\s+/\s*(\S+)", r"(.+?)\s+in\s+(\S+)"):
+        if (found := re.fullmatch(pattern, cell)) and _known(found[1]):
+            return found[1], found[2]
+    for pattern in (r"(.+)_([^\W\d_][^_]*)", r"([^/]+)/(.+)", r"(.*[^\d\s])\s+([^\W\d_]\S*|%)"):
+        if (found := re.fullmatch(pattern, cell)) and _suits(found[1], found[2]):
             return found[1], found[2]
     return cell, None
+
+
+def _bracketed(cell: str, name: str, inner: str) -> tuple[str, str | None]:
+    """A cell that ends in brackets: with a unit in them, or with the channel that it comes from."""
+    if is_unit(inner) or not _names_a_channel(inner):
+        return (name, inner) if _known(name) or readings(inner) else (cell, None)
+    return cell, None
+
+
+def _names_a_channel(text: str) -> bool:
+    words = re.sub(r"[\d.]+", " ", unicodedata.normalize("NFKC", text)).strip()
+    return not words or ":" in text or quantity_of(text) is not None or quantity_of(f"{text} force") is not None
+
+
+def _suits(name: str, unit: str) -> bool:
+    """Whether a text is a unit of what a name stands for."""
+    if unit.lower() == "strain":
+        return False
+    if any(si_factor(unit, quantity) is not None for quantity in quantities_of(name)):
+        return True
+    return (unused_of(name) is not None or name.strip() == "T") and measured(unit) is not None

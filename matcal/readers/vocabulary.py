@@ -4,64 +4,35 @@ import re
 import unicodedata
 from functools import cache
 
+from matcal.readers.column_words import GLUED, HEADS, LEADING, PREFERRED, QUALIFIERS, SHARED_HEADS, SYMBOLS, UNUSED
+
 KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")  # kinds of tests
 
-# first match wins; each is matched against the whole lower-case name, accents and channel prefixes taken off
-_COLUMNS = (
-    # English, German, French, Spanish and Portuguese, Italian, Dutch; Chinese; Japanese
-    ("time", r"(elapsed |test |running |corrected |total |segment |cycle elapsed |total elapsed )?time|t"
-             r"|(lauf|pruf|test|versuchs)?zeit|temps|duree|tiempo|tempo|(test)?tijd"
-             r"|(试验|测试|运行|总)?时间|時間|試験時間"),
-    ("displacement", r"displacement|crosshead|extension|(crosshead |axial )?position|disp|travel|stroke|deflection"
-                     r"|(compressive|tensile|flexure) (extension|displacement)"
-                     r"|(axial|crosshead|cross head|digital) (displacement|position|travel|extension)"
-                     r"|weg|(standard|traversen|kolben|maschinen|pruf)weg|verschiebung"
-                     r"|deplacement( (de la )?traverse)?|traverse|allongement|course"
-                     r"|desplazamiento|deslocamento|extensao|recorrido|spostamento|corsa|verplaatsing"
-                     r"|(压缩|拉伸|轴向|横梁)?位移|(压缩|拉伸)?行程|変位|ストローク"),
-    ("force", r"load|force|f|(axial|compressive|tensile|standard) (force|load)"
-              r"|kraft|(standard|pruf|axial|druck|zug)kraft|last|effort|charge|fuerza|carga|forca|forza|carico|kracht"
-              r"|(压缩|拉伸|轴向|试验)?(力|载荷|负荷|荷重|负载)|荷重|試験力"),
+_LATERAL = (
     ("lateral_stretch", r"(lateral|transverse) stretch( ratio)?|(lambda|λ) ?(2|lat|t|lateral|transverse)"),
-    ("lateral", r"(lateral|transverse) (nominal |engineering )?strain|(eps|epsilon|ε) ?(2|lat|t|lateral|transverse)"
-                r"|querdehnung|deformation transversale|横向应变"),
-    ("stretch", r"stretch|lambda|λ|stretch ratio"),
-    ("strain", r"(nominal |engineering |compressive |tensile |shear |axial |volumetric |volume )?strain"
-               r"|eps|epsilon|ε|gamma|γ|e"
-               r"|(shear )?angle|(scher|schub|schiebungs|gleit)winkel|angle de cisaillement"
-               r"|(nenn|technische )?dehnung|stauchung|(nenn)?verzerrung|scherung|deformacion|deformazione|rek"
-               r"|(压缩|拉伸|剪切|工程|名义)?应变|ひずみ"),
-    ("stress", r"(nominal |engineering |compressive |tensile |shear |piola |axial )?stress|sigma|σ|tau|τ|p|pk1"
-               r"|(nenn|druck|zug|schub|stauch|technische )?spannung|contrainte( nominale)?|esfuerzo|sforzo|spanning"
-               r"|(压缩|拉伸|剪切|工程|名义)?应力|応力"),
+    ("lateral", r"(lateral|transverse|transversal|radial) (nominal |engineering )?strain"
+                r"|(eps|epsilon|ε) ?(2|lat|t|lateral|transverse)|querdehnung|deformation (transversale|laterale)"
+                r"|deforma(cion|cao|zione) (transversale?|trasversale|lateral)|横向应变|橫向應變|横ひずみ"),
     ("deviation", r"(stress )?(std|std ?dev|standard deviation|sd|deviation)|(std|sd|standard deviation) (of )?stress"
                   r"|(stress|sigma|σ|p) (std|sd|err|error|uncertainty)|standardabweichung|ecart type|标准差"),
-    ("current", r"we\(1\)\.current|current|i|strom"),
-    ("potential", r"we\(1\)\.potential|potential|voltage|u|v"),
-    ("resistance", r"resistance|r|widerstand|电阻"),
-    ("resistance_ratio", r"r ?/ ?r ?[0o]|(relative|normali[sz]ed) resistance"),
-    ("conductivity", r"conductivity|c|leitfahigkeit|电导率"),
-    ("volume_ratio", r"volume ratio|volumetric ratio|j|v/v0|jacobian"),
-    ("pressure", r"(hydrostatic )?pressure|压力"),
-    ("cycle", r"(total )?cycles?( count| number| no\.?| index)?|(zyklus|zyklen)(zahl|nummer)?|循环(次数)?|周期"),
-    ("block", r"block|block (number|no\.?)"),
 )
-
-# names of one quantity in order of preference, where a file has several
-PREFERRED = {"time": (r"time|t|(lauf|pruf|versuchs)zeit|zeit|temps|时间|時間", r"(running|test|elapsed|total) time")}
+_STORAGE = r"stor|speicher|conservation|almacen|armazen|conservativ|accumulo|储能|儲能|貯蔵|저장|накоплен"
+_LOSS = r"loss|verlust|perte|perdida|perda|perdita|dissip|损耗|損失|손실|потерь|tan ?(delta|δ)|tand"
 
 _SIZES = (
     ("diameter", r"diameter|diametro|diametre|durchmesser|(probe[n]?)durchmesser|直径|直徑"),
-    ("width", r"width|breite|(probe[n]?)breite|largeur|ancho|larghezza|宽度|宽|幅"),
+    ("width", r"width|breite|(probe[n]?)breite|largeur|ancho|larghezza|largura|szerokosc|sirka|bredd|宽度|宽|幅"),
     ("depth", r"depth|tiefe|profondeur|profundidad|深度"),
-    ("thickness", r"thickness|dicke|(probe[n]?)dicke|epaisseur|espesor|spessore|厚度|厚"),
-    ("height", r"height|(anvil|specimen|sample) height|hohe|(probe[n]?)hohe|hauteur|altura|altezza|高度|高"),
-    ("length", r"length|gauge length|lange|(probe[n]?|mess)lange|longueur|longitud|lunghezza|长度|标距|长"),
+    ("thickness", r"thickness|dicke|(probe[n]?)dicke|epaisseur|espesor|spessore|espessura|grubosc|tloustka|tjocklek"
+                  r"|厚度|厚"),
+    ("height", r"height|anvil height|hohe|(probe[n]?)hohe|hauteur|altura|altezza|wysokosc|vyska|hojd|高度|高"),
+    ("length", r"length|ga(u)?ge length|lange|(probe[n]?|mess)lange|longueur|longitud|lunghezza"
+               r"|comprimento|dlugosc|delka|长度|标距|长"),
     ("area", r"area|(cross section|cross sectional|initial) area|(querschnitts)?flache|querschnitt|surface|section"
              r"|面积|横截面积"),
 )
-
-
+# letters of their own that no accent is taken off
+_LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "ß": "ss", "æ": "ae", "œ": "oe", "∆": "δ", "″": '"'})
 # words that make a strain the logarithmic and a stress that over the area under load
 _TRUE = re.compile(r"\b(true|log(arithmic)?|ln|hencky|cauchy|wahre?|vraie?|verdader[ao]|reale?)\b|真")
 
@@ -69,21 +40,79 @@ _TRUE = re.compile(r"\b(true|log(arithmic)?|ln|hencky|cauchy|wahre?|vraie?|verda
 def true_quantity(name: str) -> str | None:
     """The quantity of a column name that calls it true (a logarithmic strain, a Cauchy stress), else None."""
     text, found = _TRUE.subn("", _plain(name))
-    return quantity_of(text) if found else None
+    quantity = quantity_of(text) if found else None
+    return quantity if quantity in ("strain", "stretch", "stress") else None
+
+
+def quantity_of(name: str) -> str | None:
+    """The quantity that a column name (without its unit) stands for, or None."""
+    return next(iter(quantities_of(name)), None)
 
 
 @cache
-def quantity_of(name: str) -> str | None:
-    """The quantity that a column name (without its unit) stands for, or None."""
+def quantities_of(name: str) -> tuple[str, ...]:
+    """All quantities that a column name may stand for, the usual one first: `Tension` is a stress or a voltage."""
     text = _plain(name)
-    return next((quantity for quantity, pattern in _COLUMNS if re.fullmatch(pattern, text)), None)
+    if _TRUE.search(text) or relative_of(name) is not None:
+        return ()
+    for quantity, pattern in _LATERAL:
+        if re.fullmatch(pattern, text):
+            return (quantity,)
+    words = _words(text)
+    for size in range(len(words), 0, -1):
+        for start in range(len(words) - size + 1):
+            behind = words[start + size:]
+            found = _head(" ".join(words[start:start + size]))
+            if found and not LEADING & set(behind) and all(word in _QUALIFIERS or re.fullmatch(r"\d", word)
+                                                           for word in words[:start] + behind):
+                return found
+    return ()
+
+
+def is_symbol(name: str) -> bool:
+    """Whether a name is a letter, which other quantities have too, or a word that several quantities share."""
+    return _plain(name) in SYMBOLS or len(quantities_of(name)) > 1
+
+
+@cache
+def unused_of(name: str) -> str | None:
+    """What a column name stands for that is known and that no test uses (`a temperature`), or None."""
+    text = _plain(name)
+    return next((word for word, pattern in UNUSED if re.fullmatch(pattern, text)), None)
+
+
+@cache
+def relative_of(name: str) -> tuple[str, bool] | None:
+    """(name of the quantity, whether only the change is given) of a ratio to an initial value: R/R0, sigma/sigma_0,
+    ΔR/R0, (R-R0)/R0, relative resistance; None for any other name."""
+    text = unicodedata.normalize("NFKC", name[:80]).strip().lower().translate(_LETTERS)
+    ratio = r"(δ|delta ?|d)?[ _]?([^\W\d_]{1,14})[ _/:]{1,3}\2[ _]?\(?(?:0|o|init|initial|ref)\)?"
+    if found := re.fullmatch(ratio, text):
+        return found[2], found[1] is not None
+    if found := re.fullmatch(r"\(?([^\W\d_]{1,14}) ?- ?\1[ _]?[0o]\)? ?/ ?\1[ _]?[0o]", text):
+        return found[1], True
+    words = r"(?:relative|rel\.?|normali[sz]ed|norm\.?|fractional)"
+    if found := re.fullmatch(rf"(?:{words} )?(change (?:in |of )?)?(?:{words} )?resistance( change)?", text):
+        changed = bool(found[1] or found[2])
+        return ("r", changed) if text.startswith(("rel", "norm", "frac")) or changed else None
+    return None
+
+
+def is_dynamic(names: tuple[str, ...]) -> bool:
+    """Whether columns have a storage and a loss modulus (or its tangent): a dynamic test (DMA)."""
+    plain = [unicodedata.normalize("NFKC", name.lower()).translate(_LETTERS).replace("’", "'").replace("′", "'").strip()
+             for name in names]
+    storage = any(re.search(_STORAGE, name) or re.match(r"[eg]\*?'(?!')", name) for name in plain)
+    loss = any(re.search(_LOSS, name.replace("_", " ")) or re.match(r"[eg](''|\")", name) for name in plain)
+    return storage and loss
 
 
 def size_of(name: str) -> str | None:
     """The size (a key of `recording.SIZES`) that the name of a property stands for, or None."""
     text = _plain(re.split(r"[:：]", name.rstrip(" :："))[-1])
     text = re.sub(r" (in|en) \w{1,4}$| ?[(\[][^()\[\]]*[)\]]$", "", text)
-    text = re.sub(r"^(?:(specimen|sample|initial|original) |试样|样品|试件)(?=\w)", "", text)
+    text = re.sub(r" (?:[abdhl]|l[oe]|s|w)[ ]?[0o]?$", "", text)
+    text = re.sub(r"^(?:(specimen|sample|initial|original|test piece|nominal) |试样|样品|试件)(?=\w)", "", text)
     return next((size for size, pattern in _SIZES if re.fullmatch(pattern, text)), None)
 
 
@@ -95,7 +124,41 @@ def preference(quantity: str, name: str) -> int:
 
 def _plain(name: str) -> str:
     """Lower case without accents, underscores, and the channel that a controller puts before a name."""
-    parted = unicodedata.normalize("NFD", name[:80])
+    name = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", name[:80])
+    parted = unicodedata.normalize("NFD", name.lower().translate(_LETTERS))
     text = unicodedata.normalize("NFC", "".join(c for c in parted if not "\u0300" <= c <= "\u036f"))
-    text = re.sub(r"[\s_]+", " ", text.lower()).strip()
+    text = re.sub(r"[\s_]+", " ", text).strip()
     return re.sub(r"^(ch|channel|kanal|voie|canal)\.? ?\d+[ :]+", "", text)
+
+
+def _words(text: str) -> tuple[str, ...]:
+    """The words of a plain name: brackets with a channel or a source out, marks as blanks, a channel's number alone."""
+    while (inner := re.sub(r"[(\[<（][^()\[\]<>（）]*[)\]>）]", " ", text)) != text and inner.strip(" .-:/"):
+        text = inner
+    text = re.sub(r"([^\W\d_]{3,})(\d)\b", r"\1 \2", text)
+    return tuple(re.sub(r"[.:,;/|\-–()\[\]<>#]+", " ", text).split())
+
+
+def _head(phrase: str) -> tuple[str, ...]:
+    """The quantities of a head, also of one that another word is glued to in front."""
+    if phrase in _HEADS:
+        return _HEADS[phrase]
+    if phrase in SYMBOLS:
+        return SYMBOLS[phrase]
+    for prefix in _GLUED:
+        if phrase.startswith(prefix) and (found := _HEADS.get(phrase[len(prefix):].lstrip(" ")) or
+                                          (_head(phrase[len(prefix):]) if len(phrase) - len(prefix) > 2 else ())):
+            return found
+    return ()
+
+
+def _table() -> dict[str, tuple[str, ...]]:
+    heads = {_plain(head.replace("\n", " ")): (quantity,) for quantity, text in HEADS.items()
+             for head in text.split(",")}
+    shared = {_plain(head): quantities for text, quantities in SHARED_HEADS.items() for head in text.split(",")}
+    return heads | shared
+
+
+_HEADS = _table()
+_QUALIFIERS = {word for text in QUALIFIERS.split() for word in _words(_plain(text))}
+_GLUED = sorted({_plain(word) for word in GLUED.split()}, key=len, reverse=True)

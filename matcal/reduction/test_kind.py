@@ -42,7 +42,7 @@ def _stated_by(recording: Recording) -> tuple[str, str] | None:
     sidecar = path.with_suffix(".toml")
     if sidecar.exists() and "kind" in (table := read_toml(sidecar)):
         return _known(str(table["kind"]), str(sidecar)), f"{recording.label}: {table['kind']}, from {sidecar.name}."
-    electric = {"resistance", "resistance_ratio"} & set(recording.columns)
+    electric = {"resistance", "relative_resistance"} & set(recording.columns)
     if {"current", "conductivity"} & set(recording.columns) or (
             electric and not {"force", "stress", "pressure"} & set(recording.columns)):
         return "conductivity", f"{recording.label}: conductivity, from its columns."

@@ -53,6 +53,8 @@ def _read_793(source: Source, selection: Selection | None = None) -> Recording:
         raise InputFileError(path, f"its {len(blocks)} blocks hold no numbers. Export the test again.")
     if selection is not None and selection.columns:
         filled = _with_one_header(grid, filled, said)
+    else:
+        filled = _with_known_columns(grid, filled, said)
     read = [(k, _read(grid, block, selection)) for k, block in filled]
     kept, notes = _alike(read, blocks)
     if selection is not None and selection.block is not None:
@@ -63,9 +65,11 @@ def _read_793(source: Source, selection: Selection | None = None) -> Recording:
     return replace(joined, metadata=metadata, properties=sizes)
 
 
-def _layout(first: str, path: Path) -> tuple[str, Style]:
+def _layout(first: str, path: Path) -> tuple[str, Style | None]:
     fields = first.split("|")
     delimiter, decimal = (*fields, "", "", "", "", "", "")[4:6]
+    if delimiter.isalpha() and decimal in (".", ","):
+        return "", Style(decimal)  # a letter in place of the delimiter's number: it follows from the numbers
     if delimiter not in _DELIMITERS or decimal not in (".", ","):
         raise InputFileError(path, "line 1 should give delimiter and decimal mark, as in MTS793|MPT|ENU|1|2|.|/|:|1, "
                                    f"but is '{shown(first, 60)}'.", line=1)
@@ -120,8 +124,8 @@ def _is_title(grid: Grid, row: Sequence[str]) -> bool:
 
 def _is_table(grid: Grid, names: int, stop: int) -> bool:
     """Names, units, and numbers (or nothing) below; an operator's block has words and values instead."""
-    if grid.numeric(grid.rows[names]) or grid.numeric(grid.rows[names + 1]) or len(grid.rows[names]) < 2:
-        return False
+    if grid.numeric(grid.rows[names + 1]) or len(grid.rows[names]) < 2 + grid.numeric(grid.rows[names]):
+        return False  # some names may be numbers: serial numbers of sensors
     if sum(quantity_of(cell) is not None for cell in grid.rows[names]) > 1:
         return True
     row = [cell for cell in grid.rows[names + 2] if cell] if names + 2 < stop else []
@@ -136,6 +140,16 @@ def _read(grid: Grid, block: _Block, selection: Selection | None) -> Recording:
                              line=line)
     cells = [(name, unit.strip("()[]")) for name, unit in zip(names, units, strict=True)]
     return read_columns(grid, Header(cells, line, block.rows), "mts_793", selection)
+
+
+def _with_known_columns(grid: Grid, blocks: list[tuple[int, _Block]], said: list[str]) -> list[tuple[int, _Block]]:
+    """The blocks with two columns or more that are known by name, or all where none has them."""
+    known = [(k, block) for k, block in blocks
+             if len({q for name in grid.rows[block.names] if (q := quantity_of(name)) is not None}) > 1]
+    said += [f"block {k} left out: fewer than two of its columns are known by name ("
+             f"{', '.join(map(shown, grid.rows[block.names][:8]))})." for k, block in blocks
+             if known and (k, block) not in known]
+    return known or blocks
 
 
 def _with_one_header(grid: Grid, blocks: list[tuple[int, _Block]], said: list[str]) -> list[tuple[int, _Block]]:

@@ -8,8 +8,9 @@ from matcal.readers.column_options import Selection
 from matcal.readers.columns import Header, flag_for, read_columns
 from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
-from matcal.readers.units import split_name
-from matcal.readers.vocabulary import quantity_of
+from matcal.readers.specimen_metadata import sizes_of
+from matcal.readers.units import quantity_in, split_name
+from matcal.readers.vocabulary import quantity_of, relative_of
 from touchcal.errors import InputFileError
 
 _SHORT = 10  # a table with this many times fewer rows than the longest is one of results
@@ -22,10 +23,12 @@ def _read_plain(source: Source, selection: Selection | None = None) -> Recording
     top, first = _record(grid)
     above = [n for n in range(top, first) if not grid.rows[n][0].startswith("#")]
     rows = range(first, len(grid.rows))
+    above, said = _without_partial_rows(grid, above)
     header = _header(grid, above, rows) if above else _headerless(grid, rows, selection)
+    sizes, stated = sizes_of(grid, [n for n in range(first) if grid.lines[n] < header.line - 1])
     comments = [", ".join(row).lstrip("# ") for row in grid.rows[:first] if row[0].startswith("#")]
-    said = [*source.notes, *(f"its own comment: '{shown(comment, 200)}'." for comment in comments)]
-    return read_columns(grid, header, "plain", selection, notes=said)
+    said += [*source.notes, *stated, *(f"its own comment: '{shown(comment, 200)}'." for comment in comments)]
+    return read_columns(grid, header, "plain", selection, sizes=sizes, notes=said)
 
 
 def _record(grid: Grid) -> tuple[int, int]:
@@ -46,9 +49,21 @@ def _record(grid: Grid) -> tuple[int, int]:
     return records[0] if records else (0, runs[0].start)
 
 
+def _without_partial_rows(grid: Grid, above: list[int]) -> tuple[list[int], list[str]]:
+    """The rows between names and numbers that hold no numbers, and a sentence on those that hold some."""
+    names = max((n for n in above if _known(grid.rows[n]) > 1), default=None)
+    partial = [n for n in above if names is not None and n > names and grid.numeric(grid.rows[n])
+               and all(not cell or grid.number(cell) is not None for cell in grid.rows[n])]
+    if not partial:
+        return above, []
+    return [n for n in above if n not in partial], [
+        f"the first {len(partial)} rows of numbers (from line {grid.lines[partial[0]]}) have only some columns and "
+        "were left out."]
+
+
 def _known(row: Sequence[str]) -> int:
     """How many cells of a row are names of quantities."""
-    return sum(quantity_of(split_name(cell)[0]) is not None for cell in row)
+    return sum(quantity_in(*split_name(cell)) is not None or relative_of(cell) is not None for cell in row)
 
 
 def _headerless(grid: Grid, rows: range, selection: Selection | None) -> Header:

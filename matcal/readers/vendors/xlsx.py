@@ -3,11 +3,11 @@
 import io
 import zipfile
 from collections.abc import Iterator
-from datetime import date, datetime
+from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from matcal.readers.cells import Grid, shown, style_of
+from matcal.readers.cells import Grid, shown, style_of, with_seconds
 from touchcal.errors import InputFileError
 
 # more than any measurement needs, less than what fills the memory
@@ -67,7 +67,7 @@ def _grid(sheet: Any, path: Path) -> Grid:
     sheet.reset_dimensions()
     numbered = list(_rows(sheet, path))
     rows = [row for _, row in numbered]
-    return Grid(path, rows, [n for n, _ in numbered], style_of(rows, path), sheet.title)
+    return with_seconds(Grid(path, rows, [n for n, _ in numbered], style_of(rows, path), sheet.title))
 
 
 def _rows(sheet: Any, path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -88,4 +88,7 @@ def _text(value: Any) -> str:
         return ""
     if isinstance(value, date | datetime):
         return value.isoformat()
+    if isinstance(value, timedelta):
+        minutes, seconds = divmod(value.total_seconds(), 60)
+        return f"{int(minutes) // 60}:{int(minutes) % 60:02d}:{seconds:09.6f}"
     return repr(value) if isinstance(value, float) else str(value).strip()

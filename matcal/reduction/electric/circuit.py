@@ -14,7 +14,7 @@ _SAME = 0.01  # share by which a resistance and a voltage over a current may dif
 # share of the first conductance below which the specimen has torn or lost its contacts
 _OPEN = 0.02
 # quantities of which one makes a circuit
-ELECTRIC = ("resistance", "current", "resistance_ratio")
+ELECTRIC = ("resistance", "current", "relative_resistance")
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def circuit_of(recording: Recording, strip: Strip) -> Circuit:
         current = np.abs(recording.columns["current"])
         voltage, notes = _voltage(recording, strip, current.size)
         return _while_whole(recording, current, np.divide(current, voltage), notes, "current")
-    if "resistance_ratio" in recording.columns:
+    if "relative_resistance" in recording.columns:
         return _relative(recording, strip)
     raise no_resistance(recording)
 
@@ -74,7 +74,7 @@ def _measured(recording: Recording, strip: Strip) -> Circuit:
 
 
 def _relative(recording: Recording, strip: Strip) -> Circuit:
-    ratio, name = recording.columns["resistance_ratio"], recording.names["resistance_ratio"]
+    ratio, name = recording.columns["relative_resistance"], recording.names["relative_resistance"]
     if strip.rest_resistance_Ohm is None:
         raise InputFileError(recording.paths[0], f"column '{name}' is relative to the resistance at rest. Write "
                                                  "rest_resistance_Ohm, in Ohm, below [conductivity] of the specimen "

@@ -93,6 +93,9 @@ def test_a_title_with_lines_about_the_station_below_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(got.columns["displacement"], TRAVELS * 1e-3)
     assert got.metadata["Station Name"] == "rig 2"
     path.write_text(text.replace("Running Time", "9").replace("Axial", "7"), encoding="cp1252")
+    assert {"displacement", "force"} <= set(read(path).columns)  # a channel may be named by a number
+    head = text.split("\n")[:7]
+    path.write_text("\n".join([*head, head[2], "a word", ""]), encoding="cp1252")
     with pytest.raises(InputFileError, match=r"line 3: .*titles stand in line 3, 8, but no names .* ends in a clock"):
         read(path)
 
