@@ -69,7 +69,7 @@ def fit_command(
                                               "absolute (nothing), or deviation (each point's own).")] = "relative",
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of one kind of test, for "
                                                          "instance shear=2.")] = None,
-        prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 6, or auto (by BIC).")] = "auto",
+        prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 30, or auto (BIC).")] = "auto",
         posterior: Annotated[bool, typer.Option("--posterior", help="Sample the posterior with emcee.")] = False,
         seed: SeedOption = 0,
         out: Annotated[Path, typer.Option(help="Card to write; its data go next to it.")] = Path("card.json"),

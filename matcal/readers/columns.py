@@ -11,7 +11,7 @@ from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
-from matcal.readers.units import COMMON, is_common, measures, si_factor
+from matcal.readers.units import COMMON, is_common, measures, modulus_by_unit, si_factor
 from matcal.readers.vocabulary import preference, quantity_of, true_quantity
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
@@ -153,7 +153,7 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
     """Quantity -> column, by name; of several of one quantity the preferred, where they say the same."""
     found: dict[str, list[_Column]] = {}
     for n, (name, unit) in enumerate(header.cells):
-        if (quantity := quantity_of(name)) is not None:
+        if (quantity := modulus_by_unit(name, unit) or quantity_of(name)) is not None:
             found.setdefault(quantity, []).append(_Column(n, name, unit))
     true = [(quantity, name) for name, _ in header.cells if (quantity := true_quantity(name)) is not None]
     if true and not ({"strain", "stress"} <= set(found) or {"displacement", "force"} <= set(found)):

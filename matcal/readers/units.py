@@ -4,6 +4,7 @@ import re
 from functools import cache
 from typing import Any
 
+from matcal.readers.modulus_words import modulus_of
 from matcal.readers.recording import QUANTITIES, SIZES
 from matcal.readers.vocabulary import quantity_of, true_quantity
 
@@ -64,6 +65,11 @@ def measures(unit: str) -> list[str]:
     return [q for q in QUANTITIES if QUANTITIES[q] and si_factor(unit, q) is not None]
 
 
+def modulus_by_unit(name: str, unit: str | None) -> str | None:
+    """`modulus` for the letter E with a unit of stress, which without one is a strain; else None."""
+    return "modulus" if name.strip() == "E" and unit and si_factor(unit, "modulus") is not None else None
+
+
 @cache
 def is_common(unit: str) -> bool:
     """Whether a unit is one that test files have, of whatever quantity, in any case and spelling."""
@@ -76,6 +82,11 @@ def split_name(cell: str) -> tuple[str, str | None]:
     """A header cell as (name, unit or None): `stress (kPa)`, `stress [kPa]`, `stress, kPa`, `stress / kPa`,
     `stress in kPa`, `P_MPa`, `F/N`; the symbol s with a unit of length, as DIN has it, is named travel."""
     cell = cell.strip()[:200]
+    if modulus_of(cell.lower()) == "normalised":
+        return cell, None
+    if (found := re.fullmatch(r"([EG](?:\(t\))?)(?:\s*[(\[,_/]\s*|\sin\s)([^()\[\]\s]+)[)\]]?", cell)) \
+            and si_factor(found[2], "modulus") is not None:
+        return found[1], found[2]
     for pattern in (r"([^(\[]+?)\s*[(\[]([^()\[\]]*)[)\]]", r"(WE\(1\)\.\w+)\s*[(\[]([^()\[\]]*)[)\]]",
                     r"([^,]+?)\s*,\s*(\S+)", r"([^/]+?)\s+/\s*(\S+)", r"(.+?)\s+in\s+(\S+)"):
         if (found := re.fullmatch(pattern, cell)) and (quantity_of(found[1]) or true_quantity(found[1])):

@@ -4,6 +4,8 @@ import re
 import unicodedata
 from functools import cache
 
+from matcal.readers.modulus_words import modulus_of
+
 KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")  # kinds of tests
 
 # first match wins; each is matched against the whole lower-case name, accents and channel prefixes taken off
@@ -74,7 +76,8 @@ def true_quantity(name: str) -> str | None:
 def quantity_of(name: str) -> str | None:
     """The quantity that a column name (without its unit) stands for, or None."""
     text = _plain(name)
-    return next((quantity for quantity, pattern in _COLUMNS if re.fullmatch(pattern, text)), None)
+    known = next((quantity for quantity, pattern in _COLUMNS if re.fullmatch(pattern, text)), None)
+    return known or modulus_of(text)
 
 
 def size_of(name: str) -> str | None:

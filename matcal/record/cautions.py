@@ -28,7 +28,7 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _edge, _assumed, _set, _held,
-             _misfit, _at_bound, _undetermined, _band, _predictions, _coverage, _series, _skin)
+             _misfit, _at_bound, _undetermined, _band, _predictions, _coverage, _series, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -157,8 +157,8 @@ def _edge(card: MaterialCard) -> Iterator[str]:
 def _assumed(card: MaterialCard) -> Iterator[str]:
     """What the decisions say that a reader must not pass over: a direction that nothing stated, a table that is not one
     loading from contact on, nu at its bound."""
-    said = [sentence.partition(opening) for sentence in card.provenance.get("decisions", ())
-            for opening in (ASSUMED, UNLOADS, UNTOUCHED)]
+    openings = (*((ASSUMED,) if card.prony is None or card.hyperfoam else ()), UNLOADS, UNTOUCHED)  # g has no sign
+    said = [sentence.partition(opening) for sentence in card.provenance.get("decisions", ()) for opening in openings]
     yield from (f"{begin}{rest}" for _, begin, rest in said if begin)
     if card.hyperfoam is not None and any(STOPPED in s for s in card.provenance.get("decisions", ())):
         at = ", ".join(f"{nu:.3g}" for nu in dict.fromkeys(card.hyperfoam.nu.tolist()))
@@ -260,12 +260,31 @@ def _series(card: MaterialCard) -> Iterator[str]:
     sd = card.fit.get("prony", {}).get("tau_sd_s")
     if card.prony is None or sd is None:
         return
-    if card.hyperfoam is None:
+    relaxing = [row for row in tests(card).values() if row["kind"] == "relaxation"]
+    if card.hyperfoam is None and not (relaxing and all("step_first_s" in row for row in relaxing)):
         yield ("Relaxation was fitted without a stress-strain curve: the ramp of the test itself had to give the shape "
                "of the curve, on which the fast terms depend.")
     loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]
     if loose:
         yield f"Weakly determined relaxation times: {', '.join(loose)}."
+
+
+def _step(card: MaterialCard) -> Iterator[str]:
+    """Steps that the record begins after: what relaxed sooner is an extrapolation, and the clock's zero is taken on
+    trust."""
+    if card.prony is None:
+        return
+    for label, row in tests(card).items():
+        if (first := row.get("step_first_s", 0.0)) > 0:
+            left = card.prony.g * np.exp(-first / card.prony.tau_s)
+            other = card.prony.g_infinity / (card.prony.g_infinity + left.sum())
+            yield (f"{label} begins {first:.4g} s after its step: what relaxed sooner is extrapolated, and the errors "
+                   "of g allow for as much again as relaxes in the first tenfold of time. If its first row is the "
+                   f"step, subtract {first:.4g} s from its times: g_infinity is then {other:.3g}, not "
+                   f"{card.prony.g_infinity:.3g}.")
+        if clock := row.get("step_clock_s", 0.0):
+            yield (f"{label}: its first row, at {clock:.6g} s, was taken as the step, since its stress falls faster "
+                   "there than that of a material does so long after a step.")
 
 
 def _skin(card: MaterialCard) -> Iterator[str]:

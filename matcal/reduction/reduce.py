@@ -11,6 +11,7 @@ from matcal.readers.detect import files_of, read
 from matcal.readers.recording import Recording
 from matcal.readers.test_inputs import Input, inputs_of
 from matcal.reduction.experiment import Experiment
+from matcal.reduction.holds.relaxation_tables import reduce_relaxation_table
 from matcal.reduction.load_cycles import BRANCHES
 from matcal.reduction.reduced_tables import reduce_table
 from matcal.reduction.replicates import with_scatter
@@ -175,7 +176,8 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
     if len(recordings) == 1 and _is_reduced(first):
         unused = () if specimen is None else (
             f"{first.label} holds strain and its value already: no size of {specimen.name} was needed.",)
-        return _said(reduce_table(kind, first), why, *unused), ()
+        made = reduce_relaxation_table(first) if kind == "relaxation" else reduce_table(kind, first)
+        return _said(made, why, *unused), ()
     sizes, where, files = specimen_of(kind, first, specimen)
     try:
         made = _by_protocol(kind, recordings, sizes, branch)
@@ -198,7 +200,7 @@ def _by_protocol(kind: str, recordings: list[Recording], sizes: Block | Strip, b
 
         return reduce_stretch(recordings, sizes)
     if kind == "relaxation":
-        from matcal.reduction.stress_relaxation import reduce_relaxation
+        from matcal.reduction.holds.stress_relaxation import reduce_relaxation
 
         return reduce_relaxation(recordings[0], sizes)
     from matcal.reduction.quasistatic import reduce_quasistatic

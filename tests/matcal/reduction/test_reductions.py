@@ -9,7 +9,7 @@ import pytest
 
 import matcal
 from matcal.reduction.experiment import Experiment
-from matcal.reduction.hold_segments import find_holds
+from matcal.reduction.holds.hold_segments import find_holds
 from matcal.reduction.reduce import read_and_reduce
 from touchcal.errors import InputFileError
 

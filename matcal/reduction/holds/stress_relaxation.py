@@ -7,7 +7,7 @@ import numpy as np
 
 from matcal.readers.recording import Recording
 from matcal.reduction.experiment import Experiment
-from matcal.reduction.hold_segments import find_holds
+from matcal.reduction.holds.hold_segments import find_holds
 from matcal.reduction.load_cycles import Loading
 from matcal.reduction.load_frame import correct
 from matcal.reduction.specimen import Block

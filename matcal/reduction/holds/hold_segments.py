@@ -13,8 +13,7 @@ def find_holds(time: Array, travel: Array) -> list[tuple[int, int]]:
     """(first sample, one past the last) of every hold after the first motion of a record (n,) of time, s, and travel.
     In a hold the travel stays within 0.2 % of the largest (or within its noise), for at least ten times what the mean
     speed of the ramp before it would need to cross that band, and is away from where the record began."""
-    largest = float(np.abs(travel).max())
-    band = max(_STILL * largest, 6 * sample_noise(travel))
+    band = band_of(travel)
     out, at, ramp_from = [], 0, 0
     while at < travel.size - 1:
         until = _stays(travel, at, band)
@@ -35,6 +34,23 @@ def held_samples(time: Array, travel: Array) -> Array | None:
     for first, last in find_holds(time, travel):
         held[first:last] = 1.0
     return held if held.any() else None
+
+
+def loading_start(travel: Array) -> int:
+    """The last sample at rest before a travel (n,) first leaves it; 0 where the record begins away from rest."""
+    away = np.abs(travel) > band_of(travel)
+    return max(int(np.argmax(away)) - 1, 0)
+
+
+def held_throughout(travel: Array) -> bool:
+    """Whether a travel (n,) is held from its first sample to its last, away from zero: a step whose ramp is not in the
+    record."""
+    return bool(np.ptp(travel) <= 2 * band_of(travel) and np.abs(travel).min() > 0)
+
+
+def band_of(travel: Array) -> float:
+    """How far from its level a held travel (n,) may be: 0.2 % of the largest, or six times its noise."""
+    return max(_STILL * float(np.abs(travel).max()), 6 * sample_noise(travel))
 
 
 def _stays(travel: Array, at: int, band: float) -> int:
