@@ -5,8 +5,9 @@ import numpy as np
 from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 
-# share of the largest travel within which a held crosshead stays, and how much slower than the ramp it moves there
-_STILL, _SLOWER = 2e-3, 0.1
+# share of the largest travel within which a held crosshead stays, how much slower than the ramp it moves there, and how
+# many times that band a ramp is at least
+_STILL, _SLOWER, _RAMP = 2e-3, 0.1, 4.0
 
 
 def find_holds(time: Array, travel: Array) -> list[tuple[int, int]]:
@@ -14,12 +15,14 @@ def find_holds(time: Array, travel: Array) -> list[tuple[int, int]]:
     In a hold the travel stays within 0.2 % of the largest (or within its noise), for at least ten times what the mean
     speed of the ramp before it would need to cross that band, and is away from where the record began."""
     band = band_of(travel)
-    out, at, ramp_from = [], 0, 0
+    out, at, ramp_from, speed = [], 0, 0, 0.0
     while at < travel.size - 1:
         until = _stays(travel, at, band)
         span = float(time[until - 1] - time[at])
         moved, ramp_s = abs(travel[at] - travel[ramp_from]), float(time[at] - time[ramp_from])
-        slow = moved > 0 and span * moved * _SLOWER > 2 * band * ramp_s
+        # a crosshead that overshoots and settles leaves a hold by a small and slow move, which is no ramp
+        speed = moved / ramp_s if moved > _RAMP * band else speed
+        slow = span * speed * _SLOWER > 2 * band
         if slow and until - at >= 3 and abs(travel[at]) > 10 * band:
             out.append((at, until))
         if until - at >= 3 and (slow or abs(travel[at]) <= 10 * band):

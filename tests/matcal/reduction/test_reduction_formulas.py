@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from matcal.readers.recording import Recording
-from matcal.reduction import load_frame, stress_relaxation
+from matcal.reduction import load_frame
 from matcal.reduction.clock_alignment import with_backlash
+from matcal.reduction.holds import stress_relaxation
 from matcal.reduction.holds.stress_relaxation import reduce_relaxation
 from matcal.reduction.load_cycles import Loading
 from matcal.reduction.specimen import Block, Strip, make_specimen, sheet
