@@ -81,8 +81,7 @@ def _comparison_part(found: FittedLaws) -> dict[str, Any]:
 
 
 def _series_part(prony: PronyFit, relaxing: Sequence[Experiment]) -> dict[str, Any]:
-    sd = np.sqrt(np.diag(prony.covariance))
-    out = {"g_sd": prony.g_sd, "tau_sd_s": sd[prony.prony.g.size:], "g_infinity_sd": prony.g_infinity_sd,
+    out = {"g_sd": prony.g_sd, "tau_sd_s": prony.tau_sd_s, "g_infinity_sd": prony.g_infinity_sd,
            "orders": [{"order": row.terms, "rms": row.rms, "bic": row.bic} for row in prony.orders],
            "slowest_s": {"value": prony.slowest.tau_s, "lo": prony.slowest.lo_s, "hi": prony.slowest.hi_s}}
     moduli = {}

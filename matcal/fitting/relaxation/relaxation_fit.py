@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from matcal.fitting.hyperfoam.linear_response import propagated
+from matcal.fitting.relaxation.further_term import MATERIAL, covariance_of, further_term
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable, doubted, hold_of, tabulate_hold
 from matcal.fitting.relaxation.instantaneous_curve import bent, runs
 from matcal.fitting.relaxation.prony_search import LEAST_RATIO, best_series, residual, series_at, slopes
@@ -65,19 +65,30 @@ class PronyFit:
     # relative standard deviation of the instantaneous modulus, and so of every g, from what relaxed before the first
     # row of a step's table; 0 where a ramp was recorded
     early: float = 0.0
+    # the series with a slower term that the holds do not exclude, one standard deviation away; None where there is none
+    further: Prony | None = None
 
     @property
     def g_sd(self) -> Array:
         """(M,) standard deviations of g."""
         terms = self.prony.g.size
-        return np.hypot(np.sqrt(np.diag(self.covariance)[:terms]), self.early * self.prony.g)
+        moved = 0.0 if self.further is None else self.further.g[:terms] - self.prony.g
+        return np.sqrt(np.diag(self.covariance)[:terms] + (self.early * self.prony.g) ** 2 + moved**2)
+
+    @property
+    def tau_sd_s(self) -> Array:
+        """(M,) standard deviations of the times, s."""
+        terms = self.prony.g.size
+        moved = 0.0 if self.further is None else self.further.tau_s[:terms] - self.prony.tau_s
+        return np.sqrt(np.diag(self.covariance)[terms:] + moved**2)
 
     @property
     def g_infinity_sd(self) -> float:
         """Standard deviation of 1 - sum g_i."""
         terms = self.prony.g.size
         fitted = max(float(self.covariance[:terms, :terms].sum()), 0.0)
-        return float(np.hypot(np.sqrt(fitted), self.early * self.prony.g_infinity))
+        moved = 0.0 if self.further is None else self.further.g_infinity - self.prony.g_infinity
+        return float(np.sqrt(fitted + (self.early * self.prony.g_infinity) ** 2 + moved**2))
 
     def start_modulus(self, test: int) -> tuple[float, float]:
         """Instantaneous modulus that a table of moduli extrapolates to, and its standard deviation, in its unit."""
@@ -116,14 +127,18 @@ def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: i
     found = judged(vector.size // 2)
     rows = tuple(replace(r, bounded=seen[r.terms].slowest.hi_s is not None) if r.terms in seen else r for r in rows)
     prony = series_at(vector)
+    further = further_term(tables, found.doubts, found.errors, vector, bounds, max(_longest_s(h) for h in holds))
+    slowest = found.slowest
+    if further is not None and abs(further.g_infinity / prony.g_infinity - 1) > MATERIAL:
+        slowest = replace(slowest, hi_s=None)
     fits = [_projected(hold, prony) for hold in holds]
     return PronyFit(prony, _covariance(tables, found.doubts, found.errors, vector),
                     tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
                     tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
                     tuple(stress for _, stress in fits),
-                    (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, found.slowest)),
-                    time.process_time() - start, bounds, rows, found.slowest, holds, found.doubts,
-                    sum(e.effective_sample_size for e in found.errors), _early(holds, prony))
+                    (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, slowest)),
+                    time.process_time() - start, bounds, rows, slowest, holds, found.doubts,
+                    sum(e.effective_sample_size for e in found.errors), _early(holds, prony), further)
 
 
 @dataclass(frozen=True)
@@ -180,6 +195,11 @@ def _time_bounds(holds: Sequence[Hold]) -> tuple[float, float]:
     first = min(float(np.min(s[s > 0], initial=np.inf)) for s in steps)
     longest = max(h.hold_s for h in holds)
     return min(max(first if ramp == 0 else min(first, ramp), 0.1 * ramp), longest / 4), _LONGEST * longest
+
+
+def _longest_s(hold: Hold) -> float:
+    """Length of the longest single hold of a test, s."""
+    return max(float(hold.time_s[run][-1] - hold.time_s[run][0]) for run in runs(hold.held, hold.push))
 
 
 def _flat(holds: Sequence[Hold]) -> bool:
@@ -286,16 +306,8 @@ def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array)
 
 def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors], vector: Array) -> Array:
     """Covariance of (g, tau): correlated noise and misfit, contact point and load drift."""
-    jacobian = slopes(lambda v: residual(tables, v), vector)
-    free = np.linalg.norm(jacobian, axis=0) > 0
-    inverse = np.linalg.pinv(jacobian[:, free], rcond=1e-12)
-    ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
-    gains = [part @ t.basis.T for part, t in zip(np.split(inverse, ends, axis=1), tables, strict=True)]
-    covariance = propagated(errors, np.hstack(gains))
-    for gain, doubt in zip(gains, doubts, strict=True):
-        covariance = covariance + (gain @ doubt) @ (gain @ doubt).T
-    turn = slopes(lambda v: np.r_[series_at(v).g, series_at(v).tau_s], vector)[:, free]
-    return turn @ covariance @ turn.T
+    turn = slopes(lambda v: np.r_[series_at(v).g, series_at(v).tau_s], vector)
+    return turn @ covariance_of(tables, doubts, errors, vector) @ turn.T
 
 
 def _early(holds: Sequence[Hold], prony: Prony) -> float:
