@@ -24,7 +24,7 @@ _SHAPE = Keys({"schema": Number()}, {
     "name": str, "data": str,
     "hyperfoam": Keys({"mu_Pa": [Number(-1e15, 1e15)], "alpha": [Number(-1e3, 1e3)], "nu": [Number(-1, 0.5)],
                        "moduli": str}, {"strain_range": {str: _STRAINS}}, further=False),
-    "prony": Keys({"g": [Number(0, 1)], "tau_s": [Number(1e-15, 1e20)]}, further=False),
+    "prony": Keys({"g": [Number(0, 1)], "tau_s": [Number(1e-15, 1e40)]}, further=False),
     "conductivity": Keys({"c0_S_per_m": Number(), "a": [Number(-1e6, 1e6)] * 3, "strain_range": _STRAINS},
                          further=False),
     "fit": Keys(allowed={"derived": {str: {str: (Number(), None)}}, "parameters": {str: {str: (Number(), None)}},

@@ -78,7 +78,7 @@ def fit_command(
                                               "absolute (nothing), or deviation (each point's own).")] = "relative",
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of one kind of test, for "
                                                          "instance shear=2.")] = None,
-        prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 6, or auto (by BIC).")] = "auto",
+        prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 30, or auto (BIC).")] = "auto",
         strain_zero: Annotated[float, typer.Option(metavar="SD", help="Standard deviation of the strain zero of tests "
                                                    "that do not state one, for instance 0.002 for tables; it is then "
                                                    "in the intervals.")] = 0.0,

@@ -47,7 +47,7 @@ class FitOptions:
     stable_range: tuple[float, float] | None = None  # principal stretches between which it must; None: the curves'
     residual: str = "relative"  # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
     weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
-    prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 6, or "auto"
+    prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 30, or "auto"
     strain_zero_sd: float = 0.0  # standard deviation of the strain zero of tests that do not state one
 
     def __post_init__(self) -> None:

@@ -14,13 +14,24 @@ from matcal.readers.complete_rows import complete
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
 from matcal.readers.specimens import labels_of
-from matcal.readers.units import COMMON, is_common, measured, measures, quantity_in, si_factor, unused_in, weighs
+from matcal.readers.units import (
+    COMMON,
+    is_common,
+    measured,
+    measures,
+    modulus_by_unit,
+    quantity_in,
+    si_factor,
+    unused_in,
+    weighs,
+)
 from matcal.readers.vocabulary import (
     is_dynamic,
     is_symbol,
     preference,
     quantity_of,
     relative_of,
+    relaxing_of,
     true_quantity,
 )
 from touchcal.arrays import Array
@@ -195,6 +206,10 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
     for n, (name, unit) in enumerate(header.cells):
         if (quantity := quantities[n] or _ratio(name, {q for q in quantities if q})) is not None:
             found.setdefault(quantity, []).append(_Column(n, name, unit))
+    if "time" in found and not {"stress", "force"} & set(found):  # the table of a relaxation, without its strain
+        for n, (name, unit) in enumerate(header.cells):
+            if quantities[n] is None and (quantity := modulus_by_unit(name, unit) or relaxing_of(name)) is not None:
+                found.setdefault(quantity, []).append(_Column(n, name, unit))
     true = [(quantity, name) for name, _ in header.cells if (quantity := true_quantity(name)) is not None]
     if true and not ({"strain", "stress"} <= set(found) or {"displacement", "force"} <= set(found)):
         raise _true(grid, header, *true[0])

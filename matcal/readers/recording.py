@@ -11,6 +11,7 @@ from touchcal.arrays import Array
 
 # quantity -> SI unit of its column
 QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "stretch": "", "stress": "Pa",
+              "modulus": "Pa", "normalised": "",
               "current": "A", "potential": "V", "resistance": "ohm", "conductivity": "S/m",
               "deviation": "Pa", "lateral": "", "lateral_stretch": "", "volume_ratio": "",
               "relative_resistance": "", "pressure": "Pa", "cycle": "", "block": ""}

@@ -6,7 +6,15 @@ from functools import cache
 
 from matcal.readers.recording import QUANTITIES, SIZES
 from matcal.readers.unit_table import ANGLE, FORCE, MASS, ONE, OTHERS, PRESSURE, SI, Dimensions, G, plain_unit, readings
-from matcal.readers.vocabulary import is_symbol, quantities_of, quantity_of, relative_of, true_quantity, unused_of
+from matcal.readers.vocabulary import (
+    is_symbol,
+    quantities_of,
+    quantity_of,
+    relative_of,
+    relaxing_of,
+    true_quantity,
+    unused_of,
+)
 
 _NUMBERS = {"-", "--", "–", "—", "1", "none", "ratio", "unitless", "dimensionless", "n/a"}
 _COUNTS = {"cycles", "cycle", "count", "counts", "segments", "#"}  # units of a cycle or a block
@@ -42,6 +50,11 @@ def weighs(unit: str) -> bool:
 def measures(unit: str) -> list[str]:
     """The quantities that a unit could be of; none for a bare number or an unknown unit."""
     return [q for q in QUANTITIES if QUANTITIES[q] and si_factor(unit, q) is not None]
+
+
+def modulus_by_unit(name: str, unit: str | None) -> str | None:
+    """`modulus` for the letter E with a unit of stress, which without one is a strain; else None."""
+    return "modulus" if name.strip() == "E" and unit and si_factor(unit, "modulus") is not None else None
 
 
 @cache
@@ -91,7 +104,7 @@ def _weight(dimensions: Dimensions) -> Dimensions | None:
 
 def _known(name: str) -> bool:
     return bool(quantities_of(name)) or true_quantity(name) is not None or unused_of(name) is not None \
-        or relative_of(name) is not None
+        or relative_of(name) is not None or relaxing_of(name) is not None
 
 
 @cache
@@ -100,8 +113,11 @@ def split_name(cell: str) -> tuple[str, str | None]:
     `stress in kPa`, `P_MPa`, `F/N`, `Load N`; brackets that name a channel stay with the name, and the symbol s with a
     unit of length, as DIN has it, is named travel."""
     cell = cell.strip()[:200]
-    if relative_of(cell) is not None:
+    if relative_of(cell) is not None or relaxing_of(cell) == "normalised":
         return cell, None
+    if (found := re.fullmatch(r"([EG](?:\(t\))?)(?:\s*[(\[,_/]\s*|\sin\s)([^()\[\]\s]+)[)\]]?", cell)) \
+            and si_factor(found[2], "modulus") is not None:
+        return found[1], found[2]
     if (found := re.fullmatch(r"s(?:\s*/\s*|\s*[(\[]|\s+in\s+)([^()\[\]]+)[)\]]?", cell)) \
             and si_factor(found[1], "displacement") is not None:
         return "travel", found[1]
@@ -133,5 +149,7 @@ def _suits(name: str, unit: str) -> bool:
     if unit.lower() == "strain":
         return False
     if any(si_factor(unit, quantity) is not None for quantity in quantities_of(name)):
+        return True
+    if relaxing_of(name) == "modulus" and si_factor(unit, "modulus") is not None:
         return True
     return (unused_of(name) is not None or name.strip() == "T") and measured(unit) is not None

@@ -5,6 +5,7 @@ import unicodedata
 from functools import cache
 
 from matcal.readers.column_words import GLUED, HEADS, LEADING, PREFERRED, QUALIFIERS, SHARED_HEADS, SYMBOLS, UNUSED
+from matcal.readers.modulus_words import modulus_of
 
 KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")  # kinds of tests
 
@@ -79,6 +80,12 @@ def unused_of(name: str) -> str | None:
     """What a column name stands for that is known and that no test uses (`a temperature`), or None."""
     text = _plain(name)
     return next((word for word, pattern in UNUSED if re.fullmatch(pattern, text)), None)
+
+
+def relaxing_of(name: str) -> str | None:
+    """`modulus` or `normalised` for the name of a modulus that relaxes, or None; a table of one has a time and no
+    stress."""
+    return modulus_of(_plain(name))
 
 
 @cache

@@ -27,7 +27,7 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _edge, _assumed, _set, _held,
-             _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _series, _skin)
+             _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _series, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -276,12 +276,31 @@ def _series(card: MaterialCard) -> Iterator[str]:
     sd = card.fit.get("prony", {}).get("tau_sd_s")
     if card.prony is None or sd is None:
         return
-    if card.hyperfoam is None:
+    relaxing = [row for row in tests(card).values() if row["kind"] == "relaxation"]
+    if card.hyperfoam is None and not (relaxing and all("step_first_s" in row for row in relaxing)):
         yield ("Relaxation was fitted without a stress-strain curve: the ramp of the test itself had to give the shape "
                "of the curve, on which the fast terms depend.")
     loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]
     if loose:
         yield f"Weakly determined relaxation times: {', '.join(loose)}."
+
+
+def _step(card: MaterialCard) -> Iterator[str]:
+    """Steps that the record begins after: what relaxed sooner is an extrapolation, and the clock's zero is taken on
+    trust."""
+    if card.prony is None:
+        return
+    for label, row in tests(card).items():
+        if (first := row.get("step_first_s", 0.0)) > 0:
+            left = card.prony.g * np.exp(-first / card.prony.tau_s)
+            other = card.prony.g_infinity / (card.prony.g_infinity + left.sum())
+            yield (f"{label} begins {first:.4g} s after its step: what relaxed sooner is extrapolated, and the errors "
+                   "of g allow for as much again as relaxes in the first tenfold of time. If its first row is the "
+                   f"step, subtract {first:.4g} s from its times: g_infinity is then {other:.3g}, not "
+                   f"{card.prony.g_infinity:.3g}.")
+        if clock := row.get("step_clock_s", 0.0):
+            yield (f"{label}: its first row, at {clock:.6g} s, was taken as the step, since its stress falls faster "
+                   "there than that of a material does so long after a step.")
 
 
 def _skin(card: MaterialCard) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,10 @@ if TYPE_CHECKING:
     from matcal.posterior.draws import Draws
 
 # how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
-_REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_")
+_REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_", "step_",
+             "table_")
+# fact of a table of moduli -> symbol of its instantaneous value
+_MODULI = {"table_of_E": "E_0", "table_of_G": "G_0", "table_of_modulus": "modulus_0"}
 
 
 def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
@@ -41,7 +45,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out["not_determined"] = list(found.uncertainty.not_determined)
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
-        out["prony"] = _series_part(found.prony)
+        out["prony"] = _series_part(found.prony, [e for e in found.experiments if e.kind == "relaxation"])
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
     return out
@@ -93,13 +97,17 @@ def _comparison_part(found: FittedLaws) -> dict[str, Any]:
     return out
 
 
-def _series_part(prony: PronyFit) -> dict[str, Any]:
-    sd = np.sqrt(np.diag(prony.covariance))
-    terms = prony.prony.g.size
-    return {"g_sd": sd[:terms], "tau_sd_s": sd[terms:],
-            "g_infinity_sd": float(np.sqrt(prony.covariance[:terms, :terms].sum())),
-            "orders": [{"order": row.terms, "rms": row.rms, "bic": row.bic} for row in prony.orders],
-            "slowest_s": {"value": prony.slowest.tau_s, "lo": prony.slowest.lo_s, "hi": prony.slowest.hi_s}}
+def _series_part(prony: PronyFit, relaxing: Sequence[Experiment]) -> dict[str, Any]:
+    out = {"g_sd": prony.g_sd, "tau_sd_s": prony.tau_sd_s, "g_infinity_sd": prony.g_infinity_sd,
+           "orders": [{"order": row.terms, "rms": row.rms, "bic": row.bic} for row in prony.orders],
+           "slowest_s": {"value": prony.slowest.tau_s, "lo": prony.slowest.lo_s, "hi": prony.slowest.hi_s}}
+    moduli = {}
+    for k, experiment in enumerate(relaxing):
+        for name, symbol in _MODULI.items():
+            if name in experiment.facts:
+                value, sd_Pa = prony.start_modulus(k)
+                moduli[f"{symbol}_Pa"] = {"value": value, "sd": sd_Pa}
+    return out | ({"instantaneous": moduli} if moduli else {})
 
 
 def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
@@ -133,7 +141,8 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
     elif experiment.kind == "relaxation" and found.prony:
         row |= _errors(experiment.value, found.prony.relative_rms[k])
         row |= {"compared": "hold", "time_s": float(experiment.time_s[-1]) if experiment.time_s is not None else None}
-        row |= {"stiffness_over_law": found.prony.amplitude[k] * found.prony.prony.g_infinity}
+        if found.prony.holds[k].shape == "law":
+            row |= {"stiffness_over_law": found.prony.amplitude[k] * found.prony.prony.g_infinity}
     elif experiment.kind == "conductivity" and found.conductivity:
         row |= _errors(experiment.value, found.conductivity.relative_rms[k])
     return row

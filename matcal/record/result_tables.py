@@ -89,7 +89,9 @@ def series(card: MaterialCard) -> Printed:
     for k, (g, tau) in enumerate(zip(card.prony.g, card.prony.tau_s, strict=True)):
         rows.append([str(k + 1), *_pair(g, _at(sd, "g_sd", k)), *_pair(tau, _at(sd, "tau_sd_s", k))])
     return Printed("Prony series, one standard error each", ["i", "g", "+-", "tau_s", "+-"], rows, ">>>>>",
-                   (f"Long-term over instantaneous modulus: {significant(card.prony.g_infinity)}.", *_slowest(sd)))
+                   (f"Long-term over instantaneous modulus: {significant(card.prony.g_infinity)}.",
+                    *(f"{name} = {' ± '.join(_pair(row['value'], row['sd']))}."
+                      for name, row in sd.get("instantaneous", {}).items()), *_slowest(sd)))
 
 
 def _slowest(found: Mapping[str, Any]) -> list[str]:

@@ -12,6 +12,7 @@ from matcal.readers.recording import Recording
 from matcal.readers.specimens import specimens_of
 from matcal.readers.test_inputs import Input, inputs_of
 from matcal.reduction.experiment import Experiment
+from matcal.reduction.holds.relaxation_tables import reduce_relaxation_table
 from matcal.reduction.kind_doubts import doubts
 from matcal.reduction.load_cycles import BRANCHES
 from matcal.reduction.measured_twice import best_measures, is_table, needs_no_size
@@ -196,7 +197,9 @@ def _of_kind(kind: str, recordings: list[Recording], why: str, specimen: Path | 
     if is_table(first):
         unused = () if specimen is None else (
             f"{first.label} holds strain and its value already: no size of {specimen.name} was needed.",)
-        return _said(reduce_table(kind, first, direction), why, *unused), ()
+        made = (reduce_relaxation_table(first, direction) if kind == "relaxation" else
+                reduce_table(kind, first, direction))
+        return _said(made, why, *unused), ()
     sizes, where, files = specimen_of(kind, first, specimen, needed=not needs_no_size(first))
     assert not isinstance(sizes, Strip)
     try:
@@ -237,7 +240,7 @@ def _unreduced(recording: Recording, kind: str, error: ValueError) -> InputFileE
 
 def _by_protocol(kind: str, recording: Recording, block: Block, branch: str) -> Experiment:
     if kind == "relaxation":
-        from matcal.reduction.stress_relaxation import reduce_relaxation
+        from matcal.reduction.holds.stress_relaxation import reduce_relaxation
 
         return reduce_relaxation(recording, block)
     from matcal.reduction.quasistatic import reduce_quasistatic

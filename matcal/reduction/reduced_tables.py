@@ -8,7 +8,6 @@ import numpy as np
 from matcal.readers.recording import Recording
 from matcal.readers.vocabulary import quantity_of
 from matcal.reduction.experiment import Experiment
-from matcal.reduction.hold_segments import held_samples
 from matcal.reduction.loading_direction import densifies, named_direction, words_about
 from matcal.reduction.loading_doubts import collapse, collapse_sentence, hold_doubts, loading_doubts
 from touchcal.arrays import Array
@@ -39,9 +38,10 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     time = recording.columns.get("time")
     if time is not None and np.any(np.diff(time) <= 0):
         raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
+    if time is not None and kind != "relaxation":
+        time = time - time[0]
     deviation = _deviation(recording) if kind != "conductivity" else None
-    held = held_samples(time, strain) if kind == "relaxation" and time is not None else None
-    return Experiment(kind=kind, strain=strain, value=value, time_s=time, deviation=deviation, held=held,
+    return Experiment(kind=kind, strain=strain, value=value, time_s=time, deviation=deviation,
                       lateral=_lateral(recording, strain, notes) if kind in _FREE_FACES else None,
                       source=tuple(p.name for p in recording.paths), decisions=tuple(notes), cautions=tuple(cautions))
 

@@ -17,6 +17,7 @@ from matcal.laws.deformation_modes import push_forward
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, decaying
 from matcal.reduction.experiment import Experiment
+from matcal.reduction.hold_segments import loading_start
 from touchcal.arrays import Array
 
 _HELD = 0.999  # a hold begins where the strain first reaches this share of its largest, unless the experiment marks it
@@ -30,7 +31,7 @@ _PER_DECADE, _SPANNING, _KEPT = 40, 2, 1e-11
 class Hold:
     """One test, ready to be compared."""
 
-    time_s: Array  # (n,) times, s, from rest
+    time_s: Array  # (n,) times, s, from the start of loading
     fine_s: Array  # (m,) times, s, with some between samples where the strain moves far
     at: NDArray[np.intp]  # (n,) where the samples are among them
     instantaneous: Array  # (m, K) columns of instantaneous second Piola-Kirchhoff stress there, strain piecewise linear
@@ -38,11 +39,12 @@ class Hold:
     stress_Pa: Array  # (n,) measured nominal stress, Pa
     precision: Array  # (n,) one over the standard deviation of the noise, 0 where nothing is compared
     held: NDArray[np.bool_]  # (n,) whether the strain is held
-    shape: str  # where the columns come from: "law", "ramp" or "straight"
+    shape: str  # where the columns come from: "law", "ramp" or "straight"; "step" where no ramp was recorded
+    step: bool = False  # whether the strain is held from the first sample on
 
     @property
     def ramp_s(self) -> float:
-        """Time at which the (first) hold begins."""
+        """Time from the start of loading to the first held sample, s."""
         return float(self.time_s[np.argmax(self.held)])
 
     @property
@@ -77,22 +79,33 @@ def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int, held: NDA
     if held is None:
         held = (experiment.held > 0 if experiment.held is not None else
                 np.asarray(np.maximum.accumulate(np.abs(e)) >= _HELD * np.abs(e).max()))
-    if np.count_nonzero(held) < 2 * terms + 3 or not np.any(e):
+    modulus = any(name.startswith("table_") for name in experiment.facts)  # a table of moduli has no strain
+    if np.count_nonzero(held) < 2 * terms + 3 or not (np.any(e) or modulus):
         raise ValueError(f"{where}: {np.count_nonzero(held)} points lie in the hold; {terms} terms need "
                          f"{2 * terms + 3}.")
     count = np.ones(t.size) if experiment.samples is None else experiment.samples
     noise = experiment.noise or 1e-3 * float(np.abs(experiment.value).max()) or 1.0
-    fine_s, at = _refined(t, e)
+    step = bool(held[0])
+    t = t - (min(t[0], 0.0) if step else t[loading_start(e)])
+    fine_s, at = _refined(t, e) if np.any(e) else (t, np.arange(t.size))
+    if step and t[0] > 0:
+        fine_s, at = np.r_[0.0, fine_s], at + 1
     fine = np.interp(fine_s, t, e)
     still = np.zeros(fine_s.size, dtype=bool)
     still[at] = held
-    if law is not None:
+    still[0] |= step
+    if modulus:
+        columns, shape = np.ones((fine_s.size, 1)), "step"
+    elif law is not None:
         columns, shape = of_law(law, fine, still), "law"
+    elif held.all():
+        columns, shape = fine[:, None], "step"
     else:
         columns, shaped = of_ramp(fine, still, at)
         shape = "ramp" if shaped else "straight"
     precision = np.where(held | ((shape == "ramp") & (e != 0)), np.sqrt(count) / noise, 0.0)
-    return Hold(t, fine_s, at, columns, push_forward("uniaxial", e)[:, 0], experiment.value, precision, held, shape)
+    return Hold(t, fine_s, at, columns, push_forward("uniaxial", e)[:, 0], experiment.value, precision, held, shape,
+                step)
 
 
 def _refined(time_s: Array, strain: Array) -> tuple[Array, NDArray[np.intp]]:

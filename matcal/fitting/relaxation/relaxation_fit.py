@@ -13,22 +13,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from matcal.fitting.relaxation.further_term import MATERIAL, covariance_of, further_term
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable, doubted, hold_of, tabulate_hold
 from matcal.fitting.relaxation.instantaneous_curve import bent, runs
 from matcal.fitting.relaxation.prony_search import LEAST_RATIO, best_series, residual, series_at, slopes
 from matcal.fitting.relaxation.slowest_time import Slowest, series_sentences, slowest_time
 from matcal.laws.hyperfoam import Hyperfoam
-from matcal.laws.prony import Prony, convolve
+from matcal.laws.prony import Prony, convolve, relaxation
 from matcal.reduction.experiment import Experiment
 from matcal.statistics.residual_correlation import (
     Errors,
     correlated_errors,
     integrated_autocorrelation_time,
-    propagated,
 )
 from touchcal.arrays import Array
 
-TERMS = (1, 2, 3, 4, 5, 6)  # terms that "auto" chooses among
+# terms that "auto" chooses among: up to the sixth always, more for records that span as many decades
+TERMS, _ALWAYS = (1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 30), 6
 _LONGEST = 20.0  # longest time over the length of the holds
 # difference of BIC up to which fewer terms whose times the holds bound are preferred to more whose slowest they do not
 _NEARLY = 10.0
@@ -65,15 +66,51 @@ class PronyFit:
     holds: tuple[Hold, ...]  # each test through the law's curve
     doubts: tuple[Array, ...]  # its weighted change for one standard deviation of what it doubts, (n, J)
     effective_sample_size: float  # independent points that the residuals are worth
+    # relative standard deviation of the instantaneous modulus, and so of every g, from what relaxed before the first
+    # row of a step's table; 0 where a ramp was recorded
+    early: float = 0.0
+    # the series with a slower term that the holds do not exclude, one standard deviation away; None where there is none
+    further: Prony | None = None
+
+    @property
+    def g_sd(self) -> Array:
+        """(M,) standard deviations of g."""
+        terms = self.prony.g.size
+        moved = 0.0 if self.further is None else self.further.g[:terms] - self.prony.g
+        return np.sqrt(np.diag(self.covariance)[:terms] + (self.early * self.prony.g) ** 2 + moved**2)
+
+    @property
+    def tau_sd_s(self) -> Array:
+        """(M,) standard deviations of the times, s."""
+        terms = self.prony.g.size
+        moved = 0.0 if self.further is None else self.further.tau_s[:terms] - self.prony.tau_s
+        return np.sqrt(np.diag(self.covariance)[terms:] + moved**2)
+
+    @property
+    def g_infinity_sd(self) -> float:
+        """Standard deviation of 1 - sum g_i."""
+        terms = self.prony.g.size
+        fitted = max(float(self.covariance[:terms, :terms].sum()), 0.0)
+        moved = 0.0 if self.further is None else self.further.g_infinity - self.prony.g_infinity
+        return float(np.sqrt(fitted + (self.early * self.prony.g_infinity) ** 2 + moved**2))
+
+    def start_modulus(self, test: int) -> tuple[float, float]:
+        """Instantaneous modulus that a table of moduli extrapolates to, and its standard deviation, in its unit."""
+        first, g, tau = self.holds[test].time_s[0], self.prony.g, self.prony.tau_s
+        fallen = np.exp(-first / tau)
+        left = self.prony.g_infinity + float(g @ fallen)
+        slope = np.r_[fallen - 1, g * fallen * first / tau**2]
+        value = float(self.sizes[test][0])
+        return value, value * float(np.hypot(np.sqrt(slope @ self.covariance @ slope) / left, self.early))
 
 
 def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: int | str = 3) -> PronyFit:
     """Series with least noise-weighted squares over the holds of relaxation tests.
 
-    terms: 1 to 6, or "auto" (by BIC over the points that correlated residuals are worth; fewer terms that fit nearly
-    as well are preferred to more whose slowest time nothing bounds). `law` gives the shape of the instantaneous curve,
-    each hold its own size; without one the ramps of the tests give it. Raises ValueError for another choice, for a test
-    without clock, ramp or hold, and for too few points.
+    terms: 1 to 30, or "auto" (up to 6, more where the record spans as many decades, by BIC over the points that
+    correlated residuals are worth; fewer terms that fit nearly as well are preferred to more whose slowest time nothing
+    bounds). `law` gives the shape of the instantaneous curve, each hold its own size; without one the ramps of the
+    tests give it. Raises ValueError for another choice, for a test without clock, ramp or hold, and for too few points.
     """
     start = time.process_time()
     holds = tuple(hold_of(e, law, 1 if terms == "auto" else int(terms)) for e in experiments)
@@ -94,14 +131,18 @@ def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: i
     found = judged(vector.size // 2)
     rows = tuple(replace(r, bounded=seen[r.terms].slowest.hi_s is not None) if r.terms in seen else r for r in rows)
     prony = series_at(vector)
+    further = further_term(tables, found.doubts, found.errors, vector, bounds, max(_longest_s(h) for h in holds))
+    slowest = found.slowest
+    if further is not None and abs(further.g_infinity / prony.g_infinity - 1) > MATERIAL:
+        slowest = replace(slowest, hi_s=None)
     fits = [_projected(hold, prony) for hold in holds]
     return PronyFit(prony, _covariance(tables, found.doubts, found.errors, vector),
                     tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
                     tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
                     tuple(stress for _, stress in fits),
-                    (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, found.slowest)),
-                    time.process_time() - start, bounds, rows, found.slowest, holds, found.doubts,
-                    sum(e.effective_sample_size for e in found.errors))
+                    (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, slowest)),
+                    time.process_time() - start, bounds, rows, slowest, holds, found.doubts,
+                    sum(e.effective_sample_size for e in found.errors), _early(holds, prony), further)
 
 
 @dataclass(frozen=True)
@@ -140,13 +181,15 @@ def _tried(tables: Sequence[HoldTable], orders: Sequence[int], bounds_s: tuple[f
 
 
 def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, float]) -> tuple[int, ...]:
-    if terms != "auto" and terms not in TERMS:
-        raise ValueError(f"--prony-terms '{terms}' is unknown; known: auto, {', '.join(map(str, TERMS))}.")
     if terms != "auto":
+        if terms not in range(1, TERMS[-1] + 1):
+            raise ValueError(f"--prony-terms '{terms}' is unknown; known: auto, 1 to {TERMS[-1]}.")
         return (int(terms),)
     points = min(int(np.count_nonzero(h.held)) for h in holds)
     room = int(np.log(bounds_s[1] / bounds_s[0]) / np.log(LEAST_RATIO))
-    return tuple(n for n in TERMS if 2 * n + 3 <= points and n <= room)
+    decades = np.log10(bounds_s[1] / _LONGEST / bounds_s[0])
+    most = min(room, max(_ALWAYS, 1 + int(decades)), (points - 3) // 2)
+    return tuple(n for n in TERMS if n <= most)
 
 
 def _time_bounds(holds: Sequence[Hold]) -> tuple[float, float]:
@@ -156,6 +199,11 @@ def _time_bounds(holds: Sequence[Hold]) -> tuple[float, float]:
     first = min(float(np.min(s[s > 0], initial=np.inf)) for s in steps)
     longest = max(h.hold_s for h in holds)
     return min(max(first if ramp == 0 else min(first, ramp), 0.1 * ramp), longest / 4), _LONGEST * longest
+
+
+def _longest_s(hold: Hold) -> float:
+    """Length of the longest single hold of a test, s."""
+    return max(float(hold.time_s[run][-1] - hold.time_s[run][0]) for run in runs(hold.held, hold.push))
 
 
 def _flat(holds: Sequence[Hold]) -> bool:
@@ -262,16 +310,18 @@ def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array)
 
 def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors], vector: Array) -> Array:
     """Covariance of (g, tau): correlated noise and misfit, contact point and load drift."""
-    jacobian = slopes(lambda v: residual(tables, v), vector)
-    free = np.linalg.norm(jacobian, axis=0) > 0
-    inverse = np.linalg.pinv(jacobian[:, free], rcond=1e-12)
-    ends = np.cumsum([t.rest.shape[0] for t in tables])[:-1]
-    gains = [part @ t.basis.T for part, t in zip(np.split(inverse, ends, axis=1), tables, strict=True)]
-    covariance = propagated(errors, np.hstack(gains))
-    for gain, doubt in zip(gains, doubts, strict=True):
-        covariance = covariance + (gain @ doubt) @ (gain @ doubt).T
-    turn = slopes(lambda v: np.r_[series_at(v).g, series_at(v).tau_s], vector)[:, free]
-    return turn @ covariance @ turn.T
+    turn = slopes(lambda v: np.r_[series_at(v).g, series_at(v).tau_s], vector)
+    return turn @ covariance_of(tables, doubts, errors, vector) @ turn.T
+
+
+def _early(holds: Sequence[Hold], prony: Prony) -> float:
+    """How much may have relaxed before the first row of steps that none shows sooner: as large a share as the series
+    loses over the first tenfold of time that is seen."""
+    first = min(float(h.time_s[0]) if h.step else 0.0 for h in holds)
+    if first <= 0:
+        return 0.0
+    now, later = relaxation(prony, [first, 10 * first])
+    return float(1 - later / now)
 
 
 def _hold_rms(hold: Hold, stress_Pa: Array) -> float:

@@ -15,6 +15,7 @@ from touchcal.arrays import Array
 # where the instantaneous curve of a test comes from
 _SHAPES = {"law": "the fitted hyperfoam curve, each level that is held with its own size",
            "ramp": "a spline that the stress recorded on the ramp itself shapes (no stress-strain curve was given)",
+           "step": "a step of strain, since the strain is held from the first row on",
            "straight": "a stress straight between the strains that are held (no stress-strain curve was given, and the "
                        "ramp has too few samples to show its shape: what a bent curve would change is in the errors)"}
 # fall of twice the log likelihood at the ends of a 95 % interval; steps of the profile over the way to either bound
@@ -76,8 +77,9 @@ def series_sentences(holds: Sequence[Hold], prony: Prony, slowest: Slowest) -> t
     ramp = ", ".join(f"{h.ramp_s:.3g} s" for h in holds)
     shape = ", ".join(dict.fromkeys(_SHAPES[h.shape] for h in holds))
     hold = max(h.hold_s for h in holds)
-    out = [f"Prony series of {prony.g.size} terms on the hold, with the recorded ramp ({ramp}) convolved through "
-           f"{shape}."]
+    how = ("seen from " + ramp + " after a step on" if all(h.step for h in holds) else
+           f"with the recorded ramp ({ramp}) convolved")
+    out = [f"Prony series of {prony.g.size} terms on the hold, {how} through {shape}."]
     if slowest.hi_s is None:
         out.append(f"The hold of {hold:.3g} s is too short for the slowest time, {slowest.tau_s:.3g} s as fitted: its "
                    f"95 % profile interval begins at {slowest.lo_s:.3g} s, nothing bounds it above, and the long-term "

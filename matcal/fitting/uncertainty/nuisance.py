@@ -21,6 +21,7 @@ from matcal.reduction.experiment import Experiment
 from touchcal.arrays import Array
 
 # facts of an experiment: standard deviation of a correction -> how far refinement has moved that correction
+FURTHER = "a slower term that the holds do not exclude"
 MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_N": "zero_moved_N", "drift_sd_N_per_s": "drift_moved_N_per_s"}
 
 
@@ -86,11 +87,14 @@ def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
     directions."""
     found = [(_record_effect(fit, k, fact), _record_mean(fit.curves[k], fact)) for k, fact in _uncertain(fit)]
     directions = _principal_directions(prony) if prony is not None else []
+    if prony is not None and prony.further is not None:
+        found.append((_effect(fit, [with_history(c, prony.further) for c in fit.curves]), 0.0))
     effect = [v for v, _ in found] + [_prony_effect(fit, prony.prony, d) for d in directions if prony is not None]
     n = sum(c.experiment.value.size for c in fit.curves)
     return Nuisance(np.stack(effect, axis=1) if effect else np.zeros((n, 0)),
                     np.array([m for _, m in found] + [0.0] * len(directions)),
                     tuple(_name(fit.curves[k], fact) for k, fact in _uncertain(fit))
+                    + (FURTHER,) * (len(found) - len(_uncertain(fit)))
                     + ("the Prony series, with contact and drift of its own test",) * len(directions),
                     np.stack(directions, axis=1) if directions else None)
 

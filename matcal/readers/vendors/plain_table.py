@@ -10,7 +10,7 @@ from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.specimen_metadata import sizes_of
 from matcal.readers.units import quantity_in, split_name
-from matcal.readers.vocabulary import quantity_of, relative_of
+from matcal.readers.vocabulary import quantity_of, relative_of, relaxing_of
 from touchcal.errors import InputFileError
 
 _SHORT = 10  # a table with this many times fewer rows than the longest is one of results
@@ -63,7 +63,8 @@ def _without_partial_rows(grid: Grid, above: list[int]) -> tuple[list[int], list
 
 def _known(row: Sequence[str]) -> int:
     """How many cells of a row are names of quantities."""
-    return sum(quantity_in(*split_name(cell)) is not None or relative_of(cell) is not None for cell in row)
+    return sum(quantity_in(*split_name(cell)) is not None or relative_of(cell) is not None
+               or relaxing_of(split_name(cell)[0]) is not None for cell in row)
 
 
 def _headerless(grid: Grid, rows: range, selection: Selection | None) -> Header:

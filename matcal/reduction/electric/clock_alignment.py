@@ -29,8 +29,9 @@ def combined(first: Shift, second: Shift) -> Shift:
     """The mean of two shifts weighted by their inverse variances."""
     weights = np.array([first.sd_s, second.sd_s]) ** -2
     mean = float(weights @ [first.seconds, second.seconds] / weights.sum())
-    how = f"{first.how} ({first.seconds:.3f} ± {first.sd_s:.3f} s) and {second.how} ({second.seconds:.3f} ± "
-    return Shift(mean, float(weights.sum() ** -0.5), f"{how}{second.sd_s:.3f} s)")
+    how = (f"{first.how} (± {first.sd_s:.3f} s) and {second.how} (± {second.sd_s:.3f} s), which differ by "
+           f"{second.seconds - first.seconds:.3f} s")
+    return Shift(mean, float(weights.sum() ** -0.5), how)
 
 
 def shift_by_break(frame_time: Array, load: Array, pot_time: Array, current: Array) -> Shift | None:
@@ -85,10 +86,9 @@ def shift_with_backlash(frame_time: Array, travel: Array, length_m: float, pot_t
 def _best_shift(start: float, reach: float, frame_time: Array, strain: Array, pot_time: Array,
                 conductance: Array) -> tuple[float, float]:
     """The shift within `reach` of `start` with the least misfit, and that misfit."""
-    found: Any = minimize_scalar(lambda s: _misfit(s, frame_time, strain, pot_time, conductance, _TIME_DEGREE),
-                                 method="bounded", bounds=(start - reach, start + reach),
-                                 options={"xatol": 1e-3 * reach})
-    return float(found.x), float(found.fun)
+    found: Any = minimize_scalar(lambda s: _misfit(start + s, frame_time, strain, pot_time, conductance, _TIME_DEGREE),
+                                 method="bounded", bounds=(-reach, reach), options={"xatol": 1e-3 * reach})
+    return start + float(found.x), float(found.fun)
 
 
 def _collapse(signal: Array) -> int | None:
@@ -125,9 +125,10 @@ def shift_by_motion(frame_time: Array, strain: Array, pot_time: Array, conductan
     coarse = np.linspace(lo, hi, _SHIFTS)
     cost = [_misfit(s, frame_time, strain, pot_time[::every], conductance[::every], degree) for s in coarse]
     best, step = float(coarse[int(np.argmin(cost))]), float(coarse[1] - coarse[0])
-    found: Any = minimize_scalar(lambda s: _misfit(s, frame_time, strain, pot_time, conductance, degree),
-                            method="bounded", bounds=(best - step, best + step), options={"xatol": 1e-4 * step})
-    at = float(found.x)
+    # over the way from `best`, since the search ends at a share of its argument, which a clock's zero must not set
+    found: Any = minimize_scalar(lambda s: _misfit(best + s, frame_time, strain, pot_time, conductance, degree),
+                                 method="bounded", bounds=(-step, step), options={"xatol": 1e-4 * step})
+    at = best + float(found.x)
     return Shift(at, _standard_deviation(at, frame_time, strain, pot_time, conductance, degree),
                  "the best agreement of conductance with motion")
 

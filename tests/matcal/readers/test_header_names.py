@@ -61,9 +61,9 @@ MACHINES = {
 }
 # known words that are no measurement of a test, or of another one
 UNKNOWN = ("Strain rate (1/s)", "Force setpoint (N)", "Peak load (N)", "Young's modulus (MPa)", "Energy (J)",
-           "Position command", "Bruchdehnung (%)", "Höchstkraft (N)", "Ch 1 Kraft Sollwert", "Load cell temperature (°C)",
-           "Time step", "f (Hz)", "T (°C)", "T/K", "C (pF)", "P (W)", "E (MPa)", "Attention", "Pretension",
-           "SetName", "Index", "Scan", "Rate (mm/min)")
+           "Position command", "Bruchdehnung (%)", "Höchstkraft (N)", "Ch 1 Kraft Sollwert",
+           "Load cell temperature (°C)", "Time step", "f (Hz)", "T (°C)", "T/K", "C (pF)", "P (W)", "E (MPa)",
+           "Attention", "Pretension", "SetName", "Index", "Scan", "Rate (mm/min)")
 
 
 @pytest.mark.parametrize(("cells", "quantities"), MACHINES.values(), ids=MACHINES.keys())
@@ -100,7 +100,8 @@ def test_headers_collected_from_public_readers() -> None:
     ("lbf", "force", 4.448222), ("mm/m", "strain", 1e-3), ("µε", "strain", 1e-6), ("N mm-2", "stress", 1e6),
     ("1/(s)", "time", None), ("mS/cm", "conductivity", 0.1), ("V vs. Ref.", "potential", 1.0), ("кН", "force", 1e3),
     ("dB", "strain", None), ("turn", "strain", None), ("count", "strain", None), ("count", "cycle", 1.0),
-    ("deg", "strain", np.pi / 180), ("rad", "strain", 1.0), ("deg", "lateral", None), ("°C", "time", None), ("Hz", "force", None)])
+    ("deg", "strain", np.pi / 180), ("rad", "strain", 1.0), ("deg", "lateral", None),
+    ("°C", "time", None), ("Hz", "force", None)])
 def test_units_of_machines(unit: str, quantity: str, factor: float | None) -> None:
     assert si_factor(unit, quantity) == (None if factor is None else pytest.approx(factor, rel=1e-6))
 

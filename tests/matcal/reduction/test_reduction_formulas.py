@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from matcal.readers.recording import Recording
-from matcal.reduction import load_frame, stress_relaxation
+from matcal.reduction import load_frame
 from matcal.reduction.electric.clock_alignment import with_backlash
 from matcal.reduction.electric.strip_conductivity import reduce_stretch
+from matcal.reduction.holds import stress_relaxation
+from matcal.reduction.holds.stress_relaxation import reduce_relaxation
 from matcal.reduction.load_cycles import Loading
 from matcal.reduction.specimen import Block, Strip, make_specimen, sheet
-from matcal.reduction.stress_relaxation import reduce_relaxation
 from matcal.reduction.stroke_segments import Stroke
 from touchcal.errors import InputFileError
 

@@ -150,6 +150,40 @@ def test_holds_are_told_from_slow_ramps() -> None:
     assert last == time.size
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("over_mm", "noise_mm"), [(0.004, 1e-4), (0.006, 5e-4), (0.0, 1e-4), (0.01, 1e-4)])
+def test_holds_that_a_crosshead_overshoots_are_all_found(over_mm: float, noise_mm: float, seed: int) -> None:
+    """Six steps of 0.3 mm in 1.8 s, each held 10 s from an overshoot on that creeps back within a second or two."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, 6 * 11.8, 0.1)
+    step, since = np.divmod(time, 11.8)
+    back = over_mm * rng.choice([0.0, 1.0], 6)[step.astype(int)] * np.exp(-np.maximum(since - 1.8, 0) / 0.7)
+    travel = 0.3 * (step + np.minimum(since / 1.8, 1)) + np.where(since >= 1.8, back, 0.0)
+    found = find_holds(time, travel + noise_mm * rng.normal(size=time.size))
+    assert [int(time[first] // 11.8) for first, _ in found] == list(range(6))
+    assert all(time[last - 1] - time[first] > 7.5 for first, last in found)
+
+
+def test_a_short_first_hold_leaves_the_others(tmp_path: Path) -> None:
+    record = _record([(0, 0), (5, 0), (15, 1.0), (17, 1.0), (25, 2.0), (65, 2.0), (75, 3.0), (135, 3.0)], 4.0,
+                     np.random.default_rng(1), gap=0.1)
+    sizes = _written(tmp_path, "s.toml",
+                     "[relaxation]\ndiameter_mm = 40\nheight_mm = 10\ndirection = \"compression\"\n")
+    got = _reduced(_frame(tmp_path, "steps.csv", **record), "relaxation", sizes)
+    assert got.facts["holds"] == 2
+    assert [got.facts[f"hold_s_{k}"] for k in (1, 2)] == pytest.approx([40, 60], abs=0.5)
+
+
+def test_every_hold_of_a_published_staircase_is_used() -> None:
+    folder = REAL.parent / "cases" / "material" / "01_instron_pu_foam"
+    if not folder.is_dir():
+        pytest.skip("the case's files are not here")
+    for name in ("PU_U1comp_1.csv", "PU_U2comp_1.csv"):
+        got = _reduced(folder / name, "relaxation", folder / "specimen.toml")
+        assert got.facts["holds"] == 7
+        assert min(got.facts[f"hold_s_{k}"] for k in range(1, 8)) > 8
+
+
 def test_sizes_come_from_the_flag_the_file_or_beside_it_and_are_told(tmp_path: Path) -> None:
     record = _record([(0, 0), (5, 0), (65, 8)], 30.0, np.random.default_rng(6))
     file = _frame(tmp_path, "compression.csv", **record)

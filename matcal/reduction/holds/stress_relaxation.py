@@ -44,15 +44,24 @@ def reduce_relaxation(recording: Recording, block: Block) -> Experiment:
 
 
 def _holds(record: Loading, time: Array, path: Path) -> list[tuple[int, int]]:
-    """The holds; the one at the largest strain begins where the loading ends. InputFileError where there is none."""
+    """The holds at least as long as the ramp before each; the one at the largest strain begins where the loading ends.
+    InputFileError where there is none."""
     spans = find_holds(time, np.abs(record.strain))
     spans = [(record.end if abs(first - record.end) < 0.05 * (last - first) else first, last) for first, last in spans]
-    if not spans or time[spans[0][1] - 1] < 2 * time[spans[0][0]]:
-        held = time[spans[0][1] - 1] - time[spans[0][0]] if spans else time[-1] - time[record.end]
-        ramp = time[spans[0][0]] if spans else time[record.end]
-        raise InputFileError(path, f"it holds for {held:.3g} s after a ramp of {ramp:.3g} s, so there is no hold to "
-                                   "fit. Give the whole test.")
-    return spans
+    times = [(float(time[last - 1] - time[first]), float(time[first]) - begin)
+             for (first, last), begin in zip(spans, _begins(time, spans), strict=True)]
+    kept = [span for span, (held, ramp) in zip(spans, times, strict=True) if held >= ramp]
+    if not kept:
+        held, ramp = max(times, default=(float(time[-1] - time[record.end]), float(time[record.end])))
+        of = f", the longest of {len(times)}," if len(times) > 1 else ""
+        raise InputFileError(path, f"it holds{of} for {held:.3g} s after a ramp of {ramp:.3g} s, so there is no hold "
+                                   "to fit: one lasts as long as its ramp. Give the whole test.")
+    return kept
+
+
+def _begins(time: Array, spans: Sequence[tuple[int, int]]) -> list[float]:
+    """When the ramp before each hold begins: at contact, or at the end of the hold before, s."""
+    return [0.0, *(float(time[last - 1]) for _, last in spans)][:len(spans)]
 
 
 def _edges(time: Array, spans: Sequence[tuple[int, int]], toe: int) -> tuple[Edges, Array]:
@@ -71,10 +80,9 @@ def _facts(record: Loading, time: Array, spans: Sequence[tuple[int, int]]) -> di
     """Times, strain and relaxed share of the holds: of the first without a number, of all with one where there are
     several."""
     out = {"holds": float(len(spans))}
-    for k, (first, last) in enumerate(spans):
+    for k, ((first, last), begin) in enumerate(zip(spans, _begins(time, spans), strict=True)):
         few = max(1, min(5, (last - first) // 10))
         hold, stress = record.strain[first:last], record.stress_Pa[first:last]
-        begin = float(time[spans[k - 1][1] - 1]) if k else 0.0
         found = {"ramp_s": float(time[first]) - begin, "hold_s": float(time[last - 1] - time[first]),
                  "hold_strain": float(hold.mean()), "hold_strain_change": float(hold[-1] - hold[0]),
                  "hold_relaxed": 1 - float(stress[-few:].mean() / stress[:few].mean())}

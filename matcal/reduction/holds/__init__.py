@@ -1,0 +1,1 @@
+"""Ramps and holds of a relaxation, from records of machines and from tables."""
