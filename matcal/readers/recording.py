@@ -36,6 +36,7 @@ class Recording:
     metadata: Mapping[str, str] = field(default_factory=dict)  # key -> value lines that stand above the table
     properties: Mapping[str, float] = field(default_factory=dict)  # size in the file (a key of SIZES) -> value in SI
     notes: tuple[str, ...] = ()  # what was assumed or left out, one sentence each
+    synthetic: bool = False  # whether a line of its own, `touchcal-synthetic: 1`, says that nothing was measured
 
     def __post_init__(self) -> None:
         if unknown := sorted(set(self.columns) - set(QUANTITIES)):

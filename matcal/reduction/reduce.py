@@ -132,6 +132,8 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
             _refuse_twice(contents.get(content), recordings[0], experiment, chosen)
             contents.setdefault(content, (recordings[0], experiment, chosen))
         more = [*_sidecars(recordings), *files]
+        if any(recording.synthetic for recording in recordings):
+            experiment = replace(experiment, facts={**experiment.facts, "synthetic": 1.0})
         layout = ", ".join(dict.fromkeys(recording.vendor for recording in recordings)) if own else ""
         out.append(replace(experiment, files=tuple(dict.fromkeys([*own, *more])), layout=layout))
         also_read += more
