@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.metadata
 import json
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-BAD_INPUT, NOT_CONVERGED = 2, 3
+BAD_INPUT, NOT_CONVERGED, GONE = 2, 3, 128 + 13
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**63 - 1, help="Seed of all that is drawn.")]
@@ -46,23 +48,37 @@ def _options(version: Annotated[bool, typer.Option("--version", is_eager=True, c
 
 
 def run(app: typer.Typer, name: str) -> None:
-    """Run `app`; exit 0 done, 2 bad usage or input, 3 not converged. `--debug` anywhere shows the traceback."""
+    """Run `app`; exit 0 done, 2 bad usage or input, 3 not converged, 141 without a word where the reader of a pipe has
+    gone. `--debug` anywhere shows the traceback."""
+    if sys.stdout is None:
+        print(f"{name}: standard output is closed. Send it to a file, or to /dev/null.", file=sys.stderr)
+        sys.exit(BAD_INPUT)
     arguments = [a for a in sys.argv[1:] if a != "--debug"]
     debug = len(arguments) != len(sys.argv) - 1
     try:
         try:
             app(args=arguments, prog_name=name)
         except SystemExit as end:
+            if isinstance(end.__context__, OSError) and end.__context__.errno == errno.EPIPE:
+                _end_of_pipe()
             if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
                 print(f"{name}: stopped by Ctrl-C; files are written whole or not at all.", file=sys.stderr)
             raise
         finally:
             sys.stdout.flush()
+    except BrokenPipeError:
+        _end_of_pipe()
     except (ValueError, OSError, NotConverged) as error:
         if debug:
             raise
         print(f"{name}: {_sentence(error)}", file=sys.stderr)
         sys.exit(NOT_CONVERGED if isinstance(error, NotConverged) else BAD_INPUT)
+
+
+def _end_of_pipe() -> NoReturn:
+    """End as a program does that SIGPIPE stops, whose default would also stop a server that one client leaves."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
+    sys.exit(GONE)
 
 
 def _sentence(error: BaseException) -> str:

@@ -39,6 +39,7 @@ from matcal.record.bands import Columns, conductivity_band, stress_bands
 from matcal.record.fit_summary import curve_of, summary
 from matcal.reduction.experiment import Experiment
 from touchcal.json_file import write_json
+from touchcal.whole_file import keep_mode
 
 if TYPE_CHECKING:
     from pyarrow import Array
@@ -108,6 +109,7 @@ def write_record(card: MaterialCard, found: FittedLaws, out: Path, posterior: Po
         if folder.exists():
             shutil.rmtree(folder)
         (fresh / "data").rename(folder)
+        keep_mode(out, fresh / out.name)
         (fresh / out.name).replace(out)
     finally:
         shutil.rmtree(fresh, ignore_errors=True)

@@ -76,3 +76,14 @@ def test_a_lock_follows_no_link_and_cuts_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "victim.txt").read_text() == "kept"
     lock_file(tmp_path / "victim.txt").close()
     assert (tmp_path / "victim.txt").read_text() == "kept"
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o600, 0o444])
+def test_a_file_that_is_written_again_keeps_its_mode(mode: int, tmp_path: Path) -> None:
+    place = tmp_path / "card.json"
+    place.write_text("before")
+    place.chmod(mode)
+    with written(place) as file:
+        file.write(b"after")
+    assert place.read_text() == "after"
+    assert place.stat().st_mode & 0o777 == mode
