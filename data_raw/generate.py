@@ -17,6 +17,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 SEED = 20240229
+MARK = "touchcal-synthetic: 1"  # the line by which matcal knows that nothing was measured
 # kPa; the first three terms are Table 1, the others the stiffening that fades with strain
 MU = np.array([14.42, 16.78, -21.67, -0.19, 0.64, -0.19])
 ALPHA = np.array([0.288, 4.249, 0.741, 2.0, 5.0, 7.0])
@@ -128,7 +129,7 @@ def mts_text(name, title, time, travel, force, rng):
     crosshead = np.round(crosshead / ERRORS["crosshead_step_mm"]) * ERRORS["crosshead_step_mm"]
     load = np.round(load / ERRORS["load_step_N"]) * ERRORS["load_step_N"]
     head = (f"\ufeffFile Path: C:\\Synthetic\\{title}\\Test Run 1\\DAQ- Crosshead, … - (Timed).txt   \n"
-            f"Test: SYNTHETIC {title}\nTest Run: Test Run 1\nDate: 2/29/2024 9:00:00 AM\n\n\n"
+            f"Test: SYNTHETIC {title}\nTest Run: Test Run 1\nDate: 2/29/2024 9:00:00 AM\n{MARK}\n\n"
             "Crosshead \tLoad \tTime \nmm\tN\tsec\n")
     rows = (f"{x:.8g}\t{f:.6g}\t{t:.9g}\n" for x, f, t in zip(crosshead, load, np.float32(time + 0.01), strict=True))
     return head + "".join(rows)
@@ -149,7 +150,7 @@ def nova_text(time, current, rng):
 
 def plain_text(strain, stress, rng):
     noisy = stress + rng.normal(0, ERRORS["plain_noise_kPa"], stress.size)
-    head = "# SYNTHETIC, see README.md\nstrain,stress\n-,kPa\n"
+    head = f"# {MARK}\nstrain,stress\n-,kPa\n"
     return head + "".join(f"{e:.4f},{p:.4f}\n" for e, p in zip(strain, noisy, strict=True))
 
 

@@ -213,9 +213,12 @@ def _moduli_sentence(curves: Sequence[Curve], prony: Prony | None) -> str:
     if prony is None:
         return ("Moduli are labelled long-term: no relaxation file was given, so the stress that has not relaxed yet "
                 "at the rate of these tests is not corrected for and counts as long-term.")
-    without = [c.label for c in curves if c.kernel is None]
+    without = [c.label for c in curves if c.kernel is None and "clock_left_out_s" not in c.experiment.facts]
+    loaded = [c.label for c in curves if c.kernel is None and "clock_left_out_s" in c.experiment.facts]
     said = (f"Moduli are long-term, corrected for rate: each test's own history is convolved with the Prony series on "
             f"its second Piola-Kirchhoff stress, then mu_longterm = {prony.g_infinity:.4f} mu_instantaneous.")
+    if loaded:
+        said += f" Not corrected, since the loading that counts begins under stress: {', '.join(loaded)}."
     return said + (f" No time column, taken as long-term: {', '.join(without)}." if without else "")
 
 

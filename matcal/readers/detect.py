@@ -1,5 +1,7 @@
 """One door to every reader: the layout is known from what the file holds, never from its name."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 from matcal.readers import vendors
@@ -12,6 +14,9 @@ from matcal.readers.specimens import specimens_of
 from matcal.readers.vendors.mts_testsuite import join_parts, sibling_parts
 from matcal.readers.vendors.xlsx import read_workbook
 from touchcal.errors import InputFileError
+
+# the line of a file, alone or as a comment, that says that nothing was measured; where it is looked for
+_MARK, _HEAD, _ROWS = re.compile(r"^[#\s]*touchcal-synthetic:\s*1[\s;,]*$", re.MULTILINE), 4096, 40
 
 
 def read(path: Path | str, selection: Selection | None = None) -> Recording:
@@ -38,7 +43,15 @@ def _read_file(path: Path, selection: Selection | None) -> Recording:
     reader = next(reader for reader in vendors.READERS if _recognises(reader, source))
     if selection is not None and selection.block is not None and not reader.has_blocks:
         raise InputFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
-    return reader.read(source, selection)
+    found = reader.read(source, selection)
+    return replace(found, synthetic=True) if _is_synthetic(source) else found
+
+
+def _is_synthetic(source: Source) -> bool:
+    """Whether a line near the beginning of a file, or a row of a sheet, is the mark of generated data."""
+    head = source.text[:_HEAD] if source.sheet is None else "\n".join(
+        " ".join(cell for cell in row if cell) for row in source.sheet.rows[:_ROWS])
+    return _MARK.search(head) is not None
 
 
 def _recognises(reader: Reader, source: Source) -> bool:
@@ -74,7 +87,7 @@ def _read_parts(path: Path, files: list[Path], selection: Selection | None) -> R
     if not parts:
         raise InputFileError(path, f"no TestSuite text file with numbers in it{_contents(path)}. A folder stands for "
                                    "one test that TestSuite split into parts; give other files one by one.")
-    return join_parts(parts, empty)
+    return replace(join_parts(parts, empty), synthetic=any(part.synthetic for part in parts))
 
 
 def _contents(folder: Path) -> str:

@@ -39,6 +39,7 @@ class Recording:
     specimen: tuple[str, ...] = ()  # (n,) specimen of each row, where a column names several; else empty
     part: str = ""  # which of several specimens in one file it is; "" where there is one
     cautions: tuple[str, ...] = ()  # what a user of the result must know of it, one sentence each
+    synthetic: bool = False  # whether a line of its own, `touchcal-synthetic: 1`, says that nothing was measured
 
     def __post_init__(self) -> None:
         if unknown := sorted(set(self.columns) - set(QUANTITIES)):

@@ -9,6 +9,7 @@ from matcal.card import MaterialCard
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
 from touchcal.number_words import percent
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
@@ -21,13 +22,16 @@ _INSIDE, _SOFT_PA, _RATIO, _EARLY = 0.9, (20.0, 1e6), 1.6, 0.3
 _SET, _HELD_OFF = 0.02, 0.15
 _DOUBTED_ZERO = 0.002  # error of a strain zero whose effect on a conductivity is said
 _RUBBER = 0.49  # nu above which a rubber's was given
+_LOST = 0.02  # share of the work that a cycle loses from which on it is said
+_RAMPS_S = (10.0, 1000.0)  # durations of a loading for which the effect of its rate is said where it has no clock
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _edge, _assumed, _set, _held,
-             _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _series, _step, _skin)
+             _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _rate, _loss, _series, _step,
+             _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -62,7 +66,7 @@ def own_rms(row: Mapping[str, Any]) -> float:
 
 def _origin(card: MaterialCard) -> Iterator[str]:
     if card.provenance.get("synthetic"):
-        yield "The data are synthetic, by the files' own words: nothing here was measured."
+        yield "The data are synthetic, by a line of their files (touchcal-synthetic: 1): nothing here was measured."
 
 
 def _units(card: MaterialCard) -> Iterator[str]:
@@ -270,6 +274,41 @@ def _coverage(card: MaterialCard) -> Iterator[str]:
         yield "One specimen of each kind was tested: the intervals leave out the scatter from specimen to specimen."
     if card.hyperfoam is not None and card.prony is None and card.hyperfoam.moduli == "longterm" and kinds:
         yield "Moduli count as long-term but are not corrected for the rate of the tests: no relaxation was given."
+
+
+def _rate(card: MaterialCard) -> Iterator[str]:
+    """Tests that the series did not correct, and how much too stiff it says they are."""
+    for label, row in tests(card).items():
+        if card.prony is None or row.get("rate_corrected", True):
+            continue
+        if loading_s := row.get("clock_left_out_s"):
+            size = percent(_excess(card.prony, loading_s), 2)
+            yield (f"{label} is not corrected for rate, since its loading begins under stress that earlier cycles "
+                   f"left, and counts as long-term: by the series its ramp of {loading_s:.3g} s makes mu_0 some {size} "
+                   "too high. Take --branch first, or let the specimen recover before it.")
+        else:
+            fast, slow = (percent(_excess(card.prony, ramp_s), 2) for ramp_s in _RAMPS_S)
+            yield (f"{label} has no clock, so it is not corrected for rate and counts as long-term: by the series mu_0 "
+                   f"is some {fast} too high if it was loaded within {_RAMPS_S[0]:g} s, {slow} if within "
+                   f"{_RAMPS_S[1]:g} s. Give its time column.")
+
+
+def _loss(card: MaterialCard) -> Iterator[str]:
+    """Tests that were unloaded, of which one loading was fitted: what a cycle loses and the set are not in the law."""
+    lost = [(label, row["loss_share"], abs(row.get("residual_strain", 0.0))) for label, row in tests(card).items()
+            if row.get("loss_share", 0.0) > _LOST]
+    if lost:
+        sizes = ", ".join(f"{label} {percent(share, 2)} of the work" + (f" and a set of {left:.3f}" if left else "")
+                          for label, share, left in lost)
+        yield (f"One loading was fitted and no unloading: a cycle loses {sizes}, of which the law has only what the "
+               "Prony series gives." if card.prony is not None else
+               f"One loading was fitted and no unloading: a cycle loses {sizes}, which the law does not have.")
+
+
+def _excess(prony: Prony, ramp_s: float) -> float:
+    """How much stiffer than in the long term a material is over the small strains of a ramp, its first twentieth."""
+    tau, early_s = prony.tau_s, ramp_s / 20
+    return float(prony.g @ (-np.expm1(-early_s / tau) * tau / early_s)) / prony.g_infinity
 
 
 def _series(card: MaterialCard) -> Iterator[str]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
 _REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_", "step_",
-             "table_")
+             "table_", "clock_left_out", "loss_")
 # fact of a table of moduli -> symbol of its instantaneous value
 _MODULI = {"table_of_E": "E_0", "table_of_G": "G_0", "table_of_modulus": "modulus_0"}
 
@@ -136,6 +136,8 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))
         row |= {"weight": curve.weight}
+        if found.prony:
+            row |= {"rate_corrected": curve.kernel is not None}
         if curve.factor != 1:
             row |= {"specimen_factor": curve.factor, "relative_rms_of_specimen": relative_rms(found.fit.law, curve)}
     elif experiment.kind == "relaxation" and found.prony:

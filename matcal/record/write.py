@@ -39,14 +39,13 @@ from matcal.record.bands import Columns, conductivity_band, stress_bands
 from matcal.record.fit_summary import curve_of, summary
 from matcal.reduction.experiment import Experiment
 from touchcal.json_file import write_json
+from touchcal.whole_file import keep_mode
 
 if TYPE_CHECKING:
     from pyarrow import Array
 
     from matcal.posterior.sample import Posterior
 
-# bytes of a file in which it may call itself synthetic
-_HEAD = 4096
 # endings of the files in the folder next to a card
 WRITTEN = (".parquet", ".json", ".nc")
 _PACKAGES = ("touchcal", "numpy", "scipy", "lmfit", "emcee", "arviz")
@@ -58,10 +57,11 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
     groups = said(found)
     tests = set(labels(found.experiments))
     decisions = [f"{name}: {s}" if name in tests else s for name, sentences in groups.items() for s in sentences]
+    tested = [*found.experiments, *(p.curve.experiment for p in found.predicted)]
     spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})
     provenance = {"files": [{"name": p.name, "sha256": hashlib.sha256(p.read_bytes()).hexdigest()} for p in files],
                   "versions": {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES},
-                  "synthetic": _synthetic(files, decisions), "seed": seed,
+                  "synthetic": any("synthetic" in e.facts for e in tested), "seed": seed,
                   "date": datetime.now(UTC).isoformat(timespec="seconds"),
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
                   "cautions": list(dict.fromkeys(c for e in found.experiments for c in e.cautions)), "cpu_s": spent}
@@ -70,12 +70,6 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
                         fit=summary(found, posterior.draws if posterior else None),
                         stability=stability(law) if law else {}, provenance=provenance,
                         posterior=_posterior_part(posterior, law) if posterior else {})
-
-
-def _synthetic(files: Sequence[Path], decisions: Sequence[str]) -> bool:
-    """Whether a file calls itself synthetic near its beginning, or in a property that was read."""
-    heads = (path.read_bytes()[:_HEAD].lower() for path in files)
-    return any("synthetic" in d.lower() for d in decisions) or any(b"synthetic" in head for head in heads)
 
 
 def said(found: FittedLaws) -> dict[str, tuple[str, ...]]:
@@ -115,6 +109,7 @@ def write_record(card: MaterialCard, found: FittedLaws, out: Path, posterior: Po
         if folder.exists():
             shutil.rmtree(folder)
         (fresh / "data").rename(folder)
+        keep_mode(out, fresh / out.name)
         (fresh / out.name).replace(out)
     finally:
         shutil.rmtree(fresh, ignore_errors=True)

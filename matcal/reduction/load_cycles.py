@@ -52,6 +52,8 @@ def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, 
     if start is None:
         said = (f"{chosen}The stress does not return to zero before it, so its strain is counted from the first "
                 "contact and its clock is left out: no rate correction is possible.")
+        if record.time_s is not None:
+            facts |= {"clock_left_out_s": float(record.time_s[end] - record.time_s[begin])}
         return replace(record, time_s=None, strain=record.strain[begin:end + 1], end=end - begin, cycles=cycles,
                        stress_Pa=record.stress_Pa[begin:end + 1], facts=facts, from_rest=False,
                        decisions=(*record.decisions, said, *_sentences(cycles)))

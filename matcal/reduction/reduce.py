@@ -139,9 +139,10 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
             _refuse_twice(contents.get(content), recordings[0], reduced[0][0], chosen)
             contents.setdefault(content, (recordings[0], reduced[0][0], chosen))
         more = [*_sidecars(recordings), *(file for _, used in reduced for file in used)]
+        made_up = {} if not any(recording.synthetic for recording in recordings) else {"synthetic": 1.0}
         layout = ", ".join(dict.fromkeys(recording.vendor for recording in recordings)) if own else ""
         files = tuple(dict.fromkeys([*own, *more]))
-        out += [replace(experiment, files=files, layout=layout,
+        out += [replace(experiment, files=files, layout=layout, facts={**experiment.facts, **made_up},
                         cautions=(*(said for one in specimen for said in one.cautions), *experiment.cautions))
                 for specimen, (experiment, _) in zip(specimens, reduced, strict=True)]
         also_read += more

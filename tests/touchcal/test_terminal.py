@@ -40,6 +40,23 @@ def test_a_seed_that_is_none_is_refused_by_its_option(words: tuple[str, ...], se
     assert re.search(expected, done.stderr)
 
 
+def _in_shell(words: str) -> subprocess.CompletedProcess[str]:
+    program = f'"{sys.executable}" -c "from matcal.__main__ import main; main()"'
+    return subprocess.run(["bash", "-c", words.replace("PROGRAM", program)], capture_output=True, text=True,
+                          check=False)
+
+
+def test_a_closed_standard_output_is_one_line() -> None:
+    done = _in_shell("PROGRAM --help >&-")
+    assert done.returncode == 2
+    assert done.stderr == "matcal: standard output is closed. Send it to a file, or to /dev/null.\n"
+
+
+def test_a_reader_that_leaves_a_pipe_ends_the_program_without_a_word() -> None:
+    done = _in_shell("PROGRAM inspect data_raw/*.txt data_raw/*.csv | true; echo ${PIPESTATUS[0]}")
+    assert (done.stdout, done.stderr) == ("141\n", "")
+
+
 def test_a_program_says_its_version(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         application("Help.")(args=["--version"], prog_name="program")

@@ -292,7 +292,8 @@ def test_a_series_moves_the_stress_as_its_covariance_says() -> None:
     covariance = np.diag([1e-4, 4e-4, 1e-3, 1.0])
     covariance[0, 1] = covariance[1, 0] = -1e-4
     covariance[1, 3] = covariance[3, 1] = 0.016
-    known = nuisance(found, SimpleNamespace(prony=series, covariance=covariance))  # pyright: ignore[reportArgumentType]
+    prony = SimpleNamespace(prony=series, covariance=covariance, further=None)
+    known = nuisance(found, prony)  # pyright: ignore[reportArgumentType]
 
     def stress(g: np.ndarray, tau: np.ndarray) -> np.ndarray:
         curve = with_history(found.curves[0], Prony(g, tau))
