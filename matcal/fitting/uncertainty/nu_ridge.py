@@ -42,6 +42,7 @@ class Node:
 class Ridge:
     """The profile of nu at one order."""
 
+    law: Hyperfoam  # the fit's own, without any stability that was asked for
     nodes: tuple[Node, ...]  # by increasing nu
     share: float  # weight of this order, that of the chosen one being 1
 
@@ -81,7 +82,7 @@ def ridges(fit: Fit, effect: Array, errors: Sequence[Errors], spare: float) -> t
         own = replace(fit, law=law)
         unit = _given(own, effect, errors, variance).unit
         nodes = _nodes(own, profile(fit.curves, law, unit), effect, errors, variance, unit, spare)
-        out.append(Ridge(nodes, share))
+        out.append(Ridge(law, nodes, share))
     return tuple(out)
 
 
@@ -100,8 +101,8 @@ def mixed(over: Sequence[Ridge], about: Hyperfoam, spare: float,
     value = slopes_of(about)[0]
     names = list(value)
     groups = [_points(ridge, names, slopes_of) for ridge in over]
-    best = slopes_of(_best(over[0]))[0]
-    move = np.array([value[name] - best[name] for name in names])
+    free = slopes_of(over[0].law)[0]
+    move = np.array([value[name] - free[name] for name in names])
     location, scale, weight = (np.concatenate(parts) for parts in zip(*groups, strict=True))
     weight = weight / weight.sum()
     mean = weight @ location
@@ -113,10 +114,6 @@ def mixed(over: Sequence[Ridge], about: Hyperfoam, spare: float,
     lo, hi = (_quantile(location, scale, weight, spare, level) for level in (0.025, 0.975))
     return {name: Spread(float(sd[k]), float(form[k]), float(min(lo[k] + move[k], value[name])),
                          float(max(hi[k] + move[k], value[name]))) for k, name in enumerate(names)}
-
-
-def _best(ridge: Ridge) -> Hyperfoam:
-    return max(ridge.nodes, key=lambda node: node.log_density).law
 
 
 def _cost(fit: Fit, law: Hyperfoam) -> float:

@@ -29,8 +29,7 @@ def calibrated(mu_Pa: Sequence[float], alpha: Sequence[float], nu: float, modes:
     return matcal.fit(tests, poisson="fit", **choices), law
 
 
-@pytest.mark.parametrize(("mu_Pa", "alpha", "nu"), [([60e3, 8e3], [8.0, -4.0], 0.2), ([60e3, 8e3], [8.0, -4.0], 0.4),
-                                                    ([20e3, 5e3], [3.0, -2.0], 0.1), ([9e3, 4e3], [2.0, 9.0], 0.3)])
+@pytest.mark.parametrize(("mu_Pa", "alpha", "nu"), [([60e3, 8e3], [8.0, -4.0], 0.4), ([20e3, 5e3], [3.0, -2.0], 0.1)])
 def test_order_and_nu_of_exact_data_are_found_together(mu_Pa, alpha, nu: float) -> None:
     """A nu fitted at another order than the law's own is another one, and then that order is not chosen."""
     found, law = calibrated(mu_Pa, alpha, nu, ("uniaxial", "planar"))
@@ -40,7 +39,7 @@ def test_order_and_nu_of_exact_data_are_found_together(mu_Pa, alpha, nu: float) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_compression_and_planar_tension_with_noise_hold_the_truth_or_leave_nu_open(seed: int) -> None:
     found, law = calibrated([60e3, 8e3], [8.0, -4.0], 0.4, ("uniaxial", "planar"), 0.01, seed, proportional=True)
     fitted, mu_0 = found.card.fit["nu"], found.card.fit["derived"]["mu_0_Pa"]
@@ -66,12 +65,11 @@ def test_the_cards_own_files_of_compression_and_planar_tension() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("nu", "modes"), [(0.2, ("uniaxial", "shear")), (0.2, ("uniaxial", "shear", "volumetric")),
-                                           (0.35, ("uniaxial", "shear"))])
+@pytest.mark.parametrize(("nu", "modes"), [(0.35, ("uniaxial", "shear")), (0.2, ("uniaxial", "shear", "volumetric"))])
 def test_intervals_with_a_fitted_nu_cover(nu: float, modes: tuple[str, ...]) -> None:
-    """At most 3 of 25 miss by chance in 97 of 100 such tests."""
+    """At most 3 of 20 miss by chance in 98 of 100 such tests."""
     missed = {"mu_0_Pa": 0, "E_0_Pa": 0, "nu": 0}
-    for seed in range(25):
+    for seed in range(20):
         found, law = calibrated([18e3, 2e3], [8.0, -1.8], nu, modes, 0.005, 100 + seed)
         truth = {"mu_0_Pa": law.mu_0_Pa, "E_0_Pa": law.E_0_Pa, "nu": nu}
         rows = {**found.card.fit["derived"], "nu": dict(zip(("lo", "hi"), found.card.fit["nu"]["interval"],
