@@ -132,7 +132,7 @@ def with_seconds(grid: Grid) -> Grid:
 def _cells(line: str, delimiter: str | None, path: Path, number: int) -> list[str]:
     if delimiter is None:
         cells = line.split()
-    elif '"' not in line or not re.search(rf'(?:^|{re.escape(delimiter)})\s*"', line):  # a mark within a cell is a second prime
+    elif '"' not in line or not re.search(rf'(?:^|{re.escape(delimiter)})\s*"', line):
         cells = [cell.strip() for cell in line.split(delimiter)]
     else:
         if line.count('"') % 2:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from matcal.readers.recording import Recording
 from matcal.readers.vocabulary import KINDS
+from matcal.reduction.creep import refuse_creep
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
@@ -21,8 +22,14 @@ _WORDS = (
 
 
 def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:
-    """(kind, sentence saying why) of the recordings of one test; InputFileError where nothing tells, ValueError for an
-    unknown explicit kind."""
+    """(kind, sentence saying why) of the recordings of one test; InputFileError where nothing tells or a creep test was
+    measured, which no kind is; ValueError for an unknown explicit kind."""
+    for recording in recordings:
+        refuse_creep(explicit or "", recording)
+    return _decided(explicit, recordings)
+
+
+def _decided(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:
     if explicit is not None:
         path = recordings[0].paths[0]
         return _known(explicit, f"{explicit}={path.name}"), f"{recordings[0].label}: {explicit}, as given."

@@ -61,9 +61,9 @@ MACHINES = {
 }
 # known words that are no measurement of a test, or of another one
 UNKNOWN = ("Strain rate (1/s)", "Force setpoint (N)", "Peak load (N)", "Young's modulus (MPa)", "Energy (J)",
-           "Position command", "Bruchdehnung (%)", "Höchstkraft (N)", "Ch 1 Kraft Sollwert", "Load cell temperature (°C)",
-           "Time step", "f (Hz)", "T (°C)", "T/K", "C (pF)", "P (W)", "E (MPa)", "Attention", "Pretension",
-           "SetName", "Index", "Scan", "Rate (mm/min)")
+           "Position command", "Bruchdehnung (%)", "Höchstkraft (N)", "Ch 1 Kraft Sollwert",
+           "Load cell temperature (°C)", "Time step", "f (Hz)", "T (°C)", "T/K", "C (pF)", "P (W)", "E (MPa)",
+           "Attention", "Pretension", "SetName", "Index", "Scan", "Rate (mm/min)")
 
 
 @pytest.mark.parametrize(("cells", "quantities"), MACHINES.values(), ids=MACHINES.keys())
