@@ -366,7 +366,8 @@ def _from_numbers(grid: Grid, header: Header) -> dict[str, int]:
     first as the strain; the other as stress. A guess that shows how the option is written; only the user knows."""
     open_ = [n for n, (name, _) in enumerate(header.cells)
              if _last_words(name) in (None, "strain", "stretch", "stress") and not true_quantity(name)
-             and relative_of(name) is None and unused_in(name, header.cells[n][1]) is None][:2]
+             and relative_of(name) is None and unused_in(name, header.cells[n][1]) is None
+             and set(measures(header.cells[n][1] or "")) <= set(measures("Pa"))][:2]
     if len(open_) < 2:
         return {}
     begins = [grid.number(grid.cell(header.rows.start, n)) if header.rows else None for n in open_]

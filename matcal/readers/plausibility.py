@@ -12,7 +12,7 @@ from touchcal.errors import InputFileError
 # above this a strain without a unit may as well be a percentage, and above the next no unit fixes it
 _LARGEST_STRAIN, _IMPOSSIBLE_STRAIN = 3.0, 20.0
 # quantity -> magnitude in SI that no test of a soft foam reaches
-_LARGEST = {"time": 1e10, "displacement": 10.0, "force": 1e8, "stress": 1e12, "deviation": 1e12, "pressure": 1e12,
+_LARGEST = {"time": 1e40, "displacement": 10.0, "force": 1e8, "stress": 1e12, "deviation": 1e12, "pressure": 1e12,
             "current": 1e6, "potential": 1e9, "resistance": 1e20, "conductivity": 1e12, "volume_ratio": 100.0,
             "relative_resistance": 1e12, "cycle": 1e12, "block": 1e12, "lateral": 20.0, "lateral_stretch": 20.0}
 # quantity -> magnitude in SI that any test of a soft foam exceeds somewhere

@@ -43,7 +43,8 @@ def _read_lvm(source: Source, selection: Selection | None = None) -> Recording:
     cells, columns = _cells(grid, names[0], file_keys, heads[0])
     rows, lines = [], []
     for start, head, stop in zip(names, heads, [*names[1:], len(grid.rows)], strict=False):
-        last = next((n for n in range(start + 1, stop) if (cell := grid.rows[n][0]) and grid.number(cell) is None), stop)
+        last = next((n for n in range(start + 1, stop)
+                     if (cell := grid.rows[n][0]) and grid.number(cell) is None), stop)
         for k, n in enumerate(range(start + 1, last)):
             rows.append([*_clock(grid, head, file_keys, k), *(grid.cell(n, column) for column in columns)])
             lines.append(grid.lines[n])
@@ -55,7 +56,7 @@ def _read_lvm(source: Source, selection: Selection | None = None) -> Recording:
 
 
 def _layout(source: Source) -> tuple[str, Style]:
-    keys = {}
+    keys: dict[str, tuple[str, str]] = {}
     for line in lines_of(source.text)[:60]:
         for delimiter in "\t,;":
             key, found, value = line.partition(delimiter)
@@ -63,7 +64,7 @@ def _layout(source: Source) -> tuple[str, Style]:
                 keys.setdefault(key, (delimiter, value.strip(delimiter + " ")))
     separator, word = keys.get("Separator", ("\t", "Tab"))
     decimal = keys.get("Decimal_Separator", ("", "."))[1] or ","
-    return _SEPARATORS.get(word.lower(), separator), Style("," if decimal.startswith(",") else ".")
+    return _SEPARATORS.get(word.lower(), separator or "\t"), Style("," if decimal.startswith(",") else ".")
 
 
 def _keys(grid: Grid, rows: range) -> Mapping[str, list[str]]:

@@ -21,8 +21,8 @@ def _lvm(x_columns: str, separator: str = "Tab", decimal: str = ".", comment: bo
     mark = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}[separator]
     head = [f"LabVIEW Measurement{mark}", f"Writer_Version{mark}2", f"Reader_Version{mark}2",
             f"Separator{mark}{separator}", f"Decimal_Separator{mark}{decimal}",
-            f"Multi_Headings{mark}Yes",
-            f"X_Columns{mark}{x_columns}", f"Time_Pref{mark}Relative", f"Date{mark}2024/01/31", f"Time{mark}10:00:00", f"***End_of_Header***{mark}", ""]
+            f"Multi_Headings{mark}Yes", f"X_Columns{mark}{x_columns}", f"Time_Pref{mark}Relative",
+            f"Date{mark}2024/01/31", f"Time{mark}10:00:00", f"***End_of_Header***{mark}", ""]
     lines = list(head)
     gap = mark * (2 if x_columns == "Multi" else 1)
     for part in np.array_split(np.arange(N), segments):
