@@ -6,10 +6,17 @@ from pathlib import Path
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 
-WORKBOOK = b"PK\x03\x04"
 # first bytes of other files that hold tables -> what they are, and how to make text of them
-_BINARY = {b"\xd0\xcf\x11\xe0": "this is an old Excel file (.xls). Save it as .xlsx, or export it as CSV.",
-           b"\x89HDF\r\n": "this is an HDF5 file. Export its table as CSV."}
+_BINARY = {b"\x89HDF\r\n": "this is an HDF5 file. Export its table as CSV.",
+           b"%PDF": "this is a PDF. Export the test as CSV.", b"\x89PNG": "this is an image. Export the test as CSV.",
+           b"\xff\xd8\xff": "this is an image. Export the test as CSV.",
+           b"\x1f\x8b": "this is a compressed file (gzip). Unpack it, or export the test as CSV.",
+           b"MATLAB 5.0": "this is a MATLAB file. Export its table as CSV.",
+           b"SQLite format 3": "this is a database (SQLite). Export the test as CSV.",
+           b"PAR1": "this is a Parquet file. Export its table as CSV."}
+_CONTROLS = re.compile("[\x01-\x08\x0e-\x1a\x1c-\x1f]")
+_MOST_CONTROLS = 1e-3  # share of characters that control a terminal or nothing, as no text has
+_UNKNOWN = "this is a binary file of a kind that is not known here. Export the test as text (CSV, UTF-8)."
 
 
 def read_bytes(path: Path) -> bytes:
@@ -36,8 +43,10 @@ def decode(data: bytes, path: Path) -> tuple[str, str]:
         except (UnicodeDecodeError, LookupError):
             continue
         if "\x00" not in text and text.strip():
+            if len(_CONTROLS.findall(text[:100_000])) > _MOST_CONTROLS * min(len(text), 100_000):
+                break
             return text, encoding
-    raise InputFileError(path, "this is not text in any known encoding. Export it as UTF-8 text.")
+    raise InputFileError(path, _UNKNOWN)
 
 
 def lines_of(text: str) -> list[str]:

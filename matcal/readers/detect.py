@@ -7,12 +7,12 @@ from pathlib import Path
 from matcal.readers import vendors
 from matcal.readers.column_options import Selection
 from matcal.readers.columns import check_clock
-from matcal.readers.decoding import WORKBOOK, decode, read_bytes
+from matcal.readers.decoding import decode, read_bytes
 from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.specimens import specimens_of
 from matcal.readers.vendors.mts_testsuite import join_parts, sibling_parts
-from matcal.readers.vendors.xlsx import read_workbook
+from matcal.readers.vendors.xlsx import TABLES, read_workbook
 from touchcal.errors import InputFileError
 
 # the line of a file, alone or as a comment, that says that nothing was measured; where it is looked for
@@ -64,7 +64,7 @@ def _recognises(reader: Reader, source: Source) -> bool:
 
 def _open(path: Path, sheet: str | None) -> Source:
     data = read_bytes(path)
-    if data.startswith(WORKBOOK):
+    if data.startswith(TABLES):
         grid, notes = read_workbook(data, path, sheet)
         return Source(path, "", grid, notes)
     text, encoding = decode(data, path)

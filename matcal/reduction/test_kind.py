@@ -3,6 +3,8 @@
 import re
 from collections.abc import Sequence
 
+import numpy as np
+
 from matcal.readers.recording import Recording
 from matcal.readers.vocabulary import KINDS
 from touchcal.errors import InputFileError
@@ -18,11 +20,37 @@ _WORDS = (
     ("uniaxial", r"uniax|\bcompres|\btension|\btensile|\buc\b|\but\b|einachs|druckvers|druckfest|stauch|zugvers"
                  r"|\bzug\b|\bdruck\b|traction|tracci[óo]n|trazione|单轴|压缩|拉伸|圧縮|引張"),
 )
+_FEWEST = 8  # rows that show a creep
+_HELD, _GROWN, _SLOWING = 0.05, 0.02, 1.5  # spread of a held load, growth of a strain, share of it in the first half
 
 
 def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:
-    """(kind, sentence saying why) of the recordings of one test; InputFileError where nothing tells, ValueError for an
-    unknown explicit kind."""
+    """(kind, sentence saying why) of the recordings of one test; InputFileError where nothing tells or a creep test was
+    measured, which no kind is; ValueError for an unknown explicit kind."""
+    for recording in recordings:
+        _refuse_creep(explicit or "", recording)
+    return _decided(explicit, recordings)
+
+
+def _refuse_creep(kind: str, recording: Recording) -> None:
+    """InputFileError where the stress (or force) is held in time and the strain (or displacement) grows, less in the
+    second half of the time than in the first."""
+    load = next((recording.columns[q] for q in ("stress", "force") if q in recording.columns), None)
+    strain = next((recording.columns[q] for q in ("strain", "stretch", "displacement") if q in recording.columns), None)
+    time = recording.columns.get("time")
+    if kind in ("conductivity", "volumetric") or load is None or strain is None or time is None \
+            or recording.rows < _FEWEST or not np.all(np.diff(time) >= 0) or time[-1] <= time[0]:
+        return
+    low, middle, high = np.quantile(load, (0.05, 0.5, 0.95))
+    half = float(np.interp(0.5 * (time[0] + time[-1]), time, strain))
+    early, late = half - strain[0], strain[-1] - half
+    if high - low <= _HELD * abs(middle) and early * late >= 0 and abs(early + late) > _GROWN * np.max(np.abs(strain)) \
+            and abs(early) > _SLOWING * abs(late):
+        raise InputFileError(recording.paths[0], "a creep test: the load is held and the strain grows. This version "
+                                                 "does not fit creep. Give a relaxation test, with the strain held.")
+
+
+def _decided(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:
     if explicit is not None:
         path = recordings[0].paths[0]
         return _known(explicit, f"{explicit}={path.name}"), f"{recordings[0].label}: {explicit}, as given."

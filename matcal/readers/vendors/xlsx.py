@@ -1,4 +1,4 @@
-"""Workbooks (xlsx): the sheet that holds the test, as a grid."""
+"""Workbooks: the sheet that holds the test, as a grid; sheets of xlsx."""
 
 import io
 import zipfile
@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from matcal.readers.cells import Grid, shown, style_of, with_seconds
+from matcal.readers.vendors.tdms import MARK, groups_of
+from matcal.readers.vendors.xls import OLE, old_sheets
 from touchcal.errors import InputFileError
+
+WORKBOOK = b"PK\x03\x04"
+TABLES = (WORKBOOK, OLE, MARK)  # first bytes of files that hold tables by name: sheets, or groups of channels
 
 # more than any measurement needs, less than what fills the memory
 _MOST_BYTES, _MOST_CELLS, _MOST_ROWS = 400_000_000, 20_000_000, 1_048_576
@@ -17,7 +22,7 @@ _MOST_BYTES, _MOST_CELLS, _MOST_ROWS = 400_000_000, 20_000_000, 1_048_576
 def read_workbook(data: bytes, path: Path, sheet: str | None = None) -> tuple[Grid, tuple[str, ...]]:
     """The grid of `sheet`, or of the only sheet with a table, and notes on the choice. InputFileError where the
     workbook is damaged, has no such sheet, or has several with tables."""
-    grids = _sheets(data, path)
+    grids = (old_sheets if data.startswith(OLE) else groups_of if data.startswith(MARK) else _sheets)(data, path)
     names = ", ".join(f"'{shown(name)}'" for name in grids)
     if sheet is not None:
         if sheet not in grids:

@@ -172,7 +172,8 @@ def test_underscores_before_names_and_rows_with_a_number_too_many(tmp_path: Path
         read(path)
 
 
-@pytest.mark.parametrize(("begin", "says"), [(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", r"old Excel .* Save it as .xlsx"),
+@pytest.mark.parametrize(("begin", "says"), [(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",
+                                              r"old Office file, .* Save it as .xlsx"),
                                              (b"\x89HDF\r\n\x1a\n", "HDF5")])
 def test_other_formats_are_known_by_their_first_bytes(begin: bytes, says: str, tmp_path: Path) -> None:
     path = tmp_path / "test.dat"

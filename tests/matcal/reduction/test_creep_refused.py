@@ -1,0 +1,41 @@
+"""A creep test is refused by name; ramps, plateaus and relaxation are not taken for one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from matcal.reduction.inspect import inspect
+from matcal.reduction.reduce import reduce_tests
+from touchcal.errors import InputFileError
+
+TIME = np.geomspace(0.1, 1000, 80)
+
+
+def _write(folder: Path, strain: np.ndarray, stress: np.ndarray, name: str = "relaxation.csv") -> Path:
+    path = folder / name
+    rows = "".join(f"{t:.6g},{e:.8f},{p:.8f}\n" for t, e, p in zip(TIME, strain, stress, strict=True))
+    path.write_text("time,strain,stress\ns,-,kPa\n" + rows, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("kind", ["relaxation", "uniaxial", "shear", None])
+def test_a_held_load_is_creep(seed: int, kind: str | None, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    tau = 10 ** rng.uniform(0, 2)
+    strain = -0.025 * (1 + rng.uniform(0.2, 2) * (1 - np.exp(-TIME / tau)))
+    path = _write(tmp_path, strain, -4 * (1 + 0.01 * rng.standard_normal(TIME.size)))
+    with pytest.raises(InputFileError, match="a creep test"):
+        reduce_tests([(kind, (path,))])
+    assert "a creep test" in inspect(path)["kind_reason"]
+
+
+@pytest.mark.parametrize("case", ["relaxation", "ramp", "plateau"])
+def test_no_other_test_is_creep(case: str, tmp_path: Path) -> None:
+    strain, stress = {"relaxation": (np.full(80, -0.3), -4 - 2 * np.exp(-TIME / 20)),
+                      "ramp": (-5e-4 * TIME, -10e-3 * TIME),
+                      "plateau": (-5e-4 * TIME, -4 - 1e-4 * TIME)}[case]
+    assert "creep" not in inspect(_write(tmp_path, strain, stress))["kind_reason"]
