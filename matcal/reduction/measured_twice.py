@@ -78,10 +78,10 @@ def best_measures(recording: Recording, known: Block) -> Measured:
         chosen |= {q: -chosen[q] for q in ("displacement", "force") if q in chosen and not _falls(chosen[q])}
     said = (*strain.decisions, *stress.decisions)
     sizes = replace(known, length_m=length, area_m2=area)
-    if strain.values is not None and sizes.compliance_m_per_N:
+    if strain.values is not None:
         said += ("A strain measured on the specimen does not hold the frame's own give: compliance_mm_per_N is not "
-                 "used.",)
-        sizes = replace(sizes, compliance_m_per_N=0.0)
+                 "used.",) if sizes.compliance_m_per_N else ()
+        sizes = replace(sizes, compliance_m_per_N=0.0, compliance_stated=True)
     units = {q: recording.units.get(q, "") for q in chosen}
     made = replace(recording, columns=chosen, names={q: names[q] for q in chosen}, units=units)
     return Measured(made, sizes, said, (*strain.cautions, *stress.cautions))

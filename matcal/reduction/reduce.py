@@ -16,10 +16,11 @@ from matcal.reduction.holds.relaxation_tables import reduce_relaxation_table
 from matcal.reduction.kind_doubts import doubts
 from matcal.reduction.load_cycles import BRANCHES
 from matcal.reduction.measured_twice import best_measures, is_table, needs_no_size
-from matcal.reduction.reduced_tables import reduce_table
 from matcal.reduction.replicates import with_scatter
+from matcal.reduction.size_checks import compliance_doubt
 from matcal.reduction.specimen import Block, Strip
 from matcal.reduction.specimen_sizes import specimen_of, stated_direction
+from matcal.reduction.tables.reduced_tables import reduce_table
 from matcal.reduction.test_kind import decide_kind
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
@@ -212,7 +213,8 @@ def _of_kind(kind: str, recordings: list[Recording], why: str, specimen: Path | 
         raise _unreduced(first, kind, error) from error
     known = {} if sizes is None else {"specimen_area_mm2": 1e6 * sizes.area_m2,
                                       "specimen_length_mm": 1e3 * sizes.length_m}
-    return _said(replace(made, facts={**known, **made.facts}, cautions=(*used.cautions, *made.cautions)), why, *where,
+    return _said(replace(made, facts={**known, **made.facts}, cautions=(
+        *used.cautions, *compliance_doubt(used.recording, used.block), *made.cautions)), why, *where,
                  *used.decisions), files
 
 

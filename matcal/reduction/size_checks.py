@@ -8,9 +8,12 @@ from matcal.reduction.stroke_segments import Stroke
 from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
+from touchcal.number_words import percent
 
 # a loading that ends below is no test of foam, nor is one above the next, nor a stress above, Pa
 _LEAST_STRAIN, _LARGEST_STRAIN, _LARGEST_STRESS = 0.03, 20.0, 1e9
+# what a usual frame with its load cell gives, m/N, and the share of the travel from which on it matters
+_FRAME_m_per_N, _MATTERS = 1e-6, 0.01
 # kind -> keys of the specimen's table behind its length and its area
 _KEYS = {"shear": ("thickness_mm", "faces, length_mm and width_mm"), "volumetric": ("height_mm or volume_mm3",
          "diameter_mm or piston_diameter_mm"), "biaxial": ("length_mm", "width_mm and thickness_mm"),
@@ -49,6 +52,20 @@ def check_sizes(kind: str, recording: Recording, block: Block, stroke: Stroke, l
     if top / block.area_m2 > _LARGEST_STRESS:
         raise _error(recording, f"{top:.3g} N on {block.area_m2 * 1e6:.3g} mm2 are {top / block.area_m2 / 1e6:.3g} "
                                 f"MPa, more than any foam bears. Check {area}, in mm, and the unit of the force.")
+
+
+def compliance_doubt(recording: Recording, block: Block) -> list[str]:
+    """What is said of a stiff specimen whose strain is the travel of a frame of unknown compliance."""
+    if block.compliance_stated or not {"displacement", "force"} <= set(recording.columns):
+        return []
+    force, travel = (float(np.ptp(recording.columns[q])) for q in ("force", "displacement"))
+    share = _FRAME_m_per_N * force / travel if travel > 0 else 0.0
+    if share < _MATTERS:
+        return []
+    return [f"What the frame gives is not known for {recording.label}: a frame of {_FRAME_m_per_N * 1e3:g} mm/N, which "
+            f"many are, makes {percent(share, 2)} of its largest travel, and the law is softer by as much. Press the "
+            "plates on each other, and give compliance_mm_per_N in the specimen file (0 where the travel is without "
+            "it)."]
 
 
 def check_reach(kind: str, recording: Recording, strain: float) -> None:

@@ -1,7 +1,7 @@
 """Sizes of the specimens, from `specimen.toml`: one table a kind, millimetres in the file, SI here."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,7 @@ class Block:
     direction: str | None = None  # one of DIRECTIONS, or None where the file must tell
     mean_share: float = 1.0  # mean over axial stress, volumetric: 1 in a fluid, (1 + 2 lateral_ratio)/3 in a sleeve
     notes: tuple[str, ...] = ()  # what the sizes say about the test, one sentence each
+    compliance_stated: bool = False  # whether the specimen's table states what the frame gives
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,11 @@ def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
 def make_specimen(kind: str, table: Mapping[str, Any], path: Path) -> Block | Strip:
     """The specimen that the keys of one table make; InputFileError, in the name of `path`, where a key is missing, a
     size is not positive, or two ways to give the cross-section differ."""
+    made = _made(kind, table, path)
+    return replace(made, compliance_stated="compliance_mm_per_N" in table) if isinstance(made, Block) else made
+
+
+def _made(kind: str, table: Mapping[str, Any], path: Path) -> Block | Strip:
     def size(key: str, default: float | None = None) -> float:
         return _size(table, key, default, kind, path)
 

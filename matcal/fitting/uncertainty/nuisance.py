@@ -130,7 +130,8 @@ def _size_words(fact: str, by: float) -> str:
 
 def _name(curve: Curve, fact: str) -> str:
     if fact == "strain_zero_sd":
-        return f"the contact point of {curve.label}"
+        of_table = curve.experiment.facts.get("strain_zero_assumed", 0.0) > 0
+        return f"the {'zero of the strain' if of_table else 'contact point'} of {curve.label}"
     if fact == "zero_sd_N":
         return f"the load zero of {curve.label}"
     assumed = "drift_N_per_s" not in curve.experiment.facts or curve.experiment.facts.get("drift_assumed", 0.0) > 0

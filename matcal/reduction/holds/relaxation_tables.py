@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 from matcal.readers.recording import Recording
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import held_samples, held_throughout, loading_start
-from matcal.reduction.reduced_tables import reduce_table
+from matcal.reduction.tables.reduced_tables import reduce_table
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -24,7 +24,7 @@ _PER_DECADE, _FALLEN, _FINEST, _CLEAR = 10, np.log(1e3), 1e-3, 10.0
 
 def reduce_relaxation_table(recording: Recording, direction: str | None = None) -> Experiment:
     """The table, its clock counted from the start of loading; rows at rest before it left out. InputFileError as
-    that of `matcal.reduction.reduced_tables.reduce_table`."""
+    that of `matcal.reduction.tables.reduced_tables.reduce_table`."""
     is_modulus = bool({"modulus", "normalised"} & set(recording.columns)) and "stress" not in recording.columns
     found = _of_modulus(recording) if is_modulus else reduce_table("relaxation", recording, direction)
     if is_modulus or held_throughout(found.strain):

@@ -129,9 +129,9 @@ def _table(folder: Path, name: str, head: str = "strain,stress") -> Path:
 def test_a_direction_that_nothing_tells_is_said_and_warned_of(tmp_path: Path) -> None:
     read, = reduce_tests([("uniaxial", (_table(tmp_path, "foam.csv"),))])
     assert read.strain.max() > 0.7
-    said, = [s for s in read.decisions if "Nothing tells compression from tension in foam.csv" in s]
+    said, = [s for s in read.cautions if "Nothing tells compression from tension in foam.csv" in s]
     assert "as that of foam does in compression" in said
-    card = MaterialCard("a", None, None, None, provenance={"decisions": [f"uniaxial_1: {said}"]})
+    card = MaterialCard("a", None, None, None, provenance={"cautions": [said]})
     assert said in cautions(card)
     for name, head in (("druckversuch.csv", "strain,stress"), ("foam.csv", "compressive strain,stress")):
         read, = reduce_tests([("uniaxial", (_table(tmp_path, name, head),))])

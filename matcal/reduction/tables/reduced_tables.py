@@ -10,11 +10,18 @@ from matcal.readers.vocabulary import quantity_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.loading_direction import densifies, named_direction, words_about
 from matcal.reduction.loading_doubts import collapse, collapse_sentence, hold_doubts, loading_doubts
+from matcal.reduction.tables.strain_zero import zero_of
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
+from touchcal.number_words import percent
 
 _SIGNED = 0.02  # share of the largest strain, below 0, from which on a table counts compression as negative
 _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another unit
+# standard deviation of the zero of a table's strain where the table leaves it open, and share of its reach at most;
+# standard errors from which on an error is said, and error up to which a zero is known
+_ZERO, _ZERO_SHARE, _CLEAR, _SMALL = 0.003, 0.01, 2.5, 3e-4
+# error of the zero of a table of conductivity of which its effect is said, and share of c_0 below which it is not
+_ZERO_SEEN, _LITTLE = 0.002, 1e-3
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
 
 
@@ -35,15 +42,20 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
         most = int(np.argmax(np.abs(strain))) + 1
         time = recording.columns.get("time")
         cautions += hold_doubts(recording.label, None if time is None else time[:most], strain[:most], value[:most])
+    if kind == "conductivity":
+        cautions += _zero_of_conductivity(recording.label, strain, value)
     time = recording.columns.get("time")
     if time is not None and np.any(np.diff(time) <= 0):
         raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
     if time is not None and kind != "relaxation":
         time = time - time[0]
     deviation = _deviation(recording) if kind != "conductivity" else None
+    lateral = _lateral(recording, strain, notes) if kind in _FREE_FACES else None
+    facts = _zero(kind, recording.label, strain, value, cautions) if (
+        kind in (*_FREE_FACES, "shear") and lateral is None) else {}
     return Experiment(kind=kind, strain=strain, value=value, time_s=time, deviation=deviation,
-                      lateral=_lateral(recording, strain, notes) if kind in _FREE_FACES else None,
-                      source=tuple(p.name for p in recording.paths), decisions=tuple(notes), cautions=tuple(cautions))
+                      lateral=lateral, source=tuple(p.name for p in recording.paths), decisions=tuple(notes),
+                      cautions=tuple(cautions), facts=facts)
 
 
 def _until_collapse(recording: Recording, cautions: list[str]) -> Recording:
@@ -140,6 +152,8 @@ def _compression_negative(kind: str, recording: Recording, strain: Array, stress
         notes.append(f"Tension, {by}.")
     elif "strain" not in recording.columns:
         notes.append("Tension, as the stretch is above 1.")
+    elif kind == "conductivity" and recording.vendor == "arrays":
+        notes.append("Tension, as arrays count compression as negative.")
     elif kind in ("uniaxial", "relaxation", "conductivity"):
         shape = " Its slope falls and then rises, as that of foam does in compression." if (
             kind != "conductivity" and densifies(strain, stress)) else ""
@@ -166,6 +180,35 @@ def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | N
     if float(strain @ lateral) > 1e-3 * float(strain @ strain):
         notes.append("The free faces move with the load, a negative Poisson's ratio; check the sign of their column.")
     return lateral
+
+
+def _zero_of_conductivity(label: str, strain: Array, value: Array) -> list[str]:
+    """What is said where a small error of the strain's zero, which nothing in a table shows, is more than the noise
+    leaves of the conductivity at rest."""
+    if np.unique(strain).size < 6 or strain.size < 8:
+        return []
+    basis = np.vander(strain, 4, increasing=True)
+    found, *_ = np.linalg.lstsq(basis, value, rcond=None)
+    noise = np.sum((value - basis @ found) ** 2) / (strain.size - 4)
+    sd, moved = np.sqrt(noise * np.linalg.pinv(basis.T @ basis)[0, 0]), abs(found[1]) * _ZERO_SEEN
+    if found[0] <= 0 or moved < max(2 * sd, _LITTLE * found[0]):
+        return []
+    return [f"c_0 of {label} is that at the table's own zero of strain: {_ZERO_SEEN:g} of strain in it change c_0 by "
+            f"{percent(float(moved / found[0]), 2)}, more than its interval, which leaves it out."]
+
+
+def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[str]) -> dict[str, float]:
+    """The standard deviation of the strain's zero, which the fit refines like that of a contact, where the noise of
+    the table leaves it open or its curve contradicts it."""
+    found = zero_of(kind, strain, stress)
+    if found is None or max(abs(found[0]), found[1]) < _SMALL:
+        return {}
+    off, sd = found
+    if abs(off) > _CLEAR * sd:
+        cautions.append(f"The zero of the strain of {label} looks off: its curve has no stress at a strain of "
+                        f"{-off:.2g} ± {sd:.2g}. Count the strain from contact. The fit moves it, and the intervals "
+                        f"hold an error of {_ZERO:g}.")
+    return {"strain_zero_sd": min(_ZERO, _ZERO_SHARE * float(np.abs(strain).max())), "strain_zero_assumed": 1.0}
 
 
 def _deviation(recording: Recording) -> Array | None:

@@ -1,0 +1,1 @@
+"""Tables that are reduced already, and what they tell of themselves."""
