@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -62,7 +62,7 @@ def run(app: typer.Typer, name: str) -> None:
             if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
                 print(f"{name}: stopped by Ctrl-C; files are written whole or not at all.", file=sys.stderr)
             if isinstance(end.__context__, BrokenPipeError):
-                raise end.__context__ from None
+                _end_of_pipe()
             raise
         finally:
             sys.stdout.flush()
@@ -70,8 +70,7 @@ def run(app: typer.Typer, name: str) -> None:
         if debug:
             raise
         if isinstance(error, BrokenPipeError) and _reader_left():
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is still buffered goes nowhere
-            sys.exit(READER_LEFT)
+            _end_of_pipe()
         print(f"{name}: {_sentence(error)}", file=sys.stderr)
         sys.exit(NOT_CONVERGED if isinstance(error, NotConverged) else BAD_INPUT)
 
@@ -81,6 +80,12 @@ def _reader_left() -> bool:
     pipe = select.poll()
     pipe.register(1, 0)
     return any(event & select.POLLERR for _, event in pipe.poll(0))
+
+
+def _end_of_pipe() -> NoReturn:
+    """End as a program does that SIGPIPE stops; what is still buffered goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(READER_LEFT)
 
 
 def _sentence(error: BaseException) -> str:

@@ -46,12 +46,6 @@ def _in_shell(words: str) -> subprocess.CompletedProcess[str]:
                           check=False)
 
 
-def test_a_closed_standard_output_is_one_line() -> None:
-    done = _in_shell("PROGRAM --help >&-")
-    assert done.returncode == 2
-    assert done.stderr == "matcal: standard output is closed. Send it to a file, or to /dev/null.\n"
-
-
 def test_a_reader_that_leaves_a_pipe_ends_the_program_without_a_word() -> None:
     done = _in_shell("PROGRAM inspect data_raw/*.txt data_raw/*.csv | true; echo ${PIPESTATUS[0]}")
     assert (done.stdout, done.stderr) == ("141\n", "")
