@@ -36,6 +36,7 @@ class Recording:
     touch: NDArray[np.str_]  # (frames,) name of the touch, "" where nothing touches
     kind: str  # one of KINDS
     source: Path  # file that it was read from
+    pairs: NDArray[np.intp] | None = None  # (m, 4) source, sink, plus and minus of each, where the file states them
 
     @property
     def untouched(self) -> Mask:

@@ -8,7 +8,7 @@ import numpy as np
 
 from eitsim.sensors.conventions import counts_for
 from eitsim.sensors.recording import Recording
-from touchcal.arrays import Array, Complex
+from touchcal.arrays import Array, Complex, Index
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 
@@ -41,9 +41,10 @@ def first_lines(path: Path, count: int = 40) -> list[str]:
     return [] if b"\0" in head else head.decode("utf-8", errors="replace").splitlines()[:count]
 
 
-def frames(path: Path, readings: Array | Complex, kind: str) -> Recording:
-    """A recording of frames (n, readings) one after the other that no file names the touches of."""
-    return Recording(readings, np.arange(len(readings)), None, np.array([""] * len(readings)), kind, path)
+def frames(path: Path, readings: Array | Complex, kind: str, pairs: Index | None = None) -> Recording:
+    """A recording of frames (n, readings) one after the other that no file names the touches of; pairs (readings, 4):
+    where the file states its order."""
+    return Recording(readings, np.arange(len(readings)), None, np.array([""] * len(readings)), kind, path, pairs)
 
 
 def a_row_a_frame(path: Path, name: str, array: Array | Complex) -> Array | Complex:
