@@ -108,7 +108,8 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     found = stated(profile, own, kind=kind) if own is not None else identified(
         profile, signals, _orders(values.shape[1], counts, known), kind=kind, silent=silent, expected=known, skin=skin)
     agrees = _agrees(found, known, counts[0]) if known is not None else None
-    if own is None and known is not None and agrees is False and vouched(profile, silent, Order(counts[0], known)):
+    if agrees is False and known is not None and own is None and (
+            found.doubtful or vouched(profile, silent, Order(counts[0], known))):
         agrees = None
     kind = "magnitude" if kind == "voltage" and found.sign == "magnitude" else kind
     pairs = known if known is not None else found.order.pairs if found.order else None

@@ -47,12 +47,14 @@ def frames(path: Path, readings: Array | Complex, kind: str, pairs: Index | None
     return Recording(readings, np.arange(len(readings)), None, np.array([""] * len(readings)), kind, path, pairs)
 
 
-def a_row_a_frame(path: Path, name: str, array: Array | Complex) -> Array | Complex:
-    """(frames, readings) of an array of one or two axes, whose axis of readings is the one of which a common drive
-    makes so many; InputFileError where both are, or neither."""
+def a_row_a_frame(path: Path, name: str, array: Array | Complex, readings: int | None = None) -> Array | Complex:
+    """(frames, readings) of an array of one or two axes, whose axis of readings is the only one of `readings` numbers,
+    or without it the one of which a common drive makes so many; InputFileError where both are, or neither."""
     if array.ndim == 1:
         return array[None]
     first, second = array.shape
+    if readings is not None and (first == readings) != (second == readings):
+        return array.T if first == readings else array
     by_column, by_row = (size >= FEWEST_READINGS and bool(counts_for(size)) for size in array.shape)
     if by_column == by_row:
         which = ("either may be the readings of a frame." if by_row else
