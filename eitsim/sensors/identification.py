@@ -24,7 +24,7 @@ from eitsim.sensors.recognition import (
 from touchcal.arrays import Array, Index, Mask
 
 # What a disc of this misfit or less says counts in full, since its error is noise; of a larger one, whose errors are
-# those of the model and go together, the square of this over the misfit.
+# those of the model and go together, the square of this over the misfit. A skin of the sensor file's outline is known.
 _TRUSTED = 0.05
 _LEVEL = 0.7  # one number is added to all readings where that leaves less than this of what stays unexplained
 # A disc that leaves more than this of a frame unexplained says nothing of its order.
@@ -197,7 +197,7 @@ def _fit(profile: Array, orders: Sequence[Order], skin: OutlinedSkin | None, *, 
                 and all(new.log_likelihood > other.log_likelihood + CERTAIN for other, _, _ in rest)):
             return _Fit((order,), new.log_likelihood, new.unexplained, new.sign, 1.0, leads)
     spread = 1.0 if level else float(np.nanstd(profile) / np.sqrt(np.nanmean(profile**2)))
-    counts = min(1.0, (_TRUSTED * spread / first.unexplained) ** 2)
+    counts = min(1.0, (_TRUSTED * spread / first.unexplained) ** 2) if skin is None else 1.0
     kept = tuple(one.order for one in best if counts * (first.log_likelihood - one.log_likelihood) < CERTAIN)
     return _Fit(kept, first.log_likelihood, first.unexplained, first.sign, counts, level=first.level)
 

@@ -62,10 +62,15 @@ def at_driven(pairs: Index) -> Mask:
 
 def not_taken(pairs: Index, silent: Mask) -> Mask:
     """(readings,) which of the readings that hold no measurement (readings,) the board does not take, rather than being
-    dead: those at driven electrodes, where most of these hold none."""
-    for driven in (at_driven(pairs), _at_both(pairs)):
-        if driven.any() and silent[driven].mean() > _MOSTLY:
-            return silent & driven
+    dead: those at driven electrodes, or between them, where most of these hold none."""
+    return not_taken_of((at_driven(pairs), _at_both(pairs)), silent)
+
+
+def not_taken_of(groups: Sequence[Mask], silent: Mask) -> Mask:
+    """As `not_taken`, of the first of some groups of readings most of which hold no measurement."""
+    for group in groups:
+        if group.any() and silent[group].mean() > _MOSTLY:
+            return silent & group
     return np.zeros_like(silent)
 
 

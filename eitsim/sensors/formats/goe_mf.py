@@ -1,7 +1,7 @@
 """Goe-MF's .get files: 256 numbers of four bytes a frame, one frame after the other, without a header.
 
-A frame is 16 adjacent currents of 16 neighbours' voltages each; those of driven electrodes are 0. Layout as EIDORS reads
-files of this name.
+A frame is 16 adjacent currents of 16 neighbours' voltages each; those of driven electrodes are 0. Layout as EIDORS
+reads files of this name.
 """
 
 from pathlib import Path

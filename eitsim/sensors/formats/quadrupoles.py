@@ -83,7 +83,8 @@ def _row(path: Path, number: int, cells: list[str], columns: tuple[int, ...]) ->
                              line=number) from None
     ends = row[:4]
     if any(end % 1 or end < 0 for end in ends):
-        raise InputFileError(path, f"'{' '.join(cells)[:40]}' names no electrodes by whole numbers from 1.", line=number)
+        raise InputFileError(path, f"'{' '.join(cells)[:40]}' names no electrodes by whole numbers from 1.",
+                             line=number)
     if min(ends) < 1:
         raise InputFileError(path, "electrode 0 stands for one that is far away, and all four must be on the body "
                                    "here. Leave the row out.", line=number)
