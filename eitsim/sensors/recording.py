@@ -127,7 +127,9 @@ def _rows(path: Path, readings: int | None) -> list[tuple[int, list[str]]]:
     for line, cells in rows:
         if len(cells) != len(rows[0][1]):
             raise InputFileError(path, f"{len(cells)} columns, expected {len(rows[0][1])} as in line {rows[0][0]}. "
-                                       "Leave a cell empty where a channel is dead.", line=line)
+                                       "A row is a frame: leave a cell empty where a channel is dead, and leave out "
+                                       "lines of other text; where a frame has several rows, write them into one.",
+                                 line=line)
     return rows
 
 
