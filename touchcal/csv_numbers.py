@@ -50,6 +50,19 @@ def check_commas(path: Path, rows: Sequence[tuple[int, list[str]]]) -> None:
                                    "numpy.savetxt(..., delimiter=\",\").", line=rows[0][0])
 
 
+def without_last_commas(rows: list[tuple[int, list[str]]], width: int | None = None) -> list[tuple[int, list[str]]]:
+    """Rows without the comma that each of them ends with, as loops that print `v,` write them: a last cell that is
+    empty in every row and that no header names. Rows of `width` cells are left as they are."""
+    named = bool(rows) and bool(rows[0][1]) and _number(rows[0][1][0]) is None
+    body = rows[1:] if named else rows
+    if not body or any(len(cells) < 2 or cells[-1] for _, cells in body) or len(body[0][1]) == width:
+        return rows
+    if named and rows[0][1][-1] and len(rows[0][1]) == len(body[0][1]):
+        return rows
+    head = [(rows[0][0], rows[0][1] if rows[0][1][-1] else rows[0][1][:-1])] if named else []
+    return [*head, *((line, cells[:-1]) for line, cells in body)]
+
+
 def _turned(rows: int, columns: int | None) -> str:
     """What may be wrong with as many rows as columns are expected; empty for another number."""
     return f" It has {rows} rows: are rows and columns exchanged?" if rows == columns else ""
@@ -66,7 +79,7 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
     InputFileError names the line of a row of another width than `columns` or, without it, than the first row, and the
     column of a cell that is no finite number. With `blanks`, empty cells are NaN."""
     path = Path(path)
-    rows = _without(csv_rows(path, what), left_out)
+    rows = without_last_commas(_without(csv_rows(path, what), left_out), columns)
     width = columns or (len(rows[0][1]) if rows else 0)
     for number, cells in rows:
         if len(cells) != width:

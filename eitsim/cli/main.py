@@ -256,16 +256,17 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
     from eitsim.cli.display import show_images
     from eitsim.electrics.imaging.gauss_newton import check_prior
     from eitsim.electrics.imaging.images import check_suffix, images_of, write_images
-    from eitsim.sensors.formats.open_file import open_frames
     from eitsim.sensors.sensor_file import scene_of_frames
+    from eitsim.sensors.taken_readings import taken
 
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [path for path in (frames, scene, baseline) if path is not None])
         check_suffix(out)
     check_prior(prior, noise_figure)
-    images, document = images_of(frames, scene_of_frames(scene) if scene is not None else Scene(), baseline=baseline,
-                                 prior=prior, noise_figure=noise_figure, read=open_frames)
+    made_by, read, left_out = taken(frames, scene_of_frames(scene) if scene is not None else Scene())
+    images, document = images_of(frames, made_by, baseline=baseline, prior=prior, noise_figure=noise_figure, read=read)
+    document["readings_not_taken"] = left_out
     if out is not None:
         write_images(images, out)
     if as_json:

@@ -161,7 +161,10 @@ def check(radius_m: float, electrodes: Electrodes) -> None:
             "has no effect with angles_deg; leave it out")
     steps = np.diff(middles(electrodes), append=middles(electrodes)[0] + 2 * np.pi)
     require(bool(np.all(steps > 0)), "angles_deg", "must increase counter-clockwise, within "
-            "one turn; where the board counts clockwise, call its electrode k of N number N - k in pairs of [drive]")
+            "one turn; where the board counts clockwise, give the angles counter-clockwise from its electrode 0, and "
+            "call its electrode k of N number (N - k) mod N in pairs of [drive], so that 0 stays 0; or give the disc "
+            "as outline = \"rectangle\" with corner_radius_mm of half its width_mm and height_mm, where angles may "
+            "decrease")
     arcs(radius_m, electrodes)
 
 

@@ -174,6 +174,7 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
 EACH = ("width_mm", "length_mm", "turn_deg", "shape", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
 LISTS = {"drive": MATRICES, "electrodes": ("angles_deg", "missing", "positions_mm", "shares", "x_mm", "y_mm"),
           "body": ("points_mm", "holes_mm")}
+_IN_FILES = {"drive": ("pairs",)}  # keys of files alone, which `with_files` replaces
 # Keys that hold one of a few words.
 _KNOWN: dict[tuple[str, str], Collection[str]] = {
     ("body", "outline"): OUTLINES, ("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS,
@@ -322,7 +323,7 @@ def _table(table: str, raw: Any) -> Any:
     keys, values = _KEYS[table], {}
     for key, value in raw.items():
         if key not in keys:
-            raise ValueError(unknown_key(key, keys, table))
+            raise ValueError(unknown_key(key, (*keys, *_IN_FILES.get(table, ())), table))
         name, per = keys[key]
         where = f"{key} in [{table}]"
         values[name] = (_rows(where, value) if table == "drive" and key in MATRICES else

@@ -8,7 +8,8 @@ import numpy as np
 
 from eitsim.scene.calibrated_electrodes import with_calibrated
 from eitsim.scene.drive import with_matrices
-from eitsim.scene.electrodes import MOST
+from eitsim.scene.drive_pairs import with_pairs
+from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
 from eitsim.scene.outline import OUTLINES
 from eitsim.scene.outline_files import outline_of_file
 from touchcal.csv_numbers import csv_rows
@@ -20,15 +21,25 @@ _PLACES, _SIZES = ("x_mm", "y_mm"), ("width_mm", "length_mm", "turn_deg", "conta
 
 
 def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The tables of a scene, design or sensor file that need no other file from here on: matrices of [drive], the
-    outline of [body], and the grid, the places or the calibrated sensor of [electrodes] written out. Names are relative
-    to `folder`; ValueError names the key, InputFileError the file."""
+    """The tables of a scene, design or sensor file that need no other file from here on: matrices and pairs of [drive],
+    the outline of [body], and the grid, the places or the calibrated sensor of [electrodes] written out. Names are
+    relative to `folder`; ValueError names the key, InputFileError the file."""
     tables = with_calibrated(with_matrices(raw, folder), folder)
     if isinstance(body := tables.get("body"), Mapping):
         tables["body"] = _with_outline(body, folder)
     if isinstance(electrodes := tables.get("electrodes"), Mapping):
         tables["electrodes"] = _with_places(electrodes, folder)
+    if isinstance(drive := tables.get("drive"), Mapping) and "pairs" in drive:
+        tables["drive"] = with_pairs(drive, _count(tables.get("electrodes", {})), folder)
     return tables
+
+
+def _count(electrodes: Any) -> int:
+    """How many electrodes the table [electrodes] has."""
+    count = electrodes.get("count", Electrodes.count) if isinstance(electrodes, Mapping) else None
+    if type(count) is not int or not FEWEST <= count <= MOST:
+        raise ValueError(f"count in [electrodes] must be a whole number from {FEWEST} to {MOST}, got {count!r:.80}.")
+    return count
 
 
 def _with_outline(body: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -22,8 +22,9 @@ _MOST_CORRELATED, _SHARPNESS = 0.999, (1.0, 2.0, 4.0, 8.0, 16.0)
 # Odds against orders that are not the one that a sensor file describes; without one, against those that boards do not
 # have, which begin with electrode 0 and go on as the readings count. Neither decides alone: LIKELY asks for more.
 _DESCRIBED, _USUAL = 20.0, 10.0
-# A reading follows one frame late where it correlates this much more with the frame before, and this much at all.
-_LATE, _CLEAR = 0.1, 0.3
+# A reading follows one frame late where it correlates this much more with the frame before, this many standard
+# deviations more, and this much at all. Late are those at an end of the row of which this part follows so.
+_LATE, _SIGNIFICANT, _CLEAR, _MOSTLY = 0.1, 5.0, 0.3, 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +38,9 @@ class Support:
 def supports(signals: Array, orders: Sequence[Order], expected: Index | None = None) -> list[Support]:
     """Orders by the companions that they make in signals (frames, readings) of touches, the likeliest first, one of
     each set that no ring can tell; orders whose drives have no neighbours are left out. Empty where some orders read
-    driven electrodes: without gaps that move with the drive, companions say too little. expected: pairs of the order
-    that a sensor file describes."""
-    if any(driven(one.pairs) for one in orders):
+    driven electrodes: without gaps that move with the drive, companions say too little; where the frames are worth
+    fewer than FEWEST independent ones. expected: pairs of the order that a sensor file describes."""
+    if independent(signals) < FEWEST or any(driven(one.pairs) for one in orders):
         return []
     table = np.arctanh(np.clip(np.abs(_correlations(signals, signals)), 0, _MOST_CORRELATED))
     np.fill_diagonal(table, 0.0)
@@ -65,16 +66,42 @@ def supports(signals: Array, orders: Sequence[Order], expected: Index | None = N
     return sorted(made, key=lambda one: -one.log_likelihood)
 
 
+def independent(signals: Array) -> float:
+    """How many independent frames signals (frames, readings) in time order are worth, by the rank correlation r of
+    successive ones: n (1 - r) / (1 + r), r the median over readings. Of a target that moves slowly they are few."""
+    if len(signals) < 3:
+        return float(len(signals))
+    rank = _ranks(signals)
+    here = np.isfinite(rank).all(axis=0) & rank.any(axis=0)
+    if not here.any():
+        return 0.0
+    rank = rank[:, here]
+    alike = float(np.median(np.sum(rank[1:] * rank[:-1], axis=0) / np.sum(rank**2, axis=0)))
+    return len(signals) * (1 - max(alike, 0.0)) / (1 + max(alike, 0.0))
+
+
 def late_readings(signals: Array) -> Mask:
     """(readings,) which of the readings in signals (frames, readings), in time order, belong to the frame before: they
-    change with the others' earlier frame more than with their own."""
-    if len(signals) < FEWEST:
-        return np.zeros(signals.shape[1], dtype=bool)
+    change with the others' earlier frame more than with their own, and are all at one end of the row. None where
+    successive frames are too near each other to tell a frame's delay from a slow change."""
+    none, frames = np.zeros(signals.shape[1], dtype=bool), independent(signals)
+    if frames < FEWEST:
+        return none
     now, before = (np.nan_to_num(np.abs(_correlations(signals[1:], part))) for part in (signals[1:], signals[:-1]))
     for part in (now, before):
         np.fill_diagonal(part, 0.0)
-    own, earlier = (np.quantile(part, 0.9, axis=1) for part in (now, before))
-    return (earlier > own + _LATE) & (earlier > _CLEAR)
+    own, earlier = (np.quantile(np.minimum(part, _MOST_CORRELATED), 0.9, axis=1) for part in (now, before))
+    follow = (earlier > own + _LATE) & (earlier > _CLEAR)
+    clearly = (np.arctanh(earlier) - np.arctanh(own)) * np.sqrt((frames - 3) / 2) > _SIGNIFICANT
+    first, last = _run(follow, clearly), _run(follow[::-1], clearly[::-1])
+    return (np.arange(len(none)) < first) | (np.arange(len(none)) >= len(none) - last)
+
+
+def _run(follow: Mask, clearly: Mask) -> int:
+    """How many readings at the start of a row follow, nearly all of them and most clearly, up to one that does."""
+    number = np.arange(1, len(follow) + 1)
+    ends = np.flatnonzero(follow & (np.cumsum(follow) >= _MOSTLY * number) & (np.cumsum(clearly) >= number / 2))
+    return int(ends[-1]) + 1 if len(ends) else 0
 
 
 def in_step(signals: Array, late: Mask) -> Array:
@@ -140,9 +167,14 @@ def _correlations(one: Array, other: Array) -> Array:
     """(readings, readings) rank correlations; NaN for readings that are dead or never change."""
     scaled = []
     for part in (one, other):
-        rank = rankdata(part, axis=0)
-        rank[:, np.isnan(part).any(axis=0)] = np.nan
-        rank -= rank.mean(axis=0)
+        rank = _ranks(part)
         size = np.linalg.norm(rank, axis=0)
         scaled.append(rank / np.where(size > 0, size, np.nan))
     return scaled[0].T @ scaled[1]
+
+
+def _ranks(part: Array) -> Array:
+    """(frames, readings) ranks less their mean; NaN for readings that are dead in a frame."""
+    rank = rankdata(part, axis=0)
+    rank[:, np.isnan(part).any(axis=0)] = np.nan
+    return rank - rank.mean(axis=0)

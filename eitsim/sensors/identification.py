@@ -9,11 +9,24 @@ import numpy as np
 from eitsim.sensors.companions import FEWEST, LIKELY, supports
 from eitsim.sensors.conventions import MEAN, pattern_name, predicted
 from eitsim.sensors.disc_field import ring_kernel
+from eitsim.sensors.order_evidence import CERTAIN, admitted, reciprocal
 from eitsim.sensors.outlined_skin import OutlinedSkin
-from eitsim.sensors.recognition import Account, Order, accounts, exchanged, unordered
-from touchcal.arrays import Array, Index
+from eitsim.sensors.recognition import (
+    Account,
+    Order,
+    account_of,
+    accounts,
+    canonical,
+    exchanged,
+    stated_order,
+    unordered,
+)
+from touchcal.arrays import Array, Index, Mask
 
-CERTAIN = 8.0  # orders by which a disc is this much less likely than by the best, in natural logarithms, are excluded
+# What a disc of this misfit or less says counts in full, since its error is noise; of a larger one, whose errors are
+# those of the model and go together, the square of this over the misfit. A skin of the sensor file's outline is known.
+_TRUSTED = 0.05
+_LEVEL = 0.7  # one number is added to all readings where that leaves less than this of what stays unexplained
 # A disc that leaves more than this of a frame unexplained says nothing of its order.
 EXPLAINED = 0.35
 # Exchanged leads are looked for where the part unexplained lies between these, in the likeliest accounts, and named
@@ -27,10 +40,15 @@ class Identified:
     """What is known of the order of readings."""
 
     plausible: tuple[Order, ...]  # orders that the data do not exclude, the likeliest first; empty where none is known
-    decided_by: str  # "disc" or, with an outline, "skin"; "touches" or "nothing"
+    # "file" that states it; "disc" or, with an outline, "skin"; "driven", which readings hold no measurement; "touches"
+    # or "nothing"
+    decided_by: str
     sign: str  # "positive", "negative", "magnitude", "either" (magnitudes look the same) or "unknown"
     unexplained: float  # 2-norm of what an imperfect homogeneous body misses over that of the frame; NaN without one
     swapped: tuple[int, int] | None = None  # electrodes, as the order counts them, that look exchanged
+    level: float = 0.0  # what is added to all readings, over the untouched frame's r.m.s.
+    # whether several orders are left of which none may be right, since the body in question is no homogeneous one
+    doubtful: bool = False
 
     @property
     def order(self) -> Order | None:
@@ -39,7 +57,7 @@ class Identified:
 
     def words(self) -> dict[str, str | None]:
         """What all plausible orders have in common, by "pattern", "order", "turn" and "direction"; None: open."""
-        said = [words_of(one) for one in self.plausible]
+        said = [] if self.doubtful else [words_of(one) for one in self.plausible]
         return {key: said[0][key] if said and all(one[key] == said[0][key] for one in said) else None
                 for key in ("pattern", "order", "turn", "direction")}
 
@@ -49,6 +67,9 @@ def words_of(order: Order) -> dict[str, str]:
     pairs, count, one = order.pairs, order.count, order.convention
     step = np.unique(np.minimum((pairs[:, 1] - pairs[:, 0]) % count, (pairs[:, 0] - pairs[:, 1]) % count))
     pattern = pattern_name(int(step[0]), count) if len(step) == 1 else "several drives"
+    if one is None and order.stated:
+        said = "as the recording's file states"
+        return {"pattern": pattern, "order": said, "turn": said, "direction": said}
     if one is None:
         way, turn = order.moved or (1, 0)
         return {"pattern": pattern, "order": "as in the sensor file",
@@ -73,24 +94,35 @@ def words_of(order: Order) -> dict[str, str]:
 
 
 def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *, kind: str,
-               expected: Index | None = None, skin: OutlinedSkin | None = None) -> Identified:
+               silent: Mask | None = None, expected: Index | None = None,
+               skin: OutlinedSkin | None = None) -> Identified:
     """The orders that may have made an untouched frame (readings,), or signals (frames, readings) of touches.
 
-    kind: "voltage", "magnitude", or "difference", whose signals have no untouched frame. An imperfect homogeneous disc
-    decides where it explains the frame, and better than one number for all readings does, otherwise the touches where
-    there are enough. expected: pairs of the order that a sensor file describes; skin: where that has an outline, the
-    homogeneous skin in the disc's place.
+    kind: "voltage", "magnitude", or "difference", whose signals have no untouched frame; silent: (readings,) which hold
+    no measurement. These, and reciprocity, exclude orders first, whatever the body (`order_evidence`). Of the orders
+    left an imperfect homogeneous disc decides where it explains the frame, and better than one number for all readings
+    does, otherwise the touches where there are enough. expected: pairs of the order that a sensor file describes; skin:
+    where that has an outline, the homogeneous skin in the disc's place.
     """
     if not orders:
         return Identified((), "nothing", _sign_alone(kind), np.nan)
-    unexplained, sign = np.nan, _sign_alone(kind)
+    unexplained, sign, level = np.nan, _sign_alone(kind), 0.0
+    silent = np.zeros(len(orders[0].pairs), dtype=bool) if silent is None else silent
+    left = admitted(profile, silent, orders)
     if profile is not None:
-        fit, found = _fit_of_kind(profile, orders, kind, skin)
-        unexplained = fit.unexplained
+        fit, found = _fit_of_kind(profile, left, kind, skin)
+        unexplained, level = fit.unexplained, fit.level
         if unexplained < EXPLAINED and fit.log_likelihood > unordered(profile) + CERTAIN:
-            return Identified(fit.orders, "disc" if skin is None else "skin", found, unexplained, fit.swapped)
+            kept, doubtful = fit.orders, fit.counts < 1
+            if doubtful:
+                kept = _one_each([*kept, *reciprocal(profile, left)])
+                found = found if kind == "magnitude" or has_sign(profile) else "unknown"
+            return Identified(kept, "disc" if skin is None else "skin", found, unexplained, fit.swapped, level,
+                              doubtful and len(kept) > 1)
+    if silent.any() and len(_one_each(left)) == 1:
+        return Identified((left[0],), "driven", sign, unexplained)
     if len(signals) >= FEWEST:
-        likely = supports(signals, orders, expected)
+        likely = supports(signals, left, expected)
         least = max(likely[0].log_likelihood, LIKELY) - LIKELY if likely else 0.0
         kept = [one.order for one in likely if one.log_likelihood > least]
         if not kept:
@@ -102,6 +134,26 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
     return Identified((), "nothing", sign, unexplained)
 
 
+def stated(profile: Array | None, pairs: Index, *, kind: str) -> Identified:
+    """The order that a recording's file states, by pairs (readings, 4), which no model is asked about; the sign is that
+    of the disc which an untouched frame (readings,) fits, where one does."""
+    order = stated_order(pairs)
+    if profile is None:
+        return Identified((order,), "file", _sign_alone(kind), np.nan)
+    found = account_of(profile, order, signed=kind != "magnitude")
+    sign = {1: "positive", -1: "negative", 0: "magnitude"}[found.sign] if found.unexplained < EXPLAINED else (
+        _sign_alone(kind))
+    return Identified((order,), "file", sign, found.unexplained)
+
+
+def _one_each(orders: Sequence[Order]) -> tuple[Order, ...]:
+    """The first of each set of orders that no ring can tell."""
+    found: dict[tuple[int, bytes], Order] = {}
+    for one in orders:
+        found.setdefault((one.count, canonical(one.pairs, one.count, False)), one)
+    return tuple(found.values())
+
+
 @dataclass(frozen=True, eq=False)
 class _Fit:
     """The orders by which a disc accounts for a frame."""
@@ -110,33 +162,44 @@ class _Fit:
     log_likelihood: float
     unexplained: float
     sign: int  # of the likeliest
+    counts: float  # how much of what the disc says counts, from 0 to 1
     swapped: tuple[int, int] | None = None
+    level: float = 0.0
 
 
 def _fit_of_kind(profile: Array, orders: Sequence[Order], kind: str, skin: OutlinedSkin | None) -> tuple[_Fit, str]:
-    """The fit of a frame and its sign; of one without negative readings the better with and without sign."""
+    """The fit of a frame and its sign; of one without negative readings the better with and without sign, or with one
+    number added to all readings where that explains far more."""
     if kind == "magnitude":
         return _fit(profile, orders, skin, signed=False), "magnitude"
     fit = _fit(profile, orders, skin, signed=True)
-    if has_sign(profile):
-        return fit, {1: "positive", -1: "negative"}[fit.sign]
-    sizes = _fit(profile, orders, skin, signed=False)
-    return (sizes, "magnitude") if sizes.log_likelihood > fit.log_likelihood + CERTAIN else (fit, "either")
+    sign = {1: "positive", -1: "negative"}[fit.sign]
+    if not has_sign(profile):
+        sizes = _fit(profile, orders, skin, signed=False)
+        fit, sign = (sizes, "magnitude") if sizes.log_likelihood > fit.log_likelihood + CERTAIN else (fit, "either")
+    if skin is None and fit.counts < 1:
+        on = _fit(profile, orders, None, signed=True, level=True)
+        if on.log_likelihood > fit.log_likelihood + CERTAIN and on.unexplained < _LEVEL * fit.unexplained:
+            return on, {1: "positive", -1: "negative"}[on.sign]
+    return fit, sign
 
 
-def _fit(profile: Array, orders: Sequence[Order], skin: OutlinedSkin | None, *, signed: bool) -> _Fit:
+def _fit(profile: Array, orders: Sequence[Order], skin: OutlinedSkin | None, *, signed: bool,
+         level: bool = False) -> _Fit:
     """The likeliest orders, with two leads exchanged where that alone makes one of them much better."""
-    best = accounts(profile, orders, signed=signed, skin=skin)
+    best = accounts(profile, orders, signed=signed, skin=skin, level=level)
     first = best[0]
-    if _WELL < first.unexplained < _HOPELESS:
+    if _WELL < first.unexplained < _HOPELESS and not level:
         tried = sorted((new for one in best[:_TRIED] for new in _exchanges(profile, one, skin)),
                        key=lambda each: -each[0].log_likelihood)
         (new, order, leads), rest = tried[0], tried[1:]
         if (new.log_likelihood > first.log_likelihood + CERTAIN and new.unexplained < first.unexplained * _BETTER
                 and all(new.log_likelihood > other.log_likelihood + CERTAIN for other, _, _ in rest)):
-            return _Fit((order,), new.log_likelihood, new.unexplained, new.sign, leads)
-    kept = tuple(one.order for one in best if one.log_likelihood > first.log_likelihood - CERTAIN)
-    return _Fit(kept, first.log_likelihood, first.unexplained, first.sign)
+            return _Fit((order,), new.log_likelihood, new.unexplained, new.sign, 1.0, leads)
+    spread = 1.0 if level else float(np.nanstd(profile) / np.sqrt(np.nanmean(profile**2)))
+    counts = min(1.0, (_TRUSTED * spread / first.unexplained) ** 2) if skin is None else 1.0
+    kept = tuple(one.order for one in best if counts * (first.log_likelihood - one.log_likelihood) < CERTAIN)
+    return _Fit(kept, first.log_likelihood, first.unexplained, first.sign, counts, level=first.level)
 
 
 def _exchanges(profile: Array, one: Account,

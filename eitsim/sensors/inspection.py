@@ -11,7 +11,8 @@ from eitsim.scene.electrodes import among_all, identical, present
 from eitsim.sensors import reading_checks
 from eitsim.sensors.companions import FEWEST, in_step, late_readings
 from eitsim.sensors.conventions import MEAN, counts_for
-from eitsim.sensors.identification import CERTAIN, Identified, has_sign, identified
+from eitsim.sensors.identification import CERTAIN, Identified, has_sign, identified, stated
+from eitsim.sensors.order_evidence import not_taken, vouched
 from eitsim.sensors.outlined_skin import OutlinedSkin, on_body, outlined_skin, read_between
 from eitsim.sensors.reading_checks import Apart
 from eitsim.sensors.recognition import (
@@ -24,6 +25,7 @@ from eitsim.sensors.recognition import (
 )
 from eitsim.sensors.recording import Recording, in_phase
 from eitsim.sensors.sensor_file import Sensor, pairs_of
+from eitsim.sensors.unmeasured import unmeasured
 from touchcal.arrays import Array, Index, Mask
 
 # Part of the touched frames in which readings have their rarer sign, above which they are differences.
@@ -41,6 +43,7 @@ class Inspection:
     identified: Identified
     agrees: bool | None  # whether the readings are in the order of the sensor file; None without one, or where open
     dead_readings: Index
+    not_taken: Index  # readings at driven electrodes that the board does not take: 0, empty, or at the range's end
     dead_electrodes: tuple[int, ...]
     late: Index  # readings of a row that belong to the frame before it
     noise: float | None  # of a reading over the frame's r.m.s.; None without repeated untouched frames
@@ -96,14 +99,21 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     late = late_readings(signals)
     signals = in_step(signals, late)
     profile = None if kind == "difference" else reading_checks.mean_frame(untouched if rows.any() else live)
-    counts = (sensor.electrodes.count,) if sensor else counts_for(values.shape[1])
+    own = recording.pairs
+    counts = (sensor.electrodes.count,) if sensor else (
+        counts_for(values.shape[1]) if own is None else (int(own.max()) + 1,))
     skin = outlined_skin(sensor.body, sensor.electrodes) if sensor and sensor.body.has_outline and (
         profile is not None) else None
-    found = identified(profile, signals, _orders(values.shape[1], counts, known), kind=kind, expected=known, skin=skin)
+    silent = unmeasured(values)
+    found = stated(profile, own, kind=kind) if own is not None else identified(
+        profile, signals, _orders(values.shape[1], counts, known), kind=kind, silent=silent, expected=known, skin=skin)
     agrees = _agrees(found, known, counts[0]) if known is not None else None
+    if agrees is False and known is not None and own is None and (
+            found.doubtful or vouched(profile, silent, Order(counts[0], known))):
+        agrees = None
     kind = "magnitude" if kind == "voltage" and found.sign == "magnitude" else kind
     pairs = known if known is not None else found.order.pairs if found.order else None
-    count = counts[0] if len(counts) == 1 else found.plausible[0].count if len(
+    count = counts[0] if len(counts) == 1 else found.plausible[0].count if not found.doubtful and len(
         {one.count for one in found.plausible}) == 1 else None
     compared = (None, None, None) if pairs is None or (pairs == MEAN).any() else _compared(
         signals if profile is None else profile[None], pairs, sensor,
@@ -117,9 +127,10 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
             model = read_between(_impedance(sensor) if skin is None else skin.impedances[0],
                                  on_body(known, placements[0] if placements else (1, 0), counts[0]))
             lost = sorted({*lost, *reading_checks.silent_electrodes(profile, model, known, counts[0])})
-    return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead), tuple(lost),
-                      np.flatnonzero(late), reading_checks.noise(untouched), reading_checks.drift(untouched), *compared,
-                      placements=placements)
+    idle = not_taken(pairs, silent) if pairs is not None else np.zeros_like(dead)
+    return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead & ~idle),
+                      np.flatnonzero(idle), tuple(lost), np.flatnonzero(late), reading_checks.noise(untouched),
+                      reading_checks.drift(untouched), *compared, placements=placements)
 
 
 def _kind(recording: Recording, values: Array) -> str:

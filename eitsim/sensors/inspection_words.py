@@ -15,7 +15,7 @@ from eitsim.sensors.conventions import MEAN, counts_for, pattern_name
 from eitsim.sensors.formats.layout import FEWEST_READINGS
 from eitsim.sensors.identification import EXPLAINED, words_of
 from eitsim.sensors.inspection import Inspection
-from eitsim.sensors.reading_checks import NO_OHMMETER, Apart
+from eitsim.sensors.reading_checks import NO_OHMMETER, Apart, mean_frame
 from eitsim.sensors.recognition import Order, canonical
 from eitsim.sensors.recording import in_phase
 from eitsim.sensors.sensor_file import Sensor, pairs_of
@@ -51,6 +51,7 @@ def document(found: Inspection) -> dict[str, Any]:
             "placements": [{"way": way, "turn": turn} for way, turn in found.placements],
             "placed_on_body": dict(zip(("way", "turn"), found.placed, strict=True)) if found.placed else None,
             "swapped_electrodes": list(one.swapped) if one.swapped else None,
+            "level": one.level or None, "readings_not_taken": found.not_taken.tolist(),
             "dead_readings": found.dead_readings.tolist(), "dead_electrodes": list(found.dead_electrodes),
             "late_readings": found.late.tolist(), "noise": found.noise,
             "noise_dB": None if not found.noise else 20 * float(np.log10(found.noise)), "drift": found.drift,
@@ -71,17 +72,19 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
     yield "sign", _SIGNS.get(one.sign, "not decided")
     yield "decided by", {"disc": "a homogeneous disc", "skin": "a homogeneous skin of the sensor file's outline",
                          "touches": "touches: readings of one pair change together",
-                         "nothing": "nothing"}[one.decided_by]
+                         "driven": "readings without a measurement, which are those of driven electrodes",
+                         "file": "the recording's file, which states it", "nothing": "nothing"}[one.decided_by]
     if np.isfinite(one.unexplained):
         yield "unexplained", (f"{percent(one.unexplained)} of the untouched frame, by an imperfect homogeneous "
                               f"{_body(found)}")
     if found.agrees is None and (drive := _described(found)):
         yield "in a sensor file", drive
     if found.sensor is not None:
+        allowed = (f"not contradicted: one of {len(one.plausible)} orders that the readings allow"
+                   if one.plausible and not one.doubtful else "neither confirmed nor contradicted")
         yield "sensor file", {True: "[drive] agrees with the readings, the electrodes' places do not" if
-                              _elsewhere(found) else "agrees with the readings", False: "contradicted by the readings",
-                              None: f"not contradicted: one of {len(one.plausible)} orders that the readings allow"
-                              if one.plausible else "neither confirmed nor contradicted"}[found.agrees]
+                              _elsewhere(found) else "agrees with the readings",
+                              False: "contradicted by the readings", None: allowed}[found.agrees]
     if found.noise is not None:
         yield "noise", f"{percent(found.noise)} of the frame's r.m.s. a reading, by successive untouched frames"
     if found.drift is not None:
@@ -96,7 +99,8 @@ def cautions(found: Inspection) -> Iterator[str]:
     """What a user is to know before these readings are used."""
     one = found.identified
     if found.agrees is False:
-        yield ("The readings contradict [drive] of the sensor file: they look like "
+        yield (("The recording's file states another order than [drive] of the sensor file: "
+                if one.decided_by == "file" else "The readings contradict [drive] of the sensor file: they look like ")
                + "; or ".join(", ".join(words_of(each).values()) for each in one.plausible[:2]) + "."
                + (_drive_of(one.plausible[0], found.sensor) if found.sensor else ""))
     frames, readings = found.recording.readings.shape
@@ -111,7 +115,13 @@ def cautions(found: Inspection) -> Iterator[str]:
                f"Electrodes {_listed(np.array(found.dead_electrodes))} are dead: open, or their channels are.")
     if found.dead_readings.size:
         yield (("Reading {} is" if found.dead_readings.size == 1 else "Readings {} are").format(
-            _listed(found.dead_readings)) + " dead: empty, 0 or unchanging in every frame.")
+            _listed(found.dead_readings)) + " dead: empty, 0, at the end of the range or unchanging in every frame.")
+    if found.not_taken.size:
+        yield (f"{counted(found.not_taken.size, 'reading')} of driven electrodes hold no measurement (0, empty or at "
+               "the end of the range), and are left out.")
+    if one.level:
+        yield (f"All readings look offset by {_level(found):.4g}: a number is added to them. Subtract it before "
+               "`eitsim sensor fit`; changes do not need it.")
     if (empty := np.flatnonzero(np.isnan(found.recording.readings).all(axis=1))).size:
         yield (f"{counted(empty.size, 'frame')} without any reading, the first in row {empty[0]} from 0: not counted "
                "here, refused by `eitsim reconstruct`. Leave them out.")
@@ -155,9 +165,10 @@ def questions(found: Inspection) -> Iterator[str]:
                "these readings as well; the board's manual or firmware says it.")
     elif len(one.plausible) > 1:
         open_ones = [key for key, value in words.items() if value is None] or ["order"]
+        doubt = "No disc fits well, and another order may be right. " if one.doubtful else ""
         likely = "; or ".join(", ".join(words_of(each)[key] for key in open_ones) for each in one.plausible[:3])
         yield (f"What is the {' and the '.join(open_ones)}? {len(one.plausible)} orders are left; the likeliest: "
-               f"{likely}. The board's manual or firmware says it"
+               f"{likely}. {doubt}The board's manual or firmware says it"
                + ("." if one.decided_by == "touches" else f"; or touch the skin at {FEWEST} places."))
     if one.sign == "unknown":
         yield ("Are readings plus less minus or the other way round? Differences alone do not say it; one untouched "
@@ -269,6 +280,14 @@ def _out_of_phase(found: Inspection) -> float:
     readings = found.recording.readings
     kept, whole = np.nansum(in_phase(readings) ** 2), np.nansum(np.abs(readings) ** 2)
     return float(np.sqrt(max(1 - kept / whole, 0.0)))
+
+
+def _level(found: Inspection) -> float:
+    """What is added to all readings, in their unit."""
+    recording = found.recording
+    rows = in_phase(recording.readings)[recording.untouched if recording.untouched.any() else slice(None)]
+    frame = mean_frame(rows[:, np.setdiff1d(np.arange(rows.shape[1]), [*found.dead_readings, *found.not_taken])])
+    return found.identified.level * float(np.sqrt(np.nanmean(frame**2)))
 
 
 def _range(apart: Apart) -> str:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eitsim.sensors.recording import Recording
+from eitsim.sensors.recording import Recording, in_phase
+from eitsim.sensors.unmeasured import unmeasured
 from touchcal.arrays import Array, Index, Mask
 
 # Readings that an ohmmeter makes the same and that, all together, differ by as much as they are have nothing in common:
@@ -43,9 +44,10 @@ class _Pattern:
 
 
 def dead_readings(recording: Recording) -> Mask:
-    """(readings,) which are empty or 0 in every frame, or never change over ten frames or more where others do."""
+    """(readings,) which hold no measurement: empty, 0 or at the end of the range in every frame, or unchanging over ten
+    frames or more where others change."""
     values = recording.readings
-    dead = np.isnan(values).all(axis=0) | (np.nan_to_num(values) == 0).all(axis=0)
+    dead = unmeasured(in_phase(values))
     if len(values) >= _STILL:
         still = (values == values[0]).all(axis=0)
         dead |= still & (not still.all())

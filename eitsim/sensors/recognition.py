@@ -44,6 +44,7 @@ class Order:
     # of a sensor's own: way and turn by which its drive, electrodes renumbered, moves against what is read; (1, 0) as
     # described
     moved: tuple[int, int] | None = None
+    stated: bool = False  # whether the recording's own file states it
     # way and turn by which electrodes are numbered on a skin with an outline; None where that is open
     placed: tuple[int, int] | None = None
 
@@ -56,6 +57,7 @@ class Account:
     sign: int  # 1 where readings are plus less minus for current from source to sink, -1 the other sign, 0 no sign
     log_likelihood: float  # natural logarithm, up to what is common to all
     unexplained: float  # 2-norm of what an imperfect disc misses over that of the frame; NaN where none is fitted
+    level: float = 0.0  # what is added to all readings, over the frame's r.m.s.
 
 
 @lru_cache(maxsize=2)
@@ -69,24 +71,36 @@ def orders_of_conventions(readings: int, counts: tuple[int, ...]) -> tuple[Order
     return tuple(found.values())
 
 
+def stated_order(pairs: Index) -> Order:
+    """The order that a recording's file states, with the convention that makes it where there is one."""
+    count = int(pairs.max()) + 1
+    same = (one for one in orders_of_conventions(len(pairs), (count,)) if np.array_equal(one.pairs, pairs))
+    return replace(next(same, Order(count, pairs)), stated=True)
+
+
 def orders_of_sensor(pairs: Index, count: int) -> list[Order]:
     """A sensor's own order, first, and those in which its drive is renumbered against what is read."""
     return [Order(count, np.column_stack([(way * pairs[:, :2] + turn) % count, pairs[:, 2:]]), moved=(way, turn))
             for way in (1, -1) for turn in range(count)]
 
 
-def accounts(profile: Array, orders: Sequence[Order], *, signed: bool,
-             skin: OutlinedSkin | None = None) -> list[Account]:
+def accounts(profile: Array, orders: Sequence[Order], *, signed: bool, skin: OutlinedSkin | None = None,
+             level: bool = False) -> list[Account]:
     """The orders that may have made an untouched frame (readings,), the likeliest first, one of each set that no ring
     can tell.
 
-    signed: whether readings have a sign. NaN is a dead channel. skin: what they are compared with in the place of a
-    disc, electrodes numbered in every way.
+    signed: whether readings have a sign; level: whether one number is added to all of them. NaN is a dead channel.
+    skin: what they are compared with in the place of a disc, electrodes numbered in every way.
     """
     profile = profile / np.sqrt(np.nanmean(profile**2))
     if skin is not None:
         return _on_skin(profile, orders, skin, signed)
-    losses, signs = _compared(profile, orders, signed)
+    about, size = 0.0, 1.0
+    if level:
+        about = float(np.nanmedian(profile))
+        size = float(np.sqrt(np.nanmean((profile - about) ** 2))) or 1.0
+        profile = (profile - about) / size
+    losses, signs = _compared(profile, orders, signed, level)
     ranked = [k for k in np.argsort(losses, kind="stable")[:_MOST_NEAR]
               if losses[k] < losses.min() + _NEAR * len(profile)]
     classes: dict[tuple[int, bytes], int] = {}
@@ -94,7 +108,10 @@ def accounts(profile: Array, orders: Sequence[Order], *, signed: bool,
         classes.setdefault((orders[k].count, canonical(orders[k].pairs, orders[k].count, signed)), int(k))
         if len(classes) == _MOST:
             break
-    made = [_account(profile, orders[k], int(signs[k])) for k in classes.values()]
+    made = [_account(profile, orders[k], int(signs[k]), level=level) for k in classes.values()]
+    if level:
+        shift = -np.isfinite(profile).sum() * np.log(size)
+        made = [replace(one, log_likelihood=one.log_likelihood + shift, level=about + size * one.level) for one in made]
     return sorted(made, key=lambda one: -one.log_likelihood)
 
 
@@ -174,7 +191,7 @@ def _compared_on_skin(profile: Array, orders: Sequence[Order], skin: OutlinedSki
     return losses, signs
 
 
-def _compared(profile: Array, orders: Sequence[Order], signed: bool) -> tuple[Array, Index]:
+def _compared(profile: Array, orders: Sequence[Order], signed: bool, level: bool = False) -> tuple[Array, Index]:
     """Loss (minus log likelihood) and sign of each order, at the best of some even discs."""
     losses, signs = np.full(len(orders), np.inf), np.zeros(len(orders), dtype=np.intp)
     groups: dict[tuple[int, int, bool], list[int]] = {}
@@ -184,7 +201,7 @@ def _compared(profile: Array, orders: Sequence[Order], signed: bool) -> tuple[Ar
     for (count, step, on_driven), members in groups.items():
         pairs = np.array([orders[k].pairs for k in members])
         for model in _models(pairs, count, step, on_driven):
-            loss, sign = _loss(profile, model, signed)
+            loss, sign = _loss_on_level(profile, model) if level else _loss(profile, model, signed)
             signs[members] = np.where(loss < losses[members], sign, signs[members])
             losses[members] = np.minimum(loss, losses[members])
     return losses, signs
@@ -237,16 +254,33 @@ def _loss(profile: Array, model: Array, signed: bool) -> tuple[Array, Index]:
     return np.sum((_DEGREES + 1) / 2 * np.log1p(((profile - model) / sd) ** 2 / _DEGREES) + np.log(sd), axis=1), way
 
 
-def _account(profile: Array, order: Order, sign: int, skin: OutlinedSkin | None = None) -> Account:
+def _loss_on_level(profile: Array, model: Array) -> tuple[Array, Index]:
+    """As `_loss`, of readings that one number is added to: at the factor and the number of least squares."""
+    kept = np.isfinite(profile)
+    profile, model = profile[kept], model[:, kept]
+    middle = model.mean(axis=1, keepdims=True)
+    about = model - middle
+    factor = about @ profile / (np.sum(about**2, axis=1) + 1e-30)
+    model = factor[:, None] * about + profile.mean()
+    sd = np.hypot(_MODEL * (model - profile.mean() + factor[:, None] * middle), _FLOOR)
+    loss = np.sum((_DEGREES + 1) / 2 * np.log1p(((profile - model) / sd) ** 2 / _DEGREES) + np.log(sd), axis=1)
+    return loss, np.where(factor < 0, -1, 1)
+
+
+def _account(profile: Array, order: Order, sign: int, skin: OutlinedSkin | None = None, *,
+             level: bool = False) -> Account:
     kept = np.isfinite(profile)
     value = sign * profile[kept] if sign else np.abs(profile[kept])
     fixed, imperfect = _linear(order.count, order.pairs[kept], sign) if skin is None else _linear_on_skin(
         skin, on_body(order.pairs[kept], order.placed or (1, 0), order.count), sign)
+    if level:
+        fixed = np.column_stack([np.ones(len(value)), fixed])
     columns = np.column_stack([fixed, imperfect])
     gram, along = columns.T @ columns, columns.T @ value
     log, left = max(_evidence(value, gram, along, np.repeat([1.0, scale], [fixed.shape[1], imperfect.shape[1]]))
                     for scale in _SCALES)
-    return Account(order, sign, log, left)
+    added = sign * float(np.linalg.lstsq(fixed, value)[0][0]) if level else 0.0
+    return Account(order, sign, log, left, added)
 
 
 def _evidence(value: Array, gram: Array, along: Array, weight: Array) -> tuple[float, float]:

@@ -36,6 +36,7 @@ class Recording:
     touch: NDArray[np.str_]  # (frames,) name of the touch, "" where nothing touches
     kind: str  # one of KINDS
     source: Path  # file that it was read from
+    pairs: NDArray[np.intp] | None = None  # (m, 4) source, sink, plus and minus of each, where the file states them
 
     @property
     def untouched(self) -> Mask:
@@ -52,7 +53,7 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     """
     check_kind(kind, "kind")
     path = Path(path)
-    rows = _rows(path)
+    rows = _rows(path, readings)
     names = rows[0][1] if not _is_number(rows[0][1][0]) else []
     leading = _leading(path, rows[0][0], names)
     body = rows[1:] if names else rows
@@ -110,8 +111,8 @@ def check_kind(kind: object, where: str) -> None:
         raise ValueError(f"{where} '{kind}' is unknown; known: {', '.join(KINDS)}.")
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Lines from 1 with their cells, blank lines left out, all of one width."""
+def _rows(path: Path, readings: int | None) -> list[tuple[int, list[str]]]:
+    """Lines from 1 with their cells, blank lines and commas at the end of every line left out, all of one width."""
     try:
         with open(regular(path), newline="", encoding="utf-8-sig") as file:
             rows = [(line, [cell.strip() for cell in cells]) for line, cells in enumerate(csv.reader(file), start=1)
@@ -121,10 +122,14 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     if not rows:
         raise InputFileError(path, "the file is empty. Expected a CSV of one row a frame.")
     csv_numbers.check_commas(path, rows)
+    leading = sum(cell in LEADING for cell in rows[0][1])
+    rows = csv_numbers.without_last_commas(rows, None if readings is None else readings + leading)
     for line, cells in rows:
         if len(cells) != len(rows[0][1]):
             raise InputFileError(path, f"{len(cells)} columns, expected {len(rows[0][1])} as in line {rows[0][0]}. "
-                                       "Leave a cell empty where a channel is dead.", line=line)
+                                       "A row is a frame: leave a cell empty where a channel is dead, and leave out "
+                                       "lines of other text; where a frame has several rows, write them into one.",
+                                 line=line)
     return rows
 
 

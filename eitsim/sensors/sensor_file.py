@@ -10,7 +10,6 @@
     kind = "magnitude"
 """
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,18 +20,18 @@ from numpy.typing import NDArray
 
 from eitsim.scene.calibrated_electrodes import read_fitted
 from eitsim.scene.drive import Drive, Protocol, protocol
-from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
+from eitsim.scene.drive_pairs import PAIRS
+from eitsim.scene.drive_pairs import drive_of_pairs as drive_of_pairs
+from eitsim.scene.drive_pairs import read_pairs as read_pairs
+from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Scene, Skin, read_scene, scene_from
 from eitsim.scene.scene_files import with_files
 from eitsim.sensors.recording import check_kind
-from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
 from touchcal.whole_file import written
 
 TABLES = ("body", "skin", "electrodes", "drive", "readings")
-PAIRS = ("source", "sink", "plus", "minus")  # columns of a file of pairs, electrodes from 0
-_OTHER_DRIVES = ("pattern", "reading", "currents", "measurements")
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def sensor_from(raw: Mapping[str, Any], folder: Path) -> Sensor:
     kind = readings.get("kind", Sensor.kind)
     check_kind(kind, "kind in [readings]")
     tables = {name: table for name, table in raw.items() if name != "readings"}
-    tables = with_files(_with_pairs(tables, folder), folder)
+    tables = with_files(tables, folder)
     if "channels" in tables:
         raise ValueError("calibrated in [electrodes] serves scenes and designs; a sensor file describes the sensor as "
                          "it is built. Leave it out.")
@@ -116,58 +115,10 @@ def pairs_of(sensor: Sensor) -> NDArray[np.intp]:
     return np.stack([np.repeat(source, each), np.repeat(sink, each), plus, minus], axis=1)
 
 
-def drive_of_pairs(pairs: NDArray[np.intp], count: int) -> dict[str, Any]:
-    """Currents and measurements, as [drive] holds them, of readings (readings, 4) by source, sink, plus and minus: one
-    pattern a run of readings of one current where all runs are as long, else one pattern a reading."""
-    ends = [(*map(int, one[:2]),) for one in pairs]
-    runs = [len(list(run)) for _, run in itertools.groupby(ends)]
-    each = runs[0] if len(set(runs)) == 1 else 1
-    unit = np.eye(count)
-    weights = (unit[pairs[:, 2]] - unit[pairs[:, 3]]).reshape(-1, each, count)
-    return {"currents": (unit[pairs[::each, 0]] - unit[pairs[::each, 1]]).tolist(), "measurements": weights.tolist()}
-
-
-def read_pairs(path: Path, count: int) -> NDArray[np.intp]:
-    """(readings, 4) electrodes from 0 of a CSV with the columns PAIRS; InputFileError names the line of what is none
-    of `count` electrodes, or the same electrode twice."""
-    table = read_numbers(path, what="electrodes")
-    if set(table.names) != set(PAIRS) or len(table.names) != len(PAIRS):
-        raise InputFileError(path, f"its header must name {', '.join(PAIRS)}, got {', '.join(table.names) or 'none'}.")
-    values = table.values[:, [table.names.index(name) for name in PAIRS]]
-    for line, row in zip(table.line, values, strict=True):
-        if odd := [cell for cell in row if cell % 1 or not 0 <= cell < count]:
-            raise InputFileError(path, f"{odd[0]:g} is no electrode; there are {count}, numbered from 0 (count in "
-                                       "[electrodes]).", line=int(line))
-        if row[0] == row[1] or row[2] == row[3]:
-            raise InputFileError(path, "source and sink, or plus and minus, are the same electrode.", line=int(line))
-    return values.astype(np.intp)
-
-
 def write_pairs(pairs: NDArray[np.intp], path: Path | str) -> None:
     """Write (readings, 4) electrodes from 0 as a CSV that pairs in [drive] names."""
     with written(Path(path)) as file:
         file.write("\n".join([",".join(PAIRS), *(",".join(map(str, one)) for one in pairs.tolist()), ""]).encode())
-
-
-def _with_pairs(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The tables, pairs in [drive] replaced by the currents and measurements that they stand for."""
-    drive = tables.get("drive")
-    if not isinstance(drive, Mapping):
-        return dict(tables)
-    if unknown := [key for key in drive if key not in (known := ("current_mA", "pairs", *_OTHER_DRIVES))]:
-        raise ValueError(unknown_key(unknown[0], known, "drive"))
-    if "pairs" not in drive:
-        return dict(tables)
-    if other := [key for key in _OTHER_DRIVES if key in drive]:
-        raise ValueError(f"{other[0]} in [drive] has no effect with pairs; leave one of them out.")
-    if not isinstance(drive["pairs"], str):
-        raise ValueError(f"pairs in [drive] must be the name of a CSV file, got {drive['pairs']!r:.80}.")
-    electrodes = tables.get("electrodes", {})
-    count = electrodes.get("count", Electrodes.count) if isinstance(electrodes, Mapping) else None
-    if type(count) is not int or not FEWEST <= count <= MOST:
-        raise ValueError(f"count in [electrodes] must be a whole number from {FEWEST} to {MOST}, got {count!r:.80}.")
-    kept = {key: value for key, value in drive.items() if key != "pairs"}
-    return {**tables, "drive": kept | drive_of_pairs(read_pairs(folder / drive["pairs"], count), count)}
 
 
 def _ends(rows: NDArray[np.float64], what: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -23,6 +23,7 @@ from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame, noise
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
+from eitsim.sensors.taken_readings import idle_readings
 from matcal.card import MaterialCard
 from touchcal.arrays import Array
 
@@ -62,7 +63,8 @@ class Calibration:
     kept: tuple[str, ...] = ()  # groups that are fitted, in the order in which they were freed
     instrument: Instrument | None = None  # None where nothing was fitted
     fit: Fit | None = None  # of all drives
-    dead: tuple[int, ...] = ()  # readings without a number, from 0
+    # readings without a number, from 0, but for those of driven electrodes that the board does not take
+    dead: tuple[int, ...] = ()
     left_out: Mapping[int, str] = field(default_factory=dict)  # electrode -> why its readings and drives are left out
     by_electrode: tuple[float, ...] = ()  # (N,) part of the readings that use one, off driven ones, not explained
     size: SignalSize | None = None  # of labelled presses
@@ -113,7 +115,8 @@ def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
     if sensor.kind == "difference":
         return Calibration(sensor, 0, None, _DIFFERENCES)
     frame, count = untouched(sensor, recording), int(recording.untouched.sum())
-    dead, left_out = tuple(np.flatnonzero(~np.isfinite(frame.volts)).tolist()), dead_electrodes(frame)
+    lost = ~np.isfinite(frame.volts).ravel()
+    dead, left_out = tuple(np.flatnonzero(lost & ~idle_readings(frame.asked, lost)).tolist()), dead_electrodes(frame)
     frame = without(frame, left_out)
     _check_left(frame)
     tests = ohm_tests(sensor, frame.volts)

@@ -26,6 +26,7 @@ from touchcal.errors import InputFileError
 
 _FROM_EDGE = 0.1  # part of the radius, of the disc of its area with an outline, that touches keep from the edge
 _DRAWS = 4  # of sensors that the calibration may have missed
+_STEP = 1e-3  # of a standard deviation, over which signals are differenced
 _RINGS = 12  # of pixels; one is as large as a touch's usual moment, 36 mm^2 of a disc of 100 mm
 
 
@@ -88,11 +89,16 @@ def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0) -> 
     """Standard deviation, V, of a corrected reading of a touched frame, r.m.s.: noise of both frames through the map,
     and its error for a touch as large as a pixel, over sensors drawn by the standard deviations of the parameters.
 
-    These are taken as independent, which makes the draws wider than the posterior.
+    These are taken as independent, which makes the draws wider than the posterior, and the signals as linear in them:
+    of a sensor far from the calibrated one, as by leaks that give back energy, no body is made.
     """
-    chance, held = np.random.default_rng(seed), calibrated.instrument
-    states = [calibrated.state + held.gauged(calibrated.sd * chance.standard_normal(held.size)) for _ in range(_DRAWS)]
-    error = np.trace(error_covariance(calibrated, states, found))
+    chance, held, ideal = np.random.default_rng(seed), calibrated.instrument, ideal_signals(calibrated)
+    middle = signals(calibrated, calibrated.state)
+    error = float(np.mean(np.sum((ideal - found.matrix @ middle) ** 2, axis=0)))
+    for _ in range(_DRAWS):
+        step = _STEP * held.gauged(calibrated.sd * chance.standard_normal(held.size))
+        change = found.matrix @ (signals(calibrated, calibrated.state + step) - middle) / _STEP
+        error += float(np.mean(np.sum(change**2, axis=0))) / _DRAWS
     noise = 2 * calibrated.misfit**2 * np.sum(found.matrix**2)
     return float(np.sqrt((error + noise) / len(found.matrix)))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from eitsim.sensors.conventions import counts_for
 from eitsim.sensors.recording import Recording
-from touchcal.arrays import Array, Complex
+from touchcal.arrays import Array, Complex, Index
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 
@@ -41,17 +41,20 @@ def first_lines(path: Path, count: int = 40) -> list[str]:
     return [] if b"\0" in head else head.decode("utf-8", errors="replace").splitlines()[:count]
 
 
-def frames(path: Path, readings: Array | Complex, kind: str) -> Recording:
-    """A recording of frames (n, readings) one after the other that no file names the touches of."""
-    return Recording(readings, np.arange(len(readings)), None, np.array([""] * len(readings)), kind, path)
+def frames(path: Path, readings: Array | Complex, kind: str, pairs: Index | None = None) -> Recording:
+    """A recording of frames (n, readings) one after the other that no file names the touches of; pairs (readings, 4):
+    where the file states its order."""
+    return Recording(readings, np.arange(len(readings)), None, np.array([""] * len(readings)), kind, path, pairs)
 
 
-def a_row_a_frame(path: Path, name: str, array: Array | Complex) -> Array | Complex:
-    """(frames, readings) of an array of one or two axes, whose axis of readings is the one of which a common drive
-    makes so many; InputFileError where both are, or neither."""
+def a_row_a_frame(path: Path, name: str, array: Array | Complex, readings: int | None = None) -> Array | Complex:
+    """(frames, readings) of an array of one or two axes, whose axis of readings is the only one of `readings` numbers,
+    or without it the one of which a common drive makes so many; InputFileError where both are, or neither."""
     if array.ndim == 1:
         return array[None]
     first, second = array.shape
+    if readings is not None and (first == readings) != (second == readings):
+        return array.T if first == readings else array
     by_column, by_row = (size >= FEWEST_READINGS and bool(counts_for(size)) for size in array.shape)
     if by_column == by_row:
         which = ("either may be the readings of a frame." if by_row else

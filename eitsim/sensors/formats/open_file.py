@@ -6,13 +6,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.frames import Frames, read_frames, without_unread
-from eitsim.sensors.formats import columns, eit_kit, matlab, numpy_array, sciospec, serial_magnitudes
+from eitsim.sensors.formats import (
+    columns,
+    eit_kit,
+    goe_mf,
+    matlab,
+    numpy_array,
+    quadrupoles,
+    sciospec,
+    serial_magnitudes,
+)
 from eitsim.sensors.formats.layout import Layout
 from eitsim.sensors.recording import Recording, check_kind, in_phase, read_recording
 from touchcal.errors import InputFileError
 
 # A new board is one module with a `FORMAT` and its name here, before `columns`, which takes whatever has one column.
-FORMATS = tuple(module.FORMAT for module in (sciospec, matlab, numpy_array, serial_magnitudes, eit_kit, columns))
+FORMATS = tuple(module.FORMAT for module in (sciospec, matlab, numpy_array, goe_mf, serial_magnitudes, eit_kit,
+                                               quadrupoles, columns))
 
 
 def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | None = None) -> Recording:

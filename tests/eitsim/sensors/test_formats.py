@@ -28,17 +28,32 @@ def written(tmp_path: Path, name: str, text: str) -> Path:
     return path
 
 
-def test_sciospec_voltages_are_complex_injection_by_injection(tmp_path: Path) -> None:
+def test_sciospec_frames_are_neighbours_differences_in_the_order_that_they_state(tmp_path: Path) -> None:
     found = open_recording(written(tmp_path, "frame_0001.eit", SCIOSPEC))
-    np.testing.assert_array_equal(found.readings, [[0.1 + 0.2j, 3 + 4j, 5 + 6j, 7 + 8j, 9 + 10j, 11 - 12j]])
+    np.testing.assert_allclose(found.readings, [[2.9 + 3.8j, 2 + 2j, -4.9 - 5.8j, 2 + 2j, 2 - 22j, -4 + 20j]])
+    assert found.pairs is not None
+    assert found.pairs.tolist() == [[0, 1, 1, 0], [0, 1, 2, 1], [0, 1, 0, 2], [1, 2, 1, 0], [1, 2, 2, 1], [1, 2, 0, 2]]
     assert found.untouched.all()
+
+
+def test_sciospec_channels_without_an_electrode_are_no_electrodes(tmp_path: Path) -> None:
+    """Channels 2, 5 and 7 of eight are measured; the lines hold all eight."""
+    text = SCIOSPEC.replace("Channels: 1,2,3\n", "Channels: 2,5,7\n", 1)
+    text = text.replace("1 2\n", "2 5\n").replace("2 3\n", "5 7\n")
+    lines = text.split("\n")
+    for line, start in ((19, 0.0), (21, 100.0)):
+        lines[line] = "\t".join(f"{start + channel}\t0" for channel in range(1, 9))
+    found = open_recording(written(tmp_path, "frame_0001.eit", "\n".join(lines)))
+    np.testing.assert_allclose(found.readings, [[3, 2, -5, 3, 2, -5]])
+    assert found.pairs is not None
+    assert found.pairs[3].tolist() == [1, 2, 1, 0]
 
 
 def test_a_folder_of_sciospec_files_is_a_recording_in_the_order_of_names(tmp_path: Path) -> None:
     written(tmp_path, "b_00002.eit", SCIOSPEC.replace("3\t4", "30\t40"))
     written(tmp_path, "b_00001.eit", SCIOSPEC)
     found = open_recording(tmp_path)
-    assert found.readings[:, 1].tolist() == [3 + 4j, 30 + 40j]
+    np.testing.assert_allclose(found.readings[:, 0], [2.9 + 3.8j, 29.9 + 39.8j])
     assert found.index.tolist() == [0, 1]
 
 

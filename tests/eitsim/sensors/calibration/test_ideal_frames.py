@@ -143,3 +143,14 @@ def test_the_command_writes_a_recording(command: Callable[..., CompletedProcess[
     assert found.touch.tolist() == recording(sensor).touch.tolist()
     expected = voltages(HELD, SENSOR.protocol, HELD.prior_mean).ravel()
     np.testing.assert_allclose(found.readings[0], expected, atol=1e-5 * float(np.abs(expected).max()))
+
+
+def test_the_noise_does_not_hang_on_the_draw() -> None:
+    """Leaks so uncertain that some of the drawn sensors give back energy, which no body does."""
+    sensor = real("gains")
+    leaks = np.zeros(HELD.size)
+    leaks[HELD.places["leaks"]] = 100 * HELD.prior_sd[HELD.places["leaks"]]
+    unsure = replace(sensor, sd=leaks)
+    found = to_ideal(unsure)
+    drawn = [frame_noise(unsure, found, seed) for seed in range(6)]
+    assert max(drawn) < 3 * min(drawn)
