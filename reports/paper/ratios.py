@@ -87,13 +87,22 @@ def _named(one: Ratio) -> str:
     return f"{_quantity(one)}{by} ({'' if one.figure.startswith('T') else 'figure '}{one.figure})"
 
 
-def verdict(found: Sequence[Ratio], synthetic: bool) -> Iterator[Verdict]:
-    """A line a use: good within 5 % of the paper at worst, usable within 25 %; stands for nothing measured."""
+def of_full(full: pd.DataFrame) -> list[Ratio]:
+    """As `ratios`, of the numbers of the run at full size."""
+    return ratios([Section(figure, "", "", "", "", (), numbers=tuple(
+        Number(row["quantity"], row["unit"], float(row["value"]), row["method"]) for row in rows.to_dict("records")))
+        for figure, rows in full.groupby("figure", sort=False)])
+
+
+def verdict(found: Sequence[Ratio], synthetic: bool, run: str = "") -> Iterator[Verdict]:
+    """A line a use: good within 5 % of the paper at worst, usable within 25 %; stands for nothing measured. run: which
+    run the numbers are of, where it is not this one."""
     if not found:
         yield Verdict("Any comparison", NOT_USABLE, "no number of this run stands next to one of the paper's")
     for use, (figures, method) in USES.items():
         if own := [one for one in found if one.figure in figures and one.found.method == method]:
             largest = max(own, key=lambda one: one.off)
             yield Verdict(use, graded(largest.off, AGREES),
-                          f"at worst, {_named(largest)} is {against(largest.found.value, largest.paper)}")
+                          f"at worst, {_named(largest)} is {against(largest.found.value, largest.paper)}"
+                          + (f", in {run}" if run else ""))
     yield from real("A real sensor", synthetic)

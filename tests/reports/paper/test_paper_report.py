@@ -117,6 +117,9 @@ def test_what_is_there_is_drawn_and_what_is_not_is_said(run: Run, tmp_path: Path
                   "quantity unit paper this run",
                   "figure quantity method unit paper this run ratio ratio, full run", "A held touch"):
         assert words in text, words
+    places = [text.index(words) for words in ("Figure 8: mesh convergence", "Mean contact stress (kPa)",
+                                              "Figure 9: a held touch", "Time from the end of loading (s)")]
+    assert places == sorted(places)
     assert sorted(path.name for path in (tmp_path / "paper_files").glob("*.svg")) == ["figure_8.svg", "figure_9.svg"]
     numbers = pd.read_csv(tmp_path / "numbers.csv", dtype={"figure": str})
     assert np.isfinite(numbers["value"]).all()
@@ -221,6 +224,29 @@ def test_the_worst_of_every_figure_stands_on_the_first_page() -> None:
     assert lines["The forward map"][0] == GOOD
     assert lines["A real sensor"][0] == NOT_USABLE
     assert [line.grade for line in ratios.verdict([], synthetic=False)] == [NOT_USABLE]
+
+
+def test_a_quick_run_is_judged_by_the_run_at_full_size(run: Run) -> None:
+    """40 times the paper's in a quick run, 13 times at full size."""
+    name, stated = "RMSE of x₀, test rows", paper_value("13", "RMSE of x₀, test rows")
+    quick = ratios.ratios([section("13", Number(name, "mm", 40 * stated, "networks"))])
+    full = pd.DataFrame({"figure": ["13"], "quantity": [name], "unit": ["mm"], "method": ["networks"],
+                         "value": [13 * stated]})
+    (line,) = [one for one in paper_report._verdict(run, quick, full) if "networks" in one.what]
+    assert "is 13 times the paper's, in the run at full size" in line.why
+    (line,) = [one for one in paper_report._verdict(run, quick, None) if "networks" in one.what]
+    assert line.why.endswith("is 40 times the paper's")
+
+
+def test_the_first_page_counts_stale_stages_of_both_runs() -> None:
+    (said,) = paper_report._findings([section("3")], {}, ["sweep", "networks"])[:1]
+    assert said.endswith("0 stages of this run are stale, and 2 of the run at full size.")
+    assert paper_report._findings([section("3")], {"sweep": "code"}, [])[0].endswith("1 stage of this run is stale.")
+
+
+def test_no_figure_of_the_walk_leaves_its_section() -> None:
+    for template in ("paper/paper.typ", "document/layout.typ"):
+        assert "float: true" not in (ROOT / "reports" / template).read_text()
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.5])
