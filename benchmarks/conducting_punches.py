@@ -32,6 +32,7 @@ from eitsim.scene.scene import STRAINS, Scene, profile_of, scene_from
 from eitsim.simulation.edge_effects import near_rim
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
+from touchcal.errors import NotConverged
 
 SCENES, SEED, TENTH = 130, 46, 10
 FINELY, ROOM_MM = 4e-4, 2.0
@@ -68,7 +69,7 @@ def row_of(seed: int, k: int) -> dict[str, object]:
                   "fine_cpu_s": time.process_time() - begun}
         if k % TENTH == 0:
             found["finest"] = distance(result.readings.signal_V, finely(scene, result.touches[0], 4, 4))
-    except ValueError as error:  # the finer foam strains the skin to where its cubic is not positive
+    except (ValueError, NotConverged) as error:  # the skin's cubic not positive, or the edge not resolved, on that mesh
         return found | {"outcome": f"reference: {error}"[:80]}
     return found | {"stated": result.error_estimate["signal"], "numerical": result.numerical_error["signal"],
                     "cancel": part.grown if part else 1.0}

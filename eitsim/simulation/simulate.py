@@ -52,7 +52,8 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     Result
         Its `outcome` is "ok", or it names a refusal or a failure of a solver, which `message` explains; `touches` hold
         the mechanics of each punch (m, N, Pa), `readings` the voltages (V; patterns x readings), `error_estimate`
-        relative errors. `result_document` makes of it what `eitsim run --out` writes.
+        relative errors. Of a hold they are those of its last time; `moments` holds every time. `result_document` makes
+        of it what `eitsim run --out` writes.
 
     Raises
     ------

@@ -89,7 +89,7 @@ def _named(one: Ratio) -> str:
 
 def of_full(full: pd.DataFrame) -> list[Ratio]:
     """As `ratios`, of the numbers of the run at full size."""
-    return ratios([Section(figure, "", "", "", "", (), numbers=tuple(
+    return ratios([Section(str(figure), "", "", "", "", (), numbers=tuple(
         Number(row["quantity"], row["unit"], float(row["value"]), row["method"]) for row in rows.to_dict("records")))
         for figure, rows in full.groupby("figure", sort=False)])
 

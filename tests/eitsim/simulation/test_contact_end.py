@@ -72,7 +72,8 @@ def test_what_the_plan_left_out_counts_as_much_more_as_the_parts_are_larger() ->
     (floats,) = [d for d in made.decisions if "floats on the whole" in d.decision]
     assert "counts in the result's own error" in floats.reason
     assert not floats.unbounded
-    readings = Readings(*[np.ones((1, 1))] * 4, 0.0, 0.0, 0, 0.0, conductors=ConductorPart(6.0, 5.0, 0.0))
+    one_V = np.ones((1, 1))
+    readings = Readings(one_V, one_V, one_V, one_V, 0.0, 0.0, 0, 0.0, conductors=ConductorPart(6.0, 5.0, 0.0))
     plain, grown = (error_budget(made, {"signal": 0.0, "depth": 0.0}, readings=one)
                     for one in (replace(readings, conductors=None), readings))
     assert grown["signal"] == pytest.approx(6 * plain["signal"])
