@@ -193,7 +193,7 @@ def _other_code(run: Run, rows: pd.DataFrame) -> str:
 
 def _codes(run: Run, rows: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
     """By which code each stage of the run at full size was made, and would be here; missing where not known."""
-    codes = pd.Series(rows["code"] if "code" in rows else None, index=rows.index, dtype=object)
+    codes = pd.Series(rows.get("code"), index=rows.index, dtype=object)
     code_of = {name: stage.code for name, stage in run.stages.items()}
     return codes, pd.Series([code_of.get(name) for name in rows["stage"]], index=rows.index, dtype=object)
 

@@ -72,7 +72,7 @@ def compared(frames: Array, reference: Array | None, scene: Scene, kind: str, di
 def _measured(frames: Array, reference: Array | None) -> NDArray[np.bool_]:
     """(readings,) which are empty in no frame, and not 0 in all of them."""
     rows = frames if reference is None else np.vstack([reference[None], frames])
-    return np.isfinite(rows).all(axis=0) & rows.any(axis=0)
+    return np.logical_and(np.isfinite(rows).all(axis=0), rows.any(axis=0))
 
 
 def _uniform(scene: Scene, there: NDArray[np.bool_]) -> Untouched:
