@@ -117,8 +117,12 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
         print(f"line {image['line']}: {image['note']}")
     if (left := len(noted) - _MOST_NOTES) > 0:
         print(f"{left} more lines have a note: --json holds all.")
-    print(f"untouched: {document['conductance_S']:.4g} S a square, misfit {document['misfit']:.2%}; prior "
-          f"{document['prior']}, noise figure {document['noise_figure']:.3g}")
+    untouched = "" if document["misfit"] is None else (
+        f"untouched: {document['conductance_S']:.4g} S a square, misfit {document['misfit']:.2%}; ")
+    print(f"{untouched}{document['differences']} differences, prior {document['prior']}, noise figure "
+          f"{document['noise_figure']:.3g}")
+    if document["cautions"]:
+        print("Mind:", *(f"- {caution}" for caution in document["cautions"]), sep="\n")
     if out is not None:
         print(f"images: {out}")
 

@@ -242,9 +242,12 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
                     help="File of untouched frames, whose mean counts; else the first frame of FRAMES.")] = None,
                 prior: Annotated[str, typer.Option(help="laplace, or noser, which rings less and places "
                                                          "touches worse.")] = "laplace",
-                noise_figure: Annotated[float, typer.Option(
-                    help="SNR of the readings over SNR of the image; smaller is smoother. For 16 "
-                         "electrodes 0.08 to 100 can be had.")] = 0.5,
+                noise_figure: Annotated[float | None, typer.Option(
+                    help="SNR of the readings over SNR of the image; smaller is smoother. By default 0.5, or the "
+                         "nearest that can be had.", show_default=False)] = None,
+                differences: Annotated[str, typer.Option(
+                    help="volts; normalised, each over the untouched reading, where a gain of each cancels; auto: "
+                         "normalised where no uniform skin explains the untouched frame.")] = "auto",
                 out: Annotated[Path | None, typer.Option(help="Write the images (.vtu for ParaView, or .csv) "
                                                               "here.")] = None,
                 as_json: JsonOption = False) -> None:
@@ -255,18 +258,19 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
     """
     from eitsim.cli.display import show_images
     from eitsim.electrics.imaging.gauss_newton import check_prior
-    from eitsim.electrics.imaging.images import check_suffix, images_of, write_images
+    from eitsim.electrics.imaging.images import check_differences, check_suffix, images_of, write_images
+    from eitsim.sensors.formats.open_file import open_frames
     from eitsim.sensors.sensor_file import scene_of_frames
-    from eitsim.sensors.taken_readings import taken
 
     if out is not None:
         check_out(out)
         check_apart({"--out": out}, [path for path in (frames, scene, baseline) if path is not None])
         check_suffix(out)
     check_prior(prior, noise_figure)
-    made_by, read, left_out = taken(frames, scene_of_frames(scene) if scene is not None else Scene())
-    images, document = images_of(frames, made_by, baseline=baseline, prior=prior, noise_figure=noise_figure, read=read)
-    document["readings_not_taken"] = left_out
+    check_differences(differences)
+    sensor, kind = scene_of_frames(scene) if scene is not None else (Scene(), "voltage")
+    images, document = images_of(frames, sensor, baseline=baseline, prior=prior, noise_figure=noise_figure, kind=kind,
+                                 differences=differences, read=open_frames)
     if out is not None:
         write_images(images, out)
     if as_json:

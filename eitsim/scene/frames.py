@@ -21,36 +21,22 @@ LEADING = ("index", "time_s", "touch")  # columns of a recording that are no rea
 class Frames:
     """Frames and where they stand in their file."""
 
-    volts: Array  # (n, readings) V
+    volts: Array  # (n, readings) V; NaN where a cell is empty: the reading was not measured
     line: NDArray[np.int64]  # (n,) line numbers from 1
 
 
-def read_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:
+def read_frames(path: Path | str, readings: int) -> Frames:
     """Read a file of frames, columns v_000 ... in any order where a header names them, else in that order, without
-    those of LEADING. Readings of the mask `unread` (readings,), which need a missing electrode, may be empty and are 0.
-    InputFileError names the line of a wrong width or a missing number, and a header's name that is no reading."""
-    table = read_numbers(path, readings, what="voltages", blanks=unread is not None,
-                         left_out=LEADING)
+    those of LEADING. InputFileError names the line of a wrong width or a cell that is no number, and a header's name
+    that is no reading."""
+    table = read_numbers(path, readings, what="voltages", blanks=True, left_out=LEADING)
     volts = table.values
     if table.names:
         try:
             volts = volts[:, column_order(table.names, readings)]
         except ValueError as error:
             raise InputFileError(path, f"{error}") from None
-    found = Frames(volts, table.line)
-    return found if unread is None else without_unread(path, found, unread)
-
-
-def without_unread(path: Path | str, frames: Frames, unread: NDArray[np.bool_]) -> Frames:
-    """Frames with 0 for the readings of the mask `unread` (readings,); InputFileError names the first other one that
-    is empty."""
-    empty = np.argwhere(~np.isfinite(frames.volts) & ~unread)
-    if len(empty):
-        row, reading = empty[0]
-        raise InputFileError(path, f"{voltage_columns(len(unread))[reading]} is empty, and its electrodes are all "
-                             "there. Fill it in, leave the frame out, or name what is missing in [electrodes].",
-                             line=int(frames.line[row]))
-    return Frames(np.where(unread, 0.0, frames.volts), frames.line)
+    return Frames(volts, table.line)
 
 
 def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:

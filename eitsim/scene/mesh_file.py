@@ -27,4 +27,13 @@ def read_mesh(path: Path) -> "meshio.Mesh":
         raise
     except (Exception, SystemExit) as error:
         reason = said.getvalue() if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
-        raise ValueError(" ".join(reason.split())) from None
+        raise ValueError(" ".join(reason.split()) + _advice(path)) from None
+
+
+def _advice(path: Path) -> str:
+    """What to do about a file of Gmsh whose format is not read; empty for others."""
+    lines = path.read_bytes()[:200].split(b"\n") if path.suffix.lower() == ".msh" else []
+    if len(lines) < 2 or lines[0].strip() != b"$MeshFormat":
+        return ""
+    return (f"; its format is {lines[1].split()[0].decode(errors='replace') if lines[1].split() else 'not stated'}, of "
+            "which this content is not read: save it as version 2.2 (gmsh -save -format msh22)")

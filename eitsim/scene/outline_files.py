@@ -16,20 +16,22 @@ from touchcal.errors import InputFileError
 _SAG_MM = 0.01  # Largest distance of a curve of a drawing from its chords, mm.
 _PER_INCH = 96.0  # User units of an SVG without units of its own.
 _MM = 25.4 / _PER_INCH
+_CORNERS = {"triangle": 3, "quad": 4}
 _SAME_MM = 1e-3  # Ends of lines of a drawing closer than this are one corner, mm.
 
 Corners = list[list[float]]
 
 
-def outline_of_file(path: Path) -> tuple[Corners, list[Corners]]:
+def outline_of_file(path: Path, unit_mm: float = 1.0) -> tuple[Corners, list[Corners]]:
     """Corners [x, y], mm, of the loop of a file that encloses most, then of the others, which are holes.
 
-    Curves become chords that lie at most 0.01 mm off. InputFileError where the file holds no closed loop.
+    unit_mm: the length of one unit of the file. Curves become chords that lie at most 0.01 mm off. InputFileError where
+    the file holds no closed loop.
     """
     if not path.exists():
         raise InputFileError(path, "no such file, which outline or points_mm in [body] names. Check the name, which is "
                                    "relative to the scene file.")
-    found = {".csv": _csv, ".dxf": _dxf, ".svg": _svg}.get(path.suffix.lower(), _mesh)(path)
+    found = {".csv": _csv, ".dxf": _dxf, ".svg": _svg}.get(path.suffix.lower(), _mesh)(path, unit_mm)
     if not found:
         raise InputFileError(path, "it holds no closed loop; close the outline.")
     found.sort(key=lambda loop: -abs(signed_area(loop)))
@@ -37,11 +39,11 @@ def outline_of_file(path: Path) -> tuple[Corners, list[Corners]]:
     return outer, holes
 
 
-def _csv(path: Path) -> list[Array]:
-    return [read_numbers(path, 2, what="numbers x_mm, y_mm").values]
+def _csv(path: Path, unit_mm: float) -> list[Array]:
+    return [unit_mm * read_numbers(path, 2, what="numbers x_mm, y_mm").values]
 
 
-def _dxf(path: Path) -> list[Array]:
+def _dxf(path: Path, unit_mm: float) -> list[Array]:
     try:
         from ezdxf import filemanagement, units
         from ezdxf import path as paths
@@ -57,11 +59,12 @@ def _dxf(path: Path) -> list[Array]:
         raise InputFileError(path, f"it states {stated}, and lengths are read as mm. Save it in mm, or correct what it "
                                    "states.")
     curves = drawing.modelspace().query("LINE ARC CIRCLE ELLIPSE LWPOLYLINE POLYLINE SPLINE")
-    return _joined(path, [np.array([[p.x, p.y] for p in paths.make_path(curve).flattening(_SAG_MM)])
+    return _joined(path, [unit_mm * np.array([[p.x, p.y] for p in paths.make_path(curve).flattening(
+        _SAG_MM / unit_mm)])
                           for curve in curves])
 
 
-def _svg(path: Path) -> list[Array]:
+def _svg(path: Path, unit_mm: float) -> list[Array]:
     try:
         import svgelements
     except ImportError:
@@ -72,7 +75,7 @@ def _svg(path: Path) -> list[Array]:
         raise InputFileError(path, f"no SVG file that can be read ({error}).") from None
     shapes: list[Any] = [one for one in drawing.elements() if isinstance(one, svgelements.Shape)]
     parts = [part for shape in shapes for part in svgelements.Path(shape).as_subpaths()]
-    return _joined(path, [_flattened(svgelements.Path(part)) for part in parts])
+    return _joined(path, [unit_mm * _flattened(svgelements.Path(part)) for part in parts])
 
 
 def _flattened(part: Any) -> Array:
@@ -89,26 +92,27 @@ def _flattened(part: Any) -> Array:
     return _MM * np.array([[p.x, -p.y] for p in points if p is not None])
 
 
-def _mesh(path: Path) -> list[Array]:
-    """Loops of the edges that one triangle of a mesh has."""
+def _mesh(path: Path, unit_mm: float) -> list[Array]:
+    """Loops of the edges that one triangle, or quadrilateral, of a mesh has."""
     try:
         mesh = read_mesh(path)
     except (ValueError, OSError) as error:
         raise InputFileError(path, "no outline: neither .csv, .dxf, .svg nor a mesh that meshio reads "
                                    f"({error}).") from None
-    cells = [block.data for block in mesh.cells if block.type.startswith("triangle")]
+    cells = [block.data[:, :count] for block in mesh.cells for kind, count in _CORNERS.items()
+             if block.type.startswith(kind)]
     if not cells:
-        raise InputFileError(path, "the mesh has no triangles; save the skin's surface.")
-    if mesh.points.shape[1] == 3 and np.ptp(mesh.points[:, 2]) > _SAME_MM:
+        raise InputFileError(path, "the mesh has no triangles or quadrilaterals; save the skin's surface.")
+    points = unit_mm * mesh.points
+    if points.shape[1] == 3 and np.ptp(points[:, 2]) > _SAME_MM:
         raise InputFileError(path, "the mesh is not flat in z. Touches of curved skins are not solved; "
                                    "`eitsim solve-mesh` gives readings of a curved skin.")
-    corners = np.vstack([block[:, :3] for block in cells])
-    edges = np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    edges = np.vstack([np.stack([block, np.roll(block, -1, axis=1)], axis=-1).reshape(-1, 2) for block in cells])
     _, index, times = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     if (count := int(np.sum(times == 1))) > MOST_POINTS:
         raise InputFileError(path, f"its edge has {count} corners, at most {MOST_POINTS} are taken; save a coarser "
                                    "mesh.")
-    return _joined(path, list(mesh.points[edges[index[times == 1]]][..., :2]))
+    return _joined(path, list(points[edges[index[times == 1]]][..., :2]))
 
 
 def _joined(path: Path, pieces: Sequence[Array]) -> list[Array]:

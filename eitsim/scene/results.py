@@ -154,6 +154,20 @@ class Touch:
 
 
 @dataclass(frozen=True)
+class ConductorPart:
+    """What conducting punches make of a signal dV, sizes over that of dV, 2-norms."""
+
+    insulated: float  # dV of the same touches if no punch conducted
+    own: float  # what conducting changes of it
+    end_error: float  # estimated relative error of dV by where the contacts end
+
+    @property
+    def grown(self) -> float:
+        """How many times a relative error of either part counts in dV; at least once."""
+        return max(self.insulated, self.own, 1.0)
+
+
+@dataclass(frozen=True)
 class Readings:
     """Electrode voltages of a touched and an untouched skin, in the order of the drive pattern; NaN where a pattern or
     a reading needs an electrode without contact."""
@@ -167,6 +181,7 @@ class Readings:
     unknowns: int  # unknowns of the linear system
     cpu_s: float  # CPU time spent, s
     method: str = ""  # how dV was solved: "multipole" or "mesh"
+    conductors: ConductorPart | None = None  # None where no punch conducts
 
 
 @dataclass(frozen=True)

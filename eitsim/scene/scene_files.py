@@ -11,13 +11,16 @@ from eitsim.scene.drive import with_matrices
 from eitsim.scene.drive_pairs import with_pairs
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
 from eitsim.scene.outline import OUTLINES
-from eitsim.scene.outline_files import outline_of_file
+from eitsim.scene.outline_files import Corners, outline_of_file
 from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number
 from touchcal.errors import InputFileError
 
 # Columns of a file of electrodes on the surface, and those that it may leave out.
 _PLACES, _SIZES = ("x_mm", "y_mm"), ("width_mm", "length_mm", "turn_deg", "contact_impedance_Ohm_m2", "shape")
+
+_LEAST_MM = 2.0  # A skin whose longer side is shorter than this is not meant.
+_WIDTH_MM = 1e3 * float(np.max(Electrodes.width_m))
 
 
 def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -26,7 +29,7 @@ def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     relative to `folder`; ValueError names the key, InputFileError the file."""
     tables = with_calibrated(with_matrices(raw, folder), folder)
     if isinstance(body := tables.get("body"), Mapping):
-        tables["body"] = _with_outline(body, folder)
+        tables["body"] = _with_outline(body, tables.get("electrodes", {}), folder)
     if isinstance(electrodes := tables.get("electrodes"), Mapping):
         tables["electrodes"] = _with_places(electrodes, folder)
     if isinstance(drive := tables.get("drive"), Mapping) and "pairs" in drive:
@@ -42,7 +45,7 @@ def _count(electrodes: Any) -> int:
     return count
 
 
-def _with_outline(body: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def _with_outline(body: Mapping[str, Any], electrodes: Any, folder: Path) -> dict[str, Any]:
     """The table [body], a file that outline or points_mm names replaced by the corners it holds, mm."""
     if "mesh" in body:
         raise ValueError("mesh in [body]: a scene is a flat skin under a punch; mechanics on curved bodies is left "
@@ -51,12 +54,42 @@ def _with_outline(body: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if isinstance(name, str) and name not in OUTLINES and "." in name:
         if "points_mm" in body:
             raise ValueError(f"points_mm in [body] has no effect with outline = \"{name}\"; leave it out.")
-        outer, holes = outline_of_file(folder / name)
+        outer, holes = _corners(folder / name, body, electrodes)
         held = [*holes, *body.get("holes_mm", [])]
-        return {**body, "outline": "polygon", "points_mm": outer} | ({"holes_mm": held} if held else {})
+        kept = {key: value for key, value in body.items() if key != "unit_mm"}
+        return {**kept, "outline": "polygon", "points_mm": outer} | ({"holes_mm": held} if held else {})
     if isinstance(points := body.get("points_mm"), str):
-        return {**body, "points_mm": outline_of_file(folder / points)[0]}
+        kept = {key: value for key, value in body.items() if key != "unit_mm"}
+        return {**kept, "points_mm": _corners(folder / points, body, electrodes)[0]}
+    if "unit_mm" in body:
+        raise ValueError("unit_mm in [body] has no effect without a file that outline or points_mm names; leave it "
+                         "out, and give lengths in mm.")
     return dict(body)
+
+
+def _corners(path: Path, body: Mapping[str, Any], electrodes: Any) -> tuple[Corners, list[Corners]]:
+    """The loops of a file, mm; InputFileError where no unit is stated and its numbers can be no mm: the skin is tiny,
+    or the electrodes do not fit on its edge."""
+    unit = body.get("unit_mm", 1.0)
+    if not (is_number(unit) and unit > 0):
+        raise ValueError(f"unit_mm in [body] must be a positive number, the length of one unit of the file in mm, got "
+                         f"{unit!r:.80}.")
+    outer, holes = outline_of_file(path, unit)
+    points = np.array(outer)
+    sides, edge = np.ptp(points, axis=0), float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
+    if "unit_mm" not in body and (sides.max() < _LEAST_MM or edge < _taken_mm(electrodes)):
+        raise InputFileError(path, f"it is {sides[0]:.4g} by {sides[1]:.4g} mm large if its lengths are mm, too small "
+                                   "for the electrodes. They seem to be in metres, or another unit: write unit_mm = "
+                                   "1000 (metres), 10 (cm) or 25.4 (inches) in [body], or unit_mm = 1 if they are mm.")
+    return outer, holes
+
+
+def _taken_mm(electrodes: Any) -> float:
+    """Length of edge, mm, that evenly wide electrodes along it take; 0 for others."""
+    if not isinstance(electrodes, Mapping) or electrodes.get("kind", Electrodes.kind) != "line":
+        return 0.0
+    count, width = electrodes.get("count", Electrodes.count), electrodes.get("width_mm", _WIDTH_MM)
+    return count * width if is_number(count) and is_number(width) else 0.0
 
 
 def _with_places(electrodes: Mapping[str, Any], folder: Path) -> dict[str, Any]:

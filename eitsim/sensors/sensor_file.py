@@ -68,19 +68,16 @@ def read_sensor(path: Path | str) -> Sensor:
         raise InputFileError(path, str(error)) from None
 
 
-def scene_of_frames(path: Path | str) -> Scene:
-    """The scene whose body, electrodes and drive made frames: a scene file, or the untouched scene of a sensor file;
-    InputFileError as of these, and where the sensor gives no voltages."""
+def scene_of_frames(path: Path | str) -> tuple[Scene, str]:
+    """The scene whose body, electrodes and drive made frames, and the kind of their readings, one of KINDS: a scene
+    file, or the untouched scene of a sensor file; InputFileError as of these."""
     path = Path(path)
     raw = read_toml(path)
     drive = raw.get("drive")
     if "readings" not in raw and not (isinstance(drive, Mapping) and "pairs" in drive):
-        return read_scene(path)
+        return read_scene(path), Sensor.kind
     sensor = read_sensor(path)
-    if sensor.kind == "difference":
-        raise InputFileError(path, "kind in [readings] is \"difference\", and an image needs the untouched frame as "
-                                   "well. Record voltages.")
-    return sensor.scene
+    return sensor.scene, sensor.kind
 
 
 def sensor_from(raw: Mapping[str, Any], folder: Path) -> Sensor:

@@ -2,20 +2,32 @@
 
 from collections.abc import Mapping
 
-from eitsim.scene.results import Plan, Readings, Touch, of_strain
+from eitsim.scene.results import ConductorPart, Plan, Readings, Touch, of_strain
+
+_INSULATED = ConductorPart(1.0, 0.0, 0.0)
+_CANCELS = 2.0  # how many times larger a part than the signal that it is said
 
 
-def error_budget(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[str, float] | None = None
-                 ) -> dict[str, float]:
-    """`numerical_errors`, with what the plan left out and what neighbours may change more than that."""
-    return {key: value + (plan.strain_bound if key == "strain" else plan.error_bound)
-            + (unplanned or {}).get(key, 0.0) for key, value in numerical.items()}
+def error_budget(plan: Plan, numerical: Mapping[str, float], unplanned: Mapping[str, float] | None = None,
+                 readings: Readings | None = None) -> dict[str, float]:
+    """`numerical_errors`, with what the plan left out and what neighbours may change more than that. Where the parts of
+    skin and conducting punches nearly cancel in the readings, what the plan left out counts as much more."""
+    bounds = {"signal": plan.error_bound * _grown(readings), "strain": plan.strain_bound}
+    return {key: value + bounds.get(key, plan.error_bound) + (unplanned or {}).get(key, 0.0)
+            for key, value in numerical.items()}
+
+
+def _grown(readings: Readings | None) -> float:
+    return readings.conductors.grown if readings is not None and readings.conductors is not None else 1.0
 
 
 def numerical_errors(touches: tuple[Touch, ...], readings: Readings, strain: str) -> dict[str, float]:
     """Relative errors of the worst touch by what was solved, under a skin driven by this strain: "signal", its
-    electrics added, and "depth", and "sigma_max", "A_c" and "strain" where every touch has them."""
-    out = {"signal": max(of_strain(t.signal_errors, strain) for t in touches) + readings.signal_error,
+    electrics and the ends of conducting punches' contacts added, and "depth", and "sigma_max", "A_c" and "strain" where
+    every touch has them. The touches' signal errors are of insulated punches, and count as much of dV as these make."""
+    part = readings.conductors or _INSULATED
+    out = {"signal": part.insulated * max(of_strain(t.signal_errors, strain) for t in touches) + part.end_error
+           + readings.signal_error,
            "depth": max(t.depth_error for t in touches)}
     for key, error_estimate in {"sigma_max": [t.sigma_max_error for t in touches],
                                 "A_c": [t.contact_area_error for t in touches],
@@ -27,12 +39,16 @@ def numerical_errors(touches: tuple[Touch, ...], readings: Readings, strain: str
     return out
 
 
-def explain_excess(requested: float, error_estimate: float, numerical: float, plan: Plan) -> str:
+def explain_excess(requested: float, error_estimate: float, numerical: float, plan: Plan, readings: Readings) -> str:
     """What keeps the signal's error from the requested one, and what to write where the largest part of that does not
     hold; empty where nothing keeps it."""
     if error_estimate <= requested:
         return ""
-    largest = max(plan.decisions, key=lambda d: d.error_bound)
+    largest, part = max(plan.decisions, key=lambda d: d.error_bound), readings.conductors
+    against = "" if part is None or part.grown <= _CANCELS else (
+        f" Skin and conductor nearly cancel: without conducting the signal would be {part.insulated:.2g} times as "
+        "large, and errors of either part count as much more.")
+    left_out = plan.error_bound * _grown(readings)
     return (f"the signal's error may be {error_estimate:.3g}, more than the {requested:g} asked for (signal in "
-            f"[accuracy]): {numerical:.3g} is numerical, {plan.error_bound:.3g} what the plan left out, most of that "
-            f"\"{largest.decision}\".{largest.remedy and ' ' + largest.remedy}")
+            f"[accuracy]): {numerical:.3g} is numerical, {left_out:.3g} what the plan left out, most of that "
+            f"\"{largest.decision}\".{largest.remedy and ' ' + largest.remedy}{against}")

@@ -38,9 +38,6 @@ _SDS = 3.0  # standard deviations that a bound states; surrogates take it back
 # Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
 # above all that were measured, 14 mm under 0.1 and 1 N.
 _CONTACT_SHARE = 0.6
-# What the foam's mesh may cost of dV by the end of a conducting punch's contact: half the element size changed it by at
-# most that under flat punches of 14 mm, 0.1 and 1 N, and 10 mm, 2 N, and a sphere of 14 mm, 1 N, down to 1e-9 Ohm m^2.
-_CONTACT_END = 0.0105
 # Dipole moment of the touch, over the square of the punch's radius, by the strain that drives the skin: 14 mm,
 # insulated, under DIPOLE_FORCES_N, on Table 1's foam.
 DIPOLE_FORCES_N = (0.1, 1.0, 2.0)
@@ -245,9 +242,9 @@ def _conductor_decisions(scene: Scene, punch: Punch, paired: bool) -> Iterator[D
         yield Decision("no conduction through the punch", "conductor is false in [punch]", 0.0)
         return
     yield Decision("a conducting punch floats on the whole of its contact", "one contact impedance; the contact ends "
-                   "where the foam's mesh resolves it, which the signal's numerical error does not count: half the "
-                   "element size changed dV by 0.05 to 1.05 % at four touches with strain = \"normal\"; where other "
-                   "strains cancel what the punch shunts, more", _CONTACT_END, unbounded=scene.skin.strain != "normal")
+                   "where the foam's mesh resolves it, and what a nearer end would change of dV counts in the result's "
+                   "own error. Where strains in plane nearly cancel what the punch shunts, this and all bounds here "
+                   "count as many times as the larger part is of dV", 0.0)
     if paired:
         yield Decision("a conducting punch touches where it would alone", "what its neighbour changes of the contact's "
                        "end is not built; the cost is unknown and not in the bound", 0.0, unbounded=True)

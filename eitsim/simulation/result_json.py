@@ -80,7 +80,8 @@ def decisions(plan: Plan) -> list[dict[str, Any]]:
 def moment_block(moment: Moment, plan: Plan, strain: str) -> dict[str, Any]:
     """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
     return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": _rows(moment.readings.touched_V),
-            "error_estimate": error_budget(plan, numerical_errors((moment.touch,), moment.readings, strain))}
+            "error_estimate": error_budget(plan, numerical_errors((moment.touch,), moment.readings, strain),
+                                           readings=moment.readings)}
 
 
 def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:

@@ -4,6 +4,7 @@ import logging
 import resource
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from eitsim.electrics.forward.solve_forward import solve
@@ -14,6 +15,7 @@ from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strain
 from eitsim.scene.scene import Scene, as_scene
+from eitsim.simulation.contact_end import with_conductors
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, together
@@ -50,7 +52,8 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     Result
         Its `outcome` is "ok", or it names a refusal or a failure of a solver, which `message` explains; `touches` hold
         the mechanics of each punch (m, N, Pa), `readings` the voltages (V; patterns x readings), `error_estimate`
-        relative errors. `result_document` makes of it what `eitsim run --out` writes.
+        relative errors. Of a hold they are those of its last time; `moments` holds every time. `result_document` makes
+        of it what `eitsim run --out` writes.
 
     Raises
     ------
@@ -172,11 +175,12 @@ def _result(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Read
     """What was solved, with its errors, and what is wrong with it."""
     neighbours, unplanned = _neighbours(scene, touches, exact)
     numerical = numerical_errors(touches, readings, scene.skin.strain)
-    error_estimate = error_budget(plan, numerical, unplanned)
+    error_estimate = error_budget(plan, numerical, unplanned, readings)
     deepest, too_deep = max(touch.depth_m for touch in touches), ""
     if deepest > BOTTOM * scene.body.thickness_m:
         too_deep = f"the punch is {deepest * 1e3:.3f} mm deep, more than {BOTTOM:.0%} of the foam's thickness."
-    note = too_deep or explain_excess(scene.accuracy.signal, error_estimate["signal"], numerical["signal"], plan)
+    note = too_deep or explain_excess(scene.accuracy.signal, error_estimate["signal"], numerical["signal"], plan,
+                                      readings)
     return Result("bottomed_out" if too_deep else "ok", plan, touches, readings, moments, note, interaction=neighbours,
                   error_estimate=error_estimate, numerical_error=numerical)
 
@@ -199,10 +203,10 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
     except ValueError as error:
         raise _Refused(str(error)) from None
     worst = max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain) for touch in touches))
+    solver = partial(solve, scene.body, scene.skin, scene.electrodes, scene.drive, law=skin_law,
+                     channels=scene.channels, signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
     try:
-        return solve(scene.body, scene.skin, scene.electrodes, scene.drive,
-                     tuple(zip(scene.punches, touches, strict=True)), skin_law, channels=scene.channels,
-                     signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
+        return with_conductors(solver, tuple(zip(scene.punches, touches, strict=True)))
     except FoldedSkin as error:
         raise _Refused(str(error)) from None
 

@@ -14,6 +14,7 @@ from reports.document import provenance
 from reports.document.numerals import counted, number
 from reports.document.page import CONTENTS, Report, ReportFigure, Table, read_contents, write_pdf
 from reports.document.style import house
+from reports.document.verdict import Verdict
 from reports.paper import choices, learning, material, networks_table, ratios, simulation, variants
 from reports.paper.section import FULL_STAGES, Section, comparison, found, full_numbers
 from reports.paper.stages import LOG, content, made, read_record, state
@@ -91,9 +92,15 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
     absent = {section.figure: section.missing for section in parts if section.missing}
     cautions = [f"Stale: {', '.join(name for name in old if old[name] == why)}: {why}"
                 for why in dict.fromkeys(old.values())]
-    return Report("paper", "The paper, walked through", _subtitle(run), _footer(run), _findings(parts, old), plates,
-                  tables, absent, prose, cautions, verdict=[
-                      *ratios.verdict(known, ratios.ratios_at_full_size(full), _synthetic(run))])
+    return Report("paper", "The paper, walked through", _subtitle(run), _footer(run),
+                  _findings(parts, old, _old_full(run) if full is not None else []), plates, tables, absent, prose,
+                  cautions, verdict=_verdict(run, known, full))
+
+
+def _verdict(run: Run, known: Sequence[ratios.Ratio], full: pd.DataFrame | None) -> list[Verdict]:
+    """Of the run at full size where its numbers are there: a quick run shows how it is done, not how well it can be."""
+    judged, of = (known, "") if full is None else (ratios.of_full(full), "the run at full size")
+    return [*ratios.verdict(judged, _synthetic(run), of)]
 
 
 def _networks(run: Run) -> tuple[dict[str, Table], str]:
@@ -146,12 +153,13 @@ def _footer(run: Run) -> dict[str, Any]:
     return provenance.footer(shown, f"seed {SEED}")
 
 
-def _findings(parts: Sequence[Section], old: Mapping[str, str]) -> list[str]:
+def _findings(parts: Sequence[Section], old: Mapping[str, str], old_full: Sequence[str]) -> list[str]:
     there = [section for section in parts if not section.missing]
     drawn = sum(section.figure not in NAMES for section in there)
     table = "and its Table 1" if any(section.figure == "T1" for section in there) else "but not its Table 1"
     said = [f"{drawn} of the paper's {FIGURES} figures of data {table} are set next to our own; "
-            f"Of this run, {counted(len(old), 'stage')} {'is' if len(old) == 1 else 'are'} stale."]
+            f"{counted(len(old), 'stage')} of this run {'is' if len(old) == 1 else 'are'} stale"
+            + (f", and {len(old_full)} of the run at full size." if old_full else ".")]
     said += [f"{NAMES.get(section.figure, f'Figure {section.figure}')}: {section.differs}" for section in there
              if section.figure in SUMMARISED]
     return said
@@ -175,15 +183,28 @@ def _other_code(run: Run, rows: pd.DataFrame) -> str:
     """Which stages of the run at full size were made by other code than is here, or do not tell, in words."""
     mixed = rows.loc[rows["state"] == "stale", "stage"].tolist()
     said = [f" Of it, {', '.join(mixed)} was made by other code or another card than the rest."] if mixed else []
-    codes = rows["code"] if "code" in rows else pd.Series(index=rows.index, dtype=object)
-    code_of = {name: stage.code for name, stage in run.stages.items()}
-    here = pd.Series([code_of.get(name) for name in rows["stage"]], index=rows.index, dtype=object)
+    codes, here = _codes(run, rows)
     if old := rows.loc[here.notna() & codes.notna() & (codes != here), "stage"].tolist():
-        said.append(f" Of its {counted(len(rows), 'stage')}, {len(old)} {'is' if len(old) == 1 else 'are'} stale, made "
-                    f"by other code than is here: {', '.join(old)}.")
+        said.append(f" Stale, made by other code than is here: {', '.join(old)}.")
     if unknown := rows.loc[here.notna() & codes.isna(), "stage"].tolist():
         said.append(f" Not known to be of this code, since their record does not tell: {', '.join(unknown)}.")
     return "".join(said)
+
+
+def _codes(run: Run, rows: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
+    """By which code each stage of the run at full size was made, and would be here; missing where not known."""
+    codes = pd.Series(rows.get("code"), index=rows.index, dtype=object)
+    code_of = {name: stage.code for name, stage in run.stages.items()}
+    return codes, pd.Series([code_of.get(name) for name in rows["stage"]], index=rows.index, dtype=object)
+
+
+def _old_full(run: Run) -> list[str]:
+    """Stages of the run at full size that are stale, or were made by other code than is here."""
+    if not FULL_STAGES.is_file():
+        return []
+    rows = pd.read_csv(FULL_STAGES)
+    codes, here = _codes(run, rows)
+    return rows.loc[(rows["state"] == "stale") | (here.notna() & codes.notna() & (codes != here)), "stage"].tolist()
 
 
 def stage_table(run: Run) -> pd.DataFrame:

@@ -1,6 +1,6 @@
 """How this run's numbers stand to the paper's: the worst of each figure, and what follows for its use."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -45,24 +45,14 @@ class Ratio:
 
 def ratios(sections: Sequence[Section]) -> list[Ratio]:
     """Of each figure and method, the number that is the farthest from the paper's; squared errors stand as roots."""
-    return _worst((section.figure, found) for section in sections for found in section.numbers)
-
-
-def ratios_at_full_size(full: pd.DataFrame | None) -> list[Ratio]:
-    """The same of the committed numbers of the run at full size; none where there are none."""
-    rows = [] if full is None else full.to_dict("records")
-    return _worst((row["figure"], Number(*(row[name] for name in ("quantity", "unit", "value", "method"))))
-                  for row in rows)
-
-
-def _worst(numbers: Iterable[tuple[str, Number]]) -> list[Ratio]:
     most: dict[tuple[str, str], Ratio] = {}
-    for figure, found in numbers:
-        paper = stated_value(figure, found.quantity)
-        if paper is None or found.quantity.startswith("MSE"):
-            continue
-        ratio, at = Ratio(figure, found, paper), (figure, found.method)
-        most[at] = max(most.get(at, ratio), ratio, key=lambda one: one.off)
+    for section in sections:
+        for found in section.numbers:
+            paper = stated_value(section.figure, found.quantity)
+            if paper is None or found.quantity.startswith("MSE"):
+                continue
+            ratio, at = Ratio(section.figure, found, paper), (section.figure, found.method)
+            most[at] = max(most.get(at, ratio), ratio, key=lambda one: one.off)
     return list(most.values())
 
 
@@ -97,17 +87,22 @@ def _named(one: Ratio) -> str:
     return f"{_quantity(one)}{by} ({'' if one.figure.startswith('T') else 'figure '}{one.figure})"
 
 
-def verdict(found: Sequence[Ratio], full: Sequence[Ratio], synthetic: bool) -> Iterator[Verdict]:
-    """A line a use: good within 5 % of the paper at worst, usable within 25 %; stands for nothing measured. A use that
-    the run at full size has numbers of is judged by them, and its line says so."""
-    if not found and not full:
+def of_full(full: pd.DataFrame) -> list[Ratio]:
+    """As `ratios`, of the numbers of the run at full size."""
+    return ratios([Section(str(figure), "", "", "", "", (), numbers=tuple(
+        Number(row["quantity"], row["unit"], float(row["value"]), row["method"]) for row in rows.to_dict("records")))
+        for figure, rows in full.groupby("figure", sort=False)])
+
+
+def verdict(found: Sequence[Ratio], synthetic: bool, run: str = "") -> Iterator[Verdict]:
+    """A line a use: good within 5 % of the paper at worst, usable within 25 %; stands for nothing measured. run: which
+    run the numbers are of, where it is not this one."""
+    if not found:
         yield Verdict("Any comparison", NOT_USABLE, "no number of this run stands next to one of the paper's")
     for use, (figures, method) in USES.items():
-        small, large = ([one for one in run if one.figure in figures and one.found.method == method]
-                        for run in (found, full))
-        if own := large or small:
+        if own := [one for one in found if one.figure in figures and one.found.method == method]:
             largest = max(own, key=lambda one: one.off)
-            where = " in the run at full size" if large else ""
             yield Verdict(use, graded(largest.off, AGREES),
-                          f"at worst{where}, {_named(largest)} is {against(largest.found.value, largest.paper)}")
+                          f"at worst, {_named(largest)} is {against(largest.found.value, largest.paper)}"
+                          + (f", in {run}" if run else ""))
     yield from real("A real sensor", synthetic)

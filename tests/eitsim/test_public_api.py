@@ -126,5 +126,7 @@ def test_arrays_are_imaged_as_files_are_and_wrong_ones_named() -> None:
         eitsim.reconstruct(baseline.touched_V[:, :12], baseline.baseline_V)
     holed = baseline.touched_V.copy()
     holed[0, 3] = np.nan
-    with pytest.raises(ValueError, match="not finite at reading 3 of frame 0"):
+    assert "1 of 208 readings are empty" in eitsim.reconstruct(holed, baseline.baseline_V).cautions[0]
+    holed[0, 3] = np.inf
+    with pytest.raises(ValueError, match="infinite at reading 3 of frame 0"):
         eitsim.reconstruct(holed, baseline.baseline_V)

@@ -10,7 +10,7 @@ as in GREIT. A signal-to-noise ratio is the mean magnitude over the root mean sq
 their areas.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,9 @@ _LEVEL, _EVEN, _NARROWING, _LAST = 2, 28, 8, 2e-3
 # Largest pixel of an outline over its mean, and the least number of triangles of the fine mesh in one.
 _LARGEST, _FINER = 2.2, 4
 _SIDE = 64  # Squares along a side of the grid of `on_grid`.
+# Weights that are tried, decades over the largest eigenvalue, and how far inside the range that they have a noise
+# figure is taken where the usual one lies outside it.
+_DECADES, _INSIDE = (-13, 5), 1.1
 _TARGET = 0.1  # Radius of the noise figure's target, in disc radii.
 _CONSTANT = 1e-6  # Part of its mean diagonal that is added to the Laplacian, which does not see a constant.
 # Steps towards the untouched resistance, the relative change at which they end, and the first conductance, S.
@@ -106,29 +109,49 @@ def pixels_of(body: Body, rings: int = RINGS) -> Pixels:
 def fitted(body: Body, electrodes: Electrodes, drive: Drive, baseline_V: Array,
            channels: Channels | None = None) -> Untouched:
     """The uniform skin that fits untouched readings (readings,) best, its contact impedances those of the electrodes,
-    read through channels where they are given.
+    read through channels where they are given. A reading that is NaN was not measured: it has no part in the fit.
 
     ValueError where the readings have another count, or no conductance fits them.
     """
-    mosaic, resistance = pixels_of(body), 1 / _FIRST_S
     mesh, passed = _fine(body, present(electrodes)), channels or Channels()
-    if passed.conductance_S:
-        resistance = 1 / passed.conductance_S[0]
+    resistance = 1 / (passed.conductance_S[0] if passed.conductance_S else _FIRST_S)
     for _ in range(_STEPS):
         potential, readings, slope = _uniform(mesh, electrodes, drive, passed, 1 / resistance)
         if readings.shape != baseline_V.shape:
             raise ValueError(f"the frame has {baseline_V.size} readings, electrodes and drive make {readings.size}; "
                              "check [electrodes] and [drive].")
-        step = float(slope @ np.nan_to_num(baseline_V - readings) / (slope @ slope))
+        slope = np.where(np.isnan(baseline_V), 0.0, slope)
+        step = float(slope @ np.nan_to_num(baseline_V - readings) / (slope @ slope)) if slope.any() else np.nan
         if abs(step) <= _SETTLED * resistance:
-            by_pixel = impedance_by_conductance(mesh, potential, _places(quadrature_points(mesh), mosaic))
-            jacobian = _by(drive, electrodes, passed, _ends(mesh, potential), by_pixel) / resistance
-            return Untouched(mosaic, 1 / resistance, readings, jacobian)
+            return measured(_untouched(body, electrodes, drive, passed, mesh, 1 / resistance, potential, readings),
+                            ~np.isnan(baseline_V))
         resistance += step
-        if resistance <= 0:
+        if not resistance > 0:
             break
     raise ValueError("no uniform conductance fits the untouched readings: their signs or their order may be others; "
                      "check [electrodes], [drive] and the contact impedance.")
+
+
+def uniform(body: Body, electrodes: Electrodes, drive: Drive, channels: Channels | None = None) -> Untouched:
+    """A uniform skin of nominal conductance, for readings whose size says nothing of it."""
+    mesh, passed = _fine(body, present(electrodes)), channels or Channels()
+    conductance_S = passed.conductance_S[0] if passed.conductance_S else _FIRST_S
+    potential, readings, _ = _uniform(mesh, electrodes, drive, passed, conductance_S)
+    return _untouched(body, electrodes, drive, passed, mesh, conductance_S, potential, readings)
+
+
+def measured(untouched: Untouched, there: NDArray[np.bool_]) -> Untouched:
+    """The skin without the readings that are not `there` (readings,): NaN, and no derivative."""
+    return replace(untouched, readings_V=np.where(there, untouched.readings_V, np.nan),
+                   jacobian_V=np.where(there[:, None], untouched.jacobian_V, 0.0))
+
+
+def _untouched(body: Body, electrodes: Electrodes, drive: Drive, channels: Channels, mesh: SkinMesh,
+               conductance_S: float, potential: Array, readings: Array) -> Untouched:
+    mosaic = pixels_of(body)
+    by_pixel = impedance_by_conductance(mesh, potential, _places(quadrature_points(mesh), mosaic))
+    jacobian = _by(drive, electrodes, channels, _ends(mesh, potential), by_pixel) * conductance_S
+    return Untouched(mosaic, conductance_S, readings, jacobian)
 
 
 def pixel_signals(body: Body, electrodes: Electrodes, drive: Drive, channels: Channels, mosaic: Pixels,
@@ -147,18 +170,19 @@ def pixel_signals(body: Body, electrodes: Electrodes, drive: Drive, channels: Ch
     return _by(drive, electrodes, channels, _ends(mesh, potential), summed)
 
 
-def check_prior(prior: str, noise_figure: float) -> None:
+def check_prior(prior: str, noise_figure: float | None) -> None:
     """ValueError, before anything is solved, for an unknown prior, or a noise figure that is not positive."""
     if prior not in PRIORS:
         raise ValueError(f"prior '{prior}' is unknown; known: {', '.join(PRIORS)}.")
-    if not 0 < noise_figure < np.inf:
+    if noise_figure is not None and not 0 < noise_figure < np.inf:
         raise ValueError(f"noise figure {noise_figure:g}: it must be positive and finite; {NOISE_FIGURE:g} is usual.")
 
 
-def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float = NOISE_FIGURE) -> Imager:
-    """The reconstruction with a prior, its weight chosen so that the noise figure is the given one.
+def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float | None = None) -> Imager:
+    """The reconstruction with a prior, its weight chosen so that the noise figure is the given one; None: NOISE_FIGURE,
+    or the nearest to it that these readings have.
 
-    ValueError for an unknown prior, or a noise figure that no weight has.
+    ValueError for an unknown prior, or a given noise figure that no weight has.
     """
     check_prior(prior, noise_figure)
     jacobian = untouched.jacobian_V
@@ -169,16 +193,22 @@ def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float 
     def matrix(log_weight: float) -> Array:
         return (spread @ vector) / (np.maximum(value, 0) + np.exp(log_weight)) @ vector.T
 
-    def excess(log_weight: float) -> float:
-        return _noise_figure(matrix(log_weight), target, untouched.pixels.area_m2) - noise_figure
+    def figure(log_weight: float) -> float:
+        return _noise_figure(matrix(log_weight), target, untouched.pixels.area_m2)
 
-    ends = np.log(value[-1]) + np.log([1e-13, 1e4])
-    most, least = (excess(end) + noise_figure for end in ends)
-    if not least < noise_figure < most:
-        raise ValueError(f"noise figure {noise_figure:g} cannot be had; with the prior '{prior}' it lies between "
-                         f"{least:.2g} and {most:.2g}.")
-    log_weight = root_scalar(excess, bracket=tuple(ends), xtol=1e-6).root
-    return Imager(untouched, matrix(log_weight), float(np.exp(log_weight)), excess(log_weight) + noise_figure)
+    weights = np.log(value[-1]) + np.log(10.0) * np.arange(*_DECADES)
+    figures = np.array([figure(one) for one in weights])
+    least, most = float(figures.min()), float(figures.max())
+    aim = noise_figure
+    if aim is None:
+        aim = min(max(NOISE_FIGURE, _INSIDE * least), most / _INSIDE)
+    if not least < aim < most:
+        raise ValueError(f"noise figure {aim:g} cannot be had; with the prior '{prior}' it lies between {least:.2g} "
+                         f"and {most:.2g} for these readings. Give a noise_figure (--noise-figure) between them, or "
+                         "none for the nearest to the usual one.")
+    crossed = int(np.flatnonzero(np.diff(figures > aim))[0])  # the figure need not fall as the weight grows
+    log_weight = root_scalar(lambda at: figure(at) - aim, bracket=tuple(weights[crossed:crossed + 2]), xtol=1e-6).root
+    return Imager(untouched, matrix(log_weight), float(np.exp(log_weight)), figure(log_weight))
 
 
 def on_grid(mosaic: Pixels, images: Array) -> tuple[Array, Array, Array]:

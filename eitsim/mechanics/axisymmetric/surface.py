@@ -35,7 +35,7 @@ class Contact:
 
     pressure: Array  # (facets,) contact pressure on the deformed surface, facet averages
     middle: Array  # (facets,) reference radius of the facets' middles
-    radius: float  # reference radius of the outermost point that touches
+    radius: float  # reference radius where the outermost contact ends, interpolated between points
     area: float  # current area projected on the punch's face where the face or the fillet is touched
     wall: float  # current area of the side wall that is touched
     ring: float  # current area, seen along the axis, from the outermost point of contact that touches to the next one
@@ -84,10 +84,21 @@ def contact_of(model: IndentationProblem, x: Array) -> Contact:
     touched = at.penetration > 0
     projected = fine.weight * field.widening * (touched & ~at.wall)
     wall = fine.weight * field.meridian * field.hoop * (touched & at.wall)
-    radius = float(fine.radius[touched].max())
     middle = model.grid.nodes[facets.nodes[:, [0, -1]], 0].mean(axis=1)
-    return Contact(pressure, middle, radius, float(projected.sum()), float(wall.sum()),
-                   float(np.pi * abs(outer**2 - inner**2)))
+    return Contact(pressure, middle, _end(model, fine, field.position, float(x[-1])), float(projected.sum()),
+                   float(wall.sum()), float(np.pi * abs(outer**2 - inner**2)))
+
+
+def _end(model: IndentationProblem, facets: Facets, position: Array, depth: float) -> float:
+    """Reference radius of the outermost zero of the penetration, linear between points; that of the last point that
+    touches where no further one lies in reach."""
+    inside = model.punch.profile.signed_distance(position[..., 0], position[..., 1] + depth).penetration.ravel()
+    radius = facets.radius.ravel()
+    last = int(np.flatnonzero(inside > 0)[-1])
+    if last + 1 == len(radius):
+        return float(radius[last])
+    share = inside[last] / (inside[last] - inside[last + 1])
+    return float(radius[last] + share * (radius[last + 1] - radius[last]))
 
 
 def dipole_responses(model: IndentationProblem, x: Array) -> Array:

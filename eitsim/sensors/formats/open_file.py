@@ -3,9 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eitsim.scene.frames import Frames, read_frames, without_unread
+from eitsim.scene.frames import Frames, read_frames
 from eitsim.sensors.formats import (
     columns,
     eit_kit,
@@ -46,15 +45,14 @@ def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     return found
 
 
-def open_frames(path: Path | str, readings: int, unread: NDArray[np.bool_] | None = None) -> Frames:
+def open_frames(path: Path | str, readings: int) -> Frames:
     """Read the frames of a CSV, as `read_frames`, or of a board's file (FORMATS), complex ones turned to their common
     phase, with the number of each frame from 1 in place of its line; errors as those of `read_frames`."""
     path = Path(path)
     if not is_board_file(path):
-        return read_frames(path, readings, unread)
+        return read_frames(path, readings)
     found = in_phase(open_recording(path, readings=readings).readings)
-    return without_unread(path, Frames(found, np.arange(1, len(found) + 1)),
-                          np.zeros(readings, bool) if unread is None else unread)
+    return Frames(found, np.arange(1, len(found) + 1))
 
 
 def is_board_file(path: Path) -> bool:

@@ -24,8 +24,9 @@ def test_parameters_that_the_data_do_not_determine_are_said_by_group(capsys: pyt
 def test_notes_of_many_images_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     images = [{"line": k, "x_mm": None, "y_mm": None, "area_mm2": 1.0, "peak": 0.1, "note": f"note {k}."}
               for k in range(1, 12)]
-    show_images({"frames": images, "conductance_S": 6e-4, "misfit": 1e-4, "prior": "laplace", "noise_figure": 0.5},
-                None)
+    show_images({"frames": images, "conductance_S": 6e-4, "misfit": 1e-4, "prior": "laplace", "noise_figure": 0.5,
+                 "differences": "volts", "cautions": ["one thing."]}, None)
     out = capsys.readouterr().out
     assert [f"line {k}: note {k}." in out for k in range(1, 12)] == [True] * 8 + [False] * 3
     assert "3 more lines have a note: --json holds all." in out
+    assert "Mind:\n- one thing." in out

@@ -98,3 +98,44 @@ def test_files_that_hold_no_outline_are_named(tmp_path, name, content, said):
         (tmp_path / name).write_text(content)
     with pytest.raises(InputFileError, match=said):
         scene_of(tmp_path, name)
+
+
+def _square(size: float, kind: str) -> meshio.Mesh:
+    """A square of 4 x 4 cells about (0, 0), of quadrilaterals or of triangles."""
+    x, y = np.meshgrid(np.linspace(-size / 2, size / 2, 5), np.linspace(-size / 2, size / 2, 5))
+    at = np.array([[5 * j + i + np.array([0, 1, 6, 5]) for i in range(4)] for j in range(4)]).reshape(-1, 4)
+    cells = at if kind == "quad" else np.vstack([at[:, [0, 1, 2]], at[:, [0, 2, 3]]])
+    return meshio.Mesh(np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]), [(kind, cells)])
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+def test_a_mesh_of_quadrilaterals_is_an_outline_as_one_of_triangles_is(tmp_path, kind):
+    meshio.write(tmp_path / "skin.msh", _square(60, kind), file_format="gmsh22", binary=False)
+    body = scene_of(tmp_path, "skin.msh").body
+    assert area_m2(body) == pytest.approx(60e-3**2)
+
+
+@pytest.mark.parametrize(("unit", "unit_mm"), [(1e-3, 1000), (0.1, 10), (1 / 25.4, 25.4)])
+def test_a_file_in_another_unit_is_read_with_unit_mm_and_asked_for_without(tmp_path, unit, unit_mm):
+    meshio.write(tmp_path / "skin.msh", _square(60 * unit, "triangle"), file_format="gmsh22", binary=False)
+    (tmp_path / "skin.csv").write_text("\n".join(f"{60 * x * unit!r},{60 * y * unit!r}"
+                                                 for x, y in [(0, 0), (1, 0), (1, 1), (0, 1)]))
+    for name in ("skin.msh", "skin.csv"):
+        assert area_m2(scene_of(tmp_path, name, f"unit_mm = {unit_mm}\n").body) == pytest.approx(60e-3**2)
+    if 4 * 60 * unit < 8 * 2:
+        with pytest.raises(InputFileError, match=r"skin.csv: it is .* large if its lengths are mm.*unit_mm = 1000"):
+            scene_of(tmp_path, "skin.csv")
+
+
+def test_a_unit_that_cannot_be_or_has_no_file_is_refused(tmp_path):
+    (tmp_path / "skin.csv").write_text("0,0\n60,0\n60,40\n")
+    with pytest.raises(ValueError, match=r"unit_mm in .body. must be a positive number"):
+        scene_of(tmp_path, "skin.csv", "unit_mm = 0\n")
+    with pytest.raises(ValueError, match=r"unit_mm in .body. has no effect without a file"):
+        scene_of(tmp_path, "ellipse", "unit_mm = 1\nwidth_mm = 60\nheight_mm = 40\n")
+
+
+def test_a_format_of_gmsh_that_is_not_read_is_named(tmp_path):
+    (tmp_path / "skin.msh").write_text("$MeshFormat\n4 0 8\n$EndMeshFormat\n$Entities\n1 0 0 0\n1 0 0 0 0 0 0 0\n")
+    with pytest.raises(InputFileError, match=r"its format is 4, .*save it as version 2.2"):
+        scene_of(tmp_path, "skin.msh")

@@ -102,13 +102,12 @@ def test_readings_that_are_no_pairs_are_refused() -> None:
 def test_frames_have_the_scene_of_a_scene_file_or_of_a_sensor_file(tmp_path: Path) -> None:
     path = tmp_path / "any.toml"
     path.write_text("[body]\nradius_mm = 45\n[punch]\nx_mm = 3\n")
-    assert scene_of_frames(path) == read_scene(path)
+    assert scene_of_frames(path) == (read_scene(path), "voltage")
     (tmp_path / "pairs.csv").write_text("source,sink,plus,minus\n0,1,2,3\n1,2,3,4\n")
     path.write_text('[body]\nradius_mm = 45\n[drive]\npairs = "pairs.csv"\n')
-    assert scene_of_frames(path) == read_sensor(path).scene
+    assert scene_of_frames(path) == (read_sensor(path).scene, "voltage")
     path.write_text('[readings]\nkind = "difference"\n')
-    with pytest.raises(InputFileError, match="an image needs the untouched frame as well"):
-        scene_of_frames(path)
+    assert scene_of_frames(path)[1] == "difference"
 
 
 def test_pairs_that_are_written_are_read_again(tmp_path: Path) -> None:

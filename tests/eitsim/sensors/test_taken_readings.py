@@ -9,13 +9,11 @@ import numpy as np
 
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.electrics.imaging.images import images_of
-from eitsim.scene.drive import protocol
 from eitsim.scene.scene import Scene, scene_from
 from eitsim.sensors.calibration.calibrate import calibrate
 from eitsim.sensors.conventions import Convention
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import drive_of_pairs, sensor_from
-from eitsim.sensors.taken_readings import taken
 from touchcal.csv_numbers import write_numbers
 
 ALL = Convention(16, 16, 3, "pair", 1, "all", False, 0, 1).pairs()
@@ -42,17 +40,8 @@ def test_images_of_frames_with_zeros_or_gaps_are_those_without_these_readings(tm
     write_numbers(tmp_path / "short.csv", names[:len(ALL[~DRIVEN])], held[:, ~DRIVEN])
     short, _ = images_of(tmp_path / "short.csv", scene(ALL[~DRIVEN]), noise_figure=1.0)
     for name in ("zeros.csv", "gaps.csv"):
-        made_by, read, left_out = taken(tmp_path / name, scene(ALL))
-        assert left_out == DRIVEN.sum()
-        found, _ = images_of(tmp_path / name, made_by, noise_figure=1.0, read=read)
+        found, _ = images_of(tmp_path / name, scene(ALL), noise_figure=1.0)
         np.testing.assert_allclose(found.change, short.change, rtol=1e-6, atol=1e-9 * np.abs(short.change).max())
-
-
-def test_frames_that_are_all_there_keep_their_drive(tmp_path: Path) -> None:
-    write_numbers(tmp_path / "all.csv", [f"v_{k:03d}" for k in range(256)], frames(ALL))
-    made_by, _, left_out = taken(tmp_path / "all.csv", scene(ALL))
-    assert left_out == 0
-    assert protocol(made_by.drive, 16).shape == (16, 16)
 
 
 def test_a_calibration_does_not_call_them_dead() -> None:

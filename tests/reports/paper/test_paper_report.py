@@ -117,6 +117,9 @@ def test_what_is_there_is_drawn_and_what_is_not_is_said(run: Run, tmp_path: Path
                   "quantity unit paper this run",
                   "figure quantity method unit paper this run ratio ratio, full run", "A held touch"):
         assert words in text, words
+    places = [text.index(words) for words in ("Figure 8: mesh convergence", "Mean contact stress (kPa)",
+                                              "Figure 9: a held touch", "Time from the end of loading (s)")]
+    assert places == sorted(places)
     assert sorted(path.name for path in (tmp_path / "paper_files").glob("*.svg")) == ["figure_8.svg", "figure_9.svg"]
     numbers = pd.read_csv(tmp_path / "numbers.csv", dtype={"figure": str})
     assert np.isfinite(numbers["value"]).all()
@@ -176,9 +179,8 @@ def test_full_numbers_of_other_code_are_told(run: Run) -> None:
             {"stage": "sweep", "state": "stale", "code": None}]
     assert paper_report._other_code(run, pd.DataFrame(rows[:1])) == ""
     assert paper_report._other_code(run, pd.DataFrame(rows)) == (
-        " Of it, sweep was made by other code or another card than the rest. Of its 4 stages, 1 is stale, made by "
-        "other code than is here: networks. Not known to be of this code, since their record does not tell: touch, "
-        "sweep.")
+        " Of it, sweep was made by other code or another card than the rest. Stale, made by other code than is here: "
+        "networks. Not known to be of this code, since their record does not tell: touch, sweep.")
 
 
 def test_a_comparison_sets_paper_run_and_full_run_side_by_side() -> None:
@@ -214,27 +216,37 @@ def test_the_worst_of_every_figure_stands_on_the_first_page() -> None:
     assert table.rows[3][1:] == ["RMSE of x₀, test rows", "networks", "mm", "0.579", "7.50", "13.0", "–"]
     assert table.rows[5][1:] == ["Mean pressure, RMSE, test rows", "networks", "kPa", "0.653", "5.69", "8.71", "2.00"]
     assert "The worst is μ₁ (T1), of the other sign" in table.caption
-    lines = {line.what: (line.grade, line.why) for line in ratios.verdict(found, [], synthetic=True)}
+    lines = {line.what: (line.grade, line.why) for line in ratios.verdict(found, synthetic=True)}
     assert lines["Curves of the material"][0] == GOOD
     assert lines["Single terms of Table 1"][0] == NOT_USABLE
     assert lines["The paper's networks"] == (
         NOT_USABLE, "at worst, RMSE of x₀, test rows by the networks (figure 13) is 13 times the paper's")
     assert lines["The forward map"][0] == GOOD
     assert lines["A real sensor"][0] == NOT_USABLE
-    assert [line.grade for line in ratios.verdict([], [], synthetic=False)] == [NOT_USABLE]
+    assert [line.grade for line in ratios.verdict([], synthetic=False)] == [NOT_USABLE]
 
 
-def test_a_use_is_judged_by_the_run_at_full_size_where_it_is_there() -> None:
-    found = ratios.ratios([section("13", Number("RMSE of x₀, test rows", "mm", 7.5, "networks"),
-                                   Number("RMSE of x₀, test rows", "mm", 7.5, "forward map"))])
-    full = pd.DataFrame({"figure": "13", "quantity": ["RMSE of x₀, test rows", "RMSE of y₀, test rows"], "unit": "mm",
-                         "method": "networks", "value": [0.579, 0.01]})
-    lines = {line.what: (line.grade, line.why)
-             for line in ratios.verdict(found, ratios.ratios_at_full_size(full), synthetic=False)}
-    assert lines["The paper's networks"][0] == GOOD
-    assert "in the run at full size" in lines["The paper's networks"][1]
-    assert lines["The forward map"][0] == NOT_USABLE
-    assert "full size" not in lines["The forward map"][1]
+def test_a_quick_run_is_judged_by_the_run_at_full_size(run: Run) -> None:
+    """40 times the paper's in a quick run, 13 times at full size."""
+    name, stated = "RMSE of x₀, test rows", paper_value("13", "RMSE of x₀, test rows")
+    quick = ratios.ratios([section("13", Number(name, "mm", 40 * stated, "networks"))])
+    full = pd.DataFrame({"figure": ["13"], "quantity": [name], "unit": ["mm"], "method": ["networks"],
+                         "value": [13 * stated]})
+    (line,) = [one for one in paper_report._verdict(run, quick, full) if "networks" in one.what]
+    assert "is 13 times the paper's, in the run at full size" in line.why
+    (line,) = [one for one in paper_report._verdict(run, quick, None) if "networks" in one.what]
+    assert line.why.endswith("is 40 times the paper's")
+
+
+def test_the_first_page_counts_stale_stages_of_both_runs() -> None:
+    (said,) = paper_report._findings([section("3")], {}, ["sweep", "networks"])[:1]
+    assert said.endswith("0 stages of this run are stale, and 2 of the run at full size.")
+    assert paper_report._findings([section("3")], {"sweep": "code"}, [])[0].endswith("1 stage of this run is stale.")
+
+
+def test_no_figure_of_the_walk_leaves_its_section() -> None:
+    for template in ("paper/paper.typ", "document/layout.typ"):
+        assert "float: true" not in (ROOT / "reports" / template).read_text()
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.5])
