@@ -46,7 +46,8 @@ class TouchReader:
     intervals: Intervals
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
     of_old: OldReadings  # of frames whose untouched frame is old, by the old templates
-    unlikeness: Unlikeness  # by the squared distances from the templates of direction and of readings
+    whole: Unlikeness  # by the squared distances from the templates of direction and of readings
+    along: Unlikeness  # likewise, along the directions of touches, which move the place
     held_out: Array  # (families + 2,) mean held-out distance of each family, of all combined and of the mean, mm
 
 
@@ -95,16 +96,15 @@ def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
     cross = _cross(of_each, each, value)
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
     check_worth(value, mean, place, press, "the place", "mm")
-    misfit = np.stack([direction.misfit, compressed.misfit], axis=1)
-    unlikeness = learn_unlikeness(misfit)
-    wider = unlikeness.widening(misfit)
+    whole, along = (np.stack([direction.misfit[:, k], compressed.misfit[:, k]], axis=1) for k in (0, 1))
+    wider = learn_unlikeness(along).widening(along)
     of_cut = networks.held_out(ensemble, features.of(without(drift, signals.whole(cut(presses)), projected)), blocks)
     of_old = calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen, press)
     reader = TouchReader(signals, projected, spared, ridge, direction.templates, compressed.templates, features, waves,
                          ensemble, on_templates, correction, old.templates, weights,
                          calibrated((value - place) / wider[:, None], spread, cross, count),
                          calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place)), count),
-                         of_old, unlikeness,
+                         of_old, learn_unlikeness(whole), learn_unlikeness(along),
                          np.array([distance(one, place) for one in (*each, value, mean)]))
     fresh, *aged = (of_old.mean + gain * (one - of_old.mean)
                     for gain, one in zip(of_old.gain, (old.place, *(one for one, _ in old.seen)), strict=True))
@@ -132,8 +132,8 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
                      compressed[0] + reader.correction.read_each(further).mean(axis=0)])
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
-    misfit = np.stack([direction[2], compressed[2]], axis=1)
-    wider = np.maximum(reader.unlikeness.widening(misfit), reader.unlikeness.shift(misfit[~signals.spared(presses)]))
+    whole, along = (np.stack([direction[2][:, k], compressed[2][:, k]], axis=1) for k in (0, 1))
+    wider = np.maximum(reader.along.widening(along), reader.along.shift(along[~old]))
     bounds = reader.intervals.bounds(spread, _cross(np.tile(reader.weights, (len(value), 1)), each, value))
     none = np.zeros_like(value)
     bounds = widened(chosen(signals.cut(presses), reader.of_cut.bounds(none, none[:, 0]), bounds), wider)
@@ -141,7 +141,7 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
         there, sd, _ = reader.old.read(without(signals.drift, signal, reader.spared))
         there, of_old = reader.of_old.read(presses.age, there, sd)
         value, bounds = np.where(old[:, None], there, value), chosen(old, of_old, bounds)
-    return Reading(value, bounds, reader.unlikeness.odd(misfit), wider)
+    return Reading(value, bounds, reader.whole.odd(whole) | reader.along.odd(along), wider)
 
 
 def _aged_distance(known: Known, fitted: Fitted, place: Array) -> float:

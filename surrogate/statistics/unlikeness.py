@@ -3,7 +3,7 @@
 A row whose misfit, a squared distance, is k times what nine of ten held-out rows have at most gets intervals sqrt(k)
 times as wide (Birge, The calculation of errors by the method of least squares, Phys. Rev. 40, 207, 1932). Rows that
 were recorded together may be another session as a whole, in which the map has changed where single rows stay usual:
-where their middle misfit is surely k times the held-out one, all get intervals k^SHIFTED times as wide.
+where their median misfit is surely k times the held-out one, all get intervals sqrt(k) times as wide.
 """
 
 import math
@@ -13,12 +13,9 @@ import numpy as np
 
 from touchcal.arrays import Array, Mask
 
-USUAL, SELDOM = 0.9, 0.025  # part of held-out rows that is usual, and part that is odder than what is not flagged
+USUAL, SELDOM = 0.9, 0.0125  # part of held-out rows that is usual, and part that is odder than what is not flagged
 MARGIN = 1.25  # times what these have at most: the largest misfit of few held-out rows is a noisy bound
-# Of a change of all rows: exponent of the widening, measured on second sessions of skins, where parts of a change that
-# do not move the place count in the misfit too; and standard errors by which it must be sure.
-SHIFTED, SURE = 0.4, 1.65
-TOGETHER = 10  # rows from which on they are compared as a whole
+TOGETHER, SURE = 10, 1.65  # rows from which on they are compared as a whole, and standard errors that this must exceed
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +24,8 @@ class Unlikeness:
 
     usual: Array  # (k,) what USUAL of the rows have at most
     most: Array  # (k,) MARGIN times what all but SELDOM of the rows have at most, all misfits together
-    middle: float  # median of the ratio of a misfit to the usual one, the largest of the k
-    spread: float  # standard deviation of its logarithm
+    middle: Array  # (k,) medians
+    spread: Array  # (k,) standard deviations of the logarithms
 
     def ratio(self, misfit: Array) -> Array:
         """(n,) misfits (n, k) over the usual ones, the largest of each row."""
@@ -45,21 +42,19 @@ class Unlikeness:
     def shift(self, misfit: Array) -> float:
         """Factor of the intervals of all rows of misfits (n, k) that were recorded together; 1 of fewer than
         TOGETHER."""
-        ratio = self.ratio(misfit)
-        ratio = ratio[np.isfinite(ratio)]
-        if len(ratio) < TOGETHER:
+        if len(misfit) < TOGETHER:
             return 1.0
-        unsure = SURE * self.spread * math.sqrt(math.pi / 2 / len(ratio))  # of a median of normal logarithms
-        return float(max(np.median(ratio) / self.middle * math.exp(-unsure), 1.0)) ** SHIFTED
+        unsure = SURE * self.spread * math.sqrt(math.pi / 2 / len(misfit))  # of a median of normal logarithms
+        return math.sqrt(max(float(np.max(np.median(misfit, axis=0) / self.middle * np.exp(-unsure))), 1.0))
 
 
 def learn_unlikeness(misfit: Array) -> Unlikeness:
     """What misfits (n, k) of held-out rows say of new ones."""
     tiny = np.finfo(float).tiny
     usual = np.maximum(_order(misfit, USUAL), tiny)
-    ratio = np.maximum(np.max(misfit / usual, axis=1), tiny)
     most = np.maximum(MARGIN * _order(misfit, 1 - SELDOM / misfit.shape[1]), tiny)
-    return Unlikeness(usual, most, float(np.median(ratio)), float(np.log(ratio).std()))
+    middle, spread = np.median(misfit, axis=0), np.log(np.maximum(misfit, tiny)).std(axis=0)
+    return Unlikeness(usual, most, np.maximum(middle, tiny), spread)
 
 
 def _order(values: Array, part: float) -> Array:

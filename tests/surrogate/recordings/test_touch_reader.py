@@ -314,4 +314,4 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object, monkeypat
     assert "a model of a recording: read it with `surrogate predict`" in str(refused.exception)
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
     assert isinstance(refused.exception, ValueError)
-    assert "needs its labels and its sensor" in str(refused.exception)
+    assert "which needs its labels: give --labels touches.csv" in str(refused.exception)
