@@ -73,9 +73,9 @@ def _scored_words(sound: Mask, flags: list[str], unread: list[str]) -> str:
     """What to know of the scores; empty where there is nothing."""
     words = []
     if not sound.all():
-        words.append(f"{np.sum(~sound)} of {len(sound)} presses have no value and are left out")
+        words.append(f"{np.sum(~sound)} of {len(sound)} frames have no value and are left out")
     if flags:
-        words.append(f"{len(flags)} of {len(sound)} presses are flagged, the first: {flags[0]}")
+        words.append(f"{len(flags)} of {len(sound)} frames are flagged, the first: {flags[0]}")
     if unread:
         words.append(f"labels that the model does not read: {', '.join(unread)}")
     return "; ".join(words)
