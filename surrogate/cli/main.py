@@ -30,7 +30,8 @@ TrainedOn = Annotated[Path, typer.Argument(metavar="DIR|RECORDING", help="Data s
                                                                         "recorded frames with --labels, --sensor.")]
 LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of x_mm, y_mm, d_mm, F_N, depth_mm, "
                "z_mm; press where several touches are frames of one press.")
-SENSOR_HELP = "Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote."
+SENSOR_HELP = ("Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote. Without it "
+               "readings are plain channels, taken as signed voltages.")
 SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrodes and drive: what its touches say of a "
                   "recording's patterns is used in place of the sensitivity of a uniform disc.")
 SUGGEST_HELP = ("Number of places to press next; they are printed and written to suggested.csv in the folder of "
@@ -222,8 +223,24 @@ def _print_scores(result: Mapping[str, Any]) -> None:
     print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame")
     if result["scored"]:
         print(f"scored: {result['scored']}")
+    _print_wanting(result)
     if "intervals" in result:
         _print_of_sweep(result)
+
+
+def _print_wanting(result: Mapping[str, Any]) -> None:
+    """Cautions on outputs that are read no better than by their mean, and on intervals of a recording that hold too
+    little."""
+    from surrogate.statistics.coverage_check import CoverageCheck, in_words
+
+    for name, parts in result["outputs"].items():
+        worst = min((s["r2"] for part, s in parts.items() if part != "train" and s["r2"] is not None), default=1.0)
+        if worst <= 0:
+            print(f"caution: {name} is read no better than by its mean, R2 {worst:.3g}: do not use this output.")
+    if "intervals" not in result:
+        for one in result.get("coverage_below", ()):
+            check = CoverageCheck(**{field: one[field] for field in CoverageCheck.__dataclass_fields__})
+            print(f"caution: {in_words(check, one['output'])}")
 
 
 def _print_of_sweep(result: Mapping[str, Any]) -> None:
@@ -258,7 +275,7 @@ def _print_table(title: str, scored: Mapping[str, Any], shown: tuple[str, ...],
     for name, parts in scored.items():
         for part in (p for p in shown if p in parts):
             s = parts[part]
-            r2 = "-" if s["r2"] is None else f"{s['r2']:.4f}"
+            r2 = "constant" if s["r2"] is None else f"{s['r2']:.4f}"
             least = [f"{of[name]:.4g}" if name in of else "-" for of in limits.values()]
             table.add_row(name, part, f"{s['rmse']:.4g} {s['unit']}", r2, _held(s),
                           f"{s['half_width_90']:.4g}", str(s["n"]), *least)

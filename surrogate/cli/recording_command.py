@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from surrogate.recordings.trained.train_reader import TrainedReader
 
 NO_DISC = "The body is no disc, so that no model of the sensor is used."
+NO_SENSOR = ("No sensor file is given: readings are plain channels, taken as signed voltages, and no model of the "
+             "sensor is used.")
+SLOW = "surrogate: the presses are learnt once for the model and once a split for its scores, which takes minutes."
 
 
 def train_recording(recording: Path, labels: Path | None, sensor: Path | None, simulated: Path | None,
@@ -36,10 +39,16 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
     from surrogate.recordings.trained.train_reader import train_reader
     from surrogate.recordings.worth import NothingToRead
 
-    if sensor is None or (labels is None and suggest is None):
-        raise ValueError(f"{recording} is a recording, which needs its labels and its sensor: give --labels "
-                         "touches.csv and --sensor sensor.toml. Where nothing is pressed yet, give --sensor and "
-                         "--suggest 20, which names the places to press first.")
+    if labels is None and suggest is None:
+        raise ValueError(f"{recording} is a recording, which needs its labels: give --labels touches.csv, and --sensor "
+                         "sensor.toml where it has one. Where nothing is pressed yet, give --sensor and --suggest 20, "
+                         "which names the places to press first.")
+    if sensor is None:
+        if (suggest, simulated) != (None, None):
+            raise ValueError("--suggest and --simulated need the sensor: give --sensor sensor.toml, or leave them out.")
+        assert labels is not None
+        _train_plain(recording, labels, out, seed, workers, as_json)
+        return
     known, file_kind = read_described_sensor(sensor)
     given = read_labels(labels) if labels is not None else None
     if known.body.has_outline and (suggest, simulated) != (None, None):
@@ -58,8 +67,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
     frames = open_recording(recording, kind=known.kind, readings=len(known.protocol.weights.reshape(-1,
                             known.electrodes.count)))
     if not as_json and len(given.touch) >= FEWEST:
-        print("surrogate: the presses are learnt once for the model and once a split for its scores, which takes "
-              "minutes.", file=sys.stderr)
+        print(SLOW, file=sys.stderr)
     try:
         with waiting("learning the presses"):
             model = train_reader(frames, given, seed, workers, expectation)
@@ -79,6 +87,27 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
         print(f"sensor: {sensor}, a {file_kind}")
         print(f"model: {out}")
         _print_suggested(ahead)
+
+
+def _train_plain(recording: Path, labels: Path, out: Path, seed: int, workers: int, as_json: bool) -> None:
+    """Train on a recording of which no sensor is known, write the model and print its scores."""
+    from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.labels import read_labels
+    from surrogate.recordings.trained import reader_store
+    from surrogate.recordings.trained.train_reader import train_reader
+
+    frames, given = open_recording(recording), read_labels(labels)
+    if not as_json:
+        print(SLOW, file=sys.stderr)
+    with waiting("learning the presses"):
+        model = train_reader(frames, given, seed, workers)
+    model = replace(model, left_out=(*model.left_out, NO_SENSOR))
+    reader_store.save_reader(model, out)
+    if as_json:
+        print_json(_described(model) | {"model": out, "sensor": None})
+    else:
+        _print_trained(model)
+        print(f"model: {out}")
 
 
 def _write_suggested(ahead: NextPresses | None, out: Path) -> None:
@@ -159,16 +188,19 @@ def _recorded(model: TrainedReader, path: Path) -> Recording:
 def _described(model: TrainedReader) -> dict[str, Any]:
     from dataclasses import asdict
 
+    from surrogate.recordings.trained.reader_scores import found_wanting
     from surrogate.recordings.trained.train_reader import choice
 
     return {"presses": model.presses, "frames": model.frames, "fit_s": model.fit_s, "choice": choice(model.reader),
-            "left_out": model.left_out, "scores": [asdict(one.score) for one in model.tested]}
+            "left_out": model.left_out, "scores": [asdict(one.score) for one in model.tested],
+            **found_wanting(one.score for one in model.tested)}
 
 
 def _print_trained(model: TrainedReader) -> None:
     from rich.table import Table
 
     from surrogate.recordings.press_frames import counted
+    from surrogate.recordings.trained.reader_scores import wanting_words
     from surrogate.recordings.trained.train_reader import choice
 
     table = Table("split", "trained", "tested", "output", "error", "kernel ridge", "mean", "in 90 %", "+-90 %",
@@ -185,3 +217,5 @@ def _print_trained(model: TrainedReader) -> None:
     for line in (*model.left_out, *choice(model.reader)):
         print(line)
     print(f"fit {model.fit_s:.1f} CPU s on {counted(model.presses, model.frames)}, without the scores")
+    for caution in wanting_words(one.score for one in model.tested):
+        print(f"caution: {caution}")

@@ -8,7 +8,7 @@ The 90 % ellipse of x and y with half widths h and correlation r is u^2 - 2 r u 
 are the errors over h: its box is e times that of the intervals.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,6 +84,11 @@ def radius(error: Array, bounds: Bounds) -> Array:
     """(n,) the e of the ellipse through each error (n, 2) of x and y."""
     (u, v), r = (error / bounds.half_width).T, bounds.correlation
     return np.sqrt(np.maximum(u**2 - 2 * r * u * v + v**2, 0) / (1 - r**2))
+
+
+def widened(bounds: Bounds, factor: Array) -> Bounds:
+    """Bounds so many times (n,) as wide."""
+    return replace(bounds, half_width=bounds.half_width * factor[:, None])
 
 
 def chosen(rows: Mask, one: Bounds, other: Bounds) -> Bounds:

@@ -39,6 +39,10 @@ class KernelRidge:
         apart = squared_distance(_view(self.view, self.scale, signal), self.nodes)
         return self.mean + np.exp(-apart / self.width) @ self.weights
 
+    def nearest(self, signal: Array) -> Array:
+        """(n, 1) squared distance of signals (n, m) from the nearest training signal, in the view that is read."""
+        return squared_distance(_view(self.view, self.scale, signal), self.nodes).min(axis=1, keepdims=True)
+
     def trained_on(self, signal: Array) -> Mask:
         """(n,) whether signals (n, m) are training signals, up to rounding."""
         seen = _view(self.view, self.scale, signal)
@@ -66,6 +70,15 @@ def held_out(fitted: KernelRidge, signal: Array, target: Array, blocks: Index, s
         kept = blocks != block
         part = _solved(fitted.view, fitted.scale, fitted.width, fitted.ridge, signal[kept], target[kept])
         out[~kept] = part.read(seen[~kept])
+    return out
+
+
+def nearest_held_out(fitted: KernelRidge, blocks: Index) -> Array:
+    """(n, 1) squared distance of each training signal from the nearest one outside its block."""
+    out = np.empty((len(blocks), 1))
+    for block in np.unique(blocks):
+        gone = blocks == block
+        out[gone, 0] = squared_distance(fitted.nodes[gone], fitted.nodes[~gone]).min(axis=1)
     return out
 
 

@@ -18,6 +18,7 @@ from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.worth import check_worth, distance
+from surrogate.statistics.unlikeness import Unlikeness, learn_unlikeness
 from touchcal.arrays import Array, Index
 
 FAMILIES = ("kernel ridge", "kernel ridge on place and size", "networks on place and size")
@@ -49,6 +50,7 @@ class ScalarReader:
     networks: Networks  # of features and context
     old: KernelRidge  # of the context of signals that drift spares
     weights: Array  # (families,) in the order of FAMILIES
+    unlikeness: Unlikeness  # by the squared distance from the nearest training signal
     intervals: Intervals
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
     of_old: OldReadings  # of frames whose untouched frame is old
@@ -73,6 +75,9 @@ def fit(name: str, label: Array, press: Index, known: Known, lacking: Array, tak
     each = np.stack([kernel_ridge.held_out(ridge, signal, target, blocks),
                      kernel_ridge.held_out(sized, near, target, blocks), of_networks])
     value, of_each = stacking.combined(each, target, blocks, press)
+    apart = kernel_ridge.nearest_held_out(ridge, blocks)
+    unlikeness = learn_unlikeness(apart)
+    wider = place.widening if place else unlikeness.widening(apart)
     mean, none = np.broadcast_to(target.mean(axis=0), target.shape), np.zeros_like(target)
     check_worth(value, mean, target, press, name, unit_of(name))
     of_cut = networks.held_out(ensemble, _inputs(features, cut, context.of(cut, at_cut)), blocks)
@@ -83,7 +88,8 @@ def fit(name: str, label: Array, press: Index, known: Known, lacking: Array, tak
     fresh, *seen = ((kernel_ridge.held_out(old, spared, target, blocks, one) for one in (spared, *views))
                     if len(drift.root) else each[1:2])
     return ScalarReader(name, context, features, ridge, sized, ensemble, old, stacking.weights(each, target, count),
-                        calibrated(value - target, _spread(of_each, each, value), none[:, 0], count),
+                        unlikeness,
+                        calibrated((value - target) / wider[:, None], _spread(of_each, each, value), none[:, 0], count),
                         calibrated(of_cut - target, none, none[:, 0], count),
                         calibrated_by_age(known.aged, target, (fresh, none), tuple((one, none) for one in seen), press),
                         np.array([distance(one, target) for one in (*each, value, mean)]))

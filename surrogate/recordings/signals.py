@@ -1,12 +1,13 @@
 """What is done to the readings of a press before a family of readers takes them: late readings are appended, dead
 channels filled in, directions of drift taken out."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from surrogate.data.dead_readings import too_many
-from surrogate.recordings.baselines import Drift, learn_drift
+from surrogate.recordings.baselines import Drift, interpolated, learn_drift
 from surrogate.recordings.dead_channels import Readings, filled, learn_readings
 from surrogate.recordings.late_readings import with_late
 from surrogate.recordings.presses import Presses
@@ -15,6 +16,8 @@ from touchcal.arrays import Array, Index, Mask
 FEWEST = 10  # presses to learn from
 OLD = 2.0  # times the greatest age of an untouched frame in training: one that is older is read by what drift spares
 WEAK = 0.3  # of the weakest training signal
+UNUSED = 0.01  # part of the training signals that is stronger than what a signal may be without a flag
+REACH = 3.0  # times how far an untouched frame of training is from their mean at most, and once a usual signal: moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +30,9 @@ class Signals:
     greatest_age: float  # of an untouched frame in training; infinite of differences, which say nothing of it
     oldest: float  # greatest age of an untouched frame whose cost was learnt
     weakest: float  # norm of the weakest training signal
+    strongest: float  # norm that a part UNUSED of training signals exceeds, or the strongest
+    rest: Array  # (m,) mean untouched frame of training; NaN where there is none
+    moved: float  # distance from it above which an untouched frame is unlike those of training
     clocked: bool  # whether ages are in s, and not in frames
 
     @property
@@ -54,6 +60,13 @@ class Signals:
         """(n,) whether the untouched frame is far older than any in training."""
         return presses.age > OLD * self.greatest_age
 
+    def elsewhere(self, presses: Presses) -> Mask:
+        """(n,) whether the untouched frame is unlike those of training: that of another session, or another sensor."""
+        if not len(presses.rest):
+            return np.zeros(len(presses.signal), bool)
+        frame, _ = interpolated(presses.rest, presses.rest_time, presses.time)
+        return np.sqrt(np.nansum((frame - self.rest) ** 2, axis=1)) > self.moved
+
     def spared(self, presses: Presses) -> Mask:
         """(n,) whether it is, and what drifts is known, so that what drift spares is read."""
         return self.old(presses) & (len(self.drift.root) > 0)
@@ -72,21 +85,29 @@ def learn_signals(presses: Presses, late: Index, count: int | None = None) -> tu
     signal = filled(readings, signal)
     drift = learn_drift(np.hstack([presses.rest, presses.rest[:, late]]), presses.rest_time)
     age = float(presses.age.max()) if len(presses.rest) else np.inf
-    weakest = float(np.linalg.norm(signal, axis=1).min())
-    return Signals(late, readings, drift, age, age, weakest, presses.clocked), signal
+    size = np.sort(np.linalg.norm(signal, axis=1))
+    strongest = float(size[min(math.ceil((len(size) + 1) * (1 - UNUSED)), len(size)) - 1])
+    rest = presses.rest.mean(axis=0) if len(presses.rest) else np.full(presses.rest.shape[1], np.nan)
+    reach = float(np.linalg.norm(presses.rest - rest, axis=1).max(initial=0.0))
+    return Signals(late, readings, drift, age, age, float(size[0]), strongest, rest,
+                   REACH * reach + float(np.median(size)), presses.clocked), signal
 
 
 def flags(signals: Signals, presses: Presses, strange: Mask) -> tuple[str, ...]:
     """(n,) why not to trust a press, `strange` those whose pattern is; empty where nothing speaks against it."""
     dead = np.isnan(presses.signal)
-    weak = np.linalg.norm(signals.whole(presses), axis=1) < WEAK * signals.weakest
+    size = np.linalg.norm(signals.whole(presses), axis=1)
+    weak, strong = size < WEAK * signals.weakest, size > signals.strongest
     old = signals.old(presses)
     beyond = old & (presses.age > signals.oldest)
     words = [(signals.cut(presses), "the frame that follows, which holds some readings of this one, is not there"),
              (old & ~beyond, "the untouched frame is older than any in training, and the intervals are wider for it"),
              (beyond, "the untouched frame is older than any in training, and so much that the intervals may not hold"),
              (strange, "a pattern unlike those of the training presses"),
-             (weak, "weaker than any training press")]
+             (weak, "weaker than any training press"),
+             (strong, "stronger than nearly all training presses: what it says of depth or force may be too little"),
+             (signals.elsewhere(presses), "the untouched frame is unlike those of training, as in another session: the "
+                                          "intervals may not hold")]
     return tuple(too_many(one) or "; ".join([f"{one.sum()} dead channels filled in"] * bool(one.any())
                                             + [text for mask, text in words if mask[row]])
                  for row, one in enumerate(dead))

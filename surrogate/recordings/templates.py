@@ -26,6 +26,7 @@ SHRINKS = (0.02, 0.1, 0.3, 0.9)  # parts of R that are a multiple of the unit ma
 TEMPERS = (1.0, 0.3, 0.1, 0.03)  # factors of the log likelihood
 MOST_ROWS = 2000  # rows that are kept, the latest
 ACROSS, MARGIN = 80, 1.05  # points of the grid across the disc about the places, and its radius over theirs
+ALONG, MOST_ALONG = 0.99, 30  # part of the variance of templates that the directions of touches hold, and most of them
 WORTH = 0.95  # part of what the first prior misses: another one that misses more is not worth its gains
 PRIOR_FOLDS = 5  # runs of blocks that what is expected is learnt without, each in turn
 
@@ -70,16 +71,30 @@ class Templates:
         """(g,) squared norms of the whitened templates."""
         return np.sum(self.whitened**2, axis=1)
 
-    def read(self, signal: Array) -> tuple[Array, Array, Array]:
-        """Mean and standard deviation of the place, each (n, 2) in mm, of signals (n, m), and (n,) the squared distance
-        of each from the nearest template."""
-        misfit = self.misfit(signal)
-        value, sd = _moments(self.places, misfit * self.temper)
-        return value, np.hypot(sd, self.spacing / np.sqrt(12)), misfit.min(axis=1)
+    @cached_property
+    def touching(self) -> Array:
+        """(m, k) orthonormal directions in which whitened templates differ: what lies along them moves the place."""
+        centred = self.whitened - self.whitened.mean(axis=0)
+        variance, axes = np.linalg.eigh(centred.T @ centred)
+        held = np.cumsum(variance[::-1]) / max(variance.sum(), np.finfo(float).tiny)
+        return axes[:, ::-1][:, :min(int(np.searchsorted(held, ALONG)) + 1, MOST_ALONG)]
 
-    def misfit(self, signal: Array) -> Array:
-        """(n, g) squared distance of the patterns of signals (n, m) from each template, in the metric of R."""
-        seen = _whitened(self.factor, _pattern(self.scale, signal))
+    def read(self, signal: Array) -> tuple[Array, Array, Array]:
+        """Mean and standard deviation of the place, each (n, 2) in mm, of signals (n, m), and (n, 2) the squared
+        distance of each from the nearest template, in all and along the directions of touches."""
+        seen = self.seen(signal)
+        misfit = self.misfit(seen)
+        value, sd = _moments(self.places, misfit * self.temper)
+        left = (seen - self.whitened[misfit.argmin(axis=1)]) @ self.touching
+        return (value, np.hypot(sd, self.spacing / np.sqrt(12)),
+                np.stack([misfit.min(axis=1), np.sum(left**2, axis=1)], axis=1))
+
+    def seen(self, signal: Array) -> Array:
+        """(n, m) patterns of signals (n, m), whitened."""
+        return _whitened(self.factor, _pattern(self.scale, signal))
+
+    def misfit(self, seen: Array) -> Array:
+        """(n, g) squared distance of whitened patterns (n, m) from each template."""
         return np.maximum(np.sum(seen**2, axis=1)[:, None] + self.size - 2 * seen @ self.whitened.T, 0.0)
 
 
@@ -90,7 +105,7 @@ class Fitted:
     templates: Templates
     place: Array  # (n, 2) mm
     sd: Array  # (n, 2) mm
-    misfit: Array  # (n,) squared distance from the nearest template
+    misfit: Array  # (n, 2) squared distance from the nearest template, in all and along the directions of touches
     seen: tuple[tuple[Array, Array], ...]  # place and sd, as above, of the same presses as seen in other signals
 
 
@@ -113,8 +128,8 @@ def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, seen: tup
     for shrink in SHRINKS:
         misfit = np.empty((len(pattern), len(grid)))
         for gone, mean, residual in parts:
-            misfit[gone] = Templates(scale, grid, mean, _shrunk(residual, shrink), 1.0, number).misfit(
-                signal[last][gone])
+            part = Templates(scale, grid, mean, _shrunk(residual, shrink), 1.0, number)
+            misfit[gone] = part.misfit(part.seen(signal[last][gone]))
         for temper in TEMPERS:
             value, _ = _moments(grid, misfit * temper)
             tried.append((float(np.linalg.norm(value - at, axis=1).mean()), shrink, -temper))

@@ -8,7 +8,7 @@ from surrogate.recordings import kernel_ridge, networks, stacking, templates
 from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import press_blocks
-from surrogate.recordings.intervals import Bounds, Intervals, calibrated, chosen
+from surrogate.recordings.intervals import Bounds, Intervals, calibrated, chosen, widened
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
@@ -18,12 +18,12 @@ from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Fitted, Templates
 from surrogate.recordings.waves import Waves, draw_waves
 from surrogate.recordings.worth import check_worth, distance
+from surrogate.statistics.unlikeness import Unlikeness, learn_unlikeness
 from touchcal.arrays import Array, Index, Mask
 
 FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates",
             "corrected templates")
 PROJECTED = (0, 3, 6)  # directions of drift that may be projected out of signals
-STRANGE = 1.5  # times the greatest misfit of held-out presses: a signal further from all templates is flagged
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,8 @@ class TouchReader:
     intervals: Intervals
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
     of_old: OldReadings  # of frames whose untouched frame is old, by the old templates
-    greatest_misfit: float  # of a held-out press from the templates of direction
+    whole: Unlikeness  # by the squared distances from the templates of direction and of readings
+    along: Unlikeness  # likewise, along the directions of touches, which move the place
     held_out: Array  # (families + 2,) mean held-out distance of each family, of all combined and of the mean, mm
 
 
@@ -57,6 +58,7 @@ class Reading:
     value: Array  # (n, 2) mm
     bounds: Bounds  # mm
     strange: Mask  # (n,) whether the pattern is unlike those of the training presses
+    widening: Array  # (n,) factor of intervals that comes of unlike patterns
 
 
 def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
@@ -94,26 +96,29 @@ def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
     cross = _cross(of_each, each, value)
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
     check_worth(value, mean, place, press, "the place", "mm")
+    whole, along = (np.stack([direction.misfit[:, k], compressed.misfit[:, k]], axis=1) for k in (0, 1))
+    wider = learn_unlikeness(along).widening(along)
     of_cut = networks.held_out(ensemble, features.of(without(drift, signals.whole(cut(presses)), projected)), blocks)
     of_old = calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen, press)
     reader = TouchReader(signals, projected, spared, ridge, direction.templates, compressed.templates, features, waves,
                          ensemble, on_templates, correction, old.templates, weights,
-                         calibrated(value - place, spread, cross, count),
+                         calibrated((value - place) / wider[:, None], spread, cross, count),
                          calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place)), count),
-                         of_old, float(direction.misfit.max()),
+                         of_old, learn_unlikeness(whole), learn_unlikeness(along),
                          np.array([distance(one, place) for one in (*each, value, mean)]))
     fresh, *aged = (of_old.mean + gain * (one - of_old.mean)
                     for gain, one in zip(of_old.gain, (old.place, *(one for one, _ in old.seen)), strict=True))
-    return reader, HeldOut(value, of_cut, fresh, tuple(aged))
+    return reader, HeldOut(value, of_cut, fresh, tuple(aged), wider)
 
 
 def read(reader: TouchReader, presses: Presses) -> Reading:
     """Places of presses with their intervals and flags.
 
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
-    on presses that lack it. Where the untouched frame is far older than in training, templates of the signal without
-    the main directions of drift read the place; intervals are those of presses against frames as old, as far as
-    training could show them.
+    on presses that lack it. Intervals are wider where patterns fit the templates less well than in training, frame by
+    frame and, of frames that are read together, all in all. Where the untouched frame is far older than in training,
+    templates of the signal without the main directions of drift read the place; intervals are those of presses against
+    frames as old, as far as training could show them.
     """
     signals = reader.signals
     signal, old = signals.whole(presses), signals.spared(presses)
@@ -127,14 +132,16 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
                      compressed[0] + reader.correction.read_each(further).mean(axis=0)])
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
+    whole, along = (np.stack([direction[2][:, k], compressed[2][:, k]], axis=1) for k in (0, 1))
+    wider = np.maximum(reader.along.widening(along), reader.along.shift(along[~old]))
     bounds = reader.intervals.bounds(spread, _cross(np.tile(reader.weights, (len(value), 1)), each, value))
     none = np.zeros_like(value)
-    bounds = chosen(signals.cut(presses), reader.of_cut.bounds(none, none[:, 0]), bounds)
+    bounds = widened(chosen(signals.cut(presses), reader.of_cut.bounds(none, none[:, 0]), bounds), wider)
     if old.any():
         there, sd, _ = reader.old.read(without(signals.drift, signal, reader.spared))
         there, of_old = reader.of_old.read(presses.age, there, sd)
         value, bounds = np.where(old[:, None], there, value), chosen(old, of_old, bounds)
-    return Reading(value, bounds, direction[2] > STRANGE * reader.greatest_misfit)
+    return Reading(value, bounds, reader.whole.odd(whole) | reader.along.odd(along), wider)
 
 
 def _aged_distance(known: Known, fitted: Fitted, place: Array) -> float:

@@ -106,7 +106,7 @@ class FollowedPresses:
         empty = np.full((1, self.readings), np.nan)
         age = since_s if self._reader.signals.clocked else since
         press = Presses(np.array([""]), np.zeros(1, np.int64), (volts - background.volts)[None], empty,
-                        np.array([float(age)]), empty[:0], np.zeros(0), np.zeros(1))
+                        np.array([float(age)]), background.volts[None], np.zeros(1), np.zeros(1))
         signals = self._reader.signals
         if np.linalg.norm(signals.whole(press)) < WEAK * signals.weakest:
             self._place = None

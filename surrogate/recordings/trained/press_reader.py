@@ -13,7 +13,7 @@ from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
 from surrogate.recordings.dead_channels import filled_without
-from surrogate.recordings.intervals import chosen
+from surrogate.recordings.intervals import chosen, widened
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import counted, press_of_frames
@@ -134,14 +134,18 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
     where, signals = place.value if place else None, reader.signals
     signal = seen(signals, reader.place, presses)
     spared = without(signals.drift, signals.whole(presses), reader.place.spared if reader.place else SPARED)
-    scalars = []
+    scalars, strange = [], place.strange if place else np.zeros(len(signal), bool)
     for one in reader.scalars:
         value, bounds = scalar_reader.read(one, signal, where)
+        apart = one.ridge.nearest(signal)
+        if not place:
+            strange |= one.unlikeness.odd(apart)
         bounds = chosen(signals.cut(presses), one.of_cut.bounds(*np.zeros((2, len(signal), 1))), bounds)
+        bounds = widened(bounds, place.widening if place else np.maximum(
+            one.unlikeness.widening(apart), one.unlikeness.shift(apart)))
         old, of_old = scalar_reader.read_old(one, spared, where, presses.age)
         bounds = chosen(signals.spared(presses), of_old, bounds)
         scalars.append(ScalarReading(one.name, np.where(signals.spared(presses), old, value), bounds.half_width[:, 0]))
-    strange = place.strange if place else np.zeros(len(signal), bool)
     return PressReading(place, tuple(scalars), flags(reader.signals, presses, strange))
 
 

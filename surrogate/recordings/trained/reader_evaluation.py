@@ -9,10 +9,12 @@ import numpy as np
 
 from eitsim.sensors.labels import PLACE, Labels, unit_of
 from eitsim.sensors.recording import Recording
+from surrogate.recordings.press_frames import press_of_frames
 from surrogate.recordings.presses import labelled
 from surrogate.recordings.trained.press_reader import trained_on
 from surrogate.recordings.trained.reader_table import OUTPUTS, presses_read, read_touches
 from surrogate.recordings.trained.train_reader import TrainedReader
+from surrogate.statistics.coverage_check import coverage_check
 from surrogate.statistics.metrics import COVERAGES, score
 from touchcal.arrays import Mask
 from touchcal.json_file import file_digest
@@ -41,6 +43,7 @@ def evaluate_reader(model: TrainedReader, recording: Recording, labels: Labels, 
     seen = trained_on(model.reader, presses)
     part = np.where(seen, "train", "new" if seen.any() else "all")
     outputs: dict[str, dict[str, Any]] = {}
+    press = press_of_frames(presses, known)
     for name, column in columns.items():
         stem, _, unit = column.rpartition("_")
         value = table[column].to_numpy()
@@ -49,19 +52,30 @@ def evaluate_reader(model: TrainedReader, recording: Recording, labels: Labels, 
         outputs[stem] = {one: asdict(score(target[rows], value[rows], half[:, rows], half[:, rows], unit_of(name)))
                          | {"coverage_50": None, "coverage_95": None}
                          for one in ("train", "new", "all") if (rows := sound & (part == one)).any()}
-    return {"method": "recording", "dataset": {"sha256": file_digest(recording.source), "rows": len(sound)},
+    return {"coverage_below": _below(outputs, {one: len(np.unique(press[sound & (part == one)]))
+                                               for one in ("new", "all")}),
+            "presses": int(press.max()) + 1, "method": "recording",
+            "dataset": {"sha256": file_digest(recording.source), "rows": len(sound)},
             "scored": _scored_words(sound, [flag for flag in table["flag"] if flag],
                                     [name for name in known.names if name not in columns]),
             "fit_s": model.fit_s, "predict_ms": predict_ms, "outputs": outputs, "noise": []}
+
+
+def _below(outputs: dict[str, dict[str, Any]], presses: dict[str, int]) -> list[dict[str, Any]]:
+    """Of which outputs the 90 % intervals hold surely less, on so many presses of each part."""
+    scored = [(name, one, parts[one]["coverage_90"]) for name, parts in outputs.items()
+              for one in presses if one in parts]
+    checks = [(name, one, coverage_check(held, presses[one], checks=len(scored))) for name, one, held in scored]
+    return [{"output": name, "part": one} | asdict(check) for name, one, check in checks if check.too_low]
 
 
 def _scored_words(sound: Mask, flags: list[str], unread: list[str]) -> str:
     """What to know of the scores; empty where there is nothing."""
     words = []
     if not sound.all():
-        words.append(f"{np.sum(~sound)} of {len(sound)} presses have no value and are left out")
+        words.append(f"{np.sum(~sound)} of {len(sound)} frames have no value and are left out")
     if flags:
-        words.append(f"{len(flags)} of {len(sound)} presses are flagged, the first: {flags[0]}")
+        words.append(f"{len(flags)} of {len(sound)} frames are flagged, the first: {flags[0]}")
     if unread:
         words.append(f"labels that the model does not read: {', '.join(unread)}")
     return "; ".join(words)

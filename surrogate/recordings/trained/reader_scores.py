@@ -1,6 +1,8 @@
 """Scores of a reader on presses that it did not see: some at random, and the last in time."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from surrogate.recordings.press_frames import frames_of, press_of_frames
 from surrogate.recordings.presses import Presses, taken, until
 from surrogate.recordings.trained import press_reader
 from surrogate.recordings.worth import distance
+from surrogate.statistics.coverage_check import CoverageCheck, coverage_check, in_words
 from touchcal.arrays import Array, Index
 
 TESTED = 5  # every so many presses one is tested
@@ -44,6 +47,34 @@ class Tested:
     target: Array  # (n, k) places or labels of the tested frames, in the unit of the output
     value: Array  # (n, k)
     half_width: Array  # (n, k) of the 90 % intervals
+
+
+def found_wanting(scores: Iterable[ReaderScore]) -> dict[str, list[dict[str, Any]]]:
+    """As JSON, which intervals hold less than they promise, and which outputs are read no better than by their mean."""
+    scores = tuple(scores)
+    return {"coverage_below": [{"split": one.split, "output": name} | asdict(check)
+                               for one, name, check in _checked(scores) if check.too_low],
+            "worse_than_mean": [{"split": one.split, "output": one.output, "error": one.error,
+                                 "mean_error": one.mean_error} for one in _worse(scores)]}
+
+
+def wanting_words(scores: Iterable[ReaderScore]) -> list[str]:
+    """The same in words, a sentence each."""
+    scores = tuple(scores)
+    return [*(in_words(check, f"{name}, split {one.split}") for one, name, check in _checked(scores) if check.too_low),
+            *(f"{one.output}, split {one.split}: presses are read to {one.error:.3g} {one.unit}, no better than by "
+              f"their mean, {one.mean_error:.3g} {one.unit}: do not use this output." for one in _worse(scores))]
+
+
+def _checked(scores: tuple[ReaderScore, ...]) -> list[tuple[ReaderScore, str, CoverageCheck]]:
+    """Each score with the names and checks of its intervals."""
+    held = [(one, name, part) for one in scores
+            for name, part in zip(PLACE if one.output == "place" else (one.output,), one.coverage, strict=True)]
+    return [(one, name, coverage_check(part, one.tested, checks=len(held))) for one, name, part in held]
+
+
+def _worse(scores: tuple[ReaderScore, ...]) -> list[ReaderScore]:
+    return [one for one in scores if one.error >= one.mean_error]
 
 
 @dataclass(frozen=True, eq=False)

@@ -237,7 +237,7 @@ def test_presses_that_cannot_be_read_are_left_out_of_the_scores_and_said(kept_ba
                                      f"{folder}/touches.csv", "--json"])
     scores = json.loads(found.stdout)
     assert {part: one["n"] for part, one in scores["outputs"]["x0"].items()} == {"all": 38}
-    assert "1 of 39 presses have no value and are left out; 1 of 39 presses are flagged" in scores["scored"]
+    assert "1 of 39 frames have no value and are left out; " in scores["scored"]
 
 
 def test_what_cannot_be_scored_is_refused(kept_back: tuple[Path, Array]) -> None:
@@ -314,4 +314,4 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object, monkeypat
     assert "a model of a recording: read it with `surrogate predict`" in str(refused.exception)
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
     assert isinstance(refused.exception, ValueError)
-    assert "needs its labels and its sensor" in str(refused.exception)
+    assert "which needs its labels: give --labels touches.csv" in str(refused.exception)
