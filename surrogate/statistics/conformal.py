@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.special import betaincinv, ndtri
+from scipy.special import bdtr, bdtrc, betaincinv, ndtri
 
 from touchcal.arrays import Array, Mask
 
@@ -15,6 +15,19 @@ COVERAGE = 0.90
 UNSURE = 1 / 3
 # Chance that the calibration rows drawn leave a lower coverage than is said, and the least that is not cautioned.
 UNLUCKY, LEAST = 0.05, 0.85
+CHANCE = 0.01  # of a coverage as far off by chance, below which it is stated
+
+
+def off_nominal(held: float, rows: int, coverage: float = COVERAGE) -> str:
+    """In words, that intervals hold too small or too large a part of so many rows for chance, of a binomial
+    probability below CHANCE; empty where they do not."""
+    count = round(held * rows)
+    fewer, more = bdtr(count, rows, coverage), bdtrc(count - 1, rows, coverage) if count else 1.0
+    if rows == 0 or min(fewer, more) >= CHANCE / 2:
+        return ""
+    return (f"the {100 * coverage:.0f} % intervals hold {100 * held:.0f} % of {rows} rows, "
+            f"{'fewer' if fewer < more else 'more'} than chance makes: they are too "
+            f"{'narrow' if fewer < more else 'wide'} there")
 
 
 def normal(coverage: float) -> float:
