@@ -60,9 +60,9 @@ class _Explanation:
     scales: bool = False  # whether factors of the readings are what differs
 
 
-def untouched(volts: Array, ring: Ring) -> Untouched:
-    """The mean of untouched frames (n, readings), V, of a ring, and the noise by their scatter where there are two or
-    more."""
+def untouched(volts: Array, ring: Ring | None = None) -> Untouched:
+    """The mean of untouched frames (n, readings), V, of a ring where it is known, and the noise by their scatter where
+    there are two or more."""
     noise = noise_of(volts, ring)
     return Untouched(volts.mean(axis=0), None if noise is None else noise.times(float(np.sqrt(1 + 1 / len(volts)))))
 

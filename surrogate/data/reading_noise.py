@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surrogate.data.covariance_components import covariance
 from surrogate.data.sensor_ring import Ring
-from surrogate.statistics.covariance_components import covariance
 from touchcal.arrays import Array, Mask
 
 LASTING = (2.0, 6.0, 20.0, 60.0)  # readings over which noise may last

@@ -100,7 +100,7 @@ def interval_scales(model: TrainedModel, noise: ReadingNoise | float, coverages:
                     ) -> list[IntervalScale]:
     """Those of intervals of these coverages, as interval_scale; kept between runs where they take long
     (TOUCHCAL_CACHE)."""
-    known = noise if isinstance(noise, ReadingNoise) else white_noise(float(noise), model.calibration.signal_V.shape[1])
+    known = _whole(model, noise)
     if not METHODS[model.method].slow:
         return _scales(model, known, coverages)
 
@@ -114,9 +114,14 @@ def interval_scales(model: TrainedModel, noise: ReadingNoise | float, coverages:
     return [IntervalScale(*one) for one in zip(kept["edge"], kept["factor"], strict=True)]
 
 
-def calibrated(model: TrainedModel, noise: ReadingNoise) -> bool:
+def calibrated(model: TrainedModel, noise: ReadingNoise | float) -> bool:
     """Whether interval_scale answers at once at this noise."""
-    return not METHODS[model.method].slow or cache.stored(_key(model, noise, (COVERAGE,))) is not None
+    known = _whole(model, noise)
+    return not METHODS[model.method].slow or cache.stored(_key(model, known, (COVERAGE,))) is not None
+
+
+def _whole(model: TrainedModel, noise: ReadingNoise | float) -> ReadingNoise:
+    return noise if isinstance(noise, ReadingNoise) else white_noise(float(noise), model.calibration.signal_V.shape[1])
 
 
 def _key(model: TrainedModel, noise: ReadingNoise, coverages: Sequence[float]) -> str:

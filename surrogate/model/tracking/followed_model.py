@@ -13,6 +13,7 @@ from surrogate.data import outputs
 from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.reading_noise import white_noise
+from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background, error_after
 from surrogate.forward_map.inversion.touch_filter import Unsure
 from surrogate.learners.base import Learner
@@ -67,7 +68,8 @@ class FollowedModel:
 
     def __init__(self, model: TrainedModel, scaling: str, held_s: float | None) -> None:
         self.readings, self.weakest = len(model.baseline_V), model.trained.weakest_V
-        self.patterns, self.ring = patterns_of(model.calibration.signal_V), model.ring
+        self.patterns = patterns_of(model.calibration.signal_V)
+        self.ring: Ring | None = model.ring
         self.foreseen = _by_gain(model)
         self._model, self._scaling, self._held_s = model, scaling, held_s
         self._fewer: dict[bytes, _Fewer] = {}

@@ -22,9 +22,10 @@ def drawn(ring: Ring) -> dict[str, Array]:
     shared = (pattern[:, None] == np.unique(pattern)).astype(float)
     order = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     odd = rng.normal(size=(n, 4))
-    return {"white": np.eye(n), "pattern": np.hstack([np.eye(n), shared]) / np.sqrt(2),
+    each = {"white": np.eye(n), "pattern": np.hstack([np.eye(n), shared]) / np.sqrt(2),
             "neighbours": np.linalg.cholesky(np.exp(-order / 12) + 1e-9 * np.eye(n)), "proportional": np.diag(unit),
             "not foreseen": np.hstack([np.eye(n), odd]) / np.sqrt(5)}
+    return {name: np.asarray(root, np.float64) for name, root in each.items()}
 
 
 def over_stated(noise: ReadingNoise, root: Array, along: Array) -> float:
@@ -62,7 +63,7 @@ def test_few_frames_give_one_standard_deviation(ring: Ring) -> None:
 
 def test_draws_have_the_covariance_and_factors_scale_it(ring: Ring) -> None:
     n = len(ring.read)
-    one = ReadingNoise(1.0, np.linalg.cholesky(shared_causes(ring)[2] + 1e-9 * np.eye(n)), 0.1)
+    one = ReadingNoise(1.0, np.asarray(np.linalg.cholesky(shared_causes(ring)[2] + 1e-9 * np.eye(n)), np.float64), 0.1)
     frames = one.draws(20000, np.random.default_rng(2))
     assert np.allclose(frames.T @ frames / len(frames), one.covariance, atol=0.1)
     gain = np.linspace(0.5, 2, n)

@@ -15,6 +15,7 @@ from surrogate.statistics.conformal import (
     enough,
     few,
     normal,
+    off_nominal,
     sure_coverage,
 )
 from surrogate.statistics.metrics import COVERAGES, rms, score
@@ -140,3 +141,11 @@ def test_factors_are_at_least_those_of_another_scale_whatever_its_edge() -> None
     one_kind = np.zeros(2, bool)
     assert at_least(one, two).of(np.array([[0.1], [2.0]]), one_kind).tolist() == [[3.0], [3.0]]
     assert at_least(two, one).of(np.array([[0.1], [2.0]]), one_kind).tolist() == [[1.0], [3.0]]
+
+
+def test_a_coverage_off_the_nominal_by_more_than_chance_is_stated() -> None:
+    assert "60 %" in off_nominal(0.60, 60)
+    assert "narrow" in off_nominal(0.62, 60)
+    assert "wide" in off_nominal(1.0, 300)
+    assert not off_nominal(0.83, 30)
+    assert not off_nominal(0.9, 1000)
