@@ -9,18 +9,25 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from surrogate.data.baseline_frame import Comparison, Untouched
     from surrogate.data.frame_rows import Lines
+    from surrogate.data.reading_noise import ReadingNoise
     from surrogate.model.model import Model
     from touchcal.arrays import Mask
 
 
-def compared_with(model: Model, reference: Untouched, noise_V: float, scaling: str) -> Comparison:
+def compared_with(model: Model, reference: Untouched, noise: ReadingNoise, scaling: str) -> Comparison:
     """The untouched frame next to the training's; says what differs."""
     from surrogate.data.baseline_frame import compared
 
-    found = compared(model.baseline_V, model.ring, reference.volts, noise_V, scaling)
+    found = compared(model.baseline_V, model.ring, reference.volts, noise.rms_V, scaling)
     if found.words:
         say(found.words)
     return found
+
+
+def say_assumed(model: Model) -> None:
+    from surrogate.model.assumed_punch import assumed_punch
+
+    say(f"answers assume {assumed_punch(model)}; another punch may be read wrongly with no flag.")
 
 
 def say_holding(model: Model, held_s: float | None) -> None:
@@ -30,20 +37,25 @@ def say_holding(model: Model, held_s: float | None) -> None:
         say(words)
 
 
-def noise_of(reference: Untouched, given: float | None) -> float:
-    """Standard deviation of the noise, V; a caution where it is unknown."""
-    noise = given if given is not None else reference.noise_V
-    if noise is None:
+def noise_of(reference: Untouched, given: float | None) -> ReadingNoise:
+    """The noise of a signal; a caution where it is unknown, or known but for what readings share."""
+    from surrogate.data.reading_noise import FEWEST, white_noise
+
+    if given is None and reference.noise is None:
         say("the noise of the readings is unknown, so the intervals leave it out. Give --noise-V, or two or more "
             "untouched frames with --baseline.")
-    return noise or 0.0
+    elif given is not None or (reference.noise is not None and not reference.noise.root.size):
+        say("the intervals assume independent noise of one size in all readings; --baseline with "
+            f"{FEWEST} or more untouched frames, without --noise-V, gives what readings share.")
+    white = white_noise(given or 0.0, len(reference.volts))
+    return white if given is not None or reference.noise is None else reference.noise
 
 
-def say_intervals(model: Model, noise_V: float) -> None:
+def say_intervals(model: Model, noise: ReadingNoise) -> None:
     from surrogate.model.trained import calibrated
     from surrogate.statistics.conformal import few
 
-    if not calibrated(model, noise_V):
+    if not calibrated(model, noise):
         say("the intervals are calibrated at this noise first, which takes a while; they are kept for the next time.")
     if words := few(len(model.calibration.target)):
         say(words)
@@ -61,7 +73,7 @@ def untouched_of(model: Model, baseline: Path) -> tuple[Untouched, Mask]:
     volts = sound_lines(baseline, len(model.baseline_V))
     dead = stuck(volts) | silent(volts, model.baseline_V).any(axis=0)
     check_needed(model, dead, str(baseline))
-    return untouched(volts), dead
+    return untouched(volts, model.ring), dead
 
 
 def frames_of(model: Model, path: Path, baseline: Path | None) -> tuple[Lines, Untouched, Mask]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -49,6 +49,8 @@ WORKERS_HELP = "Processes that share the networks; by default one, and one a cor
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
 EXACT_HELP = ("Take signals as exact: the error that the simulator states of them does not count. For comparing "
               "methods on simulated touches, not for a real sensor.")
+PUNCHES_HELP = ("All touches to be read are by punches of the few diameters of the sweep: d and F are surer, and "
+                "wrong for any other punch. Method forward.")
 LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below the RMS of the baseline voltages."
 
 
@@ -64,6 +66,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
           exact_signals: Annotated[bool, typer.Option("--exact-signals", help=EXACT_HELP)] = False,
+          known_punches: Annotated[bool, typer.Option("--known-punches", help=PUNCHES_HELP)] = False,
           noise_db: Annotated[str, typer.Option(help=LEVELS_HELP)] = "100,80,60", as_json: JsonOption = False) -> None:
     """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or train on a recording:
     the model learns from all labelled presses, and scores are those of readers of four fifths of them.
@@ -79,9 +82,11 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     check_out(out, folder=True)
     store.check_own(out, (SUGGESTED,))
     if folder.is_file() or any(one is not None for one in (labels, sensor, simulated, suggest)):
-        if (method, outputs, epochs, calibrate, exact_signals) != ("forward", "all", None, None, False):
-            raise ValueError("--method, --outputs, --epochs, --calibrate and --exact-signals are for sweeps; a "
-                             "recording is learnt by all families of readers, for all of its labels. Leave them out.")
+        if (method, outputs, epochs, calibrate, exact_signals, known_punches) != (
+                "forward", "all", None, None, False, False):
+            raise ValueError("--method, --outputs, --epochs, --calibrate, --exact-signals and --known-punches are "
+                             "for sweeps; a recording is learnt by all families of readers, for all of its labels. "
+                             "Leave them out.")
         train_recording(folder, labels, sensor, simulated, suggest, out, seed, workers or _cores(), as_json)
         if is_reader(out):
             store.forget_scores(out)
@@ -92,7 +97,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     workers = workers or (_cores() if len(samples) >= 1000 else 1)
     with waiting("learning the touches"):
         model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=counted("networks"),
-                                calibrate=calibrate, exact_signals=exact_signals)
+                                calibrate=calibrate, exact_signals=exact_signals, known_punches=known_punches)
     model.save(out)
     with waiting("scoring the model, which calibrates its intervals"):
         own = METHODS[model.method]
@@ -220,6 +225,8 @@ def _print_scores(result: Mapping[str, Any]) -> None:
         title = (f"{result['method']}, noise {level['db_below_baseline']:.1f} dB below the baseline,\n"
                  f"{level['db_below_signal']:.1f} dB below the signal")
         _print_table(title, level["outputs"], ("test", "new", "all"), level.get("limits", {}))
+    for words in _off_nominal(result):
+        print(f"caution: {words}")
     print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame")
     if result["scored"]:
         print(f"scored: {result['scored']}")
@@ -241,6 +248,19 @@ def _print_wanting(result: Mapping[str, Any]) -> None:
         for one in result.get("coverage_below", ()):
             check = CoverageCheck(**{field: one[field] for field in CoverageCheck.__dataclass_fields__})
             print(f"caution: {in_words(check, one['output'])}")
+
+
+def _off_nominal(result: Mapping[str, Any]) -> Iterator[str]:
+    """Of unseen rows whose intervals hold a smaller part than they state, by output and noise, in words."""
+    from surrogate.statistics.coverage_check import coverage_check, in_words
+
+    tables = [("without added noise", result["outputs"])]
+    tables += [(f"at {level['db_below_baseline']:.1f} dB", level["outputs"]) for level in result["noise"]]
+    scored = [(f"{name}, {part} rows, {where}", one) for where, outputs in tables for name, parts in outputs.items()
+              for part, one in parts.items() if part != "train"]
+    for name, one in scored:
+        if (check := coverage_check(one["coverage_90"], one["n"], checks=len(scored))).too_low:
+            yield in_words(check, name)
 
 
 def _print_of_sweep(result: Mapping[str, Any]) -> None:

@@ -14,6 +14,7 @@ from surrogate.cli.given_frames import (
     frames_of,
     noise_of,
     say,
+    say_assumed,
     say_holding,
     say_intervals,
 )
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from surrogate.data.baseline_frame import Untouched
     from surrogate.data.frame_drift import FrameDrift
     from surrogate.data.frame_rows import Lines
+    from surrogate.data.reading_noise import ReadingNoise
     from surrogate.model.model import Model
     from surrogate.single_frame.simulator_likelihood import Simulator
     from touchcal.arrays import Mask
@@ -90,6 +92,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     import surrogate
     from surrogate.data.frame_source import check_no_port, comes_live
     from surrogate.learners.registry import METHODS
+    from surrogate.model.assumed_punch import assumed_punch
     from surrogate.recordings.trained.reader_store import is_reader, load_reader
 
     check_no_port(frames)
@@ -141,17 +144,18 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     read, reference, dead = frames_of(model, Path(frames), baseline)
     noise = noise_of(reference, noise_v)
     found = compared_with(model, reference, noise, scale_baseline)
-    read, noise = replace(read, volts=read.volts * found.gain), noise * found.noise_factor
+    read, noise = replace(read, volts=read.volts * found.gain), noise.scaled(found.gain)
     reference = replace(reference, volts=reference.volts * found.gain)
     say_holding(model, held)
+    say_assumed(model)
     if touches == 2:
-        table = _pairs(model, read, reference, dead, noise)
+        table = _pairs(model, read, reference, dead, noise.rms_V)
     elif direct or posterior:
         simulator = None if card is None else _simulator(model, card, data, scene, reference)
-        table = _in_depth(model, simulator, read, reference, dead, noise, seed if posterior else None)
+        table = _in_depth(model, simulator, read, reference, dead, noise.rms_V, seed if posterior else None)
     else:
         table = _plain_table(model, read, reference, dead, noise, held, _frame_drift(model, changes, data, scene))
-    _written(table, model_folder, out, as_json)
+    _written(table, model_folder, out, as_json, {"assumes": assumed_punch(model)})
 
 
 def _drift_of(text: str) -> dict[str, float]:
@@ -200,7 +204,7 @@ def _check_choice(live: bool, direct: bool, simulated: bool, card: Path | None, 
         raise ValueError("--data and --scene describe the sensor of the simulator, which needs --card CARD too.")
 
 
-def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: float,
+def _plain_table(model: Model, frames: Lines, reference: Untouched, dead: Mask, noise: ReadingNoise,
                  held_s: float | None, drift: FrameDrift) -> pd.DataFrame:
     from surrogate.model.predict import prepare, sign_caution, table_of
 
@@ -270,12 +274,13 @@ def _in_depth(model: Model, simulator: Simulator | None, frames: Lines, referenc
     return pd.DataFrame(rows, columns=[*names, "flag"])
 
 
-def _written(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool) -> None:
+def _written(table: pd.DataFrame, model: Path, out: Path | None, as_json: bool,
+             stated: dict[str, str] | None = None) -> None:
     if out is not None:
         with written(out) as file:
             file.write(table.to_csv(index=False, float_format="%.6g").encode())
     if as_json:
-        print_json({"model": model, "frames": [_plain(row) for row in table.to_dict("records")]})
+        print_json({"model": model, **(stated or {}), "frames": [_plain(row) for row in table.to_dict("records")]})
     elif out is None:
         print(table.to_csv(index=False, float_format="%.6g"), end="")
     else:

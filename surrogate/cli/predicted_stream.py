@@ -46,12 +46,13 @@ def track_stream(model: Model | TrainedReader, frames: str, baseline: Path | Non
 
     from surrogate.data.frame_rows import sound_lines
     from surrogate.data.frame_source import opened
+    from surrogate.data.reading_noise import white_noise
     from surrogate.model.tracking.tracked_stream import track
     from surrogate.model.tracking.tracker import Tracker
     from surrogate.model.trained import TrainedModel
 
     if isinstance(model, TrainedModel):
-        say_intervals(model, 0.0)
+        say_intervals(model, white_noise(0.0, len(model.baseline_V)))
         readings = len(model.baseline_V)
     else:
         readings = model.reader.signals.channels

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
+from surrogate.data.reading_noise import ReadingNoise, noise_of
 from surrogate.data.sensor_ring import Ring
 from touchcal.arrays import Array, Index, Mask
 from touchcal.number_words import significant
@@ -30,8 +31,12 @@ class Untouched:
     """The frame that signals are differences to."""
 
     volts: Array  # (readings,) V
-    # standard deviation of one reading of a touched frame minus this one, V; None where one frame cannot tell
-    noise_V: float | None
+    noise: ReadingNoise | None  # of a touched frame minus this one; None where one frame cannot tell
+
+    @property
+    def noise_V(self) -> float | None:
+        """Its standard deviation of a reading, r.m.s., V."""
+        return None if self.noise is None else self.noise.rms_V
 
 
 @dataclass(frozen=True)
@@ -55,11 +60,11 @@ class _Explanation:
     scales: bool = False  # whether factors of the readings are what differs
 
 
-def untouched(volts: Array) -> Untouched:
-    """The mean of untouched frames (n, readings), V, and the noise by their scatter where there are two or more."""
-    n = len(volts)
-    noise = float(np.sqrt(np.nanmean(volts.var(axis=0, ddof=1)) * (1 + 1 / n))) if n > 1 else None
-    return Untouched(volts.mean(axis=0), noise)
+def untouched(volts: Array, ring: Ring | None = None) -> Untouched:
+    """The mean of untouched frames (n, readings), V, of a ring where it is known, and the noise by their scatter where
+    there are two or more."""
+    noise = noise_of(volts, ring)
+    return Untouched(volts.mean(axis=0), None if noise is None else noise.times(float(np.sqrt(1 + 1 / len(volts)))))
 
 
 def compared(trained_V: Array, ring: Ring, given_V: Array, noise_V: float = 0.0, scaling: str = "auto") -> Comparison:

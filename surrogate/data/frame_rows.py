@@ -76,14 +76,18 @@ def waiting_lines(source: BufferedIOBase, most: int = BATCH) -> Iterator[list[Li
 
 def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines]:
     """Frames of a stream, no blank lines, those together that wait already. What a program says before its first frame
-    is left out, but a header; from the first line on that has the label of a board (`magnitudes : v,v,...`), lines
-    without it are left out too. ValueError for a header of other names."""
-    columns, board = None, False
+    is left out, but a header. Where the first frame has the label of a board (`magnitudes : v,v,...`), lines that are
+    no frame are left out too; where it has none, a line with the label is no frame. ValueError for a header of other
+    names."""
+    columns: Columns | None = None
+    board: bool | None = None  # whether frames are labelled, as the first one is
     for some in waiting_lines(source):
         lines = [line for line in some if line[1]]
-        board = board or any(labelled(text) is not None for _, text in lines)
+        if board is None:
+            board = next((labelled(text) is not None for _, text in lines if _is_frame(text, readings)), None)
         if board:
-            lines = [(number, values) for number, text in lines if (values := labelled(text)) is not None]
+            lines = [(number, text if values is None else values) for number, text in lines
+                     if (values := labelled(text)) is not None or _is_frame(text, readings)]
         if columns is None:
             lines = list(dropwhile(lambda line: _is_banner(line[1], readings), lines))
         if lines and columns is None:
@@ -95,6 +99,12 @@ def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines
             columns, lines = (in_order(readings), lines) if named is None else (named, lines[1:])
         if lines and columns is not None:
             yield frames_of(lines, in_order(readings) if board else columns)
+
+
+def _is_frame(text: str, readings: int) -> bool:
+    """Whether a line holds as many numbers as there are readings, labelled or not."""
+    cells = (labelled(text) or text).split(",")
+    return len(cells) == readings and all(is_number(cell) for cell in cells)
 
 
 def _is_banner(text: str, readings: int) -> bool:

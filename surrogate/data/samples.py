@@ -49,6 +49,7 @@ class Samples:
     # the [measurement] that an instrument's rows were made by, its seed left aside; empty where rows are clean
     measurement: Mapping[str, Any] = field(default_factory=dict)
     relaxation: Mapping[str, Any] = field(default_factory=dict)  # the manifest's, empty where none is told
+    profile: str = ""  # of the punch, in words
 
     def __len__(self) -> int:
         return len(self.scene)
@@ -93,7 +94,14 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     signal_sd = _numbers(folder, rows, ["signal_error"])[:, 0] / STATED_PER_SD
     return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
                    material, signal_sd, _hashes(scene, target), _near_edge(rows), measurement,
-                   data.manifest.get(RELAXATION, {}))
+                   data.manifest.get(RELAXATION, {}), _profile(data.design["tables"]))
+
+
+def _profile(tables: Mapping[str, Any]) -> str:
+    punch = tables.get("punch", {})
+    stated = punch.get("profile", "flat") if isinstance(punch, Mapping) else "flat"
+    one = isinstance(stated, str)
+    return f"profile {stated}" if one else "profiles " + ", ".join(map(str, next(iter(stated.values()))))
 
 
 def _untouched(rows: pd.DataFrame) -> Array | None:
@@ -164,7 +172,7 @@ def content_hash(samples: Samples) -> str:
 def take(samples: Samples, rows: Index | Mask) -> Samples:
     """The samples of these rows."""
     return replace(samples, **{part.name: getattr(samples, part.name)[rows] for part in fields(samples)
-                               if part.name not in ("ring", "measurement", "relaxation")})
+                               if part.name not in ("ring", "measurement", "relaxation", "profile")})
 
 
 def split(touch: ArrayLike, seed: int) -> NDArray[np.str_]:

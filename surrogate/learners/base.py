@@ -32,6 +32,9 @@ class Estimate:
     # (n,) whether the touch lies near one edge of an outline, where another part of the map, with errors of another
     # kind, reads it: these have interval factors of their own
     near_edge: Mask
+    # (n,) part of the expected misfit that the model's own error makes; 1 for learners that do not model the signal
+    map_part: Array
+    left: Array  # (n, readings) whitened residual of the signal; no columns for learners that do not model it
     parts: Parts | None = None  # what makes up sd, for learners that can tell
 
 
@@ -50,7 +53,8 @@ class Parts:
 def regression(value: Array, variance: Array) -> Estimate:
     """The estimate of a learner that only maps signals to outputs: values and variances (n, outputs)."""
     sd = np.sqrt(variance)
-    return Estimate(value, sd, np.ones(len(value)), np.ones(len(value), bool), sd, sd, np.zeros(len(value), bool))
+    return Estimate(value, sd, np.ones(len(value)), np.ones(len(value), bool), sd, sd, np.zeros(len(value), bool),
+                    np.ones(len(value)), np.zeros((len(value), 0)))
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,7 @@ class Training:
     seed: int
     epochs: int  # steps of an iterated method; 0 for the others
     workers: int = 1  # processes that may share the outputs
+    known_punches: bool = False  # whether touches are by the diameters that training rows share and no others
     each: Progress = iter  # may show progress over the outputs
 
 

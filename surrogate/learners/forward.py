@@ -28,7 +28,7 @@ from touchcal.arrays import Array, Mask
 
 BATCH = 64  # frames solved together, to bound the memory
 # What an estimate holds for each frame, besides the parts of its standard deviations.
-_EACH = ("value", "sd", "misfit", "inside", "below", "above", "near_edge")
+_EACH = ("value", "sd", "misfit", "inside", "below", "above", "near_edge", "map_part", "left")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +55,8 @@ class TouchInversion(Learner):
         order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
         near = rows.near_edge if rows.ring.sheet is not None else None
         forward, error_V = forward_map.fit_with_errors(rows.ring, touch, rows.signal_V, states, rows.signal_sd, near)
+        if not training.known_punches:
+            forward = replace(forward, known_mm=np.zeros(0))
         forward = with_places_held(forward, touch, error_V)
         return cls(forward, response, np.array([order.index(name) for name in training.names]))
 
@@ -142,7 +144,8 @@ def answered(learner: TouchInversion, found: Inversion) -> Estimate:
     c = learner.columns
     parts = _parts(found.peak, slope, own, sd)
     return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, sides[0][:, c], sides[1][:, c],
-                    near_an_edge(learner.forward, found.touch), Parts(parts.noise[:, c], parts.material[:, c]))
+                    near_an_edge(learner.forward, found.touch), found.map_part, found.left,
+                    Parts(parts.noise[:, c], parts.material[:, c]))
 
 
 def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:

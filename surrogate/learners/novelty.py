@@ -3,13 +3,17 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import chdtri
 
+from surrogate.data.reading_noise import ReadingNoise
 from surrogate.data.sensor_ring import Ring, impedances_read
 from touchcal.arrays import Array, Index, Mask
 
 MOST = 80  # principal directions that trained signals are made of, where twice as many rows tell them
 # Part of a signal outside its span that is never strange: what rounding in a file of six digits may make.
 LEAST = 1e-3
+# What the span leaves of a signal from which it is strange, over that of the worst trained one, and of noise by chance.
+FACTOR, CHANCE = 3.0, 1e-3
 SURE = 3.0  # standard deviations of noise from which a sign is sure
 # Standard deviations of noise from which a column is seen in a signal, and part of what is strange that it explains.
 CLEAR, EXPLAINED = 6.0, 0.8
@@ -74,13 +78,28 @@ def reciprocal(ring: Ring, kept: Mask | None = None) -> Array:
     return axes[:, singular > 1e-9 * singular[0]]
 
 
-def novelty_score(novelty: Novelty, signal_V: Array, noise_V: float) -> Array:
-    """(n,) what the span leaves of the directions of signals (n, readings), over the worst trained one and what noise
-    leaves; infinite for a signal of the other sign than all trained ones."""
+def novelty_score(novelty: Novelty, signal_V: Array, noise: ReadingNoise) -> Array:
+    """(n,) what the span leaves of signals (n, readings), over FACTOR times what it leaves of the worst trained one and
+    what it leaves of noise but in CHANCE of frames; infinite for a signal of the other sign than all trained ones."""
     size = np.maximum(np.linalg.norm(signal_V, axis=1), np.finfo(float).tiny)
     unit = signal_V / size[:, None]
-    expected = expected_left(novelty, signal_V, noise_V) / size
-    return np.where(unit @ novelty.mean < 0, np.inf, _left(novelty.axes, unit) / expected)
+    most = np.hypot(FACTOR * novelty.worst * size, _noise_left_V(novelty, noise))
+    return np.where(unit @ novelty.mean < 0, np.inf, _left(novelty.axes, unit) * size / most)
+
+
+def _noise_left_V(novelty: Novelty, noise: ReadingNoise) -> float:
+    """Norm, V, that the span leaves of noise but in CHANCE of frames: of chi^2 of as many degrees as make its mean and
+    variance (Satterthwaite, Biometrics Bull. 2 (1946) 110), and of tails as heavy as the noise's."""
+    root = noise.root - novelty.axes.T @ (novelty.axes @ noise.root)
+    free = max(len(noise.root) - len(novelty.axes), 1)
+    part = np.linalg.eigvalsh(root.T @ root) if root.size else np.zeros(0)
+    mean = free * noise.white_V**2 + float(part.sum())
+    square = free * noise.white_V**4 + float(np.sum(part * (part + 2 * noise.white_V**2)))
+    if not mean:
+        return 0.0
+    tails = max(noise.energy_sd**2 * len(noise.root) / 2, 1.0)
+    degrees = mean**2 / square / tails
+    return float(np.sqrt(mean * chdtri(degrees, CHANCE) / degrees))
 
 
 def of_other_sign(novelty: Novelty, signal_V: Array, noise_V: float) -> Mask:

@@ -26,7 +26,7 @@ from surrogate.live.controls import Limits
 from surrogate.live.messages import hello
 from surrogate.live.serve import PAGE
 from surrogate.live.skins import forward_of, limits_of, usual_noise_V
-from surrogate.model.predict import MISFIT_FACTOR, WEAK
+from surrogate.model.predict import WEAK
 from surrogate.model.trained import TrainedModel, interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
 from surrogate.statistics.gaussian_process import GaussianProcess
@@ -41,6 +41,7 @@ RIM_LEFT = 0.15
 _POLICY = ("default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
            "form-action 'none'")
 _SCRIPTS = ("skin.js", "drawing.js", "press.js", "learned_map.js", "browser_skin.js", "page.js")
+MISFIT_FACTOR = 3.0  # misfit over the worst validation row's from which the page calls a frame unlike a touch
 
 
 def export_page(model: TrainedModel, path: Path | str) -> None:

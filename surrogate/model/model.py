@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 from eitsim.scene.scene import Scene
 from surrogate.data.baseline_frame import compared, untouched
 from surrogate.data.frame_drift import frame_drift
+from surrogate.data.reading_noise import white_noise
 from surrogate.model import store
+from surrogate.model.assumed_punch import assumed_punch
 from surrogate.model.holding_time import holding_caution
 from surrogate.model.missing_channels import silent, stuck
 from surrogate.model.predict import predict, prepare, si_table
@@ -36,8 +38,9 @@ class Model(TrainedModel):
         baseline_V : (readings,) or (k, readings), optional
             The untouched frame, V, or several, whose mean is taken; the mean one of the training where left out.
         noise_V : float, optional
-            Standard deviation of one reading, V. Where left out, it follows from the scatter of two or more untouched
-            frames; with fewer, intervals leave noise out.
+            Standard deviation of one reading, V, of independent noise. Where left out, the noise follows from the
+            scatter of two or more untouched frames, from 8 on with what their readings share; with fewer, intervals
+            leave noise out.
         scale_baseline : "auto", "yes" or "no"
             Whether all readings are multiplied by the training's untouched ones over those of `baseline_V`, which takes
             out gains and the sheet's conductance; "auto": where factors of readings explain what differs by more than
@@ -57,7 +60,8 @@ class Model(TrainedModel):
             One row a frame. For each output, in SI units: the value, as `x0_m`, and the lowest and highest of its 90 %
             interval, as `x0_lo90_m` and `x0_hi90_m`; NaN where no touch can be read. Where the method says what a
             force's error is due to, its standard deviations `F_sd_noise_N`, `F_sd_material_N`, `F_sd_model_N`. Last,
-            `flag`: in words what is to be known of the frame, else empty.
+            `flag`: in words what is to be known of the frame, else empty. `attrs["assumes"]` says which punch all
+            answers assume; another one may not be noticed.
 
         Raises
         ------
@@ -73,15 +77,18 @@ class Model(TrainedModel):
         frames = self._frames("frames_V", frames_V)
         reference = self._frames("baseline_V", self.baseline_V if baseline_V is None else baseline_V)
         dead = stuck(frames) | stuck(reference) | silent(reference, self.baseline_V).any(axis=0)
-        known = untouched(reference)
-        noise = noise_V if noise_V is not None else known.noise_V or 0.0
-        found = compared(self.baseline_V, self.ring, known.volts, noise, scale_baseline)
+        known = untouched(reference, self.ring)
+        white = white_noise(noise_V or 0.0, len(known.volts))
+        noise = white if noise_V is not None or known.noise is None else known.noise
+        found = compared(self.baseline_V, self.ring, known.volts, noise.rms_V, scale_baseline)
         for words in filter(None, (found.words, holding_caution(self, held_s))):
             warnings.warn(words, stacklevel=2)
         drift = frame_drift(self.ring, self.baseline_V, gain_drift, contact_drift, scene)
-        ready = prepare(self, known.volts * found.gain, noise * found.noise_factor, dead, held_s=held_s,
+        ready = prepare(self, known.volts * found.gain, noise.scaled(found.gain), dead, held_s=held_s,
                         drift=drift)
-        return si_table(self, predict(ready, frames * found.gain))
+        table = si_table(self, predict(ready, frames * found.gain))
+        table.attrs["assumes"] = assumed_punch(self)
+        return table
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed.

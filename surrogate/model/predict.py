@@ -14,6 +14,7 @@ from surrogate.data import outputs
 from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
 from surrogate.data.outputs import ROUNDING
+from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.learners.base import Estimate, Parts
 from surrogate.learners.novelty import (
     Novelty,
@@ -27,6 +28,7 @@ from surrogate.learners.registry import METHODS
 from surrogate.model.drift_choice import drift_groups
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
+from surrogate.model.odd_frames import Causes, causes_of, oddness
 from surrogate.model.trained import TrainedModel, estimate, interval_scale, trained_radius_mm
 from surrogate.statistics.conformal import COVERAGE, IntervalScale, at_least, normal, one_factor
 from touchcal.arrays import Array, Index, Mask
@@ -39,8 +41,6 @@ NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike th
 OTHER_SIGN = "signal of the other sign than a touch's"
 WEAK = 0.5  # a signal below this part of the weakest training signal is no touch
 SLACK = 0.02  # how far outside the training targets, in their ranges, a value may lie before it is flagged
-# Misfit, or novelty score of a signal, from which a frame is unlike a touch: so often the worst of the validation rows.
-MISFIT_FACTOR = 3.0
 MOST_WIDENED = 1000.0  # largest factor by which a strange signal widens the intervals
 # Norm of a signal, over that of the strongest validation row, from which it is outside the training range, and from
 # which no touch is read from it.
@@ -57,10 +57,11 @@ class Predictor:
 
     model: TrainedModel
     baseline_V: Array  # (readings,) the untouched frame, V
-    noise_V: float  # standard deviation of the noise of a signal, V
+    noise: ReadingNoise  # of a signal
     scale: IntervalScale  # standard deviations that make a 90 % interval
     span: Novelty  # of the touches
     novelty: Novelty  # the same, with what drift may add
+    causes: Causes  # of what touches leave of frames
     dead: Mask  # (readings,) channels that are dead whatever a frame reads
     drift: FrameDrift  # between the untouched and the touched frames
     gains: Array  # (readings, electrodes) derivatives of the readings by gains, V; no columns where drift is counted
@@ -88,20 +89,22 @@ class Predictions:
         return (self.below + self.above) / 2
 
 
-def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: Mask | None = None, *,
+def prepare(model: TrainedModel, baseline_V: Array, noise: ReadingNoise | float = 0.0, dead: Mask | None = None, *,
             calibrate: bool = True, held_s: float | None = None, drift: FrameDrift | None = None) -> Predictor:
     """What predicting frames needs, once for a stream of frames.
 
+    noise: of a signal; a number is the standard deviation of white noise, V;
     dead: (readings,) channels known to be dead, besides those that the baseline shows; calibrate: whether intervals are
     calibrated, which may invert every calibration row; held_s: as `holding_time.stress_left`; drift: what may change
     between the frames, which the calibration of intervals does not draw. ValueError for a noise that is no finite
     number from 0, a holding time that the model has no relaxation for, or a drift that the method does not know.
     """
-    if not 0 <= noise_V < np.inf:
-        raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}. Give "
-                         "--noise-V VOLTS, or untouched frames that scatter less.")
+    known = noise if isinstance(noise, ReadingNoise) else white_noise(noise, len(baseline_V))
+    if not 0 <= known.white_V <= known.rms_V < np.inf:
+        raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {known.white_V:g}. "
+                         "Give --noise-V VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
-    scale = interval_scale(model, noise_V) if calibrate else one_factor(np.ones(len(model.names)))
+    scale = interval_scale(model, known) if calibrate else one_factor(np.ones(len(model.names)))
     span, drift = fit_novelty(model.ring, model.calibration.signal_V), drift or no_drift(len(baseline_V))
     novelty, gains = span, drift.gain[:, :0]
     if drift.root.size:
@@ -109,16 +112,19 @@ def prepare(model: TrainedModel, baseline_V: Array, noise_V: float = 0.0, dead: 
         novelty = with_directions(span, drift.root)
     else:
         gains = _gains(model)
-    return Predictor(model, baseline_V, noise_V, scale, span, novelty, lost, drift, gains, stress_left(model, held_s))
+    return Predictor(model, baseline_V, known, scale, span, novelty,
+                     causes_of(model.ring, model.calibration.signal_V, known), lost, drift, gains,
+                     stress_left(model, held_s))
 
 
 def _estimate(predictor: Predictor, signal: Array) -> Estimate:
     """Outputs of signals (n, readings), V; where drift is counted, of each with the gains that drifted."""
     model = predictor.model
     if not predictor.drift.root.size:
-        return estimate(model, signal, predictor.noise_V)
-    groups = list(drift_groups(predictor.drift, predictor.span, signal, predictor.noise_V))
-    found = [model.learner.drifting(root).estimate(signal[rows], predictor.noise_V) for rows, root in groups]
+        return estimate(model, signal, predictor.noise)
+    noise, groups = predictor.noise, list(drift_groups(predictor.drift, predictor.span, signal, predictor.noise.rms_V))
+    found = [model.learner.drifting(np.hstack([root, noise.root])).estimate(signal[rows], noise.white_V)
+             for rows, root in groups]
     order = np.argsort(np.concatenate([rows for rows, _ in groups]))
 
     def whole(each: Sequence[Any]) -> Any:
@@ -173,7 +179,7 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
                            none[:, :_force_part_count(predictor.model)])
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
-        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise_V,
+        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise.of(kept),
                         drift=predictor.drift.of(kept))
         predictor.reduced[key] = replace(fewer, scale=at_least(fewer.scale, predictor.scale), left=predictor.left)
     part = _sound(predictor.reduced[key], volts[:, kept])
@@ -195,19 +201,20 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
     value, below, above = (np.full(shape, np.nan) for _ in range(3))
     flags = np.full(len(signal), NO_TOUCH, object)
     flags[wild] = f"{OUTSIDE}; {MISFIT}"
-    reverse = touched & of_other_sign(predictor.novelty, signal, predictor.noise_V)
+    reverse = touched & of_other_sign(predictor.novelty, signal, predictor.noise.rms_V)
     reverse |= volts @ predictor.baseline_V < 0
     parts = np.full((len(signal), _force_part_count(model)), np.nan)
     if np.any(touched):
         found = read(signal[touched])
-        strange = novelty_score(predictor.novelty, signal[touched], predictor.noise_V) / MISFIT_FACTOR
+        strange = novelty_score(predictor.novelty, signal[touched], predictor.noise)
         off = np.column_stack([_outside(model, found), size[touched] > STRONG * predictor.novelty.strongest_V])
         outside = off.any(axis=1) | ~found.inside
         value[touched] = found.value
         scale = predictor.scale.of(found.sd, found.near_edge)
         below[touched], above[touched] = (_widened(model, side * scale, strange, outside)
                                           for side in (found.below, found.above))
-        flags[touched] = _flags(model, found, strange > 1, outside, off)
+        strange = np.maximum(strange, oddness(predictor.causes, found, model.trained.misfit))
+        flags[touched] = _flags(model, strange > 1, outside, off)
         _name_gain(predictor, signal, np.flatnonzero([MISFIT in flag for flag in flags]), flags)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
@@ -262,20 +269,19 @@ def _several(model: TrainedModel, width: Array) -> Mask:
     return width[:, k] > SEVERAL_PART * (model.trained.highest - model.trained.lowest)[k]
 
 
-def _flags(model: TrainedModel, found: Estimate, strange: Mask, outside: Mask, off: Mask) -> list[str]:
+def _flags(model: TrainedModel, strange: Mask, outside: Mask, off: Mask) -> list[str]:
     """Flags of estimates outside the training range, with what is so (n, outputs + 1), the signal's size last, and of
     strange ones."""
-    odd = strange | (found.misfit > MISFIT_FACTOR * max(model.trained.misfit, 1.0))
     names = [", ".join(name for name, is_off in zip((*model.names, SIZE), row, strict=True) if is_off) for row in off]
     return ["; ".join([OUTSIDE + (f" of {which}" if which else "")] * bool(b) + [MISFIT] * bool(o))
-            for b, o, which in zip(outside, odd, names, strict=True)]
+            for b, o, which in zip(outside, strange, names, strict=True)]
 
 
 def _name_gain(predictor: Predictor, signal: Array, rows: Index, flags: NDArray[np.object_]) -> None:
     """Adds to the flags of strange signals the channel whose gain explains what is strange, if there is one."""
     if not len(rows) or not predictor.gains.shape[1]:
         return
-    channel, change, explains = one_column(predictor.novelty, signal[rows], predictor.gains, predictor.noise_V)
+    channel, change, explains = one_column(predictor.novelty, signal[rows], predictor.gains, predictor.noise.rms_V)
     for row, k, by, clear in zip(rows.tolist(), channel.tolist(), change.tolist(), explains.tolist(), strict=True):
         if clear:
             flags[row] += f"; as if the gain of channel {k} (from 0) had drifted by {100 * by:+.2g} %"

@@ -9,6 +9,7 @@ from typing import TextIO
 
 from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_rows import STREAM, Lines, first_frame, frames_as_they_come
+from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.model.missing_channels import check_needed, silent
 from surrogate.model.model import Model
 from surrogate.model.predict import Predictor, columns, numbers_of, prepare, read_touches, sign_caution
@@ -23,7 +24,7 @@ class Counts:
     flagged: int
 
 
-def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
+def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise: ReadingNoise | float,
            baseline_V: Array | None = None, dead: Mask | None = None,
            say: Callable[[str], object] = lambda words: None, *, scaling: str = "auto",
            held_s: float | None = None) -> Counts:
@@ -35,15 +36,16 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise_V: float,
     no frame has a row without values whose flag tells why; the stream goes on. ValueError where the untouched frame is
     bad or there is none, or a header names anything but readings.
     """
+    known = noise if isinstance(noise, ReadingNoise) else white_noise(noise, len(model.baseline_V))
     table = csv.writer(sink, lineterminator="\n")
     table.writerow(columns(model))
     sink.flush()
 
     def by(untouched_V: Array) -> tuple[Predictor, Array]:
-        found = compared(model.baseline_V, model.ring, untouched_V, noise_V, scaling)
+        found = compared(model.baseline_V, model.ring, untouched_V, known.rms_V, scaling)
         if found.words:
             say(found.words)
-        return (prepare(model, untouched_V * found.gain, noise_V * found.noise_factor, dead, held_s=held_s), found.gain)
+        return (prepare(model, untouched_V * found.gain, known.scaled(found.gain), dead, held_s=held_s), found.gain)
 
     ready = None if baseline_V is None else by(baseline_V)
     answered, flagged, warned = 0, 0, False

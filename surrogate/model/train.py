@@ -26,7 +26,8 @@ MIN_CALIBRATING = 19
 
 def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs: str | Sequence[str] = "all",
           seed: int = 0, *, epochs: int | None = None, workers: int = 1, each: Progress = iter,
-          calibrate: Samples | Dataset | Path | str | None = None, exact_signals: bool = False) -> Model:
+          calibrate: Samples | Dataset | Path | str | None = None, exact_signals: bool = False,
+          known_punches: bool = False) -> Model:
     """Train a surrogate on a data set: of the touches 70 % train, 15 % calibrate the intervals, 15 % test, by the seed.
 
     Parameters
@@ -51,6 +52,9 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
     exact_signals : bool
         Take signals for exact: what the simulator states of their error does not count. For comparing methods on
         simulated touches, not for a real sensor.
+    known_punches : bool
+        All touches to be read are by punches of the diameters that training rows share, where these are a few; d and F
+        are then surer, and wrong, with no flag, for any other punch. Method forward.
 
     Returns
     -------
@@ -80,7 +84,7 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
         validation = other = _read(calibrate, exact_signals)
         _check_calibrating(samples, other)
     begun = _cpu_s()
-    asked = Training(names, seed, epochs or chosen.epochs, workers, each)
+    asked = Training(names, seed, epochs or chosen.epochs, workers, known_punches, each)
     learner = chosen.learner().fit(training, asked)
     fit_s = _cpu_s() - begun
     validation = _readable(learner, validation)
@@ -150,6 +154,7 @@ def _provenance(samples: Samples, part: NDArray[np.str_], validation: Samples) -
         return {"sha256": content_hash(rows), "rows": len(rows), "measurement": dict(rows.measurement),
                 "cards": len(np.unique(rows.card))}
 
-    return {"dataset": described(samples) | {"split": {p: int(np.sum(part == p)) for p in PARTS}},
+    return {"dataset": described(samples) | {
+        "profile": samples.profile, "split": {p: int(np.sum(part == p)) for p in PARTS}},
             "calibration": described(validation), "relaxation": dict(samples.relaxation),
             "versions": {name: importlib.metadata.version(name) for name in ("touchcal", "numpy", "scipy", "torch")}}

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data import outputs
+from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.data.sensor_ring import Ring
 from surrogate.learners.base import Estimate, Learner
 from surrogate.learners.registry import METHODS
@@ -79,52 +80,65 @@ def trained_radius_mm(model: TrainedModel) -> float:
     return max(float(np.hypot(*model.calibration.target[:, k].T).max()), float(ends))
 
 
-def estimate(model: TrainedModel, signal_V: Array, noise_V: float = 0.0) -> Estimate:
-    """Outputs of signals (n, readings) in V under white noise of standard deviation noise_V, before calibration."""
-    return model.learner.estimate(signal_V, noise_V)
+def estimate(model: TrainedModel, signal_V: Array, noise: ReadingNoise | float = 0.0) -> Estimate:
+    """Outputs of signals (n, readings) in V under this noise, before calibration; a number is the standard deviation of
+    white noise, V. Methods that do not model the signal take all noise for white."""
+    if isinstance(noise, float | int):
+        return model.learner.estimate(signal_V, noise)
+    if METHODS[model.method].separates_errors and noise.root.size:
+        return model.learner.drifting(noise.root).estimate(signal_V, noise.white_V)
+    return model.learner.estimate(signal_V, noise.rms_V)
 
 
-def interval_scale(model: TrainedModel, noise_V: float = 0.0) -> IntervalScale:
+def interval_scale(model: TrainedModel, noise: ReadingNoise | float = 0.0) -> IntervalScale:
     """How many standard deviations make a 90 % interval at this noise, from the validation rows and draws of the
     simulator's own error of their signals."""
-    return interval_scales(model, noise_V, (COVERAGE,))[0]
+    return interval_scales(model, noise, (COVERAGE,))[0]
 
 
-def interval_scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> list[IntervalScale]:
+def interval_scales(model: TrainedModel, noise: ReadingNoise | float, coverages: Sequence[float]
+                    ) -> list[IntervalScale]:
     """Those of intervals of these coverages, as interval_scale; kept between runs where they take long
     (TOUCHCAL_CACHE)."""
+    known = _whole(model, noise)
     if not METHODS[model.method].slow:
-        return _scales(model, noise_V, coverages)
+        return _scales(model, known, coverages)
 
     def arrays() -> dict[str, Array]:
-        made = _scales(model, noise_V, coverages)
+        made = _scales(model, known, coverages)
         return {"edge": np.stack([one.edge for one in made]), "factor": np.stack([one.factor for one in made])}
 
-    kept, note = cache.kept(_key(model, noise_V, coverages), arrays)
+    kept, note = cache.kept(_key(model, known, coverages), arrays)
     if note:
         warnings.warn(f"the calibration of intervals is {note}", stacklevel=2)
     return [IntervalScale(*one) for one in zip(kept["edge"], kept["factor"], strict=True)]
 
 
-def calibrated(model: TrainedModel, noise_V: float) -> bool:
+def calibrated(model: TrainedModel, noise: ReadingNoise | float) -> bool:
     """Whether interval_scale answers at once at this noise."""
-    return not METHODS[model.method].slow or cache.stored(_key(model, noise_V, (COVERAGE,))) is not None
+    known = _whole(model, noise)
+    return not METHODS[model.method].slow or cache.stored(_key(model, known, (COVERAGE,))) is not None
 
 
-def _key(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> str:
+def _whole(model: TrainedModel, noise: ReadingNoise | float) -> ReadingNoise:
+    return noise if isinstance(noise, ReadingNoise) else white_noise(float(noise), model.calibration.signal_V.shape[1])
+
+
+def _key(model: TrainedModel, noise: ReadingNoise, coverages: Sequence[float]) -> str:
+    shared = {"root": fingerprint(noise)} if noise.root.size else {}
     return cache.key_of({"model": fingerprint(model.ring, model.learner, model.calibration), "names": list(model.names),
-                         "seed": model.seed, "noise_V": float(noise_V), "coverages": list(coverages)}, _CODE)
+                         "seed": model.seed, "noise_V": noise.white_V, "coverages": list(coverages), **shared}, _CODE)
 
 
-def _scales(model: TrainedModel, noise_V: float, coverages: Sequence[float]) -> list[IntervalScale]:
+def _scales(model: TrainedModel, noise: ReadingNoise, coverages: Sequence[float]) -> list[IntervalScale]:
     rows, rng = model.calibration, np.random.default_rng(model.seed)
-    drawn = noise_V > 0 or np.any(rows.signal_sd > 0)
+    drawn = noise.rms_V > 0 or np.any(rows.signal_sd > 0)
     draws = min(NOISE_DRAWS, -(-NOISY_FRAMES // len(rows.target))) if drawn else 1
     signal, target = np.tile(rows.signal_V, (draws, 1)), np.tile(rows.target, (draws, 1))
-    noisy = signal + noise_V * rng.normal(size=signal.shape)
+    noisy = signal + noise.draws(len(signal), rng)
     # the simulator's error, as the forward map counts it
     noisy += signal * (np.tile(rows.signal_sd, draws) * rng.normal(size=len(target)))[:, None]
-    found = estimate(model, noisy, noise_V)
+    found = estimate(model, noisy, noise)
     error, branched = found.value - target, model.learner.branched(model.names)
     sd = np.where(error > 0, found.below, found.above)
     place = np.array([name in outputs.NAMES[:2] for name in model.names])  # x and y lie across some edges, along others

@@ -32,4 +32,5 @@ def inversion(forward: ForwardMap, touch: Followed) -> Inversion:
     noise = carried(touch.covariance - touch.shared @ touch.shared.transpose(0, 2, 1)) + between
     sd = np.sqrt(np.diag(joint)[None, :4])
     return Inversion(mean[None], joint[None, :4, :4], np.zeros((1, k)), Peak(joint[None], known[None], noise[None]),
-                     np.array([misfit]), within_bounds(forward, mean[None]), np.zeros(1, bool), None, sd, sd)
+                     np.array([misfit]), np.ones(1), np.zeros((1, 0)),
+                     within_bounds(forward, mean[None]), np.zeros(1, bool), None, sd, sd)

@@ -74,6 +74,8 @@ class Inversion:
     material: Array  # (n, k) most probable states of the material
     peak: Peak  # the covariance about the peak, and what makes it up
     misfit: Array  # (n,) squared residual over what noise and the map's error explain, a degree of freedom
+    map_part: Array  # (n,) part of that which the map's error is expected to make
+    left: Array  # (n, readings) whitened residual
     inside: Mask  # (n,) whether the solution's radius, d and F lie among those of the training touches
     broad: Mask  # (n,) whether d and F are the mean over the posterior of punches rather than its peak
     punches: Posterior | None  # that posterior, of those touches; None where there is none
@@ -98,7 +100,8 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drif
     sd = reading_covariance.at(forward, start, size, noise_V, drift)
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, LONG)
     free = _best(branches, len(signal), 1)
-    found = _bounded(forward, _inversion(forward, free, noise_V))
+    part = reading_covariance.white_part(sd, np.sqrt(np.maximum(sd.white**2 - noise_V**2, 0.0)))
+    found = replace(_bounded(forward, _inversion(forward, free, noise_V, drift)), map_part=part)
     # the signals whose size is not their norm, as where the dipole vanishes, are less sure than foreseen
     less = np.hypot(noise_V, interior * norm) / np.hypot(noise_V, interior * size)
     located = replace(located, precision=located.precision * (less**2)[:, None, None])
@@ -107,7 +110,7 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drif
     if len(forward.known_mm) and len(rest):
         tried = _rows(branches, (rest[:, None] * BRANCHES + np.arange(BRANCHES)).ravel())
         selected = _selected(forward, signal[rest], of(sd, rest), _rows(free, rest), tried)
-        known = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, noise_V), selected))
+        known = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, noise_V, drift), selected))
         found = _with_rows(found, known, rest)
     return _along_ridge(forward, found)
 
@@ -125,7 +128,7 @@ def _with_rows(found: Inversion, known: Inversion, rows: Index) -> Inversion:
 
     peak = Peak(*(merged(getattr(found.peak, name), getattr(known.peak, name)) for name in ("joint", "known", "noise")))
     return replace(found, peak=peak, **{name: merged(getattr(found, name), getattr(known, name)) for name in (
-        "touch", "covariance", "material", "misfit", "inside")})
+        "touch", "covariance", "material", "misfit", "left", "inside")})
 
 
 def _descend(forward: ForwardMap, signal: Array, sd: Uncertainty, state: Array, steps: int) -> Minimum:
@@ -232,25 +235,27 @@ def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
     return replace(found, touch=touch, covariance=spread, inside=inside, below=sides[0], above=sides[1])
 
 
-def _inversion(forward: ForwardMap, end: Minimum, noise_V: float) -> Inversion:
+def _inversion(forward: ForwardMap, end: Minimum, noise_V: float, drift: Drift) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
-    misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1])
+    told = np.trace(inverse(end.normal), axis1=1, axis2=2)  # what the readings leave open of the states, of their prior
+    misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1] + told)
     unknown = _unknown(forward, state)
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd
-    peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V))
+    peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V, drift))
     covariance = peak.joint[:, :4, :4]
-    return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, within_bounds(forward, touch),
+    return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, np.ones(len(touch)),
+                     residual[:, :readings], within_bounds(forward, touch),
                      np.zeros(len(touch), bool), None, np.zeros_like(touch), np.zeros_like(touch))
 
 
-def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float) -> Array:
+def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float, drift: Drift) -> Array:
     """(n, 4, 4) covariance of the scaled touches were the map exact; 0 without noise that exceeds rounding."""
     if noise_V < _ROUNDING_V:
         return np.zeros((len(unknown), 4, 4))
     here = linearise(forward, unknown, np.zeros((len(unknown), len(forward.strengths))))
-    slope = here.jacobian * forward.sd / noise_V
+    slope = whitened(reading_covariance.white(np.full(len(unknown), noise_V), drift), here.jacobian * forward.sd)
     return inverse(slope.transpose(0, 2, 1) @ slope + np.eye(4))
 
 

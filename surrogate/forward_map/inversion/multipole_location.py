@@ -49,7 +49,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Locat
     up; it is taken out of what is returned, which is a likelihood.
     """
     frames = np.repeat(np.arange(len(signal)), PLACES)
-    place, size = _starts(forward, signal, drift)
+    place, size = _starts(forward, signal, drift, float(np.median(sd)))
     uncertain = white(sd, drift)
     mean, spread = (part * size[:, None] for part in _over_size(forward))
     start = np.column_stack([place, mean])
@@ -71,17 +71,18 @@ def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Locat
     return Located(state[:, :2], *_by_signal_alone(state[:, 2:], precision, mean[best], 1 / spread[best]))
 
 
-def _starts(forward: ForwardMap, signal: Array, drift: Drift) -> tuple[Array, Array]:
+def _starts(forward: ForwardMap, signal: Array, drift: Drift, sd_V: float) -> tuple[Array, Array]:
     """(n PLACES, 2) candidates whose first MATCHED orders leave least of the signals, mm, and sizes (n PLACES,) of the
-    strengths there, V; a drift is projected off both."""
+    strengths there, V, where readings are uncertain by white noise and a drift."""
     place, base, products = planes(forward, CANDIDATES)
+    part = drift.sd**2 / (drift.sd**2 + max(sd_V, np.finfo(float).tiny**0.25) ** 2)  # that whitening takes off
     drifted = np.tensordot(drift.axes, base, axes=(0, 0))
-    products = products - np.einsum("dpk,dpl->pkl", drifted, drifted)
-    signal = signal - signal @ drift.axes @ drift.axes.T
+    products = products - np.einsum("d,dpk,dpl->pkl", part, drifted, drifted, optimize=True)
+    norm = np.maximum(np.linalg.norm(signal, axis=1), np.finfo(float).tiny ** 0.25)
+    signal = signal - (signal @ drift.axes * part) @ drift.axes.T
     along = np.tensordot(signal, base, axes=(1, 0))
     match = np.einsum("npk,pkl,npl->np", along, _pseudo_inverse(products), along, optimize=True)
     chosen = np.argsort(-match, axis=1)[:, :PLACES]
-    norm = np.maximum(np.linalg.norm(signal, axis=1), np.finfo(float).tiny ** 0.25)
     return place[chosen.ravel()], (norm[:, None] / np.sqrt(products[:, 0, 0])[chosen]).ravel()
 
 

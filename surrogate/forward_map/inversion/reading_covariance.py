@@ -25,7 +25,8 @@ class Uncertainty:
     """Covariance of the readings of some frames."""
 
     white: Array  # (n,) standard deviation of what is white, V
-    # (n, readings, k) orthonormal directions of the rest, and (n, k) the part of a component that whitening takes off
+    # (n or 1, readings, k) orthonormal directions of the rest, the same for all frames where there is one set of them,
+    # and (n, k) the part of a component that whitening takes off
     axes: Array
     shrink: Array
 
@@ -53,8 +54,7 @@ def no_drift(readings: int) -> Drift:
 
 def white(sd: Array, drift: Drift) -> Uncertainty:
     """White noise of standard deviations sd (n,), V, and a drift."""
-    axes = np.broadcast_to(drift.axes, (len(sd), *drift.axes.shape))
-    return Uncertainty(sd, axes, 1 - sd[:, None] / np.hypot(sd[:, None], drift.sd))
+    return Uncertainty(sd, drift.axes[None], 1 - sd[:, None] / np.hypot(sd[:, None], drift.sd))
 
 
 def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float, drift: Drift) -> Uncertainty:
@@ -62,6 +62,8 @@ def at(forward: ForwardMap, unknown: Array, size: Array, noise_V: float, drift: 
     these sizes (n,), V."""
     floor, axes, sd = own_error(forward, unknown, size)
     whole = np.hypot(noise_V, floor)
+    if not np.any(sd):
+        return white(whole, drift)
     if drift.sd.size:
         each = np.broadcast_to(drift.axes * drift.sd, (len(whole), *drift.axes.shape))
         axes, sd, _ = np.linalg.svd(np.concatenate([axes * sd[:, None], each], axis=2), full_matrices=False)
@@ -104,7 +106,14 @@ def whitened(sd: Uncertainty, values: Array) -> Array:
 
 def of(sd: Uncertainty, frames: Index) -> Uncertainty:
     """Those of some frames."""
-    return Uncertainty(sd.white[frames], sd.axes[frames], sd.shrink[frames])
+    return Uncertainty(sd.white[frames], sd.axes if len(sd.axes) == 1 else sd.axes[frames], sd.shrink[frames])
+
+
+def white_part(sd: Uncertainty, own_V: Array) -> Array:
+    """(n,) the part that white errors of standard deviations own_V (n,), V, among these, have in the energy of whitened
+    readings."""
+    readings, count = sd.axes.shape[1:]
+    return (own_V / sd.white) ** 2 * (readings - count + np.sum((1 - sd.shrink) ** 2, axis=1)) / readings
 
 
 def truncated_normal_mean(mean: Array, covariance: Array, column: int, lowest: float, highest: float) -> Array:

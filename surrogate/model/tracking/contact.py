@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surrogate.data.reading_noise import ReadingNoise, whitening
 from surrogate.data.untouched_stream import Background, error_after, principal, surprising
 from surrogate.forward_map.inversion import reading_covariance
 from touchcal.arrays import Array, Mask
@@ -38,7 +39,14 @@ class Contact:
     against: int = 0  # latest frames in a row that speak against that
     odds: float = -np.inf  # log odds that the latest frame is touched
     strange: bool = False  # whether nothing that is known explains the latest frame, no touch either
+    # (readings, readings) what makes noise of one frame white, of the same r.m.s.; None where it is taken for white
+    whitening: Array | None = None
     mirrored: bool = False  # whether a touch of the other sign does
+
+
+def with_noise(contact: Contact, noise: ReadingNoise) -> Contact:
+    """With noise that readings share."""
+    return replace(contact, whitening=whitening(noise) * (noise.rms_V / noise.white_V))
 
 
 def patterns_of(signal: Array) -> Array:
@@ -72,9 +80,11 @@ def _whitened(contact: Contact, signal: Array, there: Mask, background: Backgrou
     """e, T, and T of touches of the other sign."""
     variance, root = error_after(background, since_s)
     white = np.sqrt(max(background.noise + variance, contact.least))
-    size, axes = principal(root[:, there])
+    turned = np.eye(len(signal)) if contact.whitening is None else contact.whitening[np.ix_(there, there)]
+    size, axes = principal(root[:, there] @ turned)
     known = reading_covariance.white(np.array([white]), reading_covariance.Drift(axes.T, size))
-    both = reading_covariance.whitened(known, np.column_stack([signal, contact.patterns[:, there].T])[None])[0]
+    columns = turned @ np.column_stack([signal, contact.patterns[:, there].T])
+    both = reading_covariance.whitened(known, columns[None])[0]
     off, patterns = both[:, 0], both[:, 1:]
     along = off @ patterns / np.maximum(np.linalg.norm(patterns, axis=0), np.finfo(float).tiny)
     return float(off @ off), max(float(along.max()), 0.0) ** 2, min(float(along.min()), 0.0) ** 2

@@ -12,6 +12,8 @@ import numpy as np
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_drift import by_gain
+from surrogate.data.reading_noise import white_noise
+from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background, error_after
 from surrogate.forward_map.inversion.touch_filter import Unsure
 from surrogate.learners.base import Learner
@@ -67,6 +69,7 @@ class FollowedModel:
     def __init__(self, model: TrainedModel, scaling: str, held_s: float | None) -> None:
         self.readings, self.weakest = len(model.baseline_V), model.trained.weakest_V
         self.patterns = patterns_of(model.calibration.signal_V)
+        self.ring: Ring | None = model.ring
         self.foreseen = _by_gain(model)
         self._model, self._scaling, self._held_s = model, scaling, held_s
         self._fewer: dict[bytes, _Fewer] = {}
@@ -105,7 +108,8 @@ class FollowedModel:
         """The touch with one more frame."""
         dead = np.isnan(volts)
         fewer = self._without(dead)
-        predictor = replace(fewer.predictor, baseline_V=background.volts[fewer.kept], noise_V=background.noise_V)
+        predictor = replace(fewer.predictor, baseline_V=background.volts[fewer.kept],
+                            noise=white_noise(background.noise_V, int(fewer.kept.sum())))
         signal, noise = np.where(dead, 0.0, volts - background.volts), background.noise_V
         if signal @ signal - (~dead).sum() * noise**2 < (WEAK * predictor.model.trained.weakest_V) ** 2:
             self._touch = None

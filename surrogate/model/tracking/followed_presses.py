@@ -15,6 +15,7 @@ from eitsim.sensors.labels import PLACE
 from surrogate.data.dead_readings import none, too_many
 from surrogate.data.outputs import TOUCH as PARTS
 from surrogate.data.outputs import lowest
+from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import WALK
 from surrogate.model.missing_channels import named
@@ -78,6 +79,7 @@ class FollowedPresses:
         self.patterns = patterns_of(reader.place.direction.pattern[:, :self.readings])
         self.foreseen = self.patterns[:0]
         self.weakest = reader.signals.weakest
+        self.ring: Ring | None = None
         self._reader = reader
         self._place: Place | None = None
 

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from surrogate.data.outputs import TOUCH
+from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background
 from touchcal.arrays import Array, Mask
 
@@ -40,6 +41,7 @@ class Following(Protocol):
     patterns: Array  # (k, readings) unit patterns of touches
     foreseen: Array  # (k, readings) changes of the untouched frame by causes that may drift, none where none is known
     weakest: float  # norm of the weakest training signal, in the unit of the readings
+    ring: Ring | None  # whose readings these are, where that is known
 
     def dead(self, volts: Array) -> Mask:
         """(readings,) channels of a frame that read nothing."""

@@ -14,7 +14,7 @@ from surrogate.data.baseline_frame import untouched
 from surrogate.data.untouched_stream import CALIBRATION, Background
 from surrogate.model.missing_channels import named, stuck
 from surrogate.model.predict import OTHER_SIGN
-from surrogate.model.tracking import contact
+from surrogate.model.tracking import contact, noise_scatter
 from surrogate.model.tracking.contact import Contact
 from surrogate.model.tracking.followed_model import FollowedModel
 from surrogate.model.tracking.followed_presses import FollowedPresses
@@ -86,6 +86,7 @@ class Tracker:
         self._left = 1 if noise_V is not None else CALIBRATION
         self._background: Background | None = None
         self._contact = Contact(self._following.patterns, (BELIEVED * self._following.weakest) ** 2)
+        self._scatter = noise_scatter.begun()
         self._waiting: list[_Timed] = []  # the latest untouched frames
         self._odd: _Timed | None = None  # the latest frame, where it is the first that nothing explains
         self._jumped = False  # whether the latest frames did, and moved the untouched one
@@ -116,7 +117,7 @@ class Tracker:
         self._dead = stuck(frames)
         for frame in frames:
             self._dead |= self._following.dead(frame)
-        found = untouched(frames)
+        found = untouched(frames, self._following.ring)
         noise = self._noise_V
         if noise is None and found.noise_V is not None:
             noise = found.noise_V / math.sqrt(1 + 1 / len(frames))
@@ -126,6 +127,8 @@ class Tracker:
         self._background = untouched_stream.known(found.volts, noise, len(frames), self._time_s,
                                                   self._following.foreseen)
         self._ready()
+        if self._noise_V is None and found.noise is not None:
+            self._contact = contact.with_noise(self._contact, found.noise.scaled(self._gain))
 
     def _ready(self) -> None:
         """Compare the untouched frame with that of the training, once its noise is known."""
@@ -138,6 +141,7 @@ class Tracker:
         self._gain = self._gain * gain
         self._background = untouched_stream.scaled(self._background, gain)
         self._waiting = [(volts * gain, time_s) for volts, time_s in self._waiting]
+        self._scatter = noise_scatter.scaled(self._scatter, gain)
         self._compared_V = self._background.volts
         if words:
             self._say(words)
@@ -181,7 +185,7 @@ class Tracker:
         self._contact = contact.met(self._contact, signal, ~dead, background, since_s, step_s)
         if self._contact.touched:
             self._background = background = untouched_stream.interrupted(background)
-            self._waiting, self._odd = [], None
+            self._waiting, self._odd, self._scatter = [], None, noise_scatter.interrupted(self._scatter)
             return self._told(self._following.read(volts, background, since_s, self._since, step_s), signal)
         self._following.ended()
         if not self._contact.against:
@@ -200,10 +204,19 @@ class Tracker:
         self._odd = None
         while len(self._waiting) > (0 if strange else WAIT):
             assert self._background is not None
-            self._background = untouched_stream.followed(self._background, *self._waiting.pop(0))
+            volts, time_s = self._waiting.pop(0)
+            self._background = untouched_stream.followed(self._background, volts, time_s)
+            self._learn(volts)
         if self._jumped and not strange:
             self._compared_again()
         self._jumped = strange
+
+    def _learn(self, volts: Array) -> None:
+        """What one more untouched frame shows of the noise that readings share."""
+        assert self._background is not None
+        self._scatter, due = noise_scatter.with_frame(self._scatter, volts)
+        if due and (found := noise_scatter.noise(self._scatter, self._background.volts, self._following.ring)):
+            self._contact = contact.with_noise(self._contact, found)
 
     def _compared_again(self) -> None:
         """Compare the untouched frame with that of the training again, where it is another one after a jump."""
@@ -222,6 +235,7 @@ class Tracker:
             self._background = untouched_stream.begun(volts, self._time_s, self._following.foreseen)
         else:
             self._background = untouched_stream.followed(known, volts, self._time_s)
+        self._learn(volts)
         self._left -= 1
         if self._left:
             return unread(CALIBRATING, "")

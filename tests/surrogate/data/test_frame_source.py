@@ -180,3 +180,13 @@ def test_a_port_without_its_word_is_named(name: str) -> None:
         check_no_port(name)
     for other in ("frames.csv", "-", f"serial:{name}", "com3.csv"):
         check_no_port(other)
+
+
+def test_one_labelled_line_among_plain_frames_costs_no_other() -> None:
+    """Lines that wait together or come one by one: as many rows as lines, the labelled one without values."""
+    lines = b"1,2,3\n" * 3 + b"magnitudes : 1,2,3\n" + b"4,5,6\n" * 3
+    found = list(frames_as_they_come(io.BytesIO(lines), 3))
+    problems = [problem for one in found for problem in one.problem]
+    assert [bool(problem) for problem in problems] == [False] * 3 + [True] + [False] * 3
+    assert problems[3].startswith("unreadable")
+    assert found[-1].volts[-1].tolist() == [4, 5, 6]

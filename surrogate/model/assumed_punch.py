@@ -1,0 +1,22 @@
+"""The punch that a model takes every touch to be made by, in words."""
+
+import numpy as np
+
+from surrogate.data.outputs import NAMES
+from surrogate.model.trained import TrainedModel
+
+MOST = 8  # diameters that are listed; more are a range
+
+
+def assumed_punch(model: TrainedModel) -> str:
+    """What is assumed of the punch: its profile as trained, and the diameters that were."""
+    profile = model.record["dataset"].get("profile", "as in the training sweep")
+    d_mm = np.asarray(getattr(getattr(model.learner, "forward", None), "known_mm", ()))
+    if 1 <= len(d_mm) <= MOST:
+        sizes = "of no diameter but " + ", ".join(f"{d:g}" for d in d_mm) + " mm"
+    elif NAMES[2] in model.names:
+        k = model.names.index(NAMES[2])
+        sizes = f"of {model.trained.lowest[k]:g} to {model.trained.highest[k]:g} mm"
+    else:
+        sizes = "of the trained diameters"
+    return f"one punch, {profile}, {sizes}"
