@@ -225,8 +225,6 @@ def _print_scores(result: Mapping[str, Any]) -> None:
         title = (f"{result['method']}, noise {level['db_below_baseline']:.1f} dB below the baseline,\n"
                  f"{level['db_below_signal']:.1f} dB below the signal")
         _print_table(title, level["outputs"], ("test", "new", "all"), level.get("limits", {}))
-    for words in _off_nominal(result):
-        print(f"caution: {words}")
     print(f"fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame")
     if result["scored"]:
         print(f"scored: {result['scored']}")
@@ -236,15 +234,17 @@ def _print_scores(result: Mapping[str, Any]) -> None:
 
 
 def _print_wanting(result: Mapping[str, Any]) -> None:
-    """Cautions on outputs that are read no better than by their mean, and on intervals of a recording that hold too
-    little."""
+    """Cautions on outputs that are read no better than by their mean, and on intervals that hold too little."""
     from surrogate.statistics.coverage_check import CoverageCheck, in_words
 
     for name, parts in result["outputs"].items():
         worst = min((s["r2"] for part, s in parts.items() if part != "train" and s["r2"] is not None), default=1.0)
         if worst <= 0:
             print(f"caution: {name} is read no better than by its mean, R2 {worst:.3g}: do not use this output.")
-    if "intervals" not in result:
+    if "intervals" in result:
+        for words in _off_nominal(result):
+            print(f"caution: {words}")
+    else:
         for one in result.get("coverage_below", ()):
             check = CoverageCheck(**{field: one[field] for field in CoverageCheck.__dataclass_fields__})
             print(f"caution: {in_words(check, one['output'])}")
