@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eitsim.scene.drive import Drive, Protocol
+from eitsim.scene.drive import Drive, Protocol, as_tuples
 from eitsim.scene.drive import protocol as protocol_of
 from eitsim.scene.frames import Frames
 from eitsim.scene.scene import Scene
@@ -60,6 +60,6 @@ def _without(asked: Protocol, current_A: float, idle: Mask) -> Drive:
     currents = asked.currents_A / current_A
     if (each == each[0]).all():
         weights = [part[take].tolist() for part, take in zip(asked.weights, kept, strict=True)]
-        return Drive(current_A=current_A, currents=currents.tolist(), measurements=weights)
-    return Drive(current_A=current_A, currents=np.repeat(currents, each, axis=0).tolist(),
-                 measurements=asked.weights[kept][:, None].tolist())
+        return Drive(current_A=current_A, currents=as_tuples(currents), measurements=as_tuples(weights))
+    return Drive(current_A=current_A, currents=as_tuples(np.repeat(currents, each, axis=0)),
+                 measurements=as_tuples(asked.weights[kept][:, None]))
