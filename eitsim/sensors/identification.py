@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from touchcal.arrays import Array, Index, Mask
 # What a disc of this misfit or less says counts in full, since its error is noise; of a larger one, whose errors are
 # those of the model and go together, the square of this over the misfit. A skin of the sensor file's outline is known.
 _TRUSTED = 0.05
+_NEARLY_ONE = 0.5  # readings that spread less than this about their mean, over their r.m.s., may stand upon an offset
+_ONE = 0.2  # those that spread less than this do, or are of no disc: orders with and without an offset are left
 _LEVEL = 0.7  # one number is added to all readings where that leaves less than this of what stays unexplained
 # A disc that leaves more than this of a frame unexplained says nothing of its order.
 EXPLAINED = 0.35
@@ -177,10 +179,13 @@ def _fit_of_kind(profile: Array, orders: Sequence[Order], kind: str, skin: Outli
     if not has_sign(profile):
         sizes = _fit(profile, orders, skin, signed=False)
         fit, sign = (sizes, "magnitude") if sizes.log_likelihood > fit.log_likelihood + CERTAIN else (fit, "either")
-    if skin is None and fit.counts < 1:
+    spread = _spread(profile)
+    if skin is None and (fit.counts < 1 or spread < _NEARLY_ONE):
         on = _fit(profile, orders, None, signed=True, level=True)
-        if on.log_likelihood > fit.log_likelihood + CERTAIN and on.unexplained < _LEVEL * fit.unexplained:
+        if on.log_likelihood > fit.log_likelihood + CERTAIN and on.unexplained * spread < _LEVEL * fit.unexplained:
             return on, {1: "positive", -1: "negative"}[on.sign]
+        if spread < _ONE:
+            return replace(fit, orders=_one_each([*fit.orders, *on.orders]), counts=0.0), sign
     return fit, sign
 
 
@@ -196,10 +201,15 @@ def _fit(profile: Array, orders: Sequence[Order], skin: OutlinedSkin | None, *, 
         if (new.log_likelihood > first.log_likelihood + CERTAIN and new.unexplained < first.unexplained * _BETTER
                 and all(new.log_likelihood > other.log_likelihood + CERTAIN for other, _, _ in rest)):
             return _Fit((order,), new.log_likelihood, new.unexplained, new.sign, 1.0, leads)
-    spread = 1.0 if level else float(np.nanstd(profile) / np.sqrt(np.nanmean(profile**2)))
+    spread = 1.0 if level else _spread(profile)
     counts = min(1.0, (_TRUSTED * spread / first.unexplained) ** 2) if skin is None else 1.0
     kept = tuple(one.order for one in best if counts * (first.log_likelihood - one.log_likelihood) < CERTAIN)
     return _Fit(kept, first.log_likelihood, first.unexplained, first.sign, counts, level=first.level)
+
+
+def _spread(profile: Array) -> float:
+    """Standard deviation of a frame's readings over their r.m.s."""
+    return float(np.nanstd(profile) / np.sqrt(np.nanmean(profile**2)))
 
 
 def _exchanges(profile: Array, one: Account,

@@ -31,7 +31,7 @@ def _lists(value: Any, deep: int) -> Iterator[list[Any]]:
         yield structures
     elif deep:
         for one in structures:
-            for name in one._fieldnames:
+            for name in vars(one):
                 yield from _lists(getattr(one, name), deep - 1)
 
 
