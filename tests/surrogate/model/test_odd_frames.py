@@ -1,4 +1,4 @@
-"""Frames whose residuals are not those of the noise of untouched frames and of the map are called odd, others rarely."""
+"""Frames whose residuals are not noise of untouched frames and the map's error are called odd, others rarely."""
 
 from __future__ import annotations
 
