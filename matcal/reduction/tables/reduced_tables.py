@@ -59,16 +59,22 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
 
 
 def _until_collapse(recording: Recording, cautions: list[str]) -> Recording:
-    """The rows up to the largest stress, where it falls to nothing afterwards while the strain still grows."""
+    """The rows up to the largest stress on the side of the largest strain, where it falls to nothing afterwards while
+    the strain still grows. A table may begin on the other side, in compression of a table of tension."""
     columns = recording.columns
     strain = columns.get("strain", columns["stretch"] - 1 if "stretch" in columns else None)
     if strain is None or "stress" not in columns:
         return recording
     most = int(np.argmax(np.abs(strain)))
-    side, turned = (np.sign(x[int(np.argmax(np.abs(x)))]) for x in (strain, columns["stress"]))
-    top = collapse(side * strain[:most + 1], turned * columns["stress"][:most + 1])
-    if top is None:
+    side = np.sign(strain[most])
+    other = np.flatnonzero(side * strain[:most + 1] < 0)
+    begin = int(other[-1]) + 1 if other.size else 0
+    stress = columns["stress"][begin:most + 1]
+    turned = np.sign(stress[int(np.argmax(np.abs(stress)))])
+    found = collapse(side * strain[begin:most + 1], turned * stress)
+    if found is None:
         return recording
+    top = begin + found
     cautions.append(collapse_sentence(recording.label, f"a strain of {strain[top]:.3g}", f"{strain[most]:.3g}"))
     return replace(recording, columns={q: column[:top + 1] for q, column in columns.items()})
 

@@ -63,6 +63,17 @@ def test_a_table_of_a_specimen_that_breaks_is_used_up_to_there(tmp_path: Path) -
     assert "a strain of 0.8" in got.cautions[0]
 
 
+@pytest.mark.parametrize("name", ["uniaxial.csv", "uniaxial_compression_and_tension.csv"])
+def test_a_table_from_compression_to_tension_is_whole(name: str, tmp_path: Path) -> None:
+    """It begins with a stress in compression that is larger than any of its tension."""
+    e = np.linspace(-0.5, 1.2, 35)
+    rows = "\n".join(f"{x:.6g},{y:.6g}" for x, y in zip(e, np.where(e < 0, 3 * e, 0.6 * e), strict=True))
+    (tmp_path / name).write_text(f"strain (-),stress (kPa)\n{rows}\n", encoding="utf-8")
+    (got,) = read_and_reduce([("uniaxial", (tmp_path / name,))]).experiments
+    assert got.strain.tolist() == pytest.approx(e, rel=1e-5)
+    assert got.cautions == ()
+
+
 @pytest.mark.parametrize("load", [lambda u: u, lambda u: np.minimum(u, 0.1 + 0.05 * u), lambda u: u - 0.8 * u**2,
                                   lambda u: np.where(u < 0.3, u, 0.3 * np.exp(-(u - 0.3)))])
 def test_a_plateau_or_a_softening_is_no_collapse(load: object) -> None:
