@@ -13,13 +13,12 @@ from typing import BinaryIO, TextIO
 @contextmanager
 def written(path: Path) -> Iterator[BinaryIO]:
     """A file that takes the place of `path` in one step when the block ends, after the disk has it, so that no reader
-    sees half of it; where the block raises, `path` stays as it was. Who may read it is as before, for a new file as the
+    sees half of it; where the block raises, `path` stays as it was. Who may read it is as before, of a new file as the
     umask says."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
         with open(temporary, "xb") as file:
-            if path.is_file():
-                os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode))
+            keep_mode(path, temporary)
             yield file
             file.flush()
             os.fsync(file.fileno())
@@ -32,6 +31,12 @@ def written(path: Path) -> Iterator[BinaryIO]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def keep_mode(place: Path, fresh: Path) -> None:
+    """Give the file `fresh` the permissions of the one at `place` that it is to replace, where there is one."""
+    if place.is_file():
+        fresh.chmod(stat.S_IMODE(place.stat().st_mode))
 
 
 @contextmanager
