@@ -107,18 +107,20 @@ def test_the_zero_of_a_tables_clock_changes_nothing(seconds: float, rest_s: floa
     np.testing.assert_allclose(fit_prony([direct], None, 2).prony.g, found.prony.g, rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", ["b", "c", "d", "f"])
-def test_published_table_with_four_zeros(name: str) -> None:
+def test_published_table_with_four_zeros() -> None:
     folder = CASES / "attack" / "07"
     if not folder.is_dir():
         pytest.skip("the case's files are not here")
-    card = matcal.fit([folder / "a_uniaxial.csv", folder / f"{name}_relaxation.csv"]).card
-    row = card.fit["derived"]
-    assert [round(row["mu_0_Pa"][end]) for end in ("value", "lo", "hi")] == pytest.approx([19970, 19810, 20130], abs=10)
-    plateau = [row["plateau_Pa"][end] for end in ("value", "lo", "hi")]
-    assert plateau == pytest.approx([12933, 12884, 12983], abs=5)
-    assert card.prony is not None
-    np.testing.assert_allclose(card.prony.tau_s, [0.295, 5.88, 85.9], rtol=2e-3)
+    cards = [matcal.fit([folder / "a_uniaxial.csv", folder / f"{name}_relaxation.csv"]).card for name in "bcdf"]
+    for quantity, true in (("mu_0_Pa", 20000), ("plateau_Pa", 12959)):
+        found = [[card.fit["derived"][quantity][end] for end in ("lo", "value", "hi")] for card in cards]
+        lo, value, hi = found[0]
+        assert lo < true < hi
+        assert value == pytest.approx(true, rel=5e-3)
+        np.testing.assert_allclose(found, [found[0]] * 4, rtol=1e-3)
+    for card in cards:
+        assert card.prony is not None
+        np.testing.assert_allclose(card.prony.tau_s, [0.295, 5.88, 85.9], rtol=5e-3)
 
 
 def _step(first_s: float, clock_s: float = 0.0, points: int = 60, noise: float = 0.0, seed: int = 0) -> dict:
