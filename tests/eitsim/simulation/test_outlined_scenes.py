@@ -15,7 +15,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.outline import edge_distance_m
 from eitsim.scene.outline_electrodes import middles_m
-from eitsim.scene.results import Decision
+from eitsim.scene.results import Decision, Readings
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Punch, Scene, rim_gap_m
 from eitsim.simulation.derivatives.readings import check_differentiable
 from eitsim.simulation.edge_effects import least_gap_m, near_rim, rim_effect
@@ -173,13 +173,14 @@ def test_a_hole_carries_no_electrodes_along_the_outer_edge():
 
 
 def test_a_note_says_what_to_write_where_electrodes_give_way():
-    plan = make_plan(at(0.01, 0.03), CARD)
-    note = explain_excess(0.02, 0.3, 0.01, plan)
+    plan, one_V = make_plan(at(0.01, 0.03), CARD), np.ones((1, 1))
+    readings = Readings(one_V, one_V, one_V, one_V, 0.0, 0.0, 0, 0.0)
+    note = explain_excess(0.02, 0.3, 0.01, plan, readings)
     assert note.endswith("most of that \"electrodes do not stiffen the rim\". Where yours give way, as paint, foil and "
                          "thin wires do, write soft = true in [electrodes].")
     soft = make_plan(replace(at(0.01, 0.03), electrodes=replace(SCENE.electrodes, soft=True)), CARD)
-    assert "soft = true" not in explain_excess(0.02, 0.3, 0.01, soft)
-    assert explain_excess(0.3, 0.3, 0.01, plan) == ""
+    assert "soft = true" not in explain_excess(0.02, 0.3, 0.01, soft, readings)
+    assert explain_excess(0.3, 0.3, 0.01, plan, readings) == ""
 
 
 @pytest.mark.parametrize("y_m", [0.036, 0.06])

@@ -82,7 +82,8 @@ def test_derivative_by_place_is_that_of_full_solutions(axis: str):
         punch = replace(PUNCH, **{f"{axis}_m": getattr(PUNCH, f"{axis}_m") + by_mm / 1e3})
         return solved(f"{axis}_mm", (punch, base().touch), by_mm)
 
-    assert distance(adjoint(varied()[f"{axis}_mm"]), slope(at, 1e-3)) < 1e-6
+    # a point of quadrature lies within 1e-3 mm of the contact's end, across which the conductance jumps
+    assert distance(adjoint(varied()[f"{axis}_mm"]), slope(at, 2e-4)) < 1e-6
 
 
 def test_derivative_by_place_is_exact_on_a_mesh_that_stays_too():
