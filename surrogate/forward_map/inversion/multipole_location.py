@@ -49,7 +49,7 @@ def locate(forward: ForwardMap, signal: Array, sd: Array, drift: Drift) -> Locat
     up; it is taken out of what is returned, which is a likelihood.
     """
     frames = np.repeat(np.arange(len(signal)), PLACES)
-    place, size = _starts(forward, signal, drift, float(np.median(sd)))
+    place, size = _starts(forward, signal, drift, float(np.median(sd)) if len(sd) else 0.0)
     uncertain = white(sd, drift)
     mean, spread = (part * size[:, None] for part in _over_size(forward))
     start = np.column_stack([place, mean])
