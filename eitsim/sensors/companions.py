@@ -76,8 +76,8 @@ def independent(signals: Array) -> float:
     if not here.any():
         return 0.0
     rank = rank[:, here]
-    alike = float(np.median(np.sum(rank[1:] * rank[:-1], axis=0) / np.sum(rank**2, axis=0)))
-    return len(signals) * (1 - max(alike, 0.0)) / (1 + max(alike, 0.0))
+    lasting = float(np.median(np.sum(rank[1:] * rank[:-1], axis=0) / np.sum(rank**2, axis=0)))
+    return len(signals) * (1 - max(lasting, 0.0)) / (1 + max(lasting, 0.0))
 
 
 def late_readings(signals: Array) -> Mask:

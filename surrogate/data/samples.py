@@ -48,7 +48,7 @@ class Samples:
     near_edge: Mask  # (n,) whether the mechanics of the touch were solved with an edge near it
     # the [measurement] that an instrument's rows were made by, its seed left aside; empty where rows are clean
     measurement: Mapping[str, Any] = field(default_factory=dict)
-    relaxation: Mapping[str, Any] = field(default_factory=dict)  # the manifest's, empty where none is told
+    relaxation: Mapping[str, Any] = field(default_factory=dict)  # the manifest's, empty where none is stated
     profile: str = ""  # of the punch, in words
 
     def __len__(self) -> int:

@@ -45,8 +45,8 @@ def best_at_any_nu(coarse: Sequence[Problem], order: int, starts: int) -> tuple[
     curves = coarse[0].curves
     found = [search(p, order, _FEW, least_moduli, tolerance=_LOOSE) for p in coarse]
     cost = np.array([o.cost + lateral_of(curves, p.nu) for p, o in zip(coarse, found, strict=True)])
-    beside = np.r_[np.inf, cost, np.inf]
-    valleys = np.flatnonzero((cost <= beside[:-2]) & (cost <= beside[2:]))
+    around = np.r_[np.inf, cost, np.inf]
+    valleys = np.flatnonzero((cost <= around[:-2]) & (cost <= around[2:]))
     lowest = valleys[np.argsort(cost[valleys])][:_VALLEYS]
     ends = [_descended(coarse[k], found[k].alpha) for k in lowest]
     _, nu, alpha = min(ends, key=lambda end: end[0])

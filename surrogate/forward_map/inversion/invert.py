@@ -238,8 +238,8 @@ def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
 def _inversion(forward: ForwardMap, end: Minimum, noise_V: float, drift: Drift) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
-    told = np.trace(inverse(end.normal), axis1=1, axis2=2)  # what the readings leave open of the states, of their prior
-    misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1] + told)
+    open_to_prior = np.trace(inverse(end.normal), axis1=1, axis2=2)  # what readings leave open of the states
+    misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1] + open_to_prior)
     unknown = _unknown(forward, state)
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd

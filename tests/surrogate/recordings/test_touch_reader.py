@@ -237,7 +237,7 @@ def test_presses_that_cannot_be_read_are_left_out_of_the_scores_and_said(kept_ba
                                      f"{folder}/touches.csv", "--json"])
     scores = json.loads(found.stdout)
     assert {part: one["n"] for part, one in scores["outputs"]["x0"].items()} == {"all": 38}
-    assert "1 of 39 frames have no value and are left out; " in scores["scored"]
+    assert "1 of 39 frames have no value and are left out; 2 of 39 frames are flagged" in scores["scored"]
 
 
 def test_what_cannot_be_scored_is_refused(kept_back: tuple[Path, Array]) -> None:

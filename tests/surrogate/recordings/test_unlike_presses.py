@@ -62,11 +62,10 @@ def test_the_same_session_is_held_and_seldom_flagged(reader: PressReader) -> Non
 
 @pytest.mark.parametrize("change", [0.2, 0.5, 1.0])
 def test_another_session_of_the_map_is_flagged_or_held(reader: PressReader, change: float) -> None:
-    for seed in (11, 12, 13):
-        presses, place = against_rest(seed, 200, session(seed, change)[0], session(0, 0.0)[1])
-        _, inside, silent = held(reader, presses, place)
-        assert inside >= 0.75
-        assert silent <= 0.05
+    found = np.array([held(reader, *against_rest(seed, 200, session(seed, change)[0], session(0, 0.0)[1]))
+                      for seed in range(11, 27)])
+    assert found[:, 1].mean() >= 0.85
+    assert found[:, 2].mean() <= 0.05
 
 
 def test_another_untouched_frame_is_said(reader: PressReader) -> None:
@@ -77,15 +76,17 @@ def test_another_untouched_frame_is_said(reader: PressReader) -> None:
 @pytest.mark.parametrize("kind", ["white", "proportional", "pattern"])
 @pytest.mark.parametrize("size", [0.3, 1.0, 3.0])
 def test_noise_that_training_had_not_is_flagged_or_held(reader: PressReader, kind: str, size: float) -> None:
-    presses, place = against_rest(31, 200, *session(0, 0.0))
-    rng = np.random.default_rng(4)
-    noise = {"white": rng.standard_normal((200, 208)),
-             "proportional": session(0, 0.0)[1] / SIZE * rng.standard_normal((200, 208)),
-             "pattern": np.repeat(rng.standard_normal((200, 16)), 13, axis=1)}[kind]
-    noise = size * np.abs(presses.signal).mean() * noise
-    _, inside, silent = held(reader, replace(presses, signal=presses.signal + noise), place)
-    assert inside >= 0.82
-    assert silent <= 0.05
+    found = []
+    for seed in range(4, 14):
+        presses, place = against_rest(seed + 27, 200, *session(0, 0.0))
+        rng = np.random.default_rng(seed)
+        noise = {"white": rng.standard_normal((200, 208)),
+                 "proportional": session(0, 0.0)[1] / SIZE * rng.standard_normal((200, 208)),
+                 "pattern": np.repeat(rng.standard_normal((200, 16)), 13, axis=1)}[kind]
+        noise = size * np.abs(presses.signal).mean() * noise
+        found.append(held(reader, replace(presses, signal=presses.signal + noise), place))
+    assert np.mean(found, axis=0)[1] >= 0.85
+    assert np.mean(found, axis=0)[2] <= 0.05
 
 
 def forces(seed: int, count: int, least: float, most: float) -> tuple[Presses, Labels]:
