@@ -170,6 +170,12 @@ def _assumed(card: MaterialCard) -> Iterator[str]:
     """What the records themselves give to mind: a direction that nothing stated, a table that is not one loading from
     contact on."""
     yield from card.provenance.get("cautions", ())
+    if card.hyperfoam is not None:
+        for label, row in tests(card).items():
+            if row.get("direction_assumed"):
+                yield (f"Nothing tells compression from tension in {label}: its strain is positive and was read as "
+                       "tension. If it is compression, write compression in the name of its file or of a column, or "
+                       "direction = \"compression\" below [relaxation] of the specimen file.")
 
 
 def _set(card: MaterialCard) -> Iterator[str]:

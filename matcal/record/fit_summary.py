@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
 _REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_", "step_",
-             "table_", "clock_left_out", "loss_")
+             "direction_", "table_", "clock_left_out", "loss_")
 # fact of a table of moduli -> symbol of its instantaneous value
 _MODULI = {"table_of_E": "E_0", "table_of_G": "G_0", "table_of_modulus": "modulus_0"}
 

@@ -53,6 +53,9 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     lateral = _lateral(recording, strain, notes) if kind in _FREE_FACES else None
     facts = _zero(kind, recording.label, strain, value, cautions) if (
         kind in (*_FREE_FACES, "shear") and lateral is None) else {}
+    if kind == "relaxation" and "strain" in recording.columns and not _named(recording, direction) \
+            and strain.min() >= -_SIGNED * np.abs(strain).max():
+        facts["direction_assumed"] = 1.0  # of consequence only next to a law: shares that relax have no sign
     return Experiment(kind=kind, strain=strain, value=value, time_s=time, deviation=deviation,
                       lateral=lateral, source=tuple(p.name for p in recording.paths), decisions=tuple(notes),
                       cautions=tuple(cautions), facts=facts)
@@ -149,7 +152,7 @@ def _compression_negative(kind: str, recording: Recording, strain: Array, stress
     """Strain and stress with compression negative; a table of compression may count it positive."""
     if strain.min() < -_SIGNED * np.abs(strain).max():
         return strain, stress
-    named = direction or named_direction(words_about(recording)) or named_direction([*recording.names.values()])
+    named = _named(recording, direction)
     by = "as the specimen's file says" if direction else "by its name"
     if named == "compression":
         notes.append(f"Compression, {by}, and counted positive: the sign is turned.")
@@ -160,7 +163,9 @@ def _compression_negative(kind: str, recording: Recording, strain: Array, stress
         notes.append("Tension, as the stretch is above 1.")
     elif kind == "conductivity" and recording.vendor == "arrays":
         notes.append("Tension, as arrays count compression as negative.")
-    elif kind in ("uniaxial", "relaxation", "conductivity"):
+    elif kind == "relaxation":
+        notes.append("Its strain is positive and was read as tension.")
+    elif kind in ("uniaxial", "conductivity"):
         shape = " Its slope falls and then rises, as that of foam does in compression." if (
             kind != "conductivity" and densifies(strain, stress)) else ""
         cautions.append(f"Nothing tells compression from tension in {recording.label}: its strain is positive and was "
@@ -170,6 +175,11 @@ def _compression_negative(kind: str, recording: Recording, strain: Array, stress
     else:
         notes.append(f"Its strain is positive and was read as tension, as a sheet in a {kind} test is pulled.")
     return strain, stress
+
+
+def _named(recording: Recording, direction: str | None) -> str | None:
+    """The direction that the specimen's file, the recording's name or its columns state."""
+    return direction or named_direction(words_about(recording)) or named_direction([*recording.names.values()])
 
 
 def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | None:

@@ -207,3 +207,14 @@ def test_the_published_master_curve() -> None:
     card = matcal.fit(f"relaxation={path}").card
     assert card.fit["relaxation_1"]["relative_rms"] < 1e-3
     assert card.fit["prony"]["instantaneous"]["E_0_Pa"]["value"] == pytest.approx(1739e6, rel=0.01)
+
+
+def test_the_direction_of_a_relaxation_is_in_doubt_next_to_a_law_alone(tmp_path: Path) -> None:
+    strain = np.linspace(0.0, 0.6, 30)
+    law = np.column_stack([strain, 12e3 * strain + 40e3 * strain**3])
+    held = {"strain": np.full(60, 0.3), "stress_Pa": 12e3 * relaxation(SERIES, time := np.geomspace(0.1, 200, 60)),
+            "time_s": time}
+    alone = matcal.fit([{"relaxation": held}]).card
+    both = matcal.fit([{"uniaxial": {"strain": law[:, 0], "stress_Pa": law[:, 1]}}, {"relaxation": held}]).card
+    assert [any("compression from tension in relaxation" in said for said in cautions(card))
+            for card in (alone, both)] == [False, True]
