@@ -77,7 +77,7 @@ def of_json(path: Path, *left_out: str) -> str:
 
 
 def of_table(table: pd.DataFrame) -> str:
-    kept = table.select_dtypes("number").drop(columns=[c for c in table if any(v in c for v in VOLATILE)], errors="ignore")
+    kept = table.select_dtypes("number").loc[:, lambda t: [not any(word in name for word in VOLATILE) for name in t]]
     return hashlib.sha256(np.ascontiguousarray(kept.to_numpy(float)).tobytes()).hexdigest()[:16]
 
 
@@ -113,7 +113,8 @@ def swept(folder: Path, name: str, scenes: int) -> Path:
     out = folder / f"sweep_{name}"
     if not out.exists():
         (folder / f"{name}.toml").write_text(f"scenes = {scenes}\nseed = 1\n{SWEEPS[name]}", encoding="utf-8")
-        ran(folder, "eitsim", "sweep", folder / f"{name}.toml", "--card", card_of(folder), "--out", out, "--workers", "1")
+        ran(folder, "eitsim", "sweep", folder / f"{name}.toml", "--card", card_of(folder), "--out", out,
+            "--workers", "1")
     return out
 
 
@@ -143,8 +144,8 @@ def readers(folder: Path) -> Hashes:
         model, out = folder / method, folder / f"{method}.csv"
         ran(folder, "surrogate", "train", folder / "sweep_inside", "--out", model, "--method", method, "--seed", "1",
             *(["--epochs", "5"] if method == "trainbr" else []))
-        ran(folder, "surrogate", "predict", model, folder / "frames.csv", "--baseline", folder / "untouched.csv", "--out",
-            out)
+        ran(folder, "surrogate", "predict", model, folder / "frames.csv", "--baseline", folder / "untouched.csv",
+            "--out", out)
         found[method] = of_table(pd.read_csv(out)) if out.exists() else "nothing was written"
     return found
 
