@@ -155,8 +155,6 @@ def _check_line(electrodes: Electrodes) -> None:
     given = [key for key, value in (("angles_deg", electrodes.angles_rad), ("positions_mm", electrodes.positions_m),
                                     ("shares", electrodes.shares)) if value]
     require(len(given) <= 1, "".join(given[1:2]), f"has no effect with {''.join(given[:1])}; leave one of them out")
-    require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
-            "has no effect with angles_deg; leave it out")
 
 
 def _check_patches(outline: Outline, electrodes: Electrodes) -> None:
