@@ -9,8 +9,9 @@ import numpy as np
 from eitsim.scene.calibrated_electrodes import with_calibrated
 from eitsim.scene.drive import with_matrices
 from eitsim.scene.drive_pairs import with_pairs
+from eitsim.scene.electrode_groups import with_groups
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
-from eitsim.scene.outline import OUTLINES
+from eitsim.scene.outline import OUTLINES, Outline
 from eitsim.scene.outline_files import Corners, outline_of_file
 from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number
@@ -25,11 +26,13 @@ _WIDTH_MM = 1e3 * float(np.max(Electrodes.width_m))
 
 def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables of a scene, design or sensor file that need no other file from here on: matrices and pairs of [drive],
-    the outline of [body], and the grid, the places or the calibrated sensor of [electrodes] written out. Names are
-    relative to `folder`; ValueError names the key, InputFileError the file."""
+    the outline of [body], and the grid, the places, the groups of lines or the calibrated sensor of [electrodes]
+    written out. Names are relative to `folder`; ValueError names the key, InputFileError the file."""
     tables = with_calibrated(with_matrices(raw, folder), folder)
     if isinstance(body := tables.get("body"), Mapping):
         tables["body"] = _with_outline(body, tables.get("electrodes", {}), folder)
+        if isinstance(own := tables.get("electrodes", {}), Mapping):
+            tables |= _from_lines(own, body, tables["body"], folder)
     if isinstance(electrodes := tables.get("electrodes"), Mapping):
         tables["electrodes"] = _with_places(electrodes, folder)
     if isinstance(drive := tables.get("drive"), Mapping) and "pairs" in drive:
@@ -67,6 +70,20 @@ def _with_outline(body: Mapping[str, Any], electrodes: Any, folder: Path) -> dic
     return dict(body)
 
 
+def _from_lines(electrodes: Mapping[str, Any], body: Mapping[str, Any], read: Mapping[str, Any],
+                folder: Path) -> dict[str, Any]:
+    """The table [electrodes] as the groups of lines of the outline's mesh say, if it has one."""
+    name = next((body[key] for key in ("outline", "points_mm") if "." in str(body.get(key))
+                 and isinstance(body[key], str)), None)
+    if name is None:
+        if "groups" in electrodes:
+            raise ValueError("groups in [electrodes] needs a mesh that outline in [body] names; leave it out.")
+        return {}
+    outline = Outline(outline="polygon", points_m=tuple(map(tuple, 1e-3 * np.array(read["points_mm"]))))
+    made = with_groups(electrodes, folder / name, body.get("unit_mm", 1.0), outline)
+    return {"electrodes": made} if made else {}
+
+
 def _corners(path: Path, body: Mapping[str, Any], electrodes: Any) -> tuple[Corners, list[Corners]]:
     """The loops of a file, mm; InputFileError where no unit is stated and its numbers can be no mm: the skin is tiny,
     or the electrodes do not fit on its edge."""
@@ -86,7 +103,8 @@ def _corners(path: Path, body: Mapping[str, Any], electrodes: Any) -> tuple[Corn
 
 def _taken_mm(electrodes: Any) -> float:
     """Length of edge, mm, that evenly wide electrodes along it take; 0 for others."""
-    if not isinstance(electrodes, Mapping) or electrodes.get("kind", Electrodes.kind) != "line":
+    if not isinstance(electrodes, Mapping) or "groups" in electrodes or electrodes.get(
+            "kind", Electrodes.kind) != "line":
         return 0.0
     count, width = electrodes.get("count", Electrodes.count), electrodes.get("width_mm", _WIDTH_MM)
     return count * width if is_number(count) and is_number(width) else 0.0
