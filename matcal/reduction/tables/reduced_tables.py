@@ -221,9 +221,10 @@ def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[st
         return {}
     off, sd = found
     if abs(off) > _CLEAR * sd:
-        cautions.append(f"The zero of the strain of {label} looks off: its curve has no stress at a strain of "
-                        f"{-off:.2g} ± {sd:.2g}. Count the strain from contact. The fit moves it, and the intervals "
-                        f"hold an error of {_ZERO:g}.")
+        ahead = bool(off * strain[int(np.argmax(np.abs(strain)))] > 0)  # as a relaxation after the start leaves it
+        cautions.append(f"The zero of the strain of {label} looks off{', or it relaxes as its loading begins' * ahead}"
+                        f": its curve has no stress at a strain of {-off:.2g} ± {sd:.2g}. Count the strain from "
+                        f"contact. The fit moves it, and the intervals hold an error of {_ZERO:g}.")
     return {"strain_zero_sd": min(_ZERO, _ZERO_SHARE * float(np.abs(strain).max())), "strain_zero_assumed": 1.0}
 
 
