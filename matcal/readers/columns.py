@@ -390,7 +390,7 @@ def check_clock(recording: Recording) -> Recording:
 
 def flag_for(grid: Grid, header: Header) -> str:
     """`--columns "..."` with quantities that the names suggest, else a guess from the numbers, as one sentence."""
-    guess = _from_names(header) or _from_units(header) or _from_numbers(grid, header)
+    guess = _from_abaqus(grid) or _from_names(header) or _from_units(header) or _from_numbers(grid, header)
     items = [f"{quantity}={n + 1}{_unit(header, quantity, n)}" for quantity, n in guess.items()]
     return _flag(grid, items or ["strain=NUMBER", "stress=NUMBER:kPa"])
 
@@ -408,6 +408,15 @@ def _unit(header: Header, quantity: str, column: int) -> str:
         return ""
     units = [unit for _, unit in header.cells if unit and si_factor(unit, quantity) is not None]
     return f":{units[0] if units else _UNITS[QUANTITIES[quantity]]}"
+
+
+def _from_abaqus(grid: Grid) -> dict[str, int]:
+    """The columns of Abaqus's test data, by its keyword reference: stress before strain, pressure before J."""
+    words = " ".join(cell for row in grid.rows[:_LOOKED] if row[0].startswith("*") for cell in row).upper()
+    if found := re.search(r"\*(UNIAXIAL|BIAXIAL|PLANAR|SIMPLE SHEAR|VOLUMETRIC) TEST DATA", words):
+        return {"pressure": 0, "volume_ratio": 1} if found[1] == "VOLUMETRIC" else {"stress": 0, "strain": 1} | (
+            {} if found[1] == "SIMPLE SHEAR" or max(map(len, grid.rows[-3:])) < 3 else {"lateral": 2})
+    return {}
 
 
 def _from_names(header: Header) -> dict[str, int]:

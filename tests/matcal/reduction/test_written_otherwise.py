@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from matcal.fitting.relaxation.relaxation_fit import fit_prony
+from matcal.readers.column_options import parse_selection
 from matcal.readers.detect import read
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.reduce import read_and_reduce
@@ -120,3 +121,16 @@ def test_a_modulus_over_time_is_known_with_its_argument(name: str, tmp_path: Pat
     time = np.geomspace(0.1, 100, 40)
     path = _write(tmp_path, "a_relaxation.csv", {"Time (s)": time, name: 0.5 + 0.5 * np.exp(-time)})
     assert {"modulus", "normalised"} & set(read(path).columns)
+
+
+def test_the_order_of_abaqus_test_data_is_offered_and_reads_them(tmp_path: Path) -> None:
+    rows = "\n".join(f"{-0.02 * e:.8g},{-e:.8g},{0.1 * e:.8g}" for e in STRAIN)
+    path = tmp_path / "a.inp"
+    path.write_text(f"*HYPERFOAM, N=2, TEST DATA INPUT\n*UNIAXIAL TEST DATA\n{rows}\n", encoding="utf-8")
+    with pytest.raises(InputFileError) as refused:
+        read(path)
+    option = str(refused.value).split('--columns "a.inp=')[1].split('"')[0]
+    got = read(path, parse_selection(option))
+    assert got.columns["stress"] == pytest.approx(-20e3 * STRAIN)
+    assert got.columns["strain"] == pytest.approx(-STRAIN)
+    assert got.columns["lateral"] == pytest.approx(0.1 * STRAIN)
