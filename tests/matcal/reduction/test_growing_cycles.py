@@ -53,3 +53,14 @@ def test_a_move_that_places_the_crosshead_is_no_loading(seed: int, tmp_path: Pat
     assert got.facts["loadings"] == 1
     sd = np.hypot(got.facts["contact_sd_mm"], straight.facts["contact_sd_mm"])
     assert abs(got.facts["contact_mm"] - straight.facts["contact_mm"]) < 2 * sd < 0.3
+
+
+def test_a_specimen_without_memory_loses_no_work_in_cycles_to_both_sides(tmp_path: Path) -> None:
+    sizes = "[shear]\nfaces = 2\nlength_mm = 25\nwidth_mm = 20\nthickness_mm = 10\n"
+    gamma = np.interp(np.arange(0, 270), [0, 30, 90, 150, 210, 269], [0, 0.3, -0.3, 0.3, -0.3, 0.3])
+    load = 20e3 * gamma * 1e-3 + 0.002 * np.random.default_rng(1).normal(size=gamma.size)
+    rows = "\n".join(f"{k},{10 * g:.8g},{f:.8g}" for k, (g, f) in enumerate(zip(gamma, load, strict=True)))
+    (tmp_path / "shear.csv").write_text(f"Time (s),Displacement (mm),Force (N)\n{rows}\n", encoding="utf-8")
+    (tmp_path / "s.toml").write_text(sizes, encoding="utf-8")
+    (found,) = read_and_reduce([("shear", (tmp_path / "shear.csv",))], tmp_path / "s.toml").experiments
+    assert abs(found.facts["loss_share"]) < 0.02
