@@ -16,7 +16,7 @@ from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
 from eitsim.mechanics.load_paths.rim_table import cells_of, middles_of, with_cell_errors
 from eitsim.mechanics.load_paths.table import as_deep_as, of_law, parts_of, state
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -109,7 +109,7 @@ def _fresh(which: tuple[DimensionlessProblem, float, tuple[float, ...]]) -> list
     return nodes
 
 
-def _of(family: Family, law: Hyperfoam) -> Table:
+def _of(family: Family, law: Law) -> Table:
     own = table_of(family, law)
     assert own is not None
     return own

@@ -13,7 +13,8 @@ from scipy.interpolate import CubicHermiteSpline
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
 from eitsim.mechanics.load_paths.table import lagrange_weights, of_law
 from eitsim.mechanics.load_paths.types import Table
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, values_of
+from matcal.laws.registry import law_of
 from touchcal.arrays import Array
 
 # Most diameters at which the changes are solved, and every which depth of the table they are.
@@ -44,11 +45,11 @@ def places_among(diameters: int) -> list[int]:
     return np.linspace(0, diameters - 1, min(diameters, _DIAMETERS)).round().astype(int).tolist()
 
 
-def table_of(source: Table | Family | None, law: Hyperfoam) -> Table | None:
+def table_of(source: Table | Family | None, law: Law) -> Table | None:
     """The table that serves a law, if there is one: of a family the weighted mean, None for a law outside it."""
     if not isinstance(source, Family):
         return source
-    return _mean(source, law.mu_Pa.tobytes(), law.alpha.tobytes(), law.nu.tobytes())
+    return _mean(source, law.name, values_of(law))
 
 
 def central_of(source: Table | Family | None) -> Table | None:
@@ -57,15 +58,15 @@ def central_of(source: Table | Family | None) -> Table | None:
 
 
 @lru_cache(maxsize=_HELD)
-def _mean(family: Family, mu_Pa: bytes, alpha: bytes, nu: bytes) -> Table | None:
-    own = Hyperfoam(np.frombuffer(mu_Pa), np.frombuffer(alpha), np.frombuffer(nu))
+def _mean(family: Family, name: str, values: tuple[tuple[float, ...], ...]) -> Table | None:
+    own = law_of(name, values)
     weights = family.span.weights(own)
     if weights is None:
         return None
     table = family.table
-    values, slopes = (np.tensordot(weights, part, 1) for part in (family.values, family.slopes))
-    values, slopes = _everywhere(table, values, slopes)
-    return replace(table, shape=of_law(table.shape, own), values=table.values + values, slopes=table.slopes + slopes,
+    changes, slopes = (np.tensordot(weights, part, 1) for part in (family.values, family.slopes))
+    changes, slopes = _everywhere(table, changes, slopes)
+    return replace(table, shape=of_law(table.shape, own), values=table.values + changes, slopes=table.slopes + slopes,
                    laws=len(weights) + 1)
 
 

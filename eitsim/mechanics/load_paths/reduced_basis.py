@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from matcal.laws.hyperfoam import Hyperfoam, kirchhoff
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 
 # Directions of logarithmic strain, and how far along them laws are compared: compression with and without free sides,
@@ -29,15 +29,15 @@ _ROUNDING = 1e-9
 class ReducedBasis:
     """A few laws, and what their weighted means are good for."""
 
-    central: Hyperfoam
-    chosen: tuple[Hyperfoam, ...]  # those whose differences to the central one are weighted
+    central: Law
+    chosen: tuple[Law, ...]  # those whose differences to the central one are weighted
     # laws that give the error of a mean, the farthest from the central one first; empty where one law is all there is
-    held_out: tuple[Hyperfoam, ...]
+    held_out: tuple[Law, ...]
     # largest relative stress, r.m.s., that a mean misses of the laws it was made for, and their largest weight
     missed: float
     heaviest: float
 
-    def weights(self, law: Hyperfoam) -> Array | None:
+    def weights(self, law: Law) -> Array | None:
         """(K,) weights of the chosen ones whose mean a law is; None where it lies farther off than those it was made
         for."""
         reference = _stresses(self.central)
@@ -46,7 +46,7 @@ class ReducedBasis:
         return found[0] if inside else None
 
 
-def reduced_basis(laws: Sequence[Hyperfoam]) -> ReducedBasis:
+def reduced_basis(laws: Sequence[Law]) -> ReducedBasis:
     """The central one of some laws and those that span the rest; depends on the laws and their order alone. ValueError
     where there are none, or where a stress over mu_0 is no number."""
     if not laws:
@@ -79,11 +79,11 @@ def _held_out(distance: Array, missed: Array, known: Sequence[int]) -> list[int]
     return sorted(found, key=lambda i: -distance[i])
 
 
-def _stresses(law: Hyperfoam) -> Array:
+def _stresses(law: Law) -> Array:
     """Principal Kirchhoff stresses over mu_0, (strains, 3)."""
     strain = (_ALONG[:, None, None] * np.array(_DIRECTIONS)).reshape(-1, 3)
     with np.errstate(over="ignore", invalid="ignore"):
-        stress = kirchhoff(law, strain) / law.mu_0_Pa
+        stress = law.kirchhoff(strain) / law.mu_0_Pa
     if not np.isfinite(stress).all():
         raise ValueError("stresses of a drawn law of the foam are no numbers at large strains.")
     return stress
@@ -95,7 +95,7 @@ def _relative(stresses: Array, reference: Array) -> Array:
     return ((stresses - reference) / scale).reshape(len(stresses), reference.size)
 
 
-def _apart(reference: Array, laws: Sequence[Hyperfoam]) -> Array:
+def _apart(reference: Array, laws: Sequence[Law]) -> Array:
     stresses = np.array([_stresses(law) for law in laws]).reshape(-1, *reference.shape)
     return _relative(stresses, reference)
 

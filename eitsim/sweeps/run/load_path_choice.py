@@ -27,7 +27,7 @@ from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
 from matcal.card import MaterialCard
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, over, values_of
 from matcal.posterior.draws import card_of
 from touchcal import cache
 from touchcal.code_version import MECHANICS
@@ -238,7 +238,7 @@ def span_for(design: Design, cards: Cards) -> tuple[DimensionlessProblem, Reduce
     return of_law(design_shape(design, cards.card), span.central), span
 
 
-def _laws(design: Design, cards: Cards) -> Iterator[Hyperfoam]:
+def _laws(design: Design, cards: Cards) -> Iterator[Law]:
     """Laws of all cards that make a material, moduli as the scenes ask for."""
     scene, draws = representative_scene(design), cards.draws
     for k in range(len(cards.samples)):
@@ -278,9 +278,9 @@ def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, 
     return replace(family, table=replace(family.table, rim=changes)), note or words
 
 
-def _plain(law: Hyperfoam) -> list[list[float]]:
+def _plain(law: Law) -> list[Any]:
     """A law's parameters as JSON holds them, moduli over mu_0."""
-    return [(law.mu_Pa / law.mu_0_Pa).tolist(), law.alpha.tolist(), law.nu.tolist()]
+    return [law.name, *values_of(over(law, law.mu_0_Pa))]
 
 
 def _arrays(family: Family) -> dict[str, Any]:
