@@ -120,9 +120,6 @@ def decision(table: Table, touch: Touch, scene: Scene) -> Decision:
     error, strain = table.error, scene.skin.strain
     ends = [f"{d * scene.body.thickness_m * 1e3:g}" for d in table.shape.diameters]
     where = f"{ends[0]} to {ends[-1]} mm" if table.shape.spans else f"{', '.join(ends)} mm"
-    if table.laws > 1:
-        where += (f", for this law a weighted mean of those of {table.laws} drawn laws (what the rim changes that of "
-                  "one)")
     paths, rim = error.signal(strain), ""
     bound = max(error.depth, paths)
     if touch.rim is not None and touch.rim.error_estimate is not None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.sheet.sheet_conductance import FoldedSkin
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
-from eitsim.mechanics.load_paths.law_family import Family, table_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strain
@@ -117,18 +116,18 @@ def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: b
 
 
 def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
-                table: Table | Family | None = None) -> Result:
+                table: Table | None = None) -> Result:
     """Solve a scene with a card or its material; a refusal or a failure of a solver is the result's outcome, which its
     message explains.
 
     exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan says; table: load
-    paths, or a family of them, that serve the touches they hold to the requested error (reuse.served), not with exact.
+    paths that serve the touches they hold to the requested error (reuse.served), not with exact.
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu, compiling = time.perf_counter(), cpu_s(), compilation_s()
     material = material_of(scene, card)
     skin_law = material.skin
-    paths = None if exact else table_of(table, material.law)
+    paths = None if exact else table
     stored = _stored(paths, material.law, scene)
     made = make_plan(scene, material, exact=exact, reused=[
         decision(paths, touch, scene) if paths is not None and touch is not None else None

@@ -49,18 +49,6 @@ def with_diameters(shape: DimensionlessProblem, diameters: tuple[float, ...], *,
     return replace(shape, disc=disc, diameters=diameters, spans=spans)
 
 
-def of_law(shape: DimensionlessProblem, law: Hyperfoam) -> DimensionlessProblem:
-    """The shape of the same touches of another law."""
-    mu, alpha, nu = _moduli(law)
-    return replace(shape, mu=mu, alpha=alpha, nu=nu)
-
-
-def as_deep_as(table: Table, count: int) -> Table:
-    """The table with its first so many depths alone."""
-    return replace(table, depths=table.depths[:count], values=table.values[:, :count], slopes=table.slopes[:, :count],
-                   error_estimate=table.error_estimate[:, :count])
-
-
 def _moduli(law: Hyperfoam) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     return _rounded(law.mu_Pa / law.mu_0_Pa), _rounded(law.alpha), _rounded(law.nu)
 

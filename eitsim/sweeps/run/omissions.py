@@ -4,12 +4,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from eitsim.mechanics.load_paths.law_family import Family
-from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Decision
 from eitsim.simulation.plan import ONE_CARD, make_plan
 from eitsim.sweeps.design.card_draws import Cards, card_at, count_in_use, held_by
-from eitsim.sweeps.design.design import Design, card_number, representative_scene, scene_at
+from eitsim.sweeps.design.design import Design, card_number, scene_at
 from matcal.card import MaterialCard
 from touchcal.number_words import counted
 
@@ -32,9 +30,8 @@ class Omission:
     of: int
 
 
-def omissions(design: Design, cards: Cards, *, exact: bool, table: Table | Family | None = None) -> list[Omission]:
-    """What the first rows leave out, each with its own card, the costliest first; table: what touches were taken
-    from."""
+def omissions(design: Design, cards: Cards, *, exact: bool) -> list[Omission]:
+    """What the first rows leave out, each with its own card, the costliest first."""
     found: dict[str, Omission] = {}
     plans = list(_plans(design, cards, exact))
     for decisions in plans:
@@ -45,7 +42,7 @@ def omissions(design: Design, cards: Cards, *, exact: bool, table: Table | Famil
                     one = replace(one if one.error_bound > old.error_bound else old, rows=old.rows + 1)
                 found[made.decision] = one
     whole = [Omission(made.decision, made.reason, made.error_bound, made.unbounded, len(plans), len(plans))
-             for made in _of_drawn_cards(design, cards, table)]
+             for made in _of_drawn_cards(design, cards)]
     return sorted([*found.values(), *whole], key=lambda one: (-one.error_bound, one.decision))
 
 
@@ -62,8 +59,8 @@ def _plans(design: Design, cards: Cards, exact: bool) -> Iterator[tuple[Decision
             yield ()
 
 
-def _of_drawn_cards(design: Design, cards: Cards, table: Table | Family | None) -> Iterator[Decision]:
-    """What drawing cards leaves out: of the material by their number, of the touches where load paths are means."""
+def _of_drawn_cards(design: Design, cards: Cards) -> Iterator[Decision]:
+    """What drawing cards leaves out of the material, by their number."""
     if cards.draws is None:
         return
     used = count_in_use(cards, card_number(design, design.scenes - 1) + 1)
@@ -72,13 +69,6 @@ def _of_drawn_cards(design: Design, cards: Cards, table: Table | Family | None) 
                    f"card's own and taken as exact; a mean over cards is off by 1/sqrt({used}) = {used**-0.5:.2g} of "
                    "their spread, what the posterior does not hold by what is unknown; not in the bound", 0.0,
                    unbounded=True)
-    if isinstance(table, Family) and table.span.chosen:
-        error = table.table.error
-        signal = error.signal(representative_scene(design).skin.strain)
-        yield Decision("load paths of drawn cards emulated", "those of each card's law are weighted means of those of "
-                       f"{len(table.span.chosen) + 1} drawn laws; at others, solved anew, they were at most "
-                       f"{error.depth:.1e} off in depth and {signal:.1e} in signal, the larger is given here and "
-                       "counted, with a margin, in the rows' signal_error", max(error.depth, signal))
 
 
 def omissions_of(manifest: Mapping[str, Any]) -> list[Omission]:

@@ -261,14 +261,6 @@ def test_cells_are_kept_up_to_twice_what_touches_solved_anew_are_off_there(own: 
     assert np.isfinite(within(rim, 20e-3, "normal").error_estimate).all()
 
 
-def test_what_other_laws_were_measured_off_counts_where_no_cell_of_theirs_is() -> None:
-    off = {(0, 0): Deviation(1e-3, np.full(3, 1e-3), 0.0), (2, 2): Deviation(2e-3, np.full(3, 2e-3), 0.0)}
-    own = with_cell_errors(replace(bare(np.zeros((3, 3, 4))), measured=np.full((3, 3, 4), np.nan)), off)
-    assert np.argwhere(np.isfinite(own.measured[..., 0])).tolist() == [[0, 0], [2, 2]]
-    both = with_cell_errors(own, {(2, 2): Deviation(5e-3, np.full(3, 5e-3), 0.0)})
-    assert [both.measured[0, 0, 0], both.measured[2, 2, 0], both.error_estimate[0, 0, 0]] == [5e-3, 5e-3, 5e-3]
-
-
 def test_cells_take_the_largest_error_of_the_checked_ones_next_to_them() -> None:
     rim = bare(np.zeros((3, 3, 4)))
     rim.error_estimate[2, 2] = np.inf
