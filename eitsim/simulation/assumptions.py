@@ -81,6 +81,7 @@ def route_choice(chosen: Chosen, i: int) -> Choice:
     route, nearest = ROUTES[-1] if edges else way.route, way.case.nearest
     return Choice(route.kind, {
         "gap_m": way.case.gap_m, "thickness_m": body.thickness_m, "outline": body.has_outline, "reach": FINE.out_to,
+        "tabled": way.touch is not None and way.touch.rim is not None,
         "disc_m": None if nearest is None or way.case.straight else nearest.disc_m}, route.leaves_out(way.case))
 
 

@@ -18,6 +18,7 @@ DIPOLE = {"normal": (-0.04, -0.42, -0.38), "principal": (0.04, 0.69, 1.42), "are
 _DRIVEN_BY = {"normal": "its strain through the thickness", "principal": "its largest strain in plane",
               "areal": "its change of area"}
 _CHANGE = ", as a change of the axisymmetric touch"
+_TABLED = "nothing is solved in three dimensions, and what the table may be off counts with its load path"
 _TOLD = "a coarser mesh with fewer harmonics tells the error, which counts in the result's own"
 _STAYS = "; exact does not change it, since nothing that does without it is built"
 _REMEDIES = {Kind.SOFT_ELECTRODES: "Where yours give way, as paint, foil and thin wires do, write soft = true in "
@@ -125,6 +126,9 @@ def _axisymmetric(of: Values) -> Words:
 
 
 def _nearest_edge(of: Values) -> Words:
+    if of["tabled"]:
+        edge, bound = ("one edge", "; the bound is of the other edges") if of["outline"] else ("the rim", "")
+        return f"what {edge} changes of the axisymmetric touch, from a table", f"{_from_edge(of)}; {_TABLED}{bound}"
     if not of["outline"]:
         return f"mechanics in three dimensions near the rim{_CHANGE}", f"{_from_edge(of)}; {_TOLD}"
     shape = "a straight one" if of["disc_m"] is None else f"part of a circle of {of['disc_mm']:.0f} mm"
@@ -133,6 +137,9 @@ def _nearest_edge(of: Values) -> Words:
 
 
 def _all_edges(of: Values) -> Words:
+    if of["tabled"]:
+        return "what several edges change of the axisymmetric touch, each from a table, added up", (
+            f"{_from_edge(of)}; {_TABLED}; the bound is of edges further away than {of['reach']:g} thicknesses")
     edges, cut = ("several edges", "outline") if of["outline"] else ("the rim", "rim")
     return (f"mechanics in three dimensions near {edges}{_CHANGE}",
             f"{_from_edge(of)}; circles about the punch are cut where the {cut} cuts them; {_TOLD}; the bound is of "
