@@ -194,8 +194,8 @@ def middles_of(rim: RimTable, cells: Sequence[Cell], diameters: Sequence[float])
 
 def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) -> RimTable:
     """The table with its deviation at least the largest of the checked cells next to each, itself among them, or of the
-    nearest where these are farther away; cells at which None was found are not served. What was measured before counts
-    at least as much, cell by cell. NotConverged where more than half were not found, which leaves the error unknown."""
+    nearest where these are farther away; cells at which None was found are not served. NotConverged where more than
+    half were not found, which leaves the error unknown."""
     found = {cell: off for cell, off in checked.items() if off is not None}
     if 2 * len(found) < len(checked) or not found:
         raise NotConverged(f"{len(checked) - len(found)} of {len(checked)} changes by the rim that give the error of "
@@ -203,10 +203,7 @@ def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) ->
                            estimate=rim.gaps)
     places, off = np.array(list(found)), np.array([[one.depth, *one.signals] for one in found.values()])
     error_estimate, measured = rim.error_estimate.copy(), rim.measured.copy()
-    for i, j in np.argwhere(np.isfinite(rim.measured).all(axis=-1)).tolist():
-        if (i, j) not in found:
-            measured[i, j] = np.maximum(measured[i, j], off[_about(places, (i, j))].max(axis=0))
-    measured[tuple(places.T)] = np.fmax(measured[tuple(places.T)], off)
+    measured[tuple(places.T)] = off
     for cell in cells_of(rim):
         near = off[_about(places, cell)].max(axis=0)
         error_estimate[cell] = np.inf if checked.get(cell, near) is None else np.maximum(error_estimate[cell], near)

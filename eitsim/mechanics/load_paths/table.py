@@ -51,17 +51,6 @@ def with_diameters(shape: DimensionlessProblem, diameters: tuple[float, ...], *,
     return replace(shape, disc=disc, diameters=diameters, spans=spans)
 
 
-def of_law(shape: DimensionlessProblem, law: Law) -> DimensionlessProblem:
-    """The shape of the same touches of another law."""
-    return replace(shape, law=law.name, parameters=_parameters(law))
-
-
-def as_deep_as(table: Table, count: int) -> Table:
-    """The table with its first so many depths alone."""
-    return replace(table, depths=table.depths[:count], values=table.values[:, :count], slopes=table.slopes[:, :count],
-                   error_estimate=table.error_estimate[:, :count])
-
-
 def _parameters(law: Law) -> tuple[tuple[float, ...], ...]:
     return tuple(_rounded(values) for values in values_of(over(law, law.mu_0_Pa)))
 
