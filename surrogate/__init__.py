@@ -7,7 +7,7 @@
 >>> reader = surrogate.train_reader(recording, labels, seed=1)     # doctest: +SKIP
 >>> surrogate.read_touches(reader, recording)                      # doctest: +SKIP
 >>> list(surrogate.METHODS)
-['trainbr', 'network', 'forward', 'mlp', 'ridge', 'gp']
+['trainbr', 'network', 'forward', 'ridge', 'gp']
 """
 
 from typing import TYPE_CHECKING

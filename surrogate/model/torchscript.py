@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from surrogate.learners.bayesian_network.ensemble import Networks
 from surrogate.learners.bayesian_network.min_max import MinMax
-from surrogate.learners.mlp import Mlp
 from surrogate.learners.network import FeatureNetworks
 from surrogate.learners.signal_features import Directions
 from surrogate.learners.trainbr import Trainbr
@@ -58,10 +57,7 @@ def network_module(model: Model) -> nn.Module:
             return nn.Sequential(_scaled(readings), *_of_networks(networks))
         case FeatureNetworks(directions, networks):
             return nn.Sequential(_Features(directions), *_of_networks(networks))
-        case Mlp(directions, targets, layers):
-            first, second, last = (_Affine(layer.weight, layer.bias) for layer in layers)
-            return nn.Sequential(_Features(directions), first, nn.Tanh(), second, nn.Tanh(), last, _unscaled(targets))
-    raise ValueError(f"method '{model.method}' is no network. Export a model of trainbr, network or mlp; "
+    raise ValueError(f"method '{model.method}' is no network. Export a model of trainbr or network; "
                      "`surrogate predict` reads the others.")
 
 

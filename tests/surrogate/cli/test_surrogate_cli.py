@@ -308,7 +308,7 @@ def test_bad_input_is_told_plainly(call: Call, inner: Path, sweep: Path, make_da
              (("train", failed, "--out", out), "none of its 5 rows is ok (3 refused, 2 not_converged)"),
              (("train", holed, "--out", out), "dv_017 of scene 29 is nan"),
              (("train", small, "--out", out), "12 ok rows are too few"),
-             (("train", sweep, "--out", out, "--method", "svm"), "unknown; known: trainbr, network, forward, mlp,"),
+             (("train", sweep, "--out", out, "--method", "svm"), "unknown; known: trainbr, network, forward, ridge,"),
              (("export", inner, "--out", out), "method 'forward' is no network"),
              (("train", sweep, "--out", out, "--outputs", "depth"), "output 'depth' is unknown"),
              (("evaluate", inner, sweep, "--noise-db", "60,loud"), "--noise-db: 'loud' is not a number"),
