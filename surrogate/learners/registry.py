@@ -1,4 +1,4 @@
-"""The methods of surrogates: one line a method. A class is imported when it is needed, as some need torch."""
+"""The methods of surrogates: one line a method. A class is imported when it is needed."""
 
 from __future__ import annotations
 

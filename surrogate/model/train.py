@@ -157,4 +157,4 @@ def _provenance(samples: Samples, part: NDArray[np.str_], validation: Samples) -
     return {"dataset": described(samples) | {
         "profile": samples.profile, "split": {p: int(np.sum(part == p)) for p in PARTS}},
             "calibration": described(validation), "relaxation": dict(samples.relaxation),
-            "versions": {name: importlib.metadata.version(name) for name in ("touchcal", "numpy", "scipy", "torch")}}
+            "versions": {name: importlib.metadata.version(name) for name in ("touchcal", "numpy", "scipy")}}

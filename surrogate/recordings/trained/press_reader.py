@@ -9,6 +9,7 @@ import numpy as np
 
 from eitsim.sensors.labels import PLACE, Labels
 from surrogate.data.dead_readings import too_many
+from surrogate.data.torch_installed import check_torch
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
@@ -64,6 +65,7 @@ def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectatio
     A label that is the same in all presses, or of which held-out presses are read no better than by its mean, is left
     out. ValueError where there are fewer than FEWEST presses or no label differs; NothingToRead where none is read.
     """
+    check_torch("readers of presses, whose families are trained networks among others,")
     press = press_of_frames(presses, labels)
     count = int(press.max()) + 1
     if count < FEWEST:

@@ -93,7 +93,7 @@ def test_training_leaves_a_model_its_scores_and_its_predictions(inner: Path) -> 
     assert (model["schema"], model["method"], model["seed"]) == (13, "forward", 1)
     assert model["dataset"]["split"] == {"train": 70, "val": 15, "test": 15}
     assert len(model["dataset"]["sha256"]) == 64
-    assert {"touchcal", "numpy", "torch"} <= set(model["versions"])
+    assert {"touchcal", "numpy", "scipy"} <= set(model["versions"])
     table = pd.read_parquet(inner / "predictions.parquet")
     rows = table[(table["output"] == "x0") & (table["part"] == "test")]
     rmse = float(np.sqrt(np.mean((rows["value"] - rows["target"]) ** 2)))
