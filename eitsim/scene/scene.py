@@ -14,7 +14,7 @@ from eitsim.scene.electrodes import IMPEDANCES, PLACES, Electrodes, check, unrea
 from eitsim.scene.outline import OUTLINES, Outline, area_m2, check_outline, edge_distance_m
 from eitsim.scene.outline_electrodes import check_on_outline
 from eitsim.scene.profiles.profile import Profile
-from eitsim.scene.profiles.registry import PROFILES
+from eitsim.scene.profiles.registry import profiles
 from eitsim.scene.scene_files import with_files
 from touchcal.arrays import Array
 from touchcal.document import is_number
@@ -72,7 +72,7 @@ class Punch:
     diameter_m: float = 0.014  # diameter, fillet included, m
     force_N: float | None = None  # applied force, N; 1 N unless it or the depth is given, None where the depth is given
     depth_m: float | None = None  # prescribed depth, m; None where the force is given
-    profile: str = "flat"  # one of PROFILES
+    profile: str = "flat"  # one of `profiles`
     # radius that rounds the edge, and a cone's tip; of an ellipse, its radius of curvature at the edge; m
     fillet_m: float = 0.0005
     # angle between a cone's axis and its face, rad; without effect on the other profiles
@@ -175,12 +175,14 @@ EACH = ("width_mm", "length_mm", "turn_deg", "shape", "contact_impedance_Ohm_m",
 LISTS = {"drive": MATRICES, "electrodes": ("angles_deg", "missing", "positions_mm", "shares", "x_mm", "y_mm"),
           "body": ("points_mm", "holes_mm")}
 _IN_FILES = {"drive": ("pairs",)}  # keys of files alone, which `with_files` replaces
-# Keys that hold one of a few words.
-_KNOWN: dict[tuple[str, str], Collection[str]] = {
-    ("body", "outline"): OUTLINES, ("punch", "profile"): PROFILES, ("punch", "friction"): FRICTIONS,
-    ("skin", "strain"): STRAINS, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
 _CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "channels": Channels,
             "hold": Hold, "accuracy": Accuracy}
+
+
+def _words() -> dict[tuple[str, str], Collection[str]]:
+    """The keys that hold one of a few words."""
+    return {("body", "outline"): OUTLINES, ("punch", "profile"): profiles(), ("punch", "friction"): FRICTIONS,
+            ("skin", "strain"): STRAINS, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
 
 
 def is_list(table: str, key: str, value: Any) -> bool:
@@ -196,14 +198,14 @@ def check_value(table: str, key: str, value: Any) -> None:
     name, per = _KEYS[table][key]
     found = _value(f"{key} in [{table}]", value, per, getattr(_CLASSES[table](), name))
     _check_limits(table, key, found, per)
-    if (table, key) in _KNOWN:
-        _choice(f"{key} in [{table}]", value, _KNOWN[table, key])
+    if known := _words().get((table, key)):
+        _choice(f"{key} in [{table}]", value, known)
 
 
 def profile_of(punch: Punch, unit_m: float = 1.0) -> Profile:
     """The punch's profile, lengths over a unit; ValueError for a profile that is not known."""
-    _choice("profile in [punch]", punch.profile, PROFILES)
-    return PROFILES[punch.profile].of(punch.diameter_m / 2 / unit_m, punch.fillet_m / unit_m, punch.half_angle_rad)
+    _choice("profile in [punch]", punch.profile, profiles())
+    return profiles()[punch.profile].of(punch.diameter_m / 2 / unit_m, punch.fillet_m / unit_m, punch.half_angle_rad)
 
 
 def rim_gap_m(body: Body, punch: Punch) -> float:
@@ -388,7 +390,7 @@ def _check(scene: Scene) -> None:
             for key, (name, per) in keys.items():
                 _check_limits(table, key, getattr(part, name), per)
     parts = {"body": body, "skin": scene.skin, "hold": scene.hold}
-    for (table, key), words in _KNOWN.items():
+    for (table, key), words in _words().items():
         for part in scene.punches if table == "punch" else (parts[table],):
             _choice(f"{key} in [{table}]", getattr(part, key), words)
     if body.has_outline:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from matcal.record.exporters import TARGETS
+from matcal.record.exporters.registry import targets
 from touchcal.errors import InputFileError, NotConverged
 from touchcal.terminal import JsonOption, SeedOption, application, check_apart, check_out, counter, print_json, run
 
@@ -185,7 +185,7 @@ def check_command(card: CardFile, as_json: JsonOption = False) -> None:
 @app.command("export")
 def export_command(
         card: CardFile,
-        to: Annotated[str, typer.Option("--to", help=f"{', '.join(TARGETS[:-1])} or {TARGETS[-1]}.")],
+        to: Annotated[str, typer.Option("--to", help=f"{', '.join(targets()[:-1])} or {targets()[-1]}.")],
         moduli: Annotated[str | None, typer.Option(help="instantaneous or longterm; without it as the card holds "
                                                    "them.")] = None,
         units: Annotated[str, typer.Option(help="SI (Pa), mm-t-s (MPa) or mm-kg-ms (GPa).")] = "SI",

@@ -18,7 +18,7 @@ from matcal.fitting.hyperfoam.record_stability import as_lines
 from matcal.laws.deformation_modes import MODES
 from matcal.record import result_tables as tables
 from matcal.record.cautions import cautions, tests
-from matcal.record.exporters import TARGETS
+from matcal.record.exporters.registry import targets
 from touchcal.number_words import counted
 
 # columns of a table in a pipe, where nothing says how wide the reader's page is
@@ -142,7 +142,7 @@ def _next(card: MaterialCard, out: Path) -> list[tuple[str, str]]:
         strain = 0.5 * (at[0] if abs(at[0]) > abs(at[1]) else at[1])
         said += [(f"matcal check {out}", "where the law is stable"),
                  (f"matcal predict {out} {mode} --strain={strain:.2g}", "stress, with its band"),
-                 (f"matcal export {out} --to {TARGETS[0]}", f"or {', '.join(TARGETS[1:])}")]
+                 (f"matcal export {out} --to {targets()[0]}", f"or {', '.join(targets()[1:])}")]
     elif card.prony is not None:
         said.append((f"matcal predict {out} relaxation --time=1,10,100", "normalised stress"))
     elif card.conductivity is not None:

@@ -40,7 +40,7 @@ def files_of(path: Path) -> list[Path]:
 
 def _read_file(path: Path, selection: Selection | None) -> Recording:
     source = _open(path, selection.sheet if selection else None)
-    reader = next(reader for reader in vendors.READERS if _recognises(reader, source))
+    reader = next(reader for reader in vendors.readers() if _recognises(reader, source))
     if selection is not None and selection.block is not None and not reader.has_blocks:
         raise InputFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
     found = reader.read(source, selection)

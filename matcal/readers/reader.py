@@ -28,7 +28,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Reader:
-    """One layout of files; `matcal.readers.vendors.READERS` names them all."""
+    """One layout of files; `matcal.readers.vendors.readers` names them all."""
 
     name: str  # the word for it, as in `Recording.vendor`
     title: str  # what a user calls it

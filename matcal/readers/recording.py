@@ -28,7 +28,7 @@ class Recording:
     """What a file holds, before anything is decided about the test behind it."""
 
     paths: tuple[Path, ...]  # the files it was read from, in order of time
-    vendor: str  # name of the reader that recognised the layout (one of `vendors.READERS`), "arrays" without a file
+    vendor: str  # name of the reader that recognised the layout (one of `vendors.readers`), "arrays" without a file
     columns: Mapping[str, Array]  # quantity (a key of QUANTITIES) -> (n,) values in SI
     names: Mapping[str, str]  # quantity -> column name in the file
     units: Mapping[str, str]  # quantity -> unit in the file

@@ -141,7 +141,7 @@ def print_description(path: str, found: dict[str, Any]) -> None:
     console.width = console.width if console.is_terminal else 120
     parts = f" in {len(found['files'])} parts" if len(found["files"]) > 1 else ""
     console.print(Text(path, style="bold"))
-    title = next(reader.title for reader in vendors.READERS if reader.name == found["layout"])
+    title = next(reader.title for reader in vendors.readers() if reader.name == found["layout"])
     console.print(f"  {title}, {found['rows']:,} rows{parts} from line {found['first_line']}")
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name, side in (("quantity", "left"), ("column", "left"), ("from", "right"), ("to", "right"), ("unit", "left")):

@@ -7,8 +7,8 @@ from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.record import result_tables
 from matcal.record.cautions import NAMES, relative_rms, tests
-from matcal.record.exporters import TARGETS
 from matcal.record.exporters.deck import export
+from matcal.record.exporters.registry import targets
 from matcal.record.result_tables import Printed
 from reports.document.numerals import counted, interval, number, pascals, percent, plus_minus, typeset
 from reports.document.page import Table
@@ -116,7 +116,7 @@ def _spans(strains: Sequence[tuple[float, float]]) -> str:
 
 def exports(card: MaterialCard) -> Table:
     """What each finite-element program can be given of this card."""
-    found = {target: _exported(card, target) for target in TARGETS}
+    found = {target: _exported(card, target) for target in targets()}
     written = [warnings for warnings in found.values() if not isinstance(warnings, str)]
     common = [w for w in written[0] if all(w in warnings for warnings in written)] if written else []
     rows = []
@@ -124,7 +124,7 @@ def exports(card: MaterialCard) -> Table:
         words = result if isinstance(result, str) else " ".join(w for w in result if w not in common)
         rows.append([target, "refused" if isinstance(result, str) else "written",
                      typeset(words).replace("`", "") or "–"])
-    caption = (f"Export: {counted(len(written), 'program')} of {len(TARGETS)} "
+    caption = (f"Export: {counted(len(written), 'program')} of {len(targets())} "
                f"{'takes' if len(written) == 1 else 'take'} this law; matcal export writes the input, with units, "
                "moduli and warnings as comments. " + typeset(" ".join(common)))
     return Table(caption.rstrip(), ["program", "", "what it does otherwise, or why it is refused"], rows, "llw")

@@ -1,1 +1,1 @@
-"""Files of boards as recordings: one module a layout, named in `open_file.FORMATS`."""
+"""Files of boards as recordings: one module a layout, named in `open_file.formats`."""

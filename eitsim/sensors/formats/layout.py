@@ -17,7 +17,7 @@ FEWEST_READINGS = 16  # readings of a frame where the other axis may be the read
 
 @dataclass(frozen=True)
 class Layout:
-    """One layout of files; `open_file.FORMATS` names them all."""
+    """One layout of files; `open_file.formats` names them all."""
 
     title: str  # what a user calls it
     recognises: Callable[[Path], bool]  # whether a file has this layout, from its name and what it holds

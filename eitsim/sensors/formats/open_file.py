@@ -17,16 +17,23 @@ from eitsim.sensors.formats import (
 )
 from eitsim.sensors.formats.layout import Layout
 from eitsim.sensors.recording import Recording, check_kind, in_phase, read_recording
+from touchcal.entry_points import added
 from touchcal.errors import InputFileError
 
-# A new board is one module with a `FORMAT` and its name here, before `columns`, which takes whatever has one column.
-FORMATS = tuple(module.FORMAT for module in (sciospec, matlab, numpy_array, goe_mf, serial_magnitudes, eit_kit,
-                                               quadrupoles, columns))
+# A new board is one module with a `FORMAT` and its name here, or an entry point `touchcal.formats` of an installed
+# package; `columns` comes last, as it takes whatever has one column.
+_BUILT_IN = tuple(module.FORMAT for module in (sciospec, matlab, numpy_array, goe_mf, serial_magnitudes, eit_kit,
+                                               quadrupoles))
+
+
+def formats() -> tuple[Layout, ...]:
+    """All layouts, in the order in which they are asked."""
+    return (*_BUILT_IN, *added("formats").values(), columns.FORMAT)
 
 
 def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | None = None) -> Recording:
-    """Read a recording from a CSV of one row a frame or from a board's file (FORMATS), each of `readings` numbers where
-    that is given.
+    """Read a recording from a CSV of one row a frame or from a board's file (`formats`), each of `readings` numbers
+    where that is given.
 
     kind: what readings are where the file does not say it. In a MATLAB file with vh and vi every frame of vi is a
     touch; other boards' files name no touches: every frame counts as untouched. InputFileError names the file, the
@@ -46,7 +53,7 @@ def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
 
 
 def open_frames(path: Path | str, readings: int) -> Frames:
-    """Read the frames of a CSV, as `read_frames`, or of a board's file (FORMATS), complex ones turned to their common
+    """Read the frames of a CSV, as `read_frames`, or of a board's file (`formats`), complex ones turned to their common
     phase, with the number of each frame from 1 in place of its line; errors as those of `read_frames`."""
     path = Path(path)
     if not is_board_file(path):
@@ -56,9 +63,9 @@ def open_frames(path: Path | str, readings: int) -> Frames:
 
 
 def is_board_file(path: Path) -> bool:
-    """Whether a file is read by one of FORMATS, and not as a CSV of one row a frame."""
+    """Whether a file is read by one of `formats`, and not as a CSV of one row a frame."""
     return _layout(path) is not None
 
 
 def _layout(path: Path) -> Layout | None:
-    return next((one for one in FORMATS if one.recognises(path)), None)
+    return next((one for one in formats() if one.recognises(path)), None)

@@ -1,6 +1,4 @@
 """Material cards in the input languages of finite-element programs: one module a target, `deck` puts them together.
 
-A new program is one module that holds its `TARGET`, and its name here.
+A new program is one module that holds its `TARGET`, and its name in `registry`.
 """
-
-TARGETS = ("abaqus", "calculix", "febio", "lsdyna", "ansys")

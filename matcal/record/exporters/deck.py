@@ -2,15 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
 
 from matcal.card import MaterialCard, as_card, with_moduli
 from matcal.laws.conductivity import Conductivity
 from matcal.record.cautions import cautions
-from matcal.record.exporters import TARGETS
 from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
 from matcal.record.exporters.formatting import number
+from matcal.record.exporters.registry import target_of
 
 _AIR_KG_PER_M3 = 1.2  # density of air
 
@@ -32,7 +32,7 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     card
         A card with a hyperfoam law, or its file.
     target
-        One of `TARGETS`: abaqus, calculix, febio, lsdyna, ansys.
+        One of `registry.targets`: abaqus, calculix, febio, lsdyna, ansys.
     moduli
         "instantaneous", "longterm", or None: as the card holds them.
     units
@@ -59,8 +59,7 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     *HYPERFOAM, N=1
     12000.0, 2.0, 0.0
     """
-    if target not in TARGETS:
-        raise ValueError(f"target '{target}' is unknown; known: {', '.join(TARGETS)}.")
+    into = target_of(target)
     if units not in UNITS:
         raise ValueError(f"units '{units}' are unknown; known: {', '.join(UNITS)}.")
     if density_kg_per_m3 is not None and not density_kg_per_m3 > 0:
@@ -69,7 +68,6 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
         raise ValueError(f"a density of {density_kg_per_m3:g} kg/m3 is less than that of air. Give it in kg/m3, "
                          "whatever the units that are written.")
     card = as_card(card)
-    into: Target = import_module(f"matcal.record.exporters.{target}").TARGET
     law = with_moduli(card, moduli or "card")
     material = Material(card.name, law, card.prony, UNITS[units], density_kg_per_m3, moduli is not None)
     written = into.write(material)

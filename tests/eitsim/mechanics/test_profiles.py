@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial import KDTree
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.scene.profiles import registry
 from eitsim.scene.profiles.ellipse import Ellipse
 from eitsim.scene.profiles.profile import SignedDistance
-from eitsim.scene.profiles.registry import PROFILES
 from eitsim.scene.profiles.rounded_cone import Sphere
 from eitsim.scene.scene import Body, Punch, check_value, scene_from
 from eitsim.simulation.reuse import scene_shape
@@ -103,7 +103,7 @@ def test_a_new_profile_is_a_class_and_a_line(monkeypatch: pytest.MonkeyPatch) ->
     """From the scene file to the readings, and refused by name where a capability is lacking."""
     with pytest.raises(ValueError, match="'ball' is unknown; known: flat, sphere, cone, ellipse"):
         scene_from({"punch": {"profile": "ball"}})
-    monkeypatch.setitem(PROFILES, "ball", Ball)
+    monkeypatch.setitem(registry._BUILT_IN, "ball", Ball)
     check_value("punch", "profile", "ball")
     scenes = {word: scene_from({"punch": {"profile": word, "force_N": 0.2}, "accuracy": {"signal": 0.05}})
               for word in ("ball", "sphere")}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from eitsim.sensors.formats.open_file import FORMATS, open_frames, open_recording
+from eitsim.sensors.formats.open_file import formats, open_frames, open_recording
 from touchcal.errors import InputFileError
 
 # Header as EIDORS and sciopy name its lines; values made up.
@@ -187,4 +187,4 @@ def test_another_count_than_the_drive_makes_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_layout_has_a_title_of_its_own() -> None:
-    assert len({one.title for one in FORMATS}) == len(FORMATS)
+    assert len({one.title for one in formats()}) == len(formats())

@@ -1,0 +1,68 @@
+"""Parts that a package adds by entry points serve as built-in ones do; those that cannot be imported are named."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from touchcal.entry_points import KINDS, added
+
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write-your-own.md"
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """A folder that holds what installing the page's package leaves there."""
+    text = PAGE.read_text(encoding="utf-8")
+    blocks = {word: "\n\n".join(re.findall(rf"```{word}\n(.*?)```", text, flags=re.DOTALL))
+              for word in ("toml", "python")}
+    (tmp_path / "my_parts.py").write_text(blocks["python"], encoding="utf-8")
+    project = tomllib.loads(blocks["toml"])["project"]
+    folder = tmp_path / "my_parts-1.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 1\n", encoding="utf-8")
+    points = {**project["entry-points"], "touchcal.laws": {"broken": "my_parts:Nothing"}}
+    (folder / "entry_points.txt").write_text("".join(
+        f"[{group}]\n" + "".join(f"{name} = {where}\n" for name, where in rows.items())
+        for group, rows in points.items()), encoding="utf-8")
+    return tmp_path
+
+
+def test_the_parts_of_the_page_serve(installed: Path) -> None:
+    used = """
+import sys; sys.path.insert(0, sys.argv[1])
+import numpy as np, matcal, eitsim
+from pathlib import Path
+folder = Path(sys.argv[1])
+strain = np.linspace(0, 0.3, 40)
+rows = "".join(f"{-e:.4f}|{-9 * e:.5f}\\n" for e in strain)
+(folder / "uniaxial.txt").write_text("BENCH 7\\nstrain_1|stress_kPa\\n" + rows)
+print(matcal.inspect(folder / "uniaxial.txt")["layout"])
+print(matcal.export(matcal.MaterialCard("foam", matcal.Hyperfoam([12e3], [2.0], [0.0])), "marks").text.splitlines()[-1])
+(folder / "scene.toml").write_text("[punch]\\nprofile = 'dome'\\n")
+values = np.arange(416.0)
+(folder / "press.f16").write_bytes(b"HEADER00" + values.tobytes())
+print(eitsim.open_recording(folder / "press.f16").readings[1, 3])
+scene = eitsim.read_scene(folder / "scene.toml")
+print(scene.punches[0].profile)
+"""
+    done = subprocess.run([sys.executable, "-W", "error", "-c", used, str(installed)], capture_output=True, text=True,
+                          check=False)
+    assert done.stdout.split("\n")[:4] == ["bench", "12000 2", "211.0", "dome"], done.stderr
+
+
+def test_a_part_that_cannot_be_imported_is_named(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(installed))
+    importlib.invalidate_caches()
+    with pytest.warns(UserWarning, match=r"'broken' of touchcal\.laws is left out: my_parts:Nothing"):
+        assert added("laws") == {}
+
+
+def test_nothing_is_added_where_no_package_adds(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [added(kind) for kind in KINDS] == [{}] * len(KINDS)
