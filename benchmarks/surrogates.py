@@ -32,7 +32,7 @@ from surrogate.learners.network import MOST, ROBUST
 from surrogate.learners.registry import METHODS
 from surrogate.learners.signal_features import features, fit_directions, sound_components
 from surrogate.model.evaluate import evaluate
-from surrogate.model.model import Model
+from surrogate.model.sweep_model import SweepModel
 from surrogate.model.train import train
 from surrogate.statistics.metrics import Array, rms
 
@@ -93,7 +93,7 @@ def against_scenes(samples: Samples, method: str) -> Iterator[dict[str, object]]
         yield from scored(model, unseen, "all", epochs)
 
 
-def scored(model: Model, samples: Samples, part: str, steps: int | None) -> Iterator[dict[str, object]]:
+def scored(model: SweepModel, samples: Samples, part: str, steps: int | None) -> Iterator[dict[str, object]]:
     """One row an output."""
     found = evaluate(model, samples)
     radius = dict(zip(samples.scene.tolist(), np.hypot(*samples.target[:, :2].T).tolist(), strict=True))

@@ -12,15 +12,14 @@ import numpy as np
 from surrogate.live.controls import Limits
 from surrogate.live.moments import Moment
 from surrogate.live.pictured import pictured
+from surrogate.model.model import Model
 from surrogate.model.tracking.tracked import CALIBRATING, TOUCH, UNREADABLE, Tracked
-from surrogate.model.trained import TrainedModel
-from surrogate.recordings.trained.train_reader import TrainedReader
 
 # Names of the touch's values, and their units in SI
 VALUES = {"x_mm": 1e3, "y_mm": 1e3, "d_mm": 1e3, "F_N": 1.0}
 
 
-def hello(model: TrainedModel | TrainedReader, limits: Limits | None, source: str,
+def hello(model: Model, limits: Limits | None, source: str,
           noise_V: float = 0.0) -> dict[str, Any]:
     """The sensor, what may be pressed, the noise to begin with, and where the readings come from: "simulated",
     "learned", "recorded", "streamed" or "exported"."""

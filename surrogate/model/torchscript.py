@@ -15,13 +15,13 @@ from surrogate.learners.bayesian_network.min_max import MinMax
 from surrogate.learners.network import FeatureNetworks
 from surrogate.learners.signal_features import Directions
 from surrogate.learners.trainbr import Trainbr
-from surrogate.model.model import Model
+from surrogate.model.sweep_model import SweepModel
 
 if TYPE_CHECKING:
     from torch import nn
 
 
-def network_module(model: Model) -> nn.Module:
+def network_module(model: SweepModel) -> nn.Module:
     """(n, readings) differences to the untouched frame, V, float64 -> (n, outputs) in the outputs' units.
 
     ValueError for a method that is no network, or where PyTorch is missing.
@@ -35,7 +35,7 @@ def network_module(model: Model) -> nn.Module:
                      "`surrogate predict` reads the others.")
 
 
-def write(model: Model, path: Path) -> dict[str, str]:
+def write(model: SweepModel, path: Path) -> dict[str, str]:
     """Write the network as TorchScript, for torch.jit.load in Python or C++, and return what it takes and gives, its
     extra files inputs.txt and outputs.txt.
 

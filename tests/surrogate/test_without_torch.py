@@ -13,7 +13,7 @@ import pytest
 import surrogate
 from surrogate.data.samples import Samples
 from surrogate.model import torchscript
-from surrogate.recordings.trained import press_reader
+from surrogate.recordings import press_reader
 
 BLOCKED = """
 import sys

@@ -22,6 +22,7 @@ from surrogate.model.train import train
 from surrogate.model.trained import calibrated, estimate, interval_scale
 from surrogate.statistics.conformal import one_factor
 from touchcal.errors import InputFileError
+from touchcal.json_file import digest, file_digest
 
 NAMES = ("x0", "F", "delta_max")
 EPOCHS = {"trainbr": 60, "network": 30}
@@ -219,10 +220,6 @@ def test_degenerate_rows(samples: Samples) -> None:
 def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=r"not a model: it holds no model\.json"):
         surrogate.load(tmp_path)
-    (tmp_path / "recording").mkdir()
-    (tmp_path / "recording" / "model.json").write_text('{"schema": 2, "method": "recording"}')
-    with pytest.raises(InputFileError, match=r"a model of a recording: read it with `surrogate predict`.*load_reader"):
-        surrogate.load(tmp_path / "recording")
     models["ridge"].save(tmp_path / "model")
     text = json.loads((tmp_path / "model" / "model.json").read_text())
     (tmp_path / "model" / "model.json").write_text(json.dumps({**text, "schema": 99}))
@@ -239,6 +236,22 @@ def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path
     (tmp_path / "model" / "arrays.npz").write_text("no arrays")
     with pytest.raises(InputFileError, match="do not belong together, or one is damaged"):
         surrogate.load(tmp_path / "model")
+
+
+def test_a_model_of_the_schema_before_is_read(models: dict[str, Model], samples: Samples, tmp_path: Path) -> None:
+    models["ridge"].save(tmp_path)
+    text = json.loads((tmp_path / "model.json").read_text())
+    old = {key: value for key, value in text.items() if key not in ("learnt_from", "arrays_sha256")} | {"schema": 13}
+    with np.load(tmp_path / "arrays.npz") as file:
+        arrays = {name: file[name] for name in file.files}
+    np.savez(tmp_path / "arrays.npz", **arrays | {"description_sha256": np.array(digest(old))})
+    old["arrays_sha256"] = file_digest(tmp_path / "arrays.npz")
+    (tmp_path / "model.json").write_text(json.dumps(old))
+    again = surrogate.load(tmp_path)
+    assert np.array_equal(estimate(again, samples.signal_V).value, estimate(models["ridge"], samples.signal_V).value)
+    (tmp_path / "model.json").write_text(json.dumps(old | {"schema": 12}))
+    with pytest.raises(InputFileError, match=r"schema 12, method 'ridge' is not one that this version reads .* again"):
+        surrogate.load(tmp_path)
 
 
 def test_both_files_of_a_model_are_tied(models: dict[str, Model], tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
 from surrogate.recordings.dead_channels import filled_without
-from surrogate.recordings.intervals import chosen, widened
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import counted, press_of_frames
@@ -23,7 +22,7 @@ from surrogate.recordings.scalar_reader import ScalarReader
 from surrogate.recordings.signals import FEWEST, Signals, flags
 from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
-from surrogate.statistics.conformal import conformal_scale
+from surrogate.statistics.conformal import chosen, conformal_scale, widened
 from touchcal.arrays import Array, Mask
 
 SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
