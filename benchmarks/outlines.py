@@ -35,7 +35,8 @@ from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.drive import as_tuples, read_out
 from eitsim.scene.electrodes import Electrodes, contact_impedances
 from eitsim.scene.outline import edge_distance_m
-from eitsim.scene.outline_electrodes import places_along, stretches_along
+from eitsim.scene.outline_edge import places_along
+from eitsim.scene.outline_electrodes import stretches_along
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Punch, Scene, Skin
 from matcal.laws.conductivity import Conductivity

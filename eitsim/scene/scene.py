@@ -137,8 +137,8 @@ class Scene:
         own = self.electrodes
         if self.body.has_outline and own.kind == "line" and not own.angles_rad and not any(
                 getattr(own, name) for name in PLACES):
-            even = tuple(k / own.count for k in range(own.count))
-            object.__setattr__(self, "electrodes", replace(own, shares=even))
+            even = tuple((-k if own.clockwise else k) % own.count / own.count for k in range(own.count))
+            object.__setattr__(self, "electrodes", replace(own, shares=even, clockwise=False))
 
 
 # table -> scene-file key -> (field, its units per SI unit); the one place where units of a scene file are converted
@@ -155,7 +155,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
     "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
     "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
                    "length_mm": ("length_m", 1e3), "first_angle_deg": ("first_angle_rad", 180 / math.pi),
-                   "angles_deg": ("angles_rad", 180 / math.pi), "missing": ("missing", None),
+                   "clockwise": ("clockwise", None), "angles_deg": ("angles_rad", 180 / math.pi),
+                   "missing": ("missing", None),
                    "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
                    "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0),
                    "positions_mm": ("positions_m", 1e3), "shares": ("shares", None), "x_mm": ("x_m", 1e3),

@@ -19,7 +19,8 @@ from eitsim.mechanics.rim.half_disc_fields import INWARDS, Lattice, lattice_of, 
 from eitsim.scene.electrodes import arcs, lengths
 from eitsim.scene.nearest_edge import nearest_edge
 from eitsim.scene.outline import corners_and_edges, loops
-from eitsim.scene.outline_electrodes import edge_starts, patch_loops, places_along, stretches_along
+from eitsim.scene.outline_edge import edge_starts, places_along
+from eitsim.scene.outline_electrodes import patch_loops, stretches_along
 from eitsim.scene.results import Array, Touch, Volume
 from eitsim.scene.scene import Body, Punch, Scene, as_scene, profile_of
 from eitsim.simulation.material import material_of

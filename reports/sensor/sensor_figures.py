@@ -15,7 +15,8 @@ from matplotlib.ticker import MaxNLocator
 from eitsim.electrics.cem.uneven_sheet import sheet_modes
 from eitsim.scene.electrodes import arcs, contact_impedances
 from eitsim.scene.outline import loops
-from eitsim.scene.outline_electrodes import places_along, stretches_along
+from eitsim.scene.outline_edge import places_along
+from eitsim.scene.outline_electrodes import stretches_along
 from eitsim.scene.scene import Body, Scene, from_edge_m
 from reports.document import style
 from reports.document.numerals import number, percent

@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from eitsim.scene.outline import loops
-from eitsim.scene.outline_electrodes import edge_starts, middles_m, patch_loops, places_along, stretches_along
+from eitsim.scene.outline_edge import edge_starts, places_along
+from eitsim.scene.outline_electrodes import middles_m, patch_loops, stretches_along
 from eitsim.scene.scene import Body, Scene
 from reports.document import style
 from touchcal.arrays import Array

@@ -25,7 +25,7 @@ from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.recorded.reader_evaluation import evaluate_reader
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import estimate, interval_scales
-from surrogate.statistics.conformal import describe_rows, few
+from surrogate.statistics.conformal import describe_rows, few, normal
 from surrogate.statistics.gaussian_process import spread_evenly
 from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Score, rms, score
 from touchcal.arrays import Array, Index, Mask
@@ -241,8 +241,9 @@ def _predictions(model: SweepModel, samples: Samples, noise: float
     predict_ms = (time.process_time() - begun) / len(samples) * 1e3
     scales = np.stack([scale.of(found.sd, found.near_edge) for scale in interval_scales(model, noise, COVERAGES)])
     part, target = parts_of(model, samples), samples.targets(model.names)
+    below, above = found.ends(scales, np.array([normal(coverage) for coverage in COVERAGES])[:, None, None])
     tables = [_long(model, samples.scene, part, k, target[:, k], found.value[:, k],
-                    (found.below * scales)[..., k], (found.above * scales)[..., k])
+                    below[..., k], above[..., k])
               for k in range(len(model.names))]
     return pd.concat(tables, ignore_index=True), predict_ms, _force_sd(model, found, part)
 

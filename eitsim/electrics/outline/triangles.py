@@ -15,7 +15,8 @@ from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.mesh.p2_triangles import EDGES, sides
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.outline import Outline, inside, loops
-from eitsim.scene.outline_electrodes import edge_starts, patch_loops, places_along, stretches_along
+from eitsim.scene.outline_edge import edge_starts, places_along
+from eitsim.scene.outline_electrodes import patch_loops, stretches_along
 from touchcal.errors import NotConverged
 
 _SAME = 1e-9  # Points of an edge closer than this share of its length are one.

@@ -1,6 +1,6 @@
 """The resistance that a recording holds: as its own column, as voltage over current, or relative to that at rest."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,7 @@ def _measured(recording: Recording, strip: Strip) -> Circuit:
         raise InputFileError(recording.paths[0], f"column '{name}' is {resistance[row]:.4g} Ohm in sample {row + 1}, "
                                                  "and a resistance is above 0. Delete the row.")
     found = _while_whole(recording, 1 / resistance, 1 / resistance, (f"Resistance by column '{name}'.",), name)
+    found = _with_ratio(found, recording)
     current = recording.columns.get("current")
     if current is None or ("potential" not in recording.columns and strip.voltage_V is None):
         return found
@@ -70,7 +71,24 @@ def _measured(recording: Recording, strip: Strip) -> Circuit:
         return found
     said = (f"Two measures of the resistance differ in {recording.label}: column '{name}' is used, and voltage over "
             f"current is {percent(abs(other), 2)} {'higher' if other > 0 else 'lower'} (median).")
-    return Circuit(found.resistance_Ohm, found.signal, found.notes, (said,))
+    return Circuit(found.resistance_Ohm, found.signal, found.notes, (*found.cautions, said))
+
+
+def _with_ratio(found: Circuit, recording: Recording) -> Circuit:
+    """With what is to be minded where a column of ratios to the resistance at rest contradicts that of resistance."""
+    ratio = recording.columns.get("relative_resistance")
+    if ratio is None:
+        return found
+    used = found.resistance_Ohm
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rest = used / ratio[:used.size]
+    off = float(np.ptp(rest) / abs(np.median(rest))) if np.all(np.isfinite(rest)) else np.inf
+    if off < _SAME:
+        return found
+    names = recording.names
+    return replace(found, cautions=(*found.cautions, f"Column '{names['resistance']}' of {recording.label} is used, "
+                                    f"and '{names['relative_resistance']}' is not it over one resistance at rest: that "
+                                    f"would change by {percent(off, 2)} from row to row."))
 
 
 def _relative(recording: Recording, strip: Strip) -> Circuit:
