@@ -3,8 +3,6 @@
 import itertools
 from collections.abc import Iterator
 
-import numpy as np
-
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import edge_gap_m, expected
@@ -133,7 +131,7 @@ def _hold(chosen: Chosen) -> Iterator[Choice]:
     hold = chosen.scene.hold
     yield Choice(Kind.HOLD_KEPT) if hold.keeps_deformation else Choice(Kind.HOLD_STEPPED, {"control": hold.control})
     yield Choice(Kind.LOADED_OVER, {"loading_s": hold.loading_s}) if hold.loading_s else Choice(Kind.LOADED_AT_ONCE)
-    if np.any(chosen.material.law.nu != 0):
+    if chosen.material.law.hencky_ratio != (0.0, True):
         yield Choice(Kind.ONE_RELAXATION, cost=None)
     yield Choice(Kind.NO_MEMORY, cost=None)
 

@@ -27,7 +27,7 @@ from eitsim.simulation.routes import (
     pair_problem,
 )
 from eitsim.simulation.validity import unresolvable
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.choice import Choice
 from touchcal.jit import cpu_s
 
@@ -46,7 +46,7 @@ class Way:
     near: bool  # whether edges count
     touch: Touch | None = None  # from a table; None where it is solved
 
-    def solved(self, law: Hyperfoam, keep: bool) -> Touch:
+    def solved(self, law: Law, keep: bool) -> Touch:
         """The touch."""
         return self.touch or self.route.solve(self.case, law, keep)
 
@@ -116,7 +116,7 @@ def tabled_near_edge(scene: Scene, reach: float) -> int:
                for way in ways)
 
 
-def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
+def served(table: Table | None, law: Law, scene: Scene) -> tuple[Touch | None, ...]:
     """The touches of a scene that a table holds to the requested error; None for each that is to be solved."""
     if table is None or scene.hold.time_s or (
             table.error.signal(scene.skin.strain) > TABLE_SHARE * scene.accuracy.signal):
@@ -142,7 +142,7 @@ def _for_a_pair(case: Case) -> Way:
     return Way(case, AXISYMMETRIC, near_edge(case))
 
 
-def _from_table(table: Table, law: Hyperfoam, scene: Scene, ways: Sequence[Way],
+def _from_table(table: Table, law: Law, scene: Scene, ways: Sequence[Way],
                 pairs: Sequence[Pair]) -> tuple[Way, ...]:
     """The ways with the touches that a table serves finely enough, with what each cost; one of a pair is taken where no
     edge counts."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, values_of
 from touchcal import cache
 from touchcal.array_store import from_arrays, to_arrays
 from touchcal.code_version import MECHANICS
@@ -19,10 +19,10 @@ from touchcal.jit import cpu_s
 
 _ELECTRIC = ("conductor", "contact_impedance_Ohm_m2")  # Fields of a punch that change no touch.
 # law, body, punch -> its touch
-Solve = Callable[[Hyperfoam, Body, Punch], Touch]
+Solve = Callable[[Law, Body, Punch], Touch]
 
 
-def kept_touch(how: str, solve: Solve, law: Hyperfoam, body: Body, punch: Punch, keep: bool) -> tuple[Touch, int]:
+def kept_touch(how: str, solve: Solve, law: Law, body: Body, punch: Punch, keep: bool) -> tuple[Touch, int]:
     """A touch solved this way and the nodes of its section; where it is to be kept the one that was before, with the
     CPU time that it took now and without displacements inside the foam. Where the cache cannot be used, the table
     of load paths that is kept there has said so."""
@@ -30,7 +30,7 @@ def kept_touch(how: str, solve: Solve, law: Hyperfoam, body: Body, punch: Punch,
         touch = solve(law, body, punch)
         return touch, _nodes(touch)
     begun = cpu_s()
-    key = {"touch": how, "law": [law.mu_Pa.tolist(), law.alpha.tolist(), law.nu.tolist()], "body": asdict(body),
+    key = {"touch": how, "law": [law.name, *values_of(law)], "body": asdict(body),
            "punch": {name: value for name, value in asdict(punch).items() if name not in _ELECTRIC}}
     arrays, _ = cache.kept(cache.key_of(key, MECHANICS), lambda: _bare(solve(law, body, punch)))
     touch, nodes = from_arrays(arrays)

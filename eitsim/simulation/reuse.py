@@ -13,7 +13,7 @@ from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Ta
 from eitsim.scene.scene import Scene, profile_of
 from eitsim.simulation.material import material_of
 from matcal.card import MaterialCard
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal import cache
 from touchcal.arrays import Array
 from touchcal.code_version import MECHANICS
@@ -67,7 +67,7 @@ def scene_shape(scene: Scene, card: MaterialCard) -> DimensionlessProblem:
         raise ValueError(f"{error} Leave out --reuse: the touch is then solved from rest.") from None
 
 
-def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) -> DimensionlessProblem:
+def shape_for(scene: Scene, law: Law, diameters_m: list[float], spans: bool) -> DimensionlessProblem:
     """The shape of all touches of a scene, for these diameters; ValueError where no load path serves them."""
     if scene.hold.time_s:
         raise ValueError("a hold (time_s in [hold]) is solved in time, not along a load path.")

@@ -31,7 +31,7 @@ from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Body, Punch, Scene, rim_gap_m
 from eitsim.simulation.edge_effects import EDGE_SHARE, added_edges_cost, effect_of_edges, other_edges_effect
 from eitsim.simulation.kept_touches import kept_touch
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from touchcal.choice import Choice
 
@@ -106,11 +106,11 @@ class Route(Protocol):
         """Whether a table of load paths, with what edges change as far as a reach, thicknesses, may hold it."""
         ...
 
-    def stored(self, case: Case, law: Hyperfoam, table: Table) -> Touch | None:
+    def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         """The touch from a table of load paths; None where it does not hold it to the requested error."""
         ...
 
-    def solve(self, case: Case, law: Hyperfoam, keep: bool) -> Touch:
+    def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         """The touch; `keep` keeps it by its content, and takes one that was. NotConverged where none is found."""
         ...
 
@@ -130,10 +130,10 @@ class Axisymmetric:
     def tabled(self, case: Case, reach: float) -> bool:
         return True
 
-    def stored(self, case: Case, law: Hyperfoam, table: Table) -> Touch | None:
+    def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         return touch_from(table, law, case.scene.body, case.punch)
 
-    def solve(self, case: Case, law: Hyperfoam, keep: bool) -> Touch:
+    def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         body, punch = case.scene.body, case.punch
         if not case.exact:
             with suppress(Unresolved):  # where the default mesh is too coarse to show the foam at the punch's edge
@@ -158,11 +158,11 @@ class NearestAlone:
     def tabled(self, case: Case, reach: float) -> bool:
         return case.straight
 
-    def stored(self, case: Case, law: Hyperfoam, table: Table) -> Touch | None:
+    def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         touch = touch_from(table, law, case.scene.body, case.punch)
         return touch and near_rim_from(_within(table, case.scene), touch, case.scene.body, case.punch)
 
-    def solve(self, case: Case, law: Hyperfoam, keep: bool) -> Touch:
+    def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         solve = partial(solve_near_rim, whole=case.exact)
         return kept_touch("near the rim", solve, law, case.scene.body, case.punch, keep)[0]
 
@@ -181,14 +181,14 @@ class AllEdges:
     def tabled(self, case: Case, reach: float) -> bool:
         return case.straight and added_edges_cost(case.scene, case.punch, reach) <= _of_changes(case.scene)
 
-    def stored(self, case: Case, law: Hyperfoam, table: Table) -> Touch | None:
+    def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         if table.rim is None or (touch := touch_from(table, law, case.scene.body, case.punch)) is None:
             return None
         cost = added_edges_cost(case.scene, case.punch, float(table.rim.gaps[-1]))
         return None if cost > _of_changes(case.scene) else near_edges_from(
             _within(table, case.scene), touch, case.scene.body, case.punch, cost)
 
-    def solve(self, case: Case, law: Hyperfoam, keep: bool) -> Touch:
+    def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         solve = partial(solve_near_rim, whole=case.exact, all_edges=True)
         return kept_touch("near several edges", solve, law, case.scene.body, case.punch, keep)[0]
 
@@ -214,7 +214,7 @@ class Pair:
     touches: tuple[int, int]
     edges: bool  # whether edges count
 
-    def solve(self, found: Sequence[Touch], law: Hyperfoam, scene: Scene, exact: bool) -> tuple[Touch, Touch]:
+    def solve(self, found: Sequence[Touch], law: Law, scene: Scene, exact: bool) -> tuple[Touch, Touch]:
         """Both with what each changes of the other."""
         i, j = self.touches
         return solved_together((found[i], found[j]), law, scene.body, (scene.punches[i], scene.punches[j]),
@@ -232,7 +232,7 @@ def pair_problem(body: Body, punches: Sequence[Punch]) -> Choice | None:
         edge_gap_m(*punches) < (LEAST_PAIR_GAP - _NEAR) * body.thickness_m) else None
 
 
-def held(route: Route, case: Case, law: Hyperfoam, series: Prony) -> list[tuple[float, Touch]]:
+def held(route: Route, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
     """A held touch by a route at the end of loading, fine enough at the times that the scene asks for."""
     hold, body, punch = case.scene.hold, case.scene.body, case.punch
     if hold.keeps_deformation:

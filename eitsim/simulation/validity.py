@@ -13,7 +13,7 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene, profile_of
 from eitsim.simulation.material import Material
 from matcal.laws.conductivity import Conductivity, conductivity
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.choice import Choice
 
 # Force over the foam's modulus times the square of the thickness or of the diameter, the larger, and depth over the
@@ -73,7 +73,7 @@ def _too_thin(body: Body, punch: Punch) -> Choice | None:
         "thickness_m": body.thickness_m, "diameter_m": punch.diameter_m, "count": count, "most": _MOST_ELEMENTS})
 
 
-def _too_light(body: Body, punch: Punch, law: Hyperfoam) -> Choice | None:
+def _too_light(body: Body, punch: Punch, law: Law) -> Choice | None:
     if punch.depth_m is not None:
         least_m = _LEAST_DEPTH * body.thickness_m
         return None if punch.depth_m >= least_m else Choice(Why.TOO_SHALLOW, {
