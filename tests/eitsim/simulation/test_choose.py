@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.rim.solve_near_rim import FULL_DISC
 from eitsim.scene.choices import Kind, Why
 from eitsim.scene.results import Plan, RimField, Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, scene_from
@@ -63,7 +64,9 @@ def seen_in(touch: Touch, body: Body) -> Kind:
         return Kind.ALL_EDGES if touch.rim.whole_turn else Kind.AXISYMMETRIC
     if touch.rim.whole_turn:
         return Kind.ALL_EDGES
-    return Kind.WHOLE_DISC if not body.has_outline and touch.rim.radius_m[-1] > body.radius_m else Kind.NEAREST_EDGE
+    assert touch.volume is not None
+    whole = not body.has_outline and touch.volume.amplitude_m.shape[-1] == FULL_DISC.harmonics
+    return Kind.WHOLE_DISC if whole else Kind.NEAREST_EDGE
 
 
 def check_solved(seed: int, *, exact: bool) -> None:
