@@ -10,8 +10,8 @@ from eitsim.scene.calibrated_electrodes import with_calibrated
 from eitsim.scene.drive import with_matrices
 from eitsim.scene.drive_pairs import with_pairs
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
-from eitsim.scene.outline import OUTLINES
 from eitsim.scene.outline_files import Corners, outline_of_file
+from eitsim.scene.polygons import KINDS
 from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number
 from touchcal.errors import InputFileError
@@ -51,7 +51,7 @@ def _with_outline(body: Mapping[str, Any], electrodes: Any, folder: Path) -> dic
         raise ValueError("mesh in [body]: a scene is a flat skin under a punch; mechanics on curved bodies is left "
                          "out. `eitsim solve-mesh` reads this table in the file of a curved skin.")
     name = body.get("outline")
-    if isinstance(name, str) and name not in OUTLINES and "." in name:
+    if isinstance(name, str) and name not in ("disc", *KINDS) and "." in name:
         if "points_mm" in body:
             raise ValueError(f"points_mm in [body] has no effect with outline = \"{name}\"; leave it out.")
         outer, holes = _corners(folder / name, body, electrodes)

@@ -158,7 +158,7 @@ def rim_refusal(scene: Scene, punch: Punch) -> str:
         problem = ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
                    "loading_s = 0")
     gap, allowed = rim_gap_m(scene.body, punch), RIM_SHARE * scene.accuracy.signal
-    if not problem or gap < LEAST_GAP * scene.body.radius_m:
+    if not problem or gap < LEAST_GAP * scene.body.edge.size_m:
         return problem and f"{problem}."
     near, edge = ("the nearest edge of the skin", "edges") if scene.body.has_outline else ("the rim", "the rim")
     return (f"the punch's edge is {gap * 1e3:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
@@ -168,7 +168,7 @@ def rim_refusal(scene: Scene, punch: Punch) -> str:
 
 def _advice(scene: Scene) -> str:
     gap = least_gap_m(scene)
-    inwards = f"move the punch inwards to a gap of {gap * 1e3:.0f} mm or " if gap < scene.body.radius_m else ""
+    inwards = f"move the punch inwards to a gap of {gap * 1e3:.0f} mm or " if gap < scene.body.edge.size_m else ""
     return f"{inwards}ask for less accuracy (a larger signal in [accuracy])"
 
 
@@ -207,7 +207,8 @@ def _decisions(scene: Scene, material: Material, reused: Sequence[Decision | Non
                        "signal by at most what the rim does, as high as the foam and fixed to the ground by up to 1.7 "
                        "times as much (benchmarks/rim_electrodes.py). Where a touch's dipole nearly vanishes both are "
                        "larger parts of its signal than the bound; soft = true in [electrodes] says that they give way"
-                       + ("; holes carry none" if scene.electrodes.kind == "line" and scene.body.holes_m else ""),
+                       + ("; holes carry none" if scene.electrodes.kind == "line" and
+                          len(scene.body.edge.loops) > 1 else ""),
                        max(stiffening(scene, punch) for punch in scene.punches),
                        remedy="Where yours give way, as paint, foil and thin wires do, write soft = true in "
                               "[electrodes].")
@@ -322,7 +323,7 @@ def _rim_decision(scene: Scene, punch: Punch, exact: bool) -> Decision:
         return _all_edges_decision(scene, punch)
     where = _from_edge(scene, punch)
     if scene.body.has_outline and near_rim(scene, punch):
-        nearest = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m))
+        nearest = nearest_edge(scene.body.outline, (punch.x_m, punch.y_m))
         straight = nearest.disc_m == STRAIGHT_M
         kind = "a straight one" if straight else f"part of a circle of {nearest.disc_m * 1e3:.0f} mm"
         return Decision("mechanics in three dimensions near one edge, as a change of the axisymmetric touch",

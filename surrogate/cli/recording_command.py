@@ -51,13 +51,14 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
         return
     known, file_kind = read_described_sensor(sensor)
     given = read_labels(labels) if labels is not None else None
-    if known.body.has_outline and (suggest, simulated) != (None, None):
+    is_disc = known.body.edge.is_round
+    if not is_disc and (suggest, simulated) != (None, None):
         raise ValueError(f"--suggest and --simulated are for discs, and the body of {sensor} has the outline "
-                         f"'{known.body.outline}'. Leave them out.")
+                         f"'{known.body.outline.kind}'. Leave them out.")
     if simulated is not None and given is not None and not {*PLACE} <= {*given.names}:
         raise ValueError(f"--simulated says how patterns depend on the place, and {labels} lacks {' or '.join(PLACE)}. "
                          "Add them, or leave it out.")
-    expectation = None if known.body.has_outline else expectation_of(known, simulated)
+    expectation = expectation_of(known, simulated) if is_disc else None
     ahead = None if suggest is None else next_presses(
         known.body.radius_m * 1e3, np.empty((0, 2)) if given is None else places_of(given), suggest)
     if given is None or (ahead is not None and len(given.touch) < FEWEST):
@@ -77,7 +78,7 @@ def train_recording(recording: Path, labels: Path | None, sensor: Path | None, s
             _print_suggested(ahead)
         raise
     if expectation is None:
-        model = replace(model, left_out=(*model.left_out, NO_DISC), skin=skin_of(known.body.shape, known.electrodes))
+        model = replace(model, left_out=(*model.left_out, NO_DISC), skin=skin_of(known.body.outline, known.electrodes))
     reader_store.save_reader(model, out)
     _write_suggested(ahead, out)
     if as_json:

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from eitsim.mechanics.load_paths.build_rim_table import GRID
-from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
+from eitsim.mechanics.load_paths.rim_table import changed_diameters, served_edge, within
 from eitsim.mechanics.load_paths.table import with_diameters
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
-from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
 from eitsim.scene.scene import Punch, Scene
 from eitsim.simulation.edge_effects import added_edges_cost, near_rim, several_edges
 from eitsim.simulation.material import material_of
@@ -160,15 +159,13 @@ def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
     """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes; with an
     outline, near straight edges."""
     rows = list(valid_scenes(design, _ROWS))
-    near = sum(_tabled(s, p) for s in rows for p in s.punches if near_rim(s, p))
+    near = sum(_tabled(shape, s, p) for s in rows for p in s.punches if near_rim(s, p))
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
 
 
-def _tabled(scene: Scene, punch: Punch) -> bool:
+def _tabled(shape: DimensionlessProblem, scene: Scene, punch: Punch) -> bool:
     """Whether a touch near the rim, or an edge, is one that a table of changes can serve."""
-    straight = not scene.body.has_outline or nearest_edge(
-        scene.body.shape, (punch.x_m, punch.y_m)).disc_m == STRAIGHT_M
-    if not straight or rim_refusal(scene, punch):
+    if served_edge(shape, scene.body, punch) is None or rim_refusal(scene, punch):
         return False
     return not several_edges(scene, punch) or (
         added_edges_cost(scene, punch, GRID.gaps[-1]) <= RIM_SHARE * scene.accuracy.signal)

@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eitsim.scene.electrodes import SHAPES, TOUCHING, Electrodes, check_sizes, lengths, require, turns, widths
-from eitsim.scene.outline import (
-    Outline,
+from eitsim.scene.polygons import (
+    Looped,
     centroid_m,
     circle,
     corners_and_edges,
     edge_distance_m,
     inside,
-    loops,
     touching,
 )
 from touchcal.arrays import Array
@@ -23,22 +22,28 @@ _CHORDS = 16  # Corners of a round electrode, which has the circle's area; of a 
 _CLOSEST = 1e-6  # Least gap between electrodes on the surface, or to an edge, over the outline's size.
 
 
-def edge_starts(outline: Outline) -> Array:
+def edge_starts(outline: Looped) -> Array:
     """Arc lengths (n + 1,), m, of the outer edge's corners from its first one, the whole length last."""
-    loop = loops(outline)[0]
+    loop = outline.loops[0]
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1))])
 
 
-def places_along(outline: Outline, arc_m: Array) -> Array:
+def places_along(outline: Looped, arc_m: Array) -> Array:
     """Points (..., 2), m, of the outer edge at arc lengths (...) from its first corner, counter-clockwise."""
-    loop, starts = loops(outline)[0], edge_starts(outline)
+    loop, starts = outline.loops[0], edge_starts(outline)
     closed, arc = np.vstack([loop, loop[:1]]), np.mod(arc_m, starts[-1])
     return np.stack([np.interp(arc, starts, closed[:, i]) for i in (0, 1)], axis=-1)
 
 
-def arcs_of(outline: Outline, points_m: Array) -> tuple[Array, Array]:
+def path_along(outline: Looped, first_m: float, last_m: float) -> Array:
+    """Points (n, 2), m, of the outer edge from one arc length to another, its corners between them among them."""
+    corners = edge_starts(outline)[None, :-1] + edge_starts(outline)[-1] * np.array([[-1], [0], [1]])
+    return places_along(outline, np.sort([first_m, last_m, *corners[(corners > first_m) & (corners < last_m)]]))
+
+
+def arcs_of(outline: Looped, points_m: Array) -> tuple[Array, Array]:
     """Arc lengths (n,), m, of the outer edge's points next to points (n, 2), and the distances (n,) to them, m."""
-    start = loops(outline)[0]
+    start = outline.loops[0]
     along = np.roll(start, -1, axis=0) - start
     squared = np.sum(along**2, axis=1)
     way = np.clip(np.sum((points_m[:, None] - start) * along, axis=-1) / squared, 0, 1)
@@ -48,12 +53,12 @@ def arcs_of(outline: Outline, points_m: Array) -> tuple[Array, Array]:
     return edge_starts(outline)[nearest] + way[own] * np.sqrt(squared[nearest]), away[own]
 
 
-def arc_at(outline: Outline, angle_rad: float) -> float:
+def arc_at(outline: Looped, angle_rad: float) -> float:
     """Arc length, m, of the outermost point of the outer edge in a direction from its centroid.
 
     ValueError where no part of the edge lies in that direction.
     """
-    loop, centre, starts = loops(outline)[0], centroid_m(outline), edge_starts(outline)
+    loop, centre, starts = outline.loops[0], centroid_m(outline), edge_starts(outline)
     way = np.array([math.cos(angle_rad), math.sin(angle_rad)])
     a, b = loop - centre, np.roll(loop, -1, axis=0) - centre
     left, right = way[0] * a[:, 1] - way[1] * a[:, 0], way[0] * b[:, 1] - way[1] * b[:, 0]
@@ -66,7 +71,7 @@ def arc_at(outline: Outline, angle_rad: float) -> float:
     return float(starts[k] + share[k] * (starts[k + 1] - starts[k]))
 
 
-def stretches_along(outline: Outline, electrodes: Electrodes) -> Array:
+def stretches_along(outline: Looped, electrodes: Electrodes) -> Array:
     """First and last arc length (count, 2), m, of line electrodes from the outer edge's first corner.
 
     Middles are those of `angles_rad`, or lie `positions_m` or `shares` of the length counter-clockwise from the
@@ -90,13 +95,13 @@ def stretches_along(outline: Outline, electrodes: Electrodes) -> Array:
     return ends
 
 
-def along_edge(outline: Outline, electrodes: Electrodes) -> Array:
+def along_edge(outline: Looped, electrodes: Electrodes) -> Array:
     """Middles (count,) of line electrodes as `positions_m` gives them: arc lengths from the direction of
     `first_angle_rad`, m."""
     return stretches_along(outline, electrodes).mean(axis=1) - arc_at(outline, electrodes.first_angle_rad)
 
 
-def with_positions(outline: Outline, electrodes: Electrodes, offset_m: ArrayLike = 0.0) -> Electrodes:
+def with_positions(outline: Looped, electrodes: Electrodes, offset_m: ArrayLike = 0.0) -> Electrodes:
     """Line electrodes given by `positions_m`, each further along the edge by an offset (count,), m."""
     positions = along_edge(outline, electrodes) + np.asarray(offset_m, dtype=float)
     return replace(electrodes, angles_rad=(), shares=(), positions_m=tuple(positions.tolist()))
@@ -132,14 +137,14 @@ def _rotation(turn: float) -> Array:
     return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
 
 
-def middles_m(outline: Outline, electrodes: Electrodes) -> Array:
+def middles_m(outline: Looped, electrodes: Electrodes) -> Array:
     """Middles (count, 2), m, of the electrodes."""
     if electrodes.kind == "surface":
         return np.array([loop.mean(axis=0) for loop in patch_loops(electrodes)])
     return places_along(outline, stretches_along(outline, electrodes).mean(axis=1))
 
 
-def check_on_outline(outline: Outline, electrodes: Electrodes) -> None:
+def check_on_outline(outline: Looped, electrodes: Electrodes) -> None:
     """ValueError where electrodes overlap, lie off the skin or cannot be as they are given; names the key."""
     require(electrodes.kind != "patch", "kind", "\"patch\" is a sector at the rim of a disc; with an outline give kind "
             "= \"line\", or \"surface\" with x_mm and y_mm")
@@ -159,7 +164,7 @@ def _check_line(electrodes: Electrodes) -> None:
             "has no effect with angles_deg; leave it out")
 
 
-def _check_patches(outline: Outline, electrodes: Electrodes) -> None:
+def _check_patches(outline: Looped, electrodes: Electrodes) -> None:
     require(len(electrodes.x_m) == len(electrodes.y_m) == electrodes.count, "x_mm and y_mm",
             f"must hold {electrodes.count} numbers each, one an electrode, got {len(electrodes.x_m)} and "
             f"{len(electrodes.y_m)}")
@@ -172,7 +177,7 @@ def _check_patches(outline: Outline, electrodes: Electrodes) -> None:
             f"between 0 and 180, got {math.degrees(electrodes.opening_rad):g}")
     patches = patch_loops(electrodes)
     start, end = corners_and_edges(outline)
-    least = _CLOSEST * float(np.ptp(loops(outline)[0], axis=0).max())
+    least = _CLOSEST * float(np.ptp(outline.loops[0], axis=0).max())
     middle = np.array([patch.mean(axis=0) for patch in patches])
     reach = np.array([np.linalg.norm(patch - at, axis=1).max() for patch, at in zip(patches, middle, strict=True)])
     room = edge_distance_m(outline, middle)
