@@ -195,11 +195,11 @@ def _why_alone(case: Case) -> Choice | None:
     if punch.friction != "none" and case.creeps:
         return Choice(Why.FRICTION_CREEPS, {"friction": punch.friction})
     why = _alone(replace(case, exact=False) if case.exact else case).route.serves(case)
-    if not isinstance(why, Choice) or case.gap_m < LEAST_GAP * scene.body.radius_m:
+    if not isinstance(why, Choice) or case.gap_m < LEAST_GAP * scene.body.edge.size_m:
         return why if isinstance(why, Choice) else None
     return replace(why, values={
         "gap_m": case.gap_m, "outline": scene.body.has_outline, "cost": case.by_edges, "allowed": case.allowed,
-        "clear_m": least_gap_m(scene), "radius_m": scene.body.radius_m})
+        "clear_m": least_gap_m(scene), "radius_m": scene.body.edge.size_m})
 
 
 def _why_neighbours(scene: Scene) -> Choice | None:
