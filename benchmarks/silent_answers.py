@@ -27,9 +27,10 @@ FORCE = PLACE + "force_N = [0.2, 1.8]\n"
 PUNCHES = {"single": LIST, "two touches": "place = { within_mm = 45, apart_mm = 30 }\n"
            "diameter_mm = { choice = [10, 14, 18] }\nforce_N = [0.2, 1.5]\n",
            "between": FORCE + "diameter_mm = { choice = [11, 13, 15, 17] }\n",
-           "larger": FORCE + "diameter_mm = [22, 26]\n",
-           "sphere": FORCE + 'profile = "sphere"\ndiameter_mm = [10, 18]\n',
-           "ellipse": FORCE + 'profile = "ellipse"\ndiameter_mm = [10, 18]\n'}
+           "larger": FORCE + "diameter_mm = { choice = [20, 22, 24, 26, 30] }\n",
+           "smaller": FORCE + "diameter_mm = { choice = [7, 8] }\n",
+           **{name: FORCE + f'profile = "{name}"\ndiameter_mm = [10, 18]\n'
+              for name in ("sphere", "cone", "ellipse")}}
 LIFTED = (1.05, 1.5, 5, 1000)
 LEVELS, BASELINES, LASTS = (80, 60), 200, 20.0
 Noise = Callable[[int], Array]

@@ -29,7 +29,8 @@ _LENGTHS = (Number(), [Number()])
 _BODY = Keys({}, {"radius_mm": Number(1e-3), "outline": str})
 _SENSOR = Keys({"body": _BODY, "skin": dict, "drive": dict, "electrodes": Keys({
     "kind": str, "count": Number(4, 64, whole=True), "width_mm": _LENGTHS}, {
-    "first_angle_deg": Number(), "angles_deg": [Number()], "positions_mm": [Number()], "soft": bool})})
+    "first_angle_deg": Number(), "clockwise": bool, "angles_deg": [Number()], "positions_mm": [Number()],
+    "soft": bool})})
 _SKIN = Keys({"card": (str, None), "size_error": Number(0, 10)}, {
     "of_card": dict, "count": Number(1, whole=True), "left_out": [str], "too_deep": [str], "odd": [str], "kept": [str],
     "centre_mm": [Number()], "turn_deg": Number(), "mirrored": bool, "unexplained": {str: Number(0)},
@@ -109,16 +110,16 @@ def _electrodes(sensor: Mapping[str, Any], values: Mapping[str, float]) -> dict[
     """[electrodes] as calibrated: even angles stay so where no electrode is displaced."""
     design = sensor["electrodes"]
     count, first, angles = design["count"], design.get("first_angle_deg", 0.0), design.get("angles_deg", [])
-    offset = _each("positions", count, values)
+    offset, clockwise = _each("positions", count, values), design.get("clockwise", False)
     if sensor["body"].get("outline", "disc") != "disc":
         if len(along := design.get("positions_mm", [])) != count:
             raise ValueError(f"positions_mm in sensor.electrodes must hold {count} numbers, got {len(along)}. {_FIX}")
         place = {"first_angle_deg": first, "positions_mm": (np.array(along) + offset).tolist()}
     elif angles or offset.any():
-        even = angles or first + 360 / count * np.arange(count)
+        even = angles or first + (-360 if clockwise else 360) / count * np.arange(count)
         place = {"angles_deg": (even + np.degrees(offset / sensor["body"]["radius_mm"])).tolist()}
     else:
-        place = {"first_angle_deg": first}
+        place = {"first_angle_deg": first, "clockwise": clockwise}
     width = np.broadcast_to(design["width_mm"], count) * np.exp(_one("width", values) + _each("widths", count, values))
     contact = np.exp(_each("contacts", count, values))
     return {"kind": design["kind"], "count": count, **place, "width_mm": width.tolist(),

@@ -27,8 +27,8 @@ TOUCHING = 1e-8
 
 @dataclass(frozen=True)
 class Electrodes:
-    """Electrodes along the rim, counter-clockwise: contacts of the rim itself, or sectors of the surface at it; or, on
-    a skin with an outline, patches anywhere on the surface."""
+    """Electrodes along the rim, one way round: contacts of the rim itself, or sectors of the surface at it; or, on a
+    skin with an outline, patches anywhere on the surface."""
 
     kind: str = "line"  # how they meet the skin, one of IMPEDANCES
     count: int = 16  # how many, missing ones too
@@ -36,6 +36,7 @@ class Electrodes:
     # length of patches from the rim inwards, or of a patch on the surface across its width, m
     length_m: PerElectrode = 0.01
     first_angle_rad: float = 0.0  # angle of the middle of the first one from +x, rad; the others follow at even steps
+    clockwise: bool = False  # whether even steps go clockwise
     angles_rad: tuple[float, ...] = ()  # (count,) angles of the middles from +x, rad; empty: at even steps
     contact_impedance_Ohm_m: PerElectrode = 1.0  # contact impedance of lines, Ohm m; infinite: no contact
     contact_impedance_Ohm_m2: PerElectrode = 1e-2  # contact impedance of patches, Ohm m^2; infinite: no contact
@@ -76,7 +77,17 @@ def middles(electrodes: Electrodes) -> Array:
     """Angles (count,) of the electrodes' middles from +x, rad."""
     if electrodes.angles_rad:
         return np.array(electrodes.angles_rad)
-    return electrodes.first_angle_rad + 2 * np.pi / electrodes.count * np.arange(electrodes.count, dtype=float)
+    step = (-2 if electrodes.clockwise else 2) * np.pi / electrodes.count
+    return electrodes.first_angle_rad + step * np.arange(electrodes.count, dtype=float)
+
+
+def round_the_rim(ends: Array) -> tuple[NDArray[np.intp], Array]:
+    """Electrodes (count,) with first and last angles (count, 2), rad, counter-clockwise from the first one, and the gap
+    (count,) after each of these."""
+    place = np.mod(ends.mean(axis=1) - ends[0].mean(), 2 * np.pi)
+    order = np.argsort(place, kind="stable")
+    half = np.diff(ends)[order, 0] / 2
+    return order, np.diff(place[order], append=2 * np.pi) - half - np.roll(half, -1)
 
 
 def contact_impedances(electrodes: Electrodes) -> Array:
@@ -90,7 +101,7 @@ def contact_impedances(electrodes: Electrodes) -> Array:
 def arcs(radius_m: float, electrodes: Electrodes) -> Array:
     """First and last angle (count, 2), rad, of the electrodes on a rim; ValueError where they overlap."""
     ends = middles(electrodes)[:, None] + widths(electrodes)[:, None] / (2 * radius_m) * np.array([-1.0, 1.0])
-    gaps = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi) - ends[:, 1]
+    order, gaps = round_the_rim(ends)
     if gaps.min() >= -TOUCHING:
         return ends
     k = int(np.argmin(gaps))
@@ -98,7 +109,7 @@ def arcs(radius_m: float, electrodes: Electrodes) -> Array:
     if not electrodes.angles_rad and np.ndim(electrodes.width_m) == 0:
         widest = math.floor(2e6 * math.pi * radius_m / electrodes.count) / 1e3
         fix = f"{electrodes.count} of them at radius_mm = {radius_m * 1e3:g} may be {widest:.3f} wide at most"
-    raise ValueError(f"width_mm in [electrodes]: electrodes {k} and {(k + 1) % electrodes.count} (from 0) overlap by "
+    raise ValueError(f"width_mm in [electrodes]: electrodes {order[k]} and {np.roll(order, -1)[k]} (from 0) overlap by "
                      f"{-gaps[k] * radius_m * 1e3:.3g} mm; {fix}.")
 
 
@@ -125,7 +136,7 @@ def present(electrodes: Electrodes) -> Electrodes:
     own |= {name: tuple(np.array(given)[kept].tolist()) for name in (*PLACES, "length_m", "shape", "turn_rad")
             if isinstance(given := getattr(electrodes, name), tuple) and given}
     if not any(name in own for name in PLACES):
-        own |= {"first_angle_rad": 0.0, "angles_rad": tuple(middles(electrodes)[kept].tolist())}
+        own |= {"first_angle_rad": 0.0, "clockwise": False, "angles_rad": tuple(middles(electrodes)[kept].tolist())}
     return replace(electrodes, count=int(kept.sum()), width_m=tuple(widths(electrodes)[kept].tolist()), missing=(),
                    **own)
 
@@ -157,14 +168,10 @@ def check(radius_m: float, electrodes: Electrodes) -> None:
     check_sizes(electrodes)
     require(np.ndim(electrodes.length_m) == 0 and 0 < electrodes.length_m < radius_m, "length_mm",  # type: ignore
             f"must be positive and less than radius_mm = {radius_m * 1e3:g}, got {np.max(electrodes.length_m) * 1e3:g}")
-    require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
-            "has no effect with angles_deg; leave it out")
-    steps = np.diff(middles(electrodes), append=middles(electrodes)[0] + 2 * np.pi)
-    require(bool(np.all(steps > 0)), "angles_deg", "must increase counter-clockwise, within "
-            "one turn; where the board counts clockwise, give the angles counter-clockwise from its electrode 0, and "
-            "call its electrode k of N number (N - k) mod N in pairs of [drive], so that 0 stays 0; or give the disc "
-            "as outline = \"rectangle\" with corner_radius_mm of half its width_mm and height_mm, where angles may "
-            "decrease")
+    steps = np.diff(middles(electrodes), append=middles(electrodes)[0])
+    turns = [float(np.mod(way * steps, 2 * np.pi).sum()) / (2 * np.pi) for way in (1, -1)]
+    require(any(round(turn) == 1 for turn in turns), "angles_deg", "must lie within one turn, all increasing "
+            "(counter-clockwise) or all decreasing (clockwise)")
     arcs(radius_m, electrodes)
 
 
@@ -185,6 +192,11 @@ def check_sizes(electrodes: Electrodes) -> None:
                 f"must hold {electrodes.count} numbers, one an electrode, got {found}{other}")
         require(key not in sizes or np.all(np.asarray(value) > 0), key, f"must be positive, got {np.min(value):g}")
     _check_kind(electrodes)
+    require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
+            "has no effect with angles_deg; leave it out")
+    given = [key for key in ("angles_deg", "positions_mm", "shares") if places[key]]
+    require(not (given and electrodes.clockwise), "clockwise", f"has no effect with {''.join(given[:1])}; leave it "
+            "out, and let the numbers decrease where electrodes count clockwise")
     for k in electrodes.missing:
         require(k in range(electrodes.count), "missing",
                 f"must hold numbers of electrodes, 0 to {electrodes.count - 1}, got {k}")
@@ -197,7 +209,8 @@ _IDLE = {
     "patch": {"contact_impedance_Ohm_m": "contact_impedance_Ohm_m", "shape": "shape", "turn_deg": "turn_rad",
               "opening_deg": "opening_rad"},
     "surface": {"contact_impedance_Ohm_m": "contact_impedance_Ohm_m", "angles_deg": "angles_rad",
-                "first_angle_deg": "first_angle_rad", "positions_mm": "positions_m", "shares": "shares"}}
+                "first_angle_deg": "first_angle_rad", "clockwise": "clockwise", "positions_mm": "positions_m",
+                "shares": "shares"}}
 
 # what has an effect in the place of a key that has none
 _INSTEAD = {"contact_impedance_Ohm_m2": "contact_impedance_Ohm_m (impedance times length)",

@@ -1,6 +1,7 @@
 """Outlines from files: points (CSV), a drawing (DXF, SVG) or a triangle mesh that meshio reads; lengths in mm."""
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from touchcal.errors import InputFileError
 _SAG_MM = 0.01  # Largest distance of a curve of a drawing from its chords, mm.
 _PER_INCH = 96.0  # User units of an SVG without units of its own.
 _MM = 25.4 / _PER_INCH
+_DRAWN = (".csv", ".dxf", ".svg")
 _CORNERS = {"triangle": 3, "quad": 4}
 _SAME_MM = 1e-3  # Ends of lines of a drawing closer than this are one corner, mm.
 
@@ -37,6 +39,19 @@ def outline_of_file(path: Path, unit_mm: float = 1.0) -> tuple[Corners, list[Cor
     found.sort(key=lambda loop: -abs(signed_area(loop)))
     outer, *holes = [loop.tolist() for loop in found]
     return outer, holes
+
+
+def line_groups(path: Path, unit_mm: float) -> dict[str, Array]:
+    """Name -> ends (lines, 2, 2), mm, of the lines of a mesh in each named group of lines."""
+    if path.suffix.lower() in _DRAWN:
+        return {}
+    mesh, found = read_mesh(path), defaultdict(list)
+    names = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 1}
+    for block, tags in zip(mesh.cells, mesh.cell_data.get("gmsh:physical", []), strict=False):
+        for tag in np.unique(tags) if block.type.startswith("line") else ():
+            if int(tag) in names:
+                found[names[int(tag)]].append(unit_mm * mesh.points[block.data[tags == tag, :2]][..., :2])
+    return {name: np.concatenate(lines) for name, lines in found.items()}
 
 
 def _csv(path: Path, unit_mm: float) -> list[Array]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.scene.scene import STRAINS
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 
 
@@ -81,7 +81,7 @@ class Section:
     elements: NDArray[np.int64]
     # (nodes, 2) displacement (u_r, u_z), m
     displacement_m: Array
-    law: Hyperfoam
+    law: Law
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class Volume:
     punch_m: float
     # angle of the direction that angles count from, from the x axis, rad
     bearing_rad: float
-    law: Hyperfoam
+    law: Law
     axis_m: Array  # (2,) x and y of the punch's axis, m
     # (edges, 2, 2) starts and ends of the edges of an outline, from the punch's axis, m; None on a disc
     edges_m: Array | None = None

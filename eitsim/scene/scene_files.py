@@ -1,5 +1,6 @@
 """The tables of a scene file with everything that they name in other files, or for short, written out."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ from eitsim.scene.calibrated_electrodes import with_calibrated
 from eitsim.scene.drive import with_matrices
 from eitsim.scene.drive_pairs import with_pairs
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
-from eitsim.scene.outline_files import Corners, outline_of_file
-from eitsim.scene.polygons import KINDS
+from eitsim.scene.outline_edge import arc_at, arcs_of, edge_starts
+from eitsim.scene.outline_files import Corners, line_groups, outline_of_file
+from eitsim.scene.polygons import KINDS, Looped, Loops, turned
+from touchcal.arrays import Array
 from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number
 from touchcal.errors import InputFileError
@@ -21,15 +24,21 @@ _PLACES, _SIZES = ("x_mm", "y_mm"), ("width_mm", "length_mm", "turn_deg", "conta
 
 _LEAST_MM = 2.0  # A skin whose longer side is shorter than this is not meant.
 _WIDTH_MM = 1e3 * float(np.max(Electrodes.width_m))
+_GIVEN = ("count", "width_mm", "first_angle_deg", "clockwise", "angles_deg", "positions_mm", "shares", "x_mm", "y_mm",
+          "grid", "places")
+_OFF = 1e-4  # Distance from the outer edge, and gap between a group's lines, over the edge's length.
+_NUMBERED = re.compile(r"(.*?)(\d+)")
 
 
 def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables of a scene, design or sensor file that need no other file from here on: matrices and pairs of [drive],
-    the outline of [body], and the grid, the places or the calibrated sensor of [electrodes] written out. Names are
-    relative to `folder`; ValueError names the key, InputFileError the file."""
+    the outline of [body], and the grid, the places, the groups of lines or the calibrated sensor of [electrodes]
+    written out. Names are relative to `folder`; ValueError names the key, InputFileError the file."""
     tables = with_calibrated(with_matrices(raw, folder), folder)
     if isinstance(body := tables.get("body"), Mapping):
         tables["body"] = _with_outline(body, tables.get("electrodes", {}), folder)
+        if isinstance(own := tables.get("electrodes", {}), Mapping):
+            tables |= _from_lines(own, body, tables["body"], folder)
     if isinstance(electrodes := tables.get("electrodes"), Mapping):
         tables["electrodes"] = _with_places(electrodes, folder)
     if isinstance(drive := tables.get("drive"), Mapping) and "pairs" in drive:
@@ -67,6 +76,60 @@ def _with_outline(body: Mapping[str, Any], electrodes: Any, folder: Path) -> dic
     return dict(body)
 
 
+def _from_lines(electrodes: Mapping[str, Any], body: Mapping[str, Any], read: Mapping[str, Any],
+                folder: Path) -> dict[str, Any]:
+    """The table [electrodes], `groups` replaced by the middles and widths of the lines of the outline's mesh that are
+    named so and numbered; InputFileError where groups look like electrodes and no key says where electrodes lie."""
+    name = next((body[key] for key in ("outline", "points_mm") if "." in str(body.get(key))
+                 and isinstance(body[key], str)), None)
+    if name is None:
+        if "groups" in electrodes:
+            raise ValueError("groups in [electrodes] needs a mesh that outline in [body] names; leave it out.")
+        return {}
+    path = folder / name
+    found = line_groups(path, body.get("unit_mm", 1.0))
+    names = sorted((name for name in found if _NUMBERED.fullmatch(name)), key=_number)
+    if "groups" not in electrodes:
+        if len(names) >= FEWEST and not {*_GIVEN[4:]} & set(electrodes):
+            raise InputFileError(path, f"it names groups of lines, {', '.join(names[:3])} ... If they are electrodes, "
+                                       f"write groups = \"{_prefix(names[0])}\" in [electrodes]; if not, give places "
+                                       "there, as shares.")
+        return {}
+    if other := [key for key in _GIVEN if key in electrodes]:
+        raise ValueError(f"{other[0]} in [electrodes] has no effect with groups; leave it out.")
+    chosen = [name for name in names if _prefix(name) == electrodes["groups"]]
+    if len(chosen) < FEWEST:
+        raise InputFileError(path, f"groups in [electrodes]: at least {FEWEST} groups of lines must be named "
+                                   f"{electrodes['groups']} and a number; it has {', '.join(found) or 'none'}.")
+    outline = Loops((turned(1e-3 * np.array(read["points_mm"], dtype=float), 1.0),))
+    places = [_along(path, name, 1e-3 * found[name], outline) for name in chosen]
+    kept = {key: value for key, value in electrodes.items() if key != "groups"}
+    made = {"positions_mm": [1e3 * middle for middle, _ in places], "width_mm": [1e3 * width for _, width in places]}
+    return {"electrodes": {**kept, "count": len(chosen), **made}}
+
+
+def _along(path: Path, name: str, lines_m: Array, outline: Looped) -> tuple[float, float]:
+    """Middle, from the direction +x counter-clockwise, and length, m, of lines along the outer edge."""
+    whole = edge_starts(outline)[-1]
+    arc, away = arcs_of(outline, lines_m.mean(axis=1))
+    length = np.linalg.norm(lines_m[:, 1] - lines_m[:, 0], axis=1)
+    from_first = np.mod(arc - arc[0] + whole / 2, whole) - whole / 2
+    width = float(np.max(from_first + length / 2) - np.min(from_first - length / 2))
+    if away.max() > _OFF * whole or abs(width - length.sum()) > _OFF * whole:
+        raise InputFileError(path, f"groups in [electrodes]: the lines of {name} are no one stretch of the outer edge. "
+                                   "Give the electrodes by positions_mm, or by x_mm and y_mm.")
+    middle = arc[0] + (np.max(from_first + length / 2) + np.min(from_first - length / 2)) / 2
+    return float(np.mod(middle - arc_at(outline, 0.0), whole)), width
+
+
+def _prefix(name: str) -> str:
+    return _NUMBERED.sub(r"\1", name)
+
+
+def _number(name: str) -> tuple[str, int]:
+    return _prefix(name), int(_NUMBERED.sub(r"\2", name))
+
+
 def _corners(path: Path, body: Mapping[str, Any], electrodes: Any) -> tuple[Corners, list[Corners]]:
     """The loops of a file, mm; InputFileError where no unit is stated and its numbers can be no mm: the skin is tiny,
     or the electrodes do not fit on its edge."""
@@ -86,7 +149,8 @@ def _corners(path: Path, body: Mapping[str, Any], electrodes: Any) -> tuple[Corn
 
 def _taken_mm(electrodes: Any) -> float:
     """Length of edge, mm, that evenly wide electrodes along it take; 0 for others."""
-    if not isinstance(electrodes, Mapping) or electrodes.get("kind", Electrodes.kind) != "line":
+    if not isinstance(electrodes, Mapping) or "groups" in electrodes or electrodes.get(
+            "kind", Electrodes.kind) != "line":
         return 0.0
     count, width = electrodes.get("count", Electrodes.count), electrodes.get("width_mm", _WIDTH_MM)
     return count * width if is_number(count) and is_number(width) else 0.0

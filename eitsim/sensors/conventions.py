@@ -5,8 +5,9 @@ pair is 0 and 1; where they move with the drive, the first source is 0. So a con
 say; where electrode 0 lies on the body, and which way round they count, it leaves open.
 """
 
+import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -36,14 +37,17 @@ class Convention:
     first: int  # source of the first pattern; or, rotating, electrodes from the source to the first one read
     advance: int  # 1 where the source moves on as the readings count, -1 the other way
     by_reading: bool = False  # whether a frame lists all patterns of the first reading, then of the second ...
+    then: int = 0  # `step` of a second drive, whose readings follow those of the first; 0 for one drive
 
     @property
     def pattern(self) -> str:
-        """The pattern as `[drive] pattern` names it."""
-        return pattern_name(self.step, self.count)
+        """The pattern as `[drive] pattern` names it; of two drives both."""
+        return " then ".join(pattern_name(step, self.count) for step in (self.step, self.then) if step)
 
     def pairs(self) -> Index:
         """(readings, 4) source, sink, plus and minus of each reading; minus MEAN for the mean of all electrodes."""
+        if self.then:
+            return np.concatenate([replace(self, step=step, then=0).pairs() for step in (self.step, self.then)])
         p, count = np.arange(self.patterns), self.count
         source = (self.advance * p + (0 if self.rotating else self.first)) % count
         sink = (source + self.step) % count
@@ -109,6 +113,24 @@ def conventions(readings: int, count: int) -> Iterator[Convention]:
                     if kept != "open":
                         yield Convention(*shape, True, first, advance)
                         yield Convention(*shape, True, first, advance, by_reading=True)
+    for step, then, kept in _two_drives(readings, count):
+        for rotating, first, advance in itertools.product((False, True), range(count), (1, -1)):
+            yield Convention(count, count, step, "pair", 1, kept, rotating, first, advance, then=then)
+
+
+def _two_drives(readings: int, count: int) -> list[tuple[int, int, str]]:
+    """Steps of two drives in turn, one of them to the neighbour, and what is kept, where a frame has that many
+    readings; of _ALL_FIRSTS electrodes at most."""
+    of = readings_of(count, count) if count <= _ALL_FIRSTS else {}
+    both = [order for step in range(2, count // 2 + 1) for order in ((1, step), (step, 1))]
+    return [(*steps, kept) for steps in both for kept in KEPT[:2]
+            if sum(of.get((step, "pair", 1, kept), 0) for step in steps) == readings]
+
+
+@lru_cache(maxsize=256)
+def counts_for_two(readings: int) -> tuple[int, ...]:
+    """As `counts_for`, where a frame has two drives in turn."""
+    return tuple(count for count in range(FEWEST, _ALL_FIRSTS + 1) if _two_drives(readings, count))
 
 
 @lru_cache(maxsize=256)

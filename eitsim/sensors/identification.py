@@ -68,7 +68,7 @@ def words_of(order: Order) -> dict[str, str]:
     """An order in words; electrodes count from 0 as the readings do."""
     pairs, count, one = order.pairs, order.count, order.convention
     step = np.unique(np.minimum((pairs[:, 1] - pairs[:, 0]) % count, (pairs[:, 0] - pairs[:, 1]) % count))
-    pattern = pattern_name(int(step[0]), count) if len(step) == 1 else "several drives"
+    pattern = one.pattern if one else pattern_name(int(step[0]), count) if len(step) == 1 else "several drives"
     if one is None and order.stated:
         said = "as the recording's file states"
         return {"pattern": pattern, "order": said, "turn": said, "direction": said}
@@ -118,7 +118,9 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
             kept, doubtful = fit.orders, fit.counts < 1
             if doubtful:
                 kept = _one_each([*kept, *reciprocal(profile, left)])
-                found = found if kind == "magnitude" or has_sign(profile) else "unknown"
+                sure = kind == "magnitude" or has_sign(profile) or (
+                    found == "magnitude" and len(kept) == 1 and _of_both_signs(kept[0]))
+                found = found if sure else "unknown"
             return Identified(kept, "disc" if skin is None else "skin", found, unexplained, fit.swapped, level,
                               doubtful and len(kept) > 1)
     if silent.any() and len(_one_each(left)) == 1:

@@ -10,7 +10,7 @@ from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import among_all, identical, present
 from eitsim.sensors import reading_checks
 from eitsim.sensors.companions import FEWEST, in_step, late_readings
-from eitsim.sensors.conventions import MEAN, counts_for
+from eitsim.sensors.conventions import MEAN, counts_for, counts_for_two
 from eitsim.sensors.identification import CERTAIN, Identified, has_sign, identified, stated
 from eitsim.sensors.order_evidence import not_taken, vouched
 from eitsim.sensors.outlined_skin import OutlinedSkin, on_body, outlined_skin, read_between
@@ -101,7 +101,8 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     profile = None if kind == "difference" else reading_checks.mean_frame(untouched if rows.any() else live)
     own = recording.pairs
     counts = (sensor.electrodes.count,) if sensor else (
-        counts_for(values.shape[1]) if own is None else (int(own.max()) + 1,))
+        tuple(sorted({*counts_for(values.shape[1]), *counts_for_two(values.shape[1])})) if own is None else (
+            int(own.max()) + 1,))
     skin = outlined_skin(sensor.body, sensor.electrodes) if sensor and sensor.body.has_outline and (
         profile is not None) else None
     silent = unmeasured(values)

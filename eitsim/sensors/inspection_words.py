@@ -173,7 +173,8 @@ def questions(found: Inspection) -> Iterator[str]:
     if one.sign == "unknown":
         yield ("Are readings plus less minus or the other way round? Differences alone do not say it; one untouched "
                "frame does." if found.kind == "difference" else
-               "Are readings plus less minus or the other way round? Without their order that is open.")
+               "Are readings plus less minus or the other way round? "
+               + ("Without their order that is open." if one.order is None else "The untouched frame does not say it."))
     if found.kind == "difference" and found.sensor is None:
         yield "Are these touched less untouched frames? Their signs look so. Say kind in [readings] of a sensor file."
     if _outlined(found):
@@ -215,12 +216,12 @@ def _renumbered(found: Inspection) -> str:
     if electrodes.kind != "line":
         return "List x_mm and y_mm in [electrodes] in the order of the readings, or correct the outline."
     if not _outlined(found):
-        return "Name the electrodes of each reading as the file numbers them, by pairs in [drive]."
+        return "List their angles_deg in [electrodes] in the order of the readings."
     order = (way * np.arange(electrodes.count) + turn) % electrodes.count
     places_mm = 1e3 * along_edge(body.outline, electrodes)[order]
     first = ", ".join(f"{place:.6g}" for place in places_mm[:_MOST_NAMED])
     return (f"List their places in [electrodes] in the order of the readings, positions_mm = [{first}, ...], or "
-            "correct the outline." + (" No first_angle_deg turns the way round." if way == -1 else ""))
+            "correct the outline.")
 
 
 def _drive_of(order: Order, sensor: Sensor) -> str:

@@ -3,7 +3,8 @@
 Readings that hold no measurement are those of driven electrodes, of dead electrodes or of dead channels: an order under
 which they are has the marginal likelihood of the few exceptions that are left. By reciprocity readings with drive and
 measurement exchanged are the same, whatever the body, and whatever is added to all readings. Both exclude orders before
-a disc compares those that are left, since no error of a model makes either.
+a disc compares those that are left, since no error of a model makes either. So does what a frame measures twice, most
+often with source and sink exchanged: readings that are the same by chance are few.
 """
 
 from collections.abc import Sequence
@@ -22,6 +23,8 @@ _ALIVE = 10.0  # odds against one more of them
 # Readings exchanged are the same where they are this close to each other, over their spread; orders under which they
 # are so many times farther from each other, and farther than the least that counts, are excluded.
 _RECIPROCAL, _FARTHER, _LEAST = 0.15, 3.0, 0.1
+# Readings taken twice are the same where they are this close to each other; one an electrode, at least.
+_TWICE = 0.05
 _MOSTLY = 0.5  # more than this part of the readings at driven electrodes is not taken by a board that takes none
 
 
@@ -37,6 +40,9 @@ def admitted(profile: Array | None, silent: Mask, orders: Sequence[Order]) -> li
             kept = [one for one, log in zip(kept, likely, strict=True) if log > likely.max() - CERTAIN]
     if profile is None:
         return kept
+    apart = np.array([repeated_apart(profile, one.pairs) for one in kept])
+    if (apart <= _TWICE).any():
+        kept = [one for one, far in zip(kept, apart, strict=True) if far <= max(_FARTHER * np.nanmin(apart), _TWICE)]
     apart = np.array([exchanged_apart(profile, one.pairs) for one in kept])
     least = np.nanmin(apart) if np.isfinite(apart).any() else np.inf
     if least > _RECIPROCAL:
@@ -50,9 +56,11 @@ def reciprocal(profile: Array, orders: Sequence[Order]) -> list[Order]:
 
 
 def vouched(profile: Array | None, silent: Mask, order: Order) -> bool:
-    """Whether readings that hold no measurement are those of driven electrodes under an order, or reciprocity holds."""
+    """Whether readings that hold no measurement are those of driven electrodes under an order, reciprocity holds, or
+    what is measured twice is the same."""
     none, *driven = _silences(order, silent)
-    return max(driven) > none + CERTAIN or (profile is not None and bool(reciprocal(profile, [order])))
+    return max(driven) > none + CERTAIN or (profile is not None and (
+        bool(reciprocal(profile, [order])) or repeated_apart(profile, order.pairs) <= _TWICE))
 
 
 def at_driven(pairs: Index) -> Mask:
@@ -122,16 +130,34 @@ def exchanged_apart(profile: Array, pairs: Index) -> float:
     their mean, 2-norms; NaN where fewer than a reading of each pattern have a counterpart."""
     if (pairs == MEAN).any():
         return np.nan
-    count = int(pairs.max()) + 1
-    drive, read = (np.sort(ends, axis=1) @ (count, 1) for ends in (pairs[:, :2], pairs[:, 2:]))
-    name, exchanged = drive * count**2 + read, read * count**2 + drive
+    count, name, exchanged = _names(pairs)
     order = np.argsort(name, kind="stable")
     place = order[np.minimum(np.searchsorted(name[order], exchanged), len(order) - 1)]
-    size = np.abs(profile)
-    there = (name[place] == exchanged) & (place > np.arange(len(pairs))) & np.isfinite(size) & np.isfinite(size[place])
-    if there.sum() < max(count / 2, 4):
+    there = (name[place] == exchanged) & (place > np.arange(len(pairs)))
+    return _apart(profile[there], profile[place[there]], max(count / 2, 4))
+
+
+def repeated_apart(profile: Array, pairs: Index) -> float:
+    """The same of readings of the same electrodes under the same drive, either way round; NaN where they are fewer than
+    the electrodes."""
+    count, name, _ = _names(pairs)
+    order = np.argsort(name, kind="stable")
+    again = np.diff(name[order]) == 0
+    return _apart(profile[order[:-1][again]], profile[order[1:][again]], count)
+
+
+def _names(pairs: Index) -> tuple[int, Index, Index]:
+    """How many electrodes there are, and (readings,) a number of each drive and reading, and of the two exchanged."""
+    count = int(pairs.max()) + 1
+    drive, read = (np.sort(ends, axis=1) @ (count + 1, 1) for ends in (pairs[:, :2], pairs[:, 2:]))
+    return count, drive * (count + 1) ** 2 + read, read * (count + 1) ** 2 + drive
+
+
+def _apart(one: Array, other: Array, fewest: float) -> float:
+    both = np.isfinite(one) & np.isfinite(other)
+    one, other = np.abs(one[both]), np.abs(other[both])
+    if both.sum() < fewest:
         return np.nan
-    one, other = size[there], size[place[there]]
     middle = (one.mean() + other.mean()) / 2
     spread = np.sum((one - middle) ** 2) + np.sum((other - middle) ** 2)
     return float(np.sqrt(2 * np.sum((one - other) ** 2) / spread)) if spread else np.nan

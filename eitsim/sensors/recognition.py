@@ -196,7 +196,7 @@ def _compared(profile: Array, orders: Sequence[Order], signed: bool, level: bool
     losses, signs = np.full(len(orders), np.inf), np.zeros(len(orders), dtype=np.intp)
     groups: dict[tuple[int, int, bool], list[int]] = {}
     for k, one in enumerate(orders):
-        step = one.convention.step if one.convention else 0
+        step = one.convention.step if one.convention and not one.convention.then else 0
         groups.setdefault((one.count, step, driven(one.pairs)), []).append(k)
     for (count, step, on_driven), members in groups.items():
         pairs = np.array([orders[k].pairs for k in members])

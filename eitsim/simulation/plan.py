@@ -4,8 +4,6 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from eitsim.electrics.cem.boundary_integral import unsolvable
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
@@ -29,7 +27,7 @@ from eitsim.simulation.edge_effects import (
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.validity import positive_from, unresolvable
 from matcal.card import MaterialCard
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 
 ONE_CARD = "one card, not its uncertainty"  # What scenes with one card leave out, whatever it is.
 _NEIGHBOUR_SHARE = 0.5  # Part of the requested signal error that solving touches separately may use up.
@@ -389,7 +387,7 @@ def _moduli_decision(scene: Scene, material: Material) -> Decision:
     return Decision("no viscoelasticity", reason, 0.0)
 
 
-def _hold_decisions(scene: Scene, law: Hyperfoam) -> Iterator[Decision]:
+def _hold_decisions(scene: Scene, law: Law) -> Iterator[Decision]:
     hold = scene.hold
     if hold.keeps_deformation:
         yield Decision("a hold at constant depth, without steps in time", "at a kept deformation every stress falls by "
@@ -401,7 +399,7 @@ def _hold_decisions(scene: Scene, law: Hyperfoam) -> Iterator[Decision]:
     yield Decision("loaded at once" if hold.loading_s == 0 else "loaded " + ramp,
                    "loading_s in [hold] is 0; instantaneous moduli" if hold.loading_s == 0 else
                    "stepped in time; instantaneous moduli at its start", 0.0)
-    if np.any(law.nu != 0):
+    if law.hencky_ratio != (0.0, True):
         yield Decision("shear and bulk relax in the same way", "the card has one Prony series; for nu other than 0 "
                        "the cost is unknown and not in the bound", 0.0, unbounded=True)
     yield Decision("the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows "

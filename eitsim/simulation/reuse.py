@@ -17,7 +17,7 @@ from eitsim.scene.scene import Punch, Scene, profile_of
 from eitsim.simulation.edge_effects import added_edges_cost, near_rim, several_edges
 from eitsim.simulation.material import material_of
 from matcal.card import MaterialCard
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal import cache
 from touchcal.arrays import Array
 from touchcal.code_version import MECHANICS
@@ -76,7 +76,7 @@ def scene_shape(scene: Scene, card: MaterialCard) -> DimensionlessProblem:
         raise ValueError(f"{error} Leave out --reuse: the touch is then solved from rest.") from None
 
 
-def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: bool) -> DimensionlessProblem:
+def shape_for(scene: Scene, law: Law, diameters_m: list[float], spans: bool) -> DimensionlessProblem:
     """The shape of all touches of a scene, for these diameters; ValueError where no load path serves them."""
     if scene.hold.time_s:
         raise ValueError("a hold (time_s in [hold]) is solved in time, not along a load path.")
@@ -93,7 +93,7 @@ def shape_for(scene: Scene, law: Hyperfoam, diameters_m: list[float], spans: boo
     return shapes.pop()
 
 
-def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | None, ...]:
+def served(table: Table | None, law: Law, scene: Scene) -> tuple[Touch | None, ...]:
     """The touches of a scene that a table holds to the requested error; None for each that is to be solved."""
     if table is None or scene.hold.time_s or (
             table.error.signal(scene.skin.strain) > TABLE_SHARE * scene.accuracy.signal):
@@ -101,7 +101,7 @@ def served(table: Table | None, law: Hyperfoam, scene: Scene) -> tuple[Touch | N
     return tuple(_served(table, law, scene, punch) for punch in scene.punches)
 
 
-def _served(table: Table, law: Hyperfoam, scene: Scene, punch: Punch) -> Touch | None:
+def _served(table: Table, law: Law, scene: Scene, punch: Punch) -> Touch | None:
     touch = touch_from(table, law, scene.body, punch)
     if touch is None or not near_rim(scene, punch):
         return touch

@@ -23,7 +23,7 @@ from eitsim.simulation.touches import fine_enough, held_touch, solved_touches
 from eitsim.simulation.validity import check_positive
 from matcal.card import MaterialCard, as_card, lacking
 from matcal.laws.conductivity import Conductivity
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.errors import NotConverged
 from touchcal.jit import compilation_s, cpu_s
 
@@ -139,7 +139,7 @@ def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fa
         "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})
 
 
-def _stored(table: Table | None, law: Hyperfoam, scene: Scene) -> list[Touch | None]:
+def _stored(table: Table | None, law: Law, scene: Scene) -> list[Touch | None]:
     """The touches that a table serves finely enough, with what each cost, changes by the rim too; None for each that is
     to be solved."""
     begun = cpu_s()

@@ -22,7 +22,7 @@ from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Body, Punch, Scene
 from eitsim.simulation.edge_effects import near_rim, several_edges
 from eitsim.simulation.plan import near_edges
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, values_of
 from matcal.laws.prony import Prony
 from touchcal import cache
 from touchcal.array_store import from_arrays, to_arrays
@@ -33,10 +33,10 @@ MECHANICS_SHARE = 0.8  # Part of the requested signal error that the mechanics m
 _MOST_NODES = 6000  # Nodes of a mesh that may still be halved: four times as many took 430 MB for 5700.
 _ELECTRIC = ("conductor", "contact_impedance_Ohm_m2")  # Fields of a punch that change no touch.
 # law, body, punch -> its touch
-Solve = Callable[[Hyperfoam, Body, Punch], Touch]
+Solve = Callable[[Law, Body, Punch], Touch]
 
 
-def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None], groups: Sequence[tuple[int, ...]],
+def solved_touches(law: Law, scene: Scene, stored: Sequence[Touch | None], groups: Sequence[tuple[int, ...]],
                    exact: bool, *, keep: bool = False) -> tuple[Touch, ...]:
     """All touches, each alone, and what those of a group, solved together, change of each other; `keep` keeps those
     that are solved alone and takes those that were."""
@@ -52,7 +52,7 @@ def solved_touches(law: Hyperfoam, scene: Scene, stored: Sequence[Touch | None],
     return tuple(touches)
 
 
-def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: bool = False,
+def _touch(law: Law, scene: Scene, punch: Punch, exact: bool, *, paired: bool = False,
            keep: bool = False) -> Touch:
     """A touch on the default mesh, and on one of half its element size where that misses the requested error or is not
     exact; where no neighbour is solved together with it, in three dimensions near the rim and, where that is built, to
@@ -71,7 +71,7 @@ def _touch(law: Hyperfoam, scene: Scene, punch: Punch, exact: bool, *, paired: b
     return _kept("finer mesh", finer, law, scene.body, punch, keep)[0]
 
 
-def _kept(how: str, solve: Solve, law: Hyperfoam, body: Body, punch: Punch, keep: bool) -> tuple[Touch, int]:
+def _kept(how: str, solve: Solve, law: Law, body: Body, punch: Punch, keep: bool) -> tuple[Touch, int]:
     """A touch solved this way and the nodes of its section; where it is to be kept the one that was before, with the
     CPU time that it took now and without displacements inside the foam. Where the cache cannot be used, the table
     of load paths that is kept there has said so."""
@@ -79,7 +79,7 @@ def _kept(how: str, solve: Solve, law: Hyperfoam, body: Body, punch: Punch, keep
         touch = solve(law, body, punch)
         return touch, _nodes(touch)
     begun = cpu_s()
-    key = {"touch": how, "law": [law.mu_Pa.tolist(), law.alpha.tolist(), law.nu.tolist()], "body": asdict(body),
+    key = {"touch": how, "law": [law.name, *values_of(law)], "body": asdict(body),
            "punch": {name: value for name, value in asdict(punch).items() if name not in _ELECTRIC}}
     arrays, _ = cache.kept(cache.key_of(key, MECHANICS), lambda: _bare(solve(law, body, punch)))
     touch, nodes = from_arrays(arrays)
@@ -100,7 +100,7 @@ def _refinable(nodes: int, punch: Punch) -> bool:
     return nodes <= _MOST_NODES and punch.friction == "none"
 
 
-def held_touch(law: Hyperfoam, series: Prony, scene: Scene, punch: Punch, exact: bool) -> list[tuple[float, Touch]]:
+def held_touch(law: Law, series: Prony, scene: Scene, punch: Punch, exact: bool) -> list[tuple[float, Touch]]:
     """A held touch as `_touch`, fine enough at the times that the scene asks for."""
     if scene.hold.keeps_deformation:
         return kept(series, scene.hold, _touch(law, scene, punch, exact))

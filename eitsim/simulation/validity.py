@@ -13,7 +13,7 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene, profile_of
 from eitsim.simulation.material import Material
 from matcal.laws.conductivity import Conductivity, conductivity
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 
 # Force over the foam's modulus times the square of the thickness or of the diameter, the larger, and depth over the
 # thickness, below which a touch is lost in rounding; a hundredth of either was still solved (Table 1, 14 mm).
@@ -76,7 +76,7 @@ def _too_thin(body: Body, punch: Punch) -> str:
             "mm or more, or a smaller punch.")
 
 
-def _too_light(body: Body, punch: Punch, law: Hyperfoam) -> str:
+def _too_light(body: Body, punch: Punch, law: Law) -> str:
     if punch.depth_m is not None:
         least_m = _LEAST_DEPTH * body.thickness_m
         return "" if punch.depth_m >= least_m else (

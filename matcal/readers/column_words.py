@@ -14,7 +14,7 @@ HEADS = {
         时间, 時間, 時刻, 시간, 경과시간, thời gian""",
     "displacement": """
         displacement, crosshead, cross head, extension, ext, position, pos, disp, displ, travel, stroke, deflection,
-        distance, separation, grip to grip separation, tool distance, indentation, actuator,
+        distance, separation, grip to grip separation, tool distance, indentation, actuator, lvdt,
         weg, verschiebung, traverse, traversenposition, verlängerung, längenänderung, längung, hub, position,
         eindringweg,
         déplacement, course, allongement, enfoncement, flèche,
@@ -105,7 +105,8 @@ QUALIFIERS = """
     abs raw net mean filtered tool grip specimen sample compressive compression tensile tension flexure
     flexural bending shear nominal engineering eng normal vertical uniaxial biaxial planar piola volumetric volume axial
     stroke travel displacement extensometer extenso video laser optical dic clip gauge z we smu smua smub source sense
-    channel ch analog input output 4-wire 2-wire from preload working electrode value signal
+    channel ch analog input output dic xx yy zz wire 4-wire 2-wire 4wire 2wire 4w 2w four two point terminal probe
+    kelvin pt from preload working electrode value signal
     gleichmass prüf pruf absolut abs gemessen gesamt aktuell nominell nominelle technische axiale f
     axiale nominale totale total réel de la du traverse machine essai mesurée mesuré corrigé verin vérin
     unitaria unitario ingenieril ingeniería nominal axil de del la máquina ensayo ensayo total transcurrido medida
@@ -128,14 +129,21 @@ GLUED = """
     압축 인장 시험 축 공칭 경과 굽힘"""
 
 # names of one quantity in order of preference, where a file has several
+ON_SPECIMEN = r".*(extenso|video|optic|laser|\bdic\b|\bclip|gau?ge|feindehn|ansetz|lvdt|标距).*"
 PREFERRED = {"time": (r"time|t|(lauf|pruf|versuchs)zeit|zeit|temps|时间|時間", r"(running|test|elapsed|total) time"),
-             "displacement": (r"(?!.*(\babs|separation)).*",), "potential": (r"(?!.*applied).*",)}
+             "displacement": (r"(?!.*(\babs|separation)).*",), "strain": (ON_SPECIMEN,),
+             "potential": (r"(?!.*applied).*",),
+             "resistance": (r".*(\b(4|four)[ -]?(w|wire|p|pt|point|probe|terminal)\b|kelvin).*",)}
 # quantity -> what the columns are of which the preferred is used although the other differs
 SECOND_CHOICE = {"time": "another clock", "displacement": "the absolute position of the frame",
                  "potential": "what was applied, not what was measured"}
+# quantity -> what its other columns hold where the first choice was measured on the specimen alone
+HOLDS_MORE = {"strain": "what else gives way", "resistance": "leads and contacts"}
 
 # names of what is known and not used by any test -> how it is called; each matched against a whole plain name
+SCATTER = r".+ (std|std ?dev|sd|stdabw|standard deviation|standard error|standardabweichung|ecart type)"
 UNUSED = (
+    ("a standard deviation", SCATTER),
     ("a temperature", r"(.* )?(temperatures?|temp|temperaturen?|temperatur[ae]|lampotila|sicaklik|teplota|hofok)( .*)?"
                       r"|.*(温度|溫度|온도|температура).*"),
     ("a frequency", r"(angular |test )?(frequency|freq|frequenz|kreisfrequenz|frequence|frecuencia|frequencia|frequenza"

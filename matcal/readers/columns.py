@@ -9,7 +9,7 @@ import numpy as np
 
 from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
-from matcal.readers.column_words import SECOND_CHOICE
+from matcal.readers.column_words import HOLDS_MORE, SECOND_CHOICE
 from matcal.readers.complete_rows import complete
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
@@ -39,8 +39,16 @@ from touchcal.errors import InputFileError
 
 _LOOKED = 100  # rows that show how numbers are written
 _SAME = 1e-3  # two columns of one quantity that differ by no more than this share of their range are one
+_ANOTHER = 2.0  # ratio of two measures of one thing from which on they are of two things, as along and across
+_OTHER_UNIT = 4.0  # ratio of the ranges of two columns of one quantity from which on they have two units
+_INVERSE = {"a conductance": "a resistance", "a resistivity": "a conductivity"}
+_TOGETHER = 0.95  # correlation from which on two columns run in the same way
+_SHIFTED = {"time", "displacement", "force", "strain", "stretch", "stress"}  # quantities whose zero is found
+_MEASURED = {"strain", "stretch", "stress", "displacement", "force", "resistance"}
+_ORDERED = re.compile(r"\bset|soll|command|demand|target|peak|\bmax|\bmin|limit|consigne|specif")
 _UNITS = {"Pa": "MPa", "m": "mm", "N": "N", "s": "s", "A": "A", "V": "V", "ohm": "ohm", "S/m": "S/m"}
-_PAIRS = (("stretch", "stress"), ("strain", "stress"), ("displacement", "force"), ("time", "current"))
+_PAIRS = (("stretch", "stress"), ("strain", "stress"), ("displacement", "force"), ("time", "current"),
+          ("strain", "resistance"), ("stretch", "resistance"), ("displacement", "resistance"))
 
 
 @dataclass(frozen=True)
@@ -65,7 +73,7 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
                  notes: Sequence[str] = ()) -> Recording:
     """The recording of a grid; InputFileError where columns cannot be distinguished, a unit is missing or of something
     else, a cell is no finite number, or values cannot be what their name says."""
-    said = list(notes)
+    said, warned = list(notes), list[str]()
     header = _widened(grid, header, said)
     if selection is not None and selection.columns:
         columns = _selected(grid, header, selection)
@@ -73,7 +81,7 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
                                                      for q, c in columns.items()) + ".")
         header = _shortened(grid, header, columns, said)
     else:
-        columns = _recognised(grid, header, said)
+        columns = _recognised(grid, header, said, warned)
     grid, rows = complete(grid, header.rows, {column.index: column.name for column in columns.values()}, said)
     header = Header(header.cells, header.line, rows)
     labelled, labels = labels_of(grid, [name for name, _ in header.cells], header.rows)
@@ -89,7 +97,6 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         said += _about(grid, quantity, column)
     _add_changes(columns, values, said)
     names = {quantity: column.name for quantity, column in columns.items()}
-    warned: list[str] = []
     check_credible(grid, header.line, values, names, units, said, warned, flag_for(grid, header),
                    _in_percent(grid, columns), chosen=selection is not None and bool(selection.columns))
     return Recording(paths=(grid.path,), vendor=vendor, columns=values, names=names, units=units,
@@ -195,7 +202,7 @@ def _shortened(grid: Grid, header: Header, columns: Mapping[str, _Column], said:
     return Header(header.cells, header.line, range(header.rows.start, end))
 
 
-def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Column]:
+def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) -> dict[str, _Column]:
     """Quantity -> column, by name; of several of one quantity the preferred, where they say the same."""
     found: dict[str, list[_Column]] = {}
     if is_dynamic(tuple(name for name, _ in header.cells)):
@@ -213,17 +220,22 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
     true = [(quantity, name) for name, _ in header.cells if (quantity := true_quantity(name)) is not None]
     if true and not ({"strain", "stress"} <= set(found) or {"displacement", "force"} <= set(found)):
         raise _true(grid, header, *true[0])
+    inverse = next((f"Column '{shown(name)}' is {word}: give its inverse, {_INVERSE[word]}. " for name, unit in
+                    header.cells if quantity_in(name, unit) is None and (word := measured(unit or "")) in _INVERSE), "")
     if len(found) < 2:
-        raise InputFileError(grid.path, f"fewer than two columns are known by name. {_listed(header)} Name them strain "
-                                        "and stress, or displacement and force (and time), with a line of units below, "
-                                        f"or say which is which: {flag_for(grid, header)}", line=header.line)
-    out = {quantity: _one_of(grid, header, quantity, columns, said) for quantity, columns in found.items()}
+        raise InputFileError(grid.path, f"fewer than two columns are known by name. {inverse}{_listed(header)} Name "
+                                        "them strain and stress, or displacement and force (and time), with a line of "
+                                        f"units below, or say which is which: {flag_for(grid, header)}",
+                             line=header.line)
+    out = {quantity: _one_of(grid, header, quantity, columns, said, warned) for quantity, columns in found.items()}
     labelled, _ = labels_of(grid, [name for name, _ in header.cells], header.rows)
     taken = {column.index for columns in found.values() for column in columns}
-    rest = [(name, unit) for n, (name, unit) in enumerate(header.cells)
+    left = [_Column(n, name, unit) for n, (name, unit) in enumerate(header.cells)
             if name not in ("", labelled) and n not in taken]
+    rest = [(column.name, column.unit) for column in left]
     unused = {f"'{shown(name)}'": word for name, unit in rest if (word := _unused(name, unit)) is not None}
     others = [name for name in (f"'{shown(name)}'" for name, _ in rest) if name not in unused]
+    warned += _left_alike(grid, header, out, left)
     said += [f"column {name} left out: {word}, which no test uses." for name, word in list(unused.items())[:12]]
     if others:
         said.append(f"column {others[0]} left out: not a known quantity." if len(others) == 1 else
@@ -232,14 +244,43 @@ def _recognised(grid: Grid, header: Header, said: list[str]) -> dict[str, _Colum
     return out
 
 
+def _left_alike(grid: Grid, header: Header, used: Mapping[str, _Column], left: Sequence[_Column]) -> list[str]:
+    """Cautions of columns left out that run like one in use, of the same unit or of a name that holds its quantity."""
+    out: dict[str, list[str]] = {}
+    for column in left:
+        may = {_last_words(column.name), _last_words(column.name.split()[0]), *measures(column.unit or "")}
+        for quantity in sorted(may & set(used) & _MEASURED):
+            if true_quantity(column.name) is None and not _ORDERED.search(column.name.lower()) \
+                    and _runs_like(grid, header, quantity, used[quantity], column):
+                out.setdefault(quantity, []).append(f"'{shown(column.name)}'")
+    return [f"Column '{shown(used[quantity].name)}' of {grid.path.name} is used as {quantity}, and not "
+            f"{', '.join(names[:6])}, which runs in the same way with other numbers: if that is the better measure, or "
+            "another specimen, choose it with --columns." for quantity, names in out.items()]
+
+
+def _runs_like(grid: Grid, header: Header, quantity: str, used: _Column, other: _Column) -> bool:
+    """Whether another column rises and falls with one in use, over a similar range, and is not it again."""
+    try:
+        a, b = (_in_si(grid, header, quantity, column) for column in (used, other))
+    except InputFileError:
+        return False
+    one, two = float(np.ptp(a)), float(np.ptp(b))
+    if not one or not 1 / _OTHER_UNIT < two / one < _OTHER_UNIT:
+        return False
+    same = min(float(np.ptp(b - a)), float(np.ptp(b + a))) <= _SAME * one
+    return not same and abs(float(np.corrcoef(a, b)[0, 1])) > _TOGETHER
+
+
 def _ratio(name: str, known: set[str]) -> str | None:
-    """The quantity of a column of ratios to an initial value, where a test uses it: R/R0, and V/V0 next to a pressure
-    or a stress where nothing else says that V is a voltage."""
+    """The quantity of a column of ratios to an initial value, where a test uses it: R/R0, L/L0 where nothing else is a
+    strain, and V/V0 next to a pressure or a stress where nothing else says that V is a voltage."""
     found = relative_of(name)
     if found is None:
         return None
     if found[0] in ("r", "resistance") or quantity_of(found[0]) == "resistance":
         return "relative_resistance"
+    if found[0] in ("l", "h", "length", "height") and not {"strain", "stretch", "displacement"} & known:
+        return "strain" if found[1] else "stretch"
     volumetric = {"pressure", "stress"} & known and known <= {"pressure", "stress", "time", "cycle", "deviation"}
     return "volume_ratio" if found[0] in ("v", "vol", "volume") and not found[1] and volumetric else None
 
@@ -250,10 +291,14 @@ def _unused(name: str, unit: str | None) -> str | None:
     return f"a {(quantity_of(found[0]) or found[0]).replace('_', ' ')} relative to its initial value"
 
 
-def _one_of(grid: Grid, header: Header, quantity: str, columns: list[_Column], said: list[str]) -> _Column:
+def _one_of(grid: Grid, header: Header, quantity: str, columns: list[_Column], said: list[str],
+            warned: list[str]) -> _Column:
     first, *others = sorted(columns, key=lambda column: preference(quantity, column.name))
     for other in others:
         how = _relation(grid, header, quantity, first, other)
+        if how is None and (minded := _measured_apart(grid, header, quantity, first, other)) is not None:
+            warned.append(minded)
+            continue
         if how is None:
             raise InputFileError(
                 grid.path, f"columns '{shown(first.name)}' ({first.index + 1}) and '{shown(other.name)}' "
@@ -271,12 +316,27 @@ def _relation(grid: Grid, header: Header, quantity: str, first: _Column, other: 
     span = _SAME * float(np.ptp(a))
     for sign, word in ((1.0, "the same"), (-1.0, "the same with its sign turned")):
         shift = b - sign * a
-        if np.ptp(shift) <= span:
+        if np.ptp(shift) <= span and (quantity in _SHIFTED or abs(shift[0]) <= span):
             moved = f"{word}, shifted by {shift[0]:.6g} {QUANTITIES[quantity]}".strip()
             return word if abs(shift[0]) <= span else moved
     if quantity == "time" or preference(quantity, other.name) > preference(quantity, first.name):
         return SECOND_CHOICE.get(quantity)
     return None
+
+
+def _measured_apart(grid: Grid, header: Header, quantity: str, first: _Column, other: _Column) -> str | None:
+    """What is to be minded where the first choice was measured on the specimen alone and another column was not; None
+    where their names do not say so, or they differ as two units or two directions do."""
+    if quantity not in HOLDS_MORE or preference(quantity, other.name) <= preference(quantity, first.name):
+        return None
+    a, b = (_in_si(grid, header, quantity, column) for column in (first, other))
+    one, two = float(np.abs(a).max()), float(np.abs(b).max())
+    if not 1 / _ANOTHER < one / max(two, 1e-300) < _ANOTHER or float((a - a[0]) @ (b - b[0])) <= 0:
+        return None
+    unit = f" {QUANTITIES[quantity]}" if QUANTITIES[quantity] else ""
+    return (f"Two columns of {grid.path.name} are {quantity}: '{shown(first.name)}' is used, as measured on the "
+            f"specimen, and not '{shown(other.name)}', which holds {HOLDS_MORE[quantity]}: they reach {one:.3g} and "
+            f"{two:.3g}{unit}.")
 
 
 def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
@@ -332,7 +392,7 @@ def check_clock(recording: Recording) -> Recording:
 
 def flag_for(grid: Grid, header: Header) -> str:
     """`--columns "..."` with quantities that the names suggest, else a guess from the numbers, as one sentence."""
-    guess = _from_names(header) or _from_units(header) or _from_numbers(grid, header)
+    guess = _from_abaqus(grid) or _from_names(header) or _from_units(header) or _from_numbers(grid, header)
     items = [f"{quantity}={n + 1}{_unit(header, quantity, n)}" for quantity, n in guess.items()]
     return _flag(grid, items or ["strain=NUMBER", "stress=NUMBER:kPa"])
 
@@ -350,6 +410,15 @@ def _unit(header: Header, quantity: str, column: int) -> str:
         return ""
     units = [unit for _, unit in header.cells if unit and si_factor(unit, quantity) is not None]
     return f":{units[0] if units else _UNITS[QUANTITIES[quantity]]}"
+
+
+def _from_abaqus(grid: Grid) -> dict[str, int]:
+    """The columns of Abaqus's test data, by its keyword reference: stress before strain, pressure before J."""
+    words = " ".join(cell for row in grid.rows[:_LOOKED] if row[0].startswith("*") for cell in row).upper()
+    if found := re.search(r"\*(UNIAXIAL|BIAXIAL|PLANAR|SIMPLE SHEAR|VOLUMETRIC) TEST DATA", words):
+        return {"pressure": 0, "volume_ratio": 1} if found[1] == "VOLUMETRIC" else {"stress": 0, "strain": 1} | (
+            {} if found[1] == "SIMPLE SHEAR" or max(map(len, grid.rows[-3:])) < 3 else {"lateral": 2})
+    return {}
 
 
 def _from_names(header: Header) -> dict[str, int]:

@@ -11,8 +11,10 @@ from matcal.readers.decoding import decode, read_bytes
 from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.specimens import specimens_of
+from matcal.readers.units import split_name
 from matcal.readers.vendors.mts_testsuite import join_parts, sibling_parts
 from matcal.readers.vendors.xlsx import TABLES, read_workbook
+from matcal.readers.vocabulary import quantity_of
 from touchcal.errors import InputFileError
 
 # the line of a file, alone or as a comment, that says that nothing was measured; where it is looked for
@@ -67,7 +69,7 @@ def _open(path: Path, sheet: str | None) -> Source:
     if data.startswith(TABLES):
         grid, notes = read_workbook(data, path, sheet)
         return Source(path, "", grid, notes)
-    text, encoding = decode(data, path)
+    text, encoding = decode(data, path, lambda cell: quantity_of(split_name(cell)[0]) is not None)
     if sheet is not None:
         raise InputFileError(path, f"--columns asks for sheet '{sheet}', but this is text without sheets.")
     return Source(path, text, notes=() if encoding == "utf-8" else (f"read as {encoding}.",))

@@ -82,7 +82,9 @@ _WORDS: dict[str, Unit] = {word: unit for words, unit in (
     ("kohm kohms k-ohm kiloohm kiloohms ком 千欧", (1e3, RESISTANCE)),
     ("megaohm megaohms megohm megohms мом 兆欧", (1e6, RESISTANCE)), ("siemens mho mhos", (1.0, CONDUCTANCE)),
     ("hz hertz гц rpm", (1.0, FREQUENCY)), ("degc °c celsius degf °f fahrenheit kelvin", (1.0, TEMPERATURE)),
-    ("rad radian radians", (1.0, ANGLE)), ("deg degree degrees °", (0.017453292519943295, ANGLE)),
+    ("rad radian radians", (1.0, ANGLE)), ("gon", (0.015707963267948967, ANGLE)),
+    ("deg degs degree degrees grad grado grados gradi degré degrés grader stopnie град 度 °",
+     (0.017453292519943295, ANGLE)),
     ("% percent pct prozent процент", (1e-2, ONE)), ("‰ permille", (1e-3, ONE)), ("ppm ue", (1e-6, ONE)),
     ("strain", (1.0, ONE)), ("microstrain ustrain", (1e-6, ONE))) for word in words.split()}
 _MEGOHM = {"MOHM", "MOHMS"}  # in capitals a megaohm; mohm is a milliohm
@@ -136,6 +138,8 @@ def _symbol(text: str, capitals: bool) -> Unit | None:
         return _WORDS.get(text.lower())
     for prefix, scale in _PREFIXES.items():
         base = text[len(prefix):]
+        if base == "rad" and scale > 1:  # Grad and grad are degrees
+            continue
         if text.startswith(prefix) and base in _PREFIXED and not (prefix in "MGT" and prefix and base in _SMALL):
             return scale * _PREFIXED[base][0], _PREFIXED[base][1]
     return _WORDS.get(text)

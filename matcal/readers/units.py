@@ -112,7 +112,7 @@ def split_name(cell: str) -> tuple[str, str | None]:
     """A header cell as (name, unit or None): `stress (kPa)`, `stress [kPa]`, `stress, kPa`, `stress / kPa`,
     `stress in kPa`, `P_MPa`, `F/N`, `Load N`; brackets that name a channel stay with the name, and the symbol s with a
     unit of length, as DIN has it, is named travel."""
-    cell = cell.strip()[:200]
+    cell = re.sub(r"(?<=[^\d\s.])\.\d{1,2}$", "", cell.strip()[:200])  # what pandas adds to a name that stands twice
     if relative_of(cell) is not None or relaxing_of(cell) == "normalised":
         return cell, None
     if (found := re.fullmatch(r"([EG](?:\(t\))?)(?:\s*[(\[,_/]\s*|\sin\s)([^()\[\]\s]+)[)\]]?", cell)) \

@@ -4,7 +4,17 @@ import re
 import unicodedata
 from functools import cache
 
-from matcal.readers.column_words import GLUED, HEADS, LEADING, PREFERRED, QUALIFIERS, SHARED_HEADS, SYMBOLS, UNUSED
+from matcal.readers.column_words import (
+    GLUED,
+    HEADS,
+    LEADING,
+    PREFERRED,
+    QUALIFIERS,
+    SCATTER,
+    SHARED_HEADS,
+    SYMBOLS,
+    UNUSED,
+)
 from matcal.readers.modulus_words import modulus_of
 
 KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")  # kinds of tests
@@ -59,6 +69,8 @@ def quantities_of(name: str) -> tuple[str, ...]:
     for quantity, pattern in _LATERAL:
         if re.fullmatch(pattern, text):
             return (quantity,)
+    if re.fullmatch(SCATTER, text):
+        return ()
     words = _words(text)
     for size in range(len(words), 0, -1):
         for start in range(len(words) - size + 1):
@@ -94,7 +106,7 @@ def relative_of(name: str) -> tuple[str, bool] | None:
     ΔR/R0, (R-R0)/R0, relative resistance; None for any other name."""
     text = unicodedata.normalize("NFKC", name[:80]).strip().lower().translate(_LETTERS)
     ratio = r"(δ|delta ?|d)?[ _]?([^\W\d_]{1,14})[ _/:]{1,3}\2[ _]?\(?(?:0|o|init|initial|ref)\)?"
-    if found := re.fullmatch(ratio, text):
+    if found := re.fullmatch(ratio, text) or re.fullmatch(r"(δ|delta ?|d)[ _]?([^\W\d_]{1,14}) ?/ ?\2", text):
         return found[2], found[1] is not None
     if found := re.fullmatch(r"\(?([^\W\d_]{1,14}) ?- ?\1[ _]?[0o]\)? ?/ ?\1[ _]?[0o]", text):
         return found[1], True

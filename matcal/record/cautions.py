@@ -22,6 +22,7 @@ _INSIDE, _SOFT_PA, _RATIO, _EARLY = 0.9, (20.0, 1e6), 1.6, 0.3
 _SET, _HELD_OFF = 0.02, 0.15
 _DOUBTED_ZERO = 0.002  # error of a strain zero whose effect on a conductivity is said
 _RUBBER = 0.49  # nu above which a rubber's was given
+_PULLED = 0.02  # strain in tension from which on a test is more than compression
 _LOST = 0.02  # share of the work that a cycle loses from which on it is said
 _RAMPS_S = (10.0, 1000.0)  # durations of a loading for which the effect of its rate is said where it has no clock
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
@@ -29,9 +30,9 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _units, _volume, _convergence, _long_term, _agreement, _stability, _edge, _assumed, _set, _held,
-             _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _rate, _loss, _series, _step,
-             _skin)
+    parts = (_origin, _units, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge, _assumed,
+             _set, _held, _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _rate, _loss,
+             _series, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -110,6 +111,17 @@ def _volume(card: MaterialCard) -> Iterator[str]:
     else:
         yield (f"nu was given, not measured, for a material stretched to more than twice its length: {does}; the "
                "intervals leave that out.")
+
+
+def _assumed_nu(card: MaterialCard) -> Iterator[str]:
+    """nu = 0 that nothing was said of, in tests of free faces other than compression alone, on which mu_0 rests."""
+    nu, ranges = card.fit.get("nu", {}), card.hyperfoam.strain_range if card.hyperfoam else {}
+    if nu.get("how") != "assumed" or "nearly_incompressible" in nu or {"shear", "volumetric"} & set(ranges):
+        return
+    if len(ranges) > 1 or max((hi for _, hi in ranges.values()), default=0.0) > _PULLED:
+        yield ("nu = 0 was assumed, as of a foam in compression, and mu_0 rests on it: of one uniaxial curve it is "
+               "E_0/(2 (1 + nu)), 23 % lower at nu = 0.3. No interval holds that. Give --poisson a value, or fit it "
+               "with lateral strain, a volumetric test or shear.")
 
 
 def _band(card: MaterialCard) -> Iterator[str]:

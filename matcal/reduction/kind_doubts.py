@@ -8,6 +8,7 @@ from matcal.reduction.loading_direction import named_direction
 from matcal.reduction.test_kind import named_kind
 from touchcal.errors import InputFileError
 
+_NOISE = 0.02  # share of the range of a column below 0 that its noise may be above it
 _LARGE = 1.0  # strain from which on one without a unit may as well be in per cent
 # kinds that are one loading each, of which a name can name another
 _MODES = ("uniaxial", "biaxial", "planar", "shear", "volumetric")
@@ -52,7 +53,8 @@ def _of_shear(kind: str, recording: Recording) -> list[str]:
     if named is not None:
         return [f"{recording.label} was taken as shear, and its columns are named after {named}."]
     strain, stress = (recording.columns.get(q) for q in ("strain", "stress"))
-    if strain is not None and stress is not None and strain.max() <= 0 and stress.max() <= 0 < -strain.min() < 1:
+    if strain is not None and stress is not None and -1 < strain.min() < 0 and all(
+            column.max() <= -_NOISE * column.min() for column in (strain, stress)):
         return [f"{recording.label} was taken as shear, and its strain and stress are negative throughout, as those of "
                 "compression are."]
     return []

@@ -83,9 +83,9 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     A model of a recording reads a recording: a row a touched frame, against the untouched frames tracked to its time.
 
     Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
-    evaluate` prints. A touch outside them is flagged where its signal or its answer shows it; in noise a heavier or
-    a thicker punch may look like one within, and then no flag shows it: where an interval of d or F reaches an end
-    of the range, the touch may lie outside it.
+    evaluate` prints. A touch outside them is flagged where its signal or its answer shows it; where the signal
+    leaves open a diameter outside them, the intervals of d and F reach as far. A heavier touch, or a punch of
+    another profile, may look like one within with no flag.
 
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """

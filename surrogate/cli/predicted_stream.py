@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from surrogate.cli.given_frames import counted_frames, noise_of, say, say_holding, say_intervals, untouched_of
+from surrogate.cli.given_frames import (
+    counted_frames,
+    noise_of,
+    say,
+    say_assumed,
+    say_holding,
+    say_intervals,
+    untouched_of,
+)
 from touchcal.whole_file import rows_written
 
 if TYPE_CHECKING:
@@ -32,6 +40,7 @@ def predict_stream(model: Model, frames: str, baseline: Path | None, noise_V: fl
     noise = noise_of(reference or Untouched(model.baseline_V, None), noise_V)
     say_intervals(model, noise)
     say_holding(model, held_s)
+    say_assumed(model)
     with (_until_stopped(out), opened(frames, say) as source,
           nullcontext(sys.stdout) if out is None else rows_written(out) as sink):
         counts = answer(model, source, sink, noise, None if reference is None else reference.volts, dead, say,
@@ -53,6 +62,7 @@ def track_stream(model: Model | TrainedReader, frames: str, baseline: Path | Non
 
     if isinstance(model, TrainedModel):
         say_intervals(model, white_noise(0.0, len(model.baseline_V)))
+        say_assumed(model)
         readings = len(model.baseline_V)
     else:
         readings = model.reader.signals.channels

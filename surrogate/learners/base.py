@@ -35,7 +35,18 @@ class Estimate:
     # (n,) part of the expected misfit that the model's own error makes; 1 for learners that do not model the signal
     map_part: Array
     left: Array  # (n, readings) whitened residual of the signal; no columns for learners that do not model it
+    # (n, outputs) as below and above, as far as punches outside the training range that the signal allows; 0 for
+    # learners that know of none
+    past_below: Array
+    past_above: Array
+    other: Mask  # (n,) whether the signal asks for such a punch, none of the trained ones being likely
     parts: Parts | None = None  # what makes up sd, for learners that can tell
+
+    def ends(self, factor: Array, of_normal: Array | float) -> tuple[Array, Array]:
+        """Distances (n, outputs) of values to the ends of intervals of so many (n, outputs) standard deviations; of as
+        many as a normal variable has, for punches outside the training range."""
+        return (np.maximum(self.below * factor, self.past_below * of_normal),
+                np.maximum(self.above * factor, self.past_above * of_normal))
 
 
 @dataclass(frozen=True)
@@ -53,8 +64,9 @@ class Parts:
 def regression(value: Array, variance: Array) -> Estimate:
     """The estimate of a learner that only maps signals to outputs: values and variances (n, outputs)."""
     sd = np.sqrt(variance)
-    return Estimate(value, sd, np.ones(len(value)), np.ones(len(value), bool), sd, sd, np.zeros(len(value), bool),
-                    np.ones(len(value)), np.zeros((len(value), 0)))
+    none = np.zeros(len(value), bool)
+    return Estimate(value, sd, np.ones(len(value)), ~none, sd, sd, none, np.ones(len(value)),
+                    np.zeros((len(value), 0)), 0 * sd, 0 * sd, none)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from surrogate.forward_map import forward_map, rim_correction
 from surrogate.forward_map.amplitude import amplitude
 from surrogate.forward_map.forward_map import ForwardMap, near_an_edge, places_at
 from surrogate.forward_map.inversion import mechanical_response
-from surrogate.forward_map.inversion.diameter_force_posterior import RADII, drawn, make_table, moments, one_sided
+from surrogate.forward_map.inversion.diameter_force_posterior import RADII, Table, drawn, moments, one_sided
 from surrogate.forward_map.inversion.edge_errors import with_places_held
 from surrogate.forward_map.inversion.invert import LEAST_SIDE, Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
@@ -28,7 +28,8 @@ from touchcal.arrays import Array, Mask
 
 BATCH = 64  # frames solved together, to bound the memory
 # What an estimate holds for each frame, besides the parts of its standard deviations.
-_EACH = ("value", "sd", "misfit", "inside", "below", "above", "near_edge", "map_part", "left")
+_EACH = ("value", "sd", "misfit", "inside", "below", "above", "near_edge", "map_part", "left",
+         "past_below", "past_above", "other")
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,7 @@ def _estimate(learner: TouchInversion, signal: Array, noise_V: float, drift: Dri
 def answered(learner: TouchInversion, found: Inversion) -> Estimate:
     """Requested outputs of touches that were found."""
     value, sd, own = found.touch, np.sqrt(np.einsum("npp->np", found.covariance)), 0.0
-    sides = np.stack([found.below, found.above])
+    sides, past = np.stack([found.below, found.above]), found.past
     slope = np.concatenate([np.broadcast_to(np.eye(4), (len(value), 4, 4)),
                             np.zeros((len(value), 4, found.material.shape[1]))], axis=2)
     if learner.response.processes:
@@ -140,12 +141,13 @@ def answered(learner: TouchInversion, found: Inversion) -> Estimate:
         mechanical = np.concatenate([np.zeros((*answer.sd.shape, 2)), answer.slope], axis=2)
         slope, own = np.concatenate([slope, mechanical], axis=1), np.column_stack([0 * value, answer.sd])
         mean, spread, both = _response(learner, found, answer)
-        value, sd, sides = (np.concatenate(pair, axis=-1) for pair in ((value, mean), (sd, spread), (sides, both)))
+        value, sd, sides, past = (np.concatenate(pair, axis=-1) for pair in (
+            (value, mean), (sd, spread), (sides, both), (past, _past(learner, found, mean))))
     c = learner.columns
     parts = _parts(found.peak, slope, own, sd)
     return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, sides[0][:, c], sides[1][:, c],
                     near_an_edge(learner.forward, found.touch), found.map_part, found.left,
-                    Parts(parts.noise[:, c], parts.material[:, c]))
+                    past[0][:, c], past[1][:, c], found.other, Parts(parts.noise[:, c], parts.material[:, c]))
 
 
 def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:
@@ -165,7 +167,7 @@ def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tupl
     peak = np.sqrt(carried + answer.sd**2)
     if found.punches is None:
         return answer.value, peak, np.stack([peak, peak])
-    nodes, variance = _table_response(learner)
+    nodes, variance = _table_response(learner, found.punches.table)
     discrepancy, k = drawn(found.punches, variance), found.broad
     mean, covariance = moments(drawn(found.punches, nodes))
     own, widened = np.maximum(discrepancy.mean(axis=1), 0.0), np.maximum(found.misfit[k], 1.0)[:, None]
@@ -176,10 +178,20 @@ def _response(learner: TouchInversion, found: Inversion, answer: Answer) -> tupl
     return value, whole, sides
 
 
-@lru_cache(maxsize=8)
-def _table_response(learner: TouchInversion) -> tuple[Array, Array]:
-    """(RADII, D, G, outputs) outputs of the table's punches and the variances of their own errors and materials."""
-    forward, nodes = learner.forward, make_table(learner.forward).touch
+def _past(learner: TouchInversion, found: Inversion, value: Array) -> Array:
+    """(2, n, outputs) one-sided standard deviations of mechanical outputs that reach the punches outside the training
+    range."""
+    past = np.zeros((2, *value.shape))
+    if found.outer is not None:
+        k, nodes = found.broad, _table_response(learner, found.outer.table)[0]
+        past[:, k] = one_sided(found.outer, nodes, value[k]) * np.sqrt(np.maximum(found.misfit[k], 1.0))[:, None]
+    return past
+
+
+@lru_cache(maxsize=16)
+def _table_response(learner: TouchInversion, table: Table) -> tuple[Array, Array]:
+    """(RADII, D, G, outputs) outputs of a table's punches and the variances of their own errors and materials."""
+    forward, nodes = learner.forward, table.touch
     touch = np.zeros((len(RADII), *nodes.shape[:2], 4))
     touch[..., :2], touch[..., 2:] = places_at(forward, np.sqrt(RADII))[:, None, None], nodes
     flat = touch.reshape(-1, 4)

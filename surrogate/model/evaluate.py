@@ -19,7 +19,7 @@ from surrogate.learners.base import Estimate
 from surrogate.learners.registry import METHODS, listed
 from surrogate.model.model import Model
 from surrogate.model.trained import estimate, interval_scales
-from surrogate.statistics.conformal import describe_rows, few
+from surrogate.statistics.conformal import describe_rows, few, normal
 from surrogate.statistics.gaussian_process import spread_evenly
 from surrogate.statistics.metrics import COVERAGES, NOISE_REFERENCES, Score, rms, score
 from touchcal.arrays import Array, Index, Mask
@@ -216,8 +216,9 @@ def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataF
     predict_ms = (time.process_time() - begun) / len(samples) * 1e3
     scales = np.stack([scale.of(found.sd, found.near_edge) for scale in interval_scales(model, noise, COVERAGES)])
     part, target = parts_of(model, samples), samples.targets(model.names)
+    below, above = found.ends(scales, np.array([normal(coverage) for coverage in COVERAGES])[:, None, None])
     tables = [_long(model, samples.scene, part, k, target[:, k], found.value[:, k],
-                    (found.below * scales)[..., k], (found.above * scales)[..., k])
+                    below[..., k], above[..., k])
               for k in range(len(model.names))]
     return pd.concat(tables, ignore_index=True), predict_ms, _force_sd(model, found, part)
 

@@ -37,6 +37,7 @@ from touchcal.arrays import Array, Index, Mask
 SEVERAL, SEVERAL_PART = "several answers for F", 0.5
 SIZE = "the signal's size"  # in flags
 NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
+OTHER_PUNCH = "the diameter may lie outside the trained ones"
 # Where nearly all trained touches lower the readings, or nearly all raise them.
 OTHER_SIGN = "signal of the other sign than a touch's"
 WEAK = 0.5  # a signal below this part of the weakest training signal is no touch
@@ -211,10 +212,10 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
         outside = off.any(axis=1) | ~found.inside
         value[touched] = found.value
         scale = predictor.scale.of(found.sd, found.near_edge)
-        below[touched], above[touched] = (_widened(model, side * scale, strange, outside)
-                                          for side in (found.below, found.above))
+        below[touched], above[touched] = (_widened(model, side, strange, outside)
+                                          for side in found.ends(scale, normal(COVERAGE)))
         strange = np.maximum(strange, oddness(predictor.causes, found, model.trained.misfit))
-        flags[touched] = _flags(model, strange > 1, outside, off)
+        flags[touched] = _flags(model, strange > 1, outside, off, found.other)
         _name_gain(predictor, signal, np.flatnonzero([MISFIT in flag for flag in flags]), flags)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
@@ -269,12 +270,13 @@ def _several(model: TrainedModel, width: Array) -> Mask:
     return width[:, k] > SEVERAL_PART * (model.trained.highest - model.trained.lowest)[k]
 
 
-def _flags(model: TrainedModel, strange: Mask, outside: Mask, off: Mask) -> list[str]:
-    """Flags of estimates outside the training range, with what is so (n, outputs + 1), the signal's size last, and of
-    strange ones."""
+def _flags(model: TrainedModel, strange: Mask, outside: Mask, off: Mask, other: Mask) -> list[str]:
+    """Flags of estimates outside the training range, with what is so (n, outputs + 1), the signal's size last, of
+    strange ones, and of punches that are none of the trained."""
     names = [", ".join(name for name, is_off in zip((*model.names, SIZE), row, strict=True) if is_off) for row in off]
-    return ["; ".join([OUTSIDE + (f" of {which}" if which else "")] * bool(b) + [MISFIT] * bool(o))
-            for b, o, which in zip(outside, strange, names, strict=True)]
+    return ["; ".join([OUTSIDE + (f" of {which}" if which else "")] * bool(b) + [MISFIT] * bool(o)
+                      + [OTHER_PUNCH] * bool(p and not b))
+            for b, o, p, which in zip(outside, strange, other, names, strict=True)]
 
 
 def _name_gain(predictor: Predictor, signal: Array, rows: Index, flags: NDArray[np.object_]) -> None:

@@ -13,7 +13,7 @@ from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.data.sensor_ring import Ring
 from surrogate.learners.base import Estimate, Learner
 from surrogate.learners.registry import METHODS
-from surrogate.statistics.conformal import COVERAGE, IntervalScale, conformal_scales
+from surrogate.statistics.conformal import COVERAGE, IntervalScale, conformal_scales, normal
 from touchcal import cache
 from touchcal.array_store import fingerprint
 from touchcal.arrays import Array
@@ -142,4 +142,10 @@ def _scales(model: TrainedModel, noise: ReadingNoise, coverages: Sequence[float]
     error, branched = found.value - target, model.learner.branched(model.names)
     sd = np.where(error > 0, found.below, found.above)
     place = np.array([name in outputs.NAMES[:2] for name in model.names])  # x and y lie across some edges, along others
-    return conformal_scales(error, sd, found.sd, len(rows.target), coverages, branched, found.near_edge, place)
+    past = np.where(error > 0, found.past_below, found.past_above)
+
+    def scaled(coverage: float) -> IntervalScale:  # what punches outside the training range add to an interval holds
+        rest = np.where(np.abs(error) > past * normal(coverage), error, 0.0)
+        return conformal_scales(rest, sd, found.sd, len(rows.target), (coverage,), branched, found.near_edge, place)[0]
+
+    return [scaled(one) for one in coverages]

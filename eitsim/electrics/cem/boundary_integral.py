@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve
 
 from eitsim.electrics.cem.uneven_sheet import MODES, rim_change
-from eitsim.scene.electrodes import arcs, contact_impedances, identical
+from eitsim.scene.electrodes import arcs, contact_impedances, identical, round_the_rim
 from eitsim.scene.scene import Body, Electrodes
 
 Array = NDArray[np.float64]
@@ -120,11 +120,13 @@ def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
     """
     ends, layer = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
     half = np.diff(ends)[:, 0] / 2
-    crowd = np.maximum(_gaps(ends), np.minimum(layer, np.roll(layer, -1)))
-    finest = np.maximum(half, np.roll(half, -1)) * _RATIO ** (_PANELS - 1)
+    order, gaps = round_the_rim(ends)
+    after = np.roll(order, -1)
+    crowd = np.maximum(gaps, np.minimum(layer[order], layer[after]))
+    finest = np.maximum(half[order], half[after]) * _RATIO ** (_PANELS - 1)
     if np.any(crowd < finest):
         k = int(np.argmin(crowd / finest))
-        return (f"electrodes {k} and {(k + 1) % len(ends)} of those that have contact (from 0) touch, and their "
+        return (f"electrodes {order[k]} and {after[k]} of those that have contact (from 0) touch, and their "
                 "contact impedance is so low that nearly all current flows across their common end; leave a gap of "
                 f"{finest[k] * body.radius_m * 1e3:.1g} mm, or give them "
                 f"{finest[k] * body.radius_m / conductance_S:.1g} Ohm m.")
@@ -136,14 +138,16 @@ def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
 
 
 def _gaps(ends: Array) -> Array:
-    return np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi) - ends[:, 1]
+    """Gaps (count, 2), rad, before and after each electrode, counter-clockwise."""
+    order, gaps = round_the_rim(ends)
+    return np.stack([np.roll(gaps, 1), gaps], axis=1)[np.argsort(order)]
 
 
 def _smooth_panels(ends: Array) -> list[tuple[int, int]]:
     """Panels of each electrode from its middle to either end, as `_panels_to` tells."""
-    gaps, width = _gaps(ends), np.diff(ends)[:, 0]
+    width = np.diff(ends)[:, 0].tolist()
     return [(_panels_to(before, w), _panels_to(after, w))
-            for before, after, w in zip(np.roll(gaps, 1).tolist(), gaps.tolist(), width.tolist(), strict=True)]
+            for (before, after), w in zip(_gaps(ends).tolist(), width, strict=True)]
 
 
 def _panels_to(gap: float, width: float) -> int:
@@ -299,8 +303,7 @@ def rim_admittance(body: Body, electrodes: Electrodes, conductance_S: float,
     ends, layers = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
     gaps, width = _SIX_DIGITS * _gaps(ends), np.diff(ends)[:, 0]
     parts = [_inflow(w / 2, np.pi * float(layer), _panels_to(before, w), _panels_to(after, w))
-             for before, after, w, layer in zip(np.roll(gaps, 1).tolist(), gaps.tolist(), width.tolist(), layers,
-                                                strict=True)]
+             for (before, after), w, layer in zip(gaps.tolist(), width.tolist(), layers, strict=True)]
     middle, count = ends.mean(axis=1), len(ends)
     at = np.concatenate([one.theta + m for one, m in zip(parts, middle, strict=True)])
     edges = np.cumsum([0, *(len(one.theta) for one in parts)])

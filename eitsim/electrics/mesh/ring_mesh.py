@@ -9,7 +9,7 @@ import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.cem.floating_electrodes import shunt_ends
-from eitsim.scene.electrodes import TOUCHING, arcs, lengths, widths
+from eitsim.scene.electrodes import TOUCHING, arcs, lengths, round_the_rim, widths
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
@@ -81,14 +81,15 @@ def rim_angles(body: Body, electrodes: Electrodes, level: int = 1, *, under: int
     `around`. Spacing halves towards the ends of the electrodes, where the current density is singular.
     """
     ends = arcs(body.radius_m, electrodes)
-    following = np.append(ends[1:, 0], ends[0, 0] + 2 * np.pi)
-    angles, electrode = [], []
-    for k, (start, stop) in enumerate(ends):
-        for first, last, least, owner in ((start, stop, under, k), (stop, following[k], between, -1)):
+    angles, electrode, start = [], [], ends[0, 0]
+    for k, gap in zip(*round_the_rim(ends), strict=True):
+        stop = start + ends[k, 1] - ends[k, 0]
+        for first, last, least, owner in ((start, stop, under, k), (stop, stop + gap, between, -1)):
             edges = max(least, round((last - first) * around / (2 * np.pi))) * level
             if last - first > TOUCHING:
                 angles.append(first + (last - first) * _graded(edges, wide=owner >= 0 and edges > least * level))
                 electrode += [owner] * edges
+        start = stop + gap
     return np.concatenate(angles), np.array(electrode)
 
 

@@ -40,12 +40,12 @@ def alike_mesh(body: Body, electrodes: Electrodes, touches: Touches,
     local = [z.conjugate() if mirrored else z for z in local]
     moved = tuple((replace(punch, x_m=_rounded(z.real), y_m=_rounded(z.imag)), touch)
                   for (punch, touch), z in zip(touches, local, strict=True))
-    even = replace(electrodes, first_angle_rad=0.0)
+    even = replace(electrodes, first_angle_rad=0.0, clockwise=False)
     mesh = _lean(body, even, moved, level, thinner)
     nodes = mesh.nodes_m @ np.array([1, 1j])
     nodes = (nodes.conj() if mirrored else nodes) * turn
-    electrode = ((-1 if mirrored else 1) * mesh.electrode + turns) % electrodes.count
-    return replace(mesh, nodes_m=np.column_stack([nodes.real, nodes.imag]), electrode=electrode)
+    electrode = (-1 if electrodes.clockwise else 1) * ((-1 if mirrored else 1) * mesh.electrode + turns)
+    return replace(mesh, nodes_m=np.column_stack([nodes.real, nodes.imag]), electrode=electrode % electrodes.count)
 
 
 def _lean(body: Body, electrodes: Electrodes, touches: Touches, level: int,

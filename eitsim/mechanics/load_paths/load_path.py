@@ -19,7 +19,7 @@ from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationPr
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, touch_of, under_force
 from eitsim.scene.results import of_strain
 from eitsim.scene.scene import STRAINS, Body, Punch
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -51,7 +51,7 @@ _CANCELLING = 0.1
 class LoadPath:
     """One punch, discretised, and the radii at which its surface is kept."""
 
-    law: Hyperfoam
+    law: Law
     body: Body
     levels: tuple[IndentationProblem, ...]
     radius: Array  # (r,) reference radii
@@ -103,7 +103,7 @@ class Deviation:
                          max(self.strain, other.strain))
 
 
-def course_of(law: Hyperfoam, body: Body, punch: Punch, radius: Array | None = None) -> LoadPath:
+def course_of(law: Law, body: Body, punch: Punch, radius: Array | None = None) -> LoadPath:
     """A punch and a law without units, kept at these reference radii, by default at those of the surface's samples."""
     levels = tuple(mesh_hierarchy(law, body, punch, None, None, even=_EVEN))
     if radius is None:

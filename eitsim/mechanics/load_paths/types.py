@@ -13,9 +13,8 @@ from touchcal.arrays import Array
 class DimensionlessProblem:
     """What a table is made for: lengths over the thickness, moduli over mu_0."""
 
-    mu: tuple[float, ...]
-    alpha: tuple[float, ...]
-    nu: tuple[float, ...]
+    law: str  # its name
+    parameters: tuple[tuple[float, ...], ...]  # of the law
     disc: float  # radius of the disc
     fillet: float
     diameters: tuple[float, ...]  # increasing diameters: the ends of a range, or all there are

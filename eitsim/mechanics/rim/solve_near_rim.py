@@ -36,7 +36,7 @@ from eitsim.scene.edges.disc import Disc
 from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
@@ -147,7 +147,7 @@ def rim_problem(body: Body, punch: Punch) -> str:
     return ""
 
 
-def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
+def solve_near_rim(law: Law, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
     """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the
     axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
     (see `eitsim.scene.nearest_edge`), on a finer mesh than a rim; or with all_edges the whole of it, corners and holes
@@ -181,7 +181,7 @@ def on_a_disc(body: Body, punch: Punch) -> tuple[Body, Punch]:
     return Body(Disc(body.edge.size_m), body.thickness_m), replace(punch, x_m=x, y_m=y)
 
 
-def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
+def corrected(touch: Touch, law: Law, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
               fine: Resolution = FINE, rough: Resolution | None = None,
               edge: OffsetDisc | OffsetOutline | None = None) -> Touch:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference gives the error; NotConverged, with
@@ -202,7 +202,7 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
             "deep, and squeezes the foam's free side out; move it inwards or press less.")
 
 
-def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, finenesses: Finenesses,
+def _corrected(touch: Touch, law: Law, body: Body, punch: Punch, finenesses: Finenesses,
                given: OffsetDisc | OffsetOutline | None) -> Touch:
     started = cpu_s()
     if body.has_outline:
@@ -220,7 +220,7 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, finenesse
     return replace(_added(touch, law, body, punch, outline, finenesses), cpu_s=touch.cpu_s + cpu_s() - started)
 
 
-def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline,
+def _added(touch: Touch, law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline,
            finenesses: Finenesses) -> Touch:
     """The touch with what the rim of an outline, m, adds; its error is of signals on the body, a disc."""
     before, after, left = _pair(law, body, punch, outline, *finenesses)
@@ -235,7 +235,7 @@ def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: Offs
         body, punch, touch, no_correction(change.field), change.field, edges)))
 
 
-def _pair(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, rough: Resolution | None,
+def _pair(law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, rough: Resolution | None,
           coarse: Resolution, fine: Resolution) -> tuple[Solution, Solution, float]:
     """Solutions of neighbouring finenesses, the finer one last, and its error over their difference. The rough one is
     found on its own, since there are several equilibria where the foam folds, and the difference shows that too."""
@@ -248,7 +248,7 @@ def _pair(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | Offset
     return _found(law, body, punch, outline, rough), found, _ROUGHLY
 
 
-def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE,
+def rim_change(law: Law, body: Body, punch: Punch, fineness: Resolution = FINE,
                edge: OffsetDisc | OffsetOutline | None = None) -> RimCorrection:
     """What the rim changes of the touch under the punch's force or at its depth; edge: the rim of another disc, m, in
     place of the body's, or all edges of an outline. Radii and angles of the field depend on the body, the punch's size
@@ -257,7 +257,7 @@ def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = 
     return next(rim_changes(law, body, punch, (fineness,), edge))
 
 
-def rim_changes(law: Hyperfoam, body: Body, punch: Punch, finenesses: Iterable[Resolution],
+def rim_changes(law: Law, body: Body, punch: Punch, finenesses: Iterable[Resolution],
                 edge: OffsetDisc | OffsetOutline | None = None) -> Iterator[RimCorrection]:
     """As `rim_change`, on meshes one after the other, each from the solution on the one before."""
     outline = edge or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
@@ -290,7 +290,7 @@ def _force_ratio(solution: Solution) -> float:
     return ratio - (1 - ratio) * penetration / float(state.by_force[-1] * state.force)
 
 
-def _found(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, fineness: Resolution,
+def _found(law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, fineness: Resolution,
            before: Solution | None = None) -> Solution:
     """The solution in an outline, m, from the axisymmetric state, or from one on another mesh; else by way of half the
     load."""
@@ -299,7 +299,7 @@ def _found(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | Offse
                   _HALVINGS)
 
 
-def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution) -> tuple[IndentationProblem, Load]:
+def set_up(law: Law, body: Body, punch: Punch, fineness: Resolution) -> tuple[IndentationProblem, Load]:
     """The discretised foam under a punch, without friction, and what is given."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
     model = mesh_hierarchy(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]

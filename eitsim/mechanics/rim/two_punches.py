@@ -34,12 +34,12 @@ from eitsim.mechanics.rim.solve_near_rim import (
     on_a_disc,
     set_up,
 )
-from eitsim.mechanics.solid import hyperfoam_3d
+from eitsim.mechanics.solid import spatial_response
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
@@ -107,7 +107,7 @@ def pair_problem(body: Body, punches: Sequence[Punch]) -> str:
     return ""
 
 
-def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punches: Sequence[Punch], *,
+def solved_together(touches: Sequence[Touch], law: Law, body: Body, punches: Sequence[Punch], *,
                     coarse: Resolution = COARSE, fine: Resolution = FINE, edges: bool = False) -> tuple[Touch, Touch]:
     """Two axisymmetric touches with what each changes of the other, far from the rim, symmetric about the line through
     both axes; or with what all edges change, too, at several times the cost. Two finenesses and the last pass give the
@@ -137,7 +137,7 @@ def _on_discs(body: Body, punches: Sequence[Punch], edges: bool) -> list[tuple[B
     return [(disc, replace(punch, x_m=punch.x_m - x, y_m=punch.y_m - y)) for punch in punches]
 
 
-def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Resolution,
+def _frames(law: Law, body: Body, punches: Sequence[Punch], fineness: Resolution,
             edges: bool) -> tuple[_Frame, ...]:
     unit = body.thickness_m
     gap = edge_gap_m(*punches) / unit
@@ -214,7 +214,7 @@ def _outside(frame: _Frame, field: Array) -> CutVolumeQuadrature:
 
 
 def _stressed(disc: ClippedDisc, grad_u: Array, shift: Array) -> CutVolumeQuadrature:
-    stress, _ = hyperfoam_3d.stress_and_tangent(disc.law, hyperfoam_3d.principal(grad_u), disc.weight)
+    stress, _ = spatial_response.stress_and_tangent(disc.law, spatial_response.principal(grad_u), disc.weight)
     return CutVolumeQuadrature(grad_u, stress, shift)
 
 

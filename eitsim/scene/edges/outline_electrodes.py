@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from eitsim.scene.electrodes import SHAPES, TOUCHING, Electrodes, check_sizes, lengths, require, turns, widths
+from eitsim.scene.outline_edge import arc_at, edge_starts, places_along
 from eitsim.scene.polygons import (
     Looped,
-    centroid_m,
     circle,
     corners_and_edges,
     edge_distance_m,
@@ -20,55 +20,6 @@ from touchcal.arrays import Array
 
 _CHORDS = 16  # Corners of a round electrode, which has the circle's area; of a sector on its arc, at most.
 _CLOSEST = 1e-6  # Least gap between electrodes on the surface, or to an edge, over the outline's size.
-
-
-def edge_starts(outline: Looped) -> Array:
-    """Arc lengths (n + 1,), m, of the outer edge's corners from its first one, the whole length last."""
-    loop = outline.loops[0]
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1))])
-
-
-def places_along(outline: Looped, arc_m: Array) -> Array:
-    """Points (..., 2), m, of the outer edge at arc lengths (...) from its first corner, counter-clockwise."""
-    loop, starts = outline.loops[0], edge_starts(outline)
-    closed, arc = np.vstack([loop, loop[:1]]), np.mod(arc_m, starts[-1])
-    return np.stack([np.interp(arc, starts, closed[:, i]) for i in (0, 1)], axis=-1)
-
-
-def path_along(outline: Looped, first_m: float, last_m: float) -> Array:
-    """Points (n, 2), m, of the outer edge from one arc length to another, its corners between them among them."""
-    corners = edge_starts(outline)[None, :-1] + edge_starts(outline)[-1] * np.array([[-1], [0], [1]])
-    return places_along(outline, np.sort([first_m, last_m, *corners[(corners > first_m) & (corners < last_m)]]))
-
-
-def arcs_of(outline: Looped, points_m: Array) -> tuple[Array, Array]:
-    """Arc lengths (n,), m, of the outer edge's points next to points (n, 2), and the distances (n,) to them, m."""
-    start = outline.loops[0]
-    along = np.roll(start, -1, axis=0) - start
-    squared = np.sum(along**2, axis=1)
-    way = np.clip(np.sum((points_m[:, None] - start) * along, axis=-1) / squared, 0, 1)
-    away = np.linalg.norm(points_m[:, None] - start - way[..., None] * along, axis=-1)
-    nearest = away.argmin(axis=1)
-    own = np.arange(len(points_m)), nearest
-    return edge_starts(outline)[nearest] + way[own] * np.sqrt(squared[nearest]), away[own]
-
-
-def arc_at(outline: Looped, angle_rad: float) -> float:
-    """Arc length, m, of the outermost point of the outer edge in a direction from its centroid.
-
-    ValueError where no part of the edge lies in that direction.
-    """
-    loop, centre, starts = outline.loops[0], centroid_m(outline), edge_starts(outline)
-    way = np.array([math.cos(angle_rad), math.sin(angle_rad)])
-    a, b = loop - centre, np.roll(loop, -1, axis=0) - centre
-    left, right = way[0] * a[:, 1] - way[1] * a[:, 0], way[0] * b[:, 1] - way[1] * b[:, 0]
-    across = (left <= 0) != (right <= 0)
-    share = np.where(across, left / np.where(across, left - right, 1.0), 0.0)
-    reach = np.where(across, (a + share[:, None] * (b - a)) @ way, -np.inf)
-    k = int(np.argmax(reach))
-    require(reach[k] > 0, "angles_deg", f"no edge lies at {math.degrees(angle_rad):g} degrees from the outline's "
-            "centroid; give shares or positions_mm from another first_angle_deg")
-    return float(starts[k] + share[k] * (starts[k + 1] - starts[k]))
 
 
 def stretches_along(outline: Looped, electrodes: Electrodes) -> Array:
@@ -160,8 +111,6 @@ def _check_line(electrodes: Electrodes) -> None:
     given = [key for key, value in (("angles_deg", electrodes.angles_rad), ("positions_mm", electrodes.positions_m),
                                     ("shares", electrodes.shares)) if value]
     require(len(given) <= 1, "".join(given[1:2]), f"has no effect with {''.join(given[:1])}; leave one of them out")
-    require(not electrodes.angles_rad or electrodes.first_angle_rad == 0, "first_angle_deg",
-            "has no effect with angles_deg; leave it out")
 
 
 def _check_patches(outline: Looped, electrodes: Electrodes) -> None:

@@ -68,7 +68,9 @@ def touch_slopes(scene: Scene, card: MaterialCard, *, within_m: float | None = N
         by[k, 1:, 1:] = found.signal_by[:, columns].reshape(count - 1, count - 1, -1)
         untouched[1:, 1:] = (found.touched_V - found.signal_V).reshape(count - 1, count - 1)
     solved = TouchSlopes(place_m * 1e3, by, untouched)
-    return _turned(solved) if scene.body.edge.turns(scene.electrodes) > 1 else solved
+    if scene.body.edge.turns(scene.electrodes) == 1:
+        return solved
+    return _turned(solved, -1 if scene.electrodes.clockwise else 1)
 
 
 def _on_disc_m(scene: Scene, places: int, within_m: float | None) -> Array:
@@ -104,12 +106,13 @@ def outline_places_m(scene: Scene, places: int, within_m: float | None = None) -
     return at[free][:places]
 
 
-def _turned(solved: TouchSlopes) -> TouchSlopes:
-    """With every place turned by each electrode of an even ring; the slopes by x and y turn as a vector."""
+def _turned(solved: TouchSlopes, way: int) -> TouchSlopes:
+    """With every place turned by each electrode of an even ring, counted counter-clockwise or, -1, clockwise; the
+    slopes by x and y turn as a vector."""
     count = len(solved.untouched_V)
     place, by = [], []
     for k in range(count):
-        angle, before = 2 * np.pi * k / count, (np.arange(count) - k) % count
+        angle, before = way * 2 * np.pi * k / count, (np.arange(count) - k) % count
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         moved = solved.by[:, before][:, :, before]
         place.append(solved.place_mm @ turn.T)

@@ -9,7 +9,7 @@ from matcal.readers.columns import Header, flag_for, read_columns
 from matcal.readers.reader import Reader, Source
 from matcal.readers.recording import Recording
 from matcal.readers.specimen_metadata import sizes_of
-from matcal.readers.units import quantity_in, split_name
+from matcal.readers.units import is_unit, quantity_in, split_name
 from matcal.readers.vocabulary import quantity_of, relative_of, relaxing_of
 from touchcal.errors import InputFileError
 
@@ -46,6 +46,9 @@ def _record(grid: Grid) -> tuple[int, int]:
     if len(records) > 1:
         raise InputFileError(grid.path, f"{len(records)} tables stand one below the other. Export each specimen to a "
                                         "file of its own.", line=grid.lines[records[1][1]])
+    if not records and len(runs) > 1 and len(runs[0]) == 1 and len(runs[1]) > 1 \
+            and all(map(is_unit, grid.rows[runs[0].stop])):
+        return 0, runs[1].start  # channels named by numbers, their units below them
     return records[0] if records else (0, runs[0].start)
 
 
@@ -85,7 +88,8 @@ def _header(grid: Grid, above: list[int], rows: range) -> Header:
     named = [split_name(cell) for cell in grid.rows[at]]
     below = [n for n in above if n > at]
     if not below:
-        return Header(named, grid.lines[at], rows)
+        bare = all(unit is None and is_unit(name) for name, unit in named)
+        return Header([(name, name) for name, _ in named] if bare else named, grid.lines[at], rows)
     units, line = grid.rows[below[0]], grid.lines[below[0]]
     if len(units) < max((n for n, (name, _) in enumerate(named, 1) if quantity_of(name) is not None), default=0):
         raise InputFileError(grid.path, f"the line of units has {len(units)} cells, that of names {len(named)}.",

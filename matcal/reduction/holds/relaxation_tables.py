@@ -30,7 +30,19 @@ def reduce_relaxation_table(recording: Recording, direction: str | None = None) 
     if is_modulus or held_throughout(found.strain):
         return _as_step(found, recording)
     start = loading_start(found.strain)
+    if held_throughout(found.strain[start + 1:]):
+        return _as_step(_held_rows(found, start), recording)
     return _from_row(found, start)
+
+
+def _held_rows(found: Experiment, rest: int) -> Experiment:
+    """The rows after the last at rest, where all are held: a step at an unknown time between both, counted from the
+    row at rest."""
+    assert found.time_s is not None
+    rows = {name: column[rest + 1:] for name in ("strain", "value", "deviation")
+            if (column := getattr(found, name)) is not None}
+    return replace(found, **rows, time_s=found.time_s[rest + 1:] - found.time_s[rest], decisions=(
+        *found.decisions, f"{rest + 1} rows at rest before the step left out; no row of its ramp was recorded."))
 
 
 def _of_modulus(recording: Recording) -> Experiment:

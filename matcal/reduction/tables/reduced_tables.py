@@ -20,6 +20,7 @@ _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another
 # standard deviation of the zero of a table's strain where the table leaves it open, and share of its reach at most;
 # standard errors from which on an error is said, and error up to which a zero is known
 _ZERO, _ZERO_SHARE, _CLEAR, _SMALL = 0.003, 0.01, 2.5, 3e-4
+_FAR = 1e-3  # error of a zero from which on it is said
 # error of the zero of a table of conductivity of which its effect is said, and share of c_0 below which it is not
 _ZERO_SEEN, _LITTLE = 0.002, 1e-3
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
@@ -220,10 +221,11 @@ def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[st
     if found is None or max(abs(found[0]), found[1]) < _SMALL:
         return {}
     off, sd = found
-    if abs(off) > _CLEAR * sd:
-        cautions.append(f"The zero of the strain of {label} looks off: its curve has no stress at a strain of "
-                        f"{-off:.2g} ± {sd:.2g}. Count the strain from contact. The fit moves it, and the intervals "
-                        f"hold an error of {_ZERO:g}.")
+    if abs(off) > max(_CLEAR * sd, _FAR):
+        ahead = bool(off * strain[int(np.argmax(np.abs(strain)))] > 0)  # as a relaxation after the start leaves it
+        cautions.append(f"The zero of the strain of {label} looks off{', or it relaxes as its loading begins' * ahead}"
+                        f": its curve has no stress at a strain of {-off:.2g} ± {sd:.2g}. Count the strain from "
+                        f"contact. The fit moves it, and the intervals hold an error of {_ZERO:g}.")
     return {"strain_zero_sd": min(_ZERO, _ZERO_SHARE * float(np.abs(strain).max())), "strain_zero_assumed": 1.0}
 
 

@@ -35,7 +35,7 @@ DRAWS = 1000  # punches in equal steps of probability that stand for the posteri
 RADII = np.array([0.0, 0.5, 1.0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Table:
     """Strengths of punches at some radii."""
 
@@ -69,11 +69,12 @@ class Posterior:
     # (2, n, D, G - 1) places on each interval, 0 to 1, between which its punches are likely; NaN where none is
     likely: Array
     cost: Array  # (n,) least squared distance of the strengths from the table's, in standard deviations
+    deviance: Array  # (n,) -2 log of the largest likelihood of the table's punches
 
     def some(self, rows: Mask) -> Posterior:
         """Those of some frames."""
         return Posterior(self.table, self.radial[rows], self.log_weight[rows], self.along[rows], self.spread[rows],
-                         self.likely[:, rows], self.cost[rows])
+                         self.likely[:, rows], self.cost[rows], self.deviance[rows])
 
     @cached_property
     def draws(self) -> tuple[Index, Array]:
@@ -89,10 +90,19 @@ class Posterior:
 @lru_cache(maxsize=8)
 def make_table(forward: ForwardMap) -> Table:
     """The table over the diameters and forces of the training touches; one diameter where all are the same."""
-    (_, d_lo, f_lo), (_, d_hi, f_hi) = forward.bounds
+    d_lo, d_hi = forward.bounds[:, 1]
     known, count = forward.known_mm, OTHERS if len(forward.known_mm) else DIAMETERS
     others = np.linspace(d_lo, d_hi, count) if d_hi > 1.001 * d_lo else np.array([d_lo])
-    d = np.r_[known, others]
+    diameter = _diameter_prior(forward, len(others))
+    # an end of the trapezoidal rule counts half, and is as likely as the others
+    each = np.r_[diameter[:len(known)], np.full(len(others), diameter[len(known):].max())]
+    return table_of(forward, np.r_[known, others], len(known), diameter, np.log(each))
+
+
+def table_of(forward: ForwardMap, d: Array, known: int, part: Array, log_diameter: Array) -> Table:
+    """The table over the forces of the training touches at diameters (D,), mm, which stand for these parts (D,) of the
+    prior, of logarithms (D,) at each."""
+    f_lo, f_hi = forward.bounds[:, 2]
     ends = np.arcsinh(np.array([f_lo, f_hi]) / (d[:, None] ** 2 * forward.p0))
     load = ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * np.linspace(0, 1, LOADS)
     unknown = np.zeros((len(RADII), *load.shape, 4))
@@ -100,14 +110,11 @@ def make_table(forward: ForwardMap) -> Table:
     unknown[..., 2], unknown[..., 3] = np.log(d)[:, None], load
     flat, shape = unknown.reshape(-1, 4), (*unknown.shape[:3], -1)
     force_N = force(np.log(d)[:, None], load, forward.p0)
-    diameter = _diameter_prior(forward, len(others))
-    log_prior = np.log(diameter[:, None] * np.diff(force_N, axis=1) / (f_hi - f_lo))
-    # an end of the trapezoidal rule counts half, and is as likely as the others
-    log_diameter = np.log(np.r_[diameter[:len(known)], np.full(len(others), diameter[len(known):].max())])
+    log_prior = np.log(part[:, None] * np.diff(force_N, axis=1) / (f_hi - f_lo))
     found = strengths(forward, flat)
     unit = np.sqrt(np.mean(found**2, axis=0))
     covariance = strength_covariance(forward, flat) / np.outer(unit, unit)
-    return Table(d, len(known), load, force_N, (found / unit).reshape(shape),
+    return Table(d, known, load, force_N, (found / unit).reshape(shape),
                  covariance.reshape(*shape, len(unit)), unit,
                  forward.ring, forward.interior, log_diameter, log_prior)
 
@@ -121,8 +128,9 @@ def _diameter_prior(forward: ForwardMap, others: int) -> Array:
     return np.r_[np.full(known, (1 - other) / max(known, 1)), other * uniform / uniform.sum()]
 
 
-def posterior(table: Table, located: Located) -> Posterior:
-    """Posterior of the punches of located touches."""
+def posterior(table: Table, located: Located, inner: Posterior | None = None) -> Posterior:
+    """Posterior of the punches of located touches; of those outside the training range, likely as those of the `inner`
+    posterior are."""
     radial = _radial(table, located.place_mm)
     nearest = np.abs(_square(table, located.place_mm)[:, None] - RADII).argmin(axis=1)
     # of the sum of both covariances, that of the signal in its inverse alone, which may be singular
@@ -136,8 +144,12 @@ def posterior(table: Table, located: Located) -> Posterior:
     log_weight -= log_weight.max(axis=(1, 2), keepdims=True)
     log_weight -= np.log(np.sum(np.exp(log_weight), axis=(1, 2), keepdims=True))
     nearest = cost + ((best - np.clip(best, 0, 1)) / width) ** 2
-    likely = _likely(nearest, cost, size - 2 * table.log_diameter[:, None], best, width)
-    return Posterior(table, radial, log_weight, *_truncated(best, width, mass), likely, nearest.min(axis=(1, 2)))
+    added = size - 2 * table.log_diameter[:, None]
+    least = np.min(nearest + added, axis=(1, 2)) if inner is None else (
+        inner.deviance - 2 * inner.table.log_diameter.max())
+    likely = _likely(nearest, cost, added, best, width, least)
+    return Posterior(table, radial, log_weight, *_truncated(best, width, mass), likely, nearest.min(axis=(1, 2)),
+                     np.min(nearest + size, axis=(1, 2)))
 
 
 @compiled
@@ -191,11 +203,11 @@ def _along_intervals(strengths: Array, covariance: Array, radial: Array, nearest
     return best, curvature, cost, size
 
 
-def _likely(nearest: Array, cost: Array, added: Array, best: Array, width: Array) -> Array:
+def _likely(nearest: Array, cost: Array, added: Array, best: Array, width: Array, least: Array) -> Array:
     """(2, n, D, G - 1) places between which punches are within the profile likelihood's interval of COVERAGE: the cost,
-    what is `added` to it with it, exceeds the least one by at most that of a normal variable (Pawitan, In All
+    what is `added` to it with it, exceeds the `least` one (n,) by at most that of a normal variable (Pawitan, In All
     Likelihood, 2001, sections 2.6 and 3.4)."""
-    most = np.min(nearest + added, axis=(1, 2), keepdims=True) + normal(COVERAGE) ** 2
+    most = least[:, None, None] + normal(COVERAGE) ** 2
     half = width * np.sqrt(np.maximum(most - cost - added, 0.0))
     return np.where(nearest + added <= most, np.clip([best - half, best + half], 0.0, 1.0), np.nan)
 
@@ -255,8 +267,8 @@ def one_sided(found: Posterior, values: Array, mean: Array) -> Array:
     nodes over the likely punches, in those of the normal variable; 0 where a mean lies outside."""
     at_node = np.tensordot(found.radial, values, 1) if len(values) > 1 else values
     reached = at_node[:, :, :-1] + np.diff(at_node, axis=2) * found.likely[..., None]
-    return np.maximum([mean - np.nanmin(reached, axis=(0, 2, 3)), np.nanmax(reached, axis=(0, 2, 3)) - mean], 0.0
-                      ) / normal(COVERAGE)
+    reached = np.where(np.isnan(reached), mean[:, None, None], reached)
+    return np.maximum([mean - reached.min(axis=(0, 2, 3)), reached.max(axis=(0, 2, 3)) - mean], 0.0) / normal(COVERAGE)
 
 
 def resolved(found: Posterior) -> Mask:

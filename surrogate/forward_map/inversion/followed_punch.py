@@ -33,4 +33,5 @@ def inversion(forward: ForwardMap, touch: Followed) -> Inversion:
     sd = np.sqrt(np.diag(joint)[None, :4])
     return Inversion(mean[None], joint[None, :4, :4], np.zeros((1, k)), Peak(joint[None], known[None], noise[None]),
                      np.array([misfit]), np.ones(1), np.zeros((1, 0)),
-                     within_bounds(forward, mean[None]), np.zeros(1, bool), None, sd, sd)
+                     within_bounds(forward, mean[None]), np.zeros(1, bool), None, sd, sd,
+                     np.zeros((2, 1, 4)), np.zeros(1, bool))

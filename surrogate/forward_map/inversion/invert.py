@@ -36,6 +36,7 @@ from surrogate.forward_map.inversion.diameter_force_posterior import (
 )
 from surrogate.forward_map.inversion.known_diameters import Selected
 from surrogate.forward_map.inversion.multipole_location import Located, locate, on_range
+from surrogate.forward_map.inversion.outside_diameters import asked_for, outside
 from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, no_drift, of, whitened
 from surrogate.forward_map.inversion.rim_starts import rim_starts
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
@@ -81,6 +82,9 @@ class Inversion:
     punches: Posterior | None  # that posterior, of those touches; None where there is none
     below: Array  # (n, 4) one-sided standard deviations of the touch, towards smaller values
     above: Array  # (n, 4) and towards larger ones
+    past: Array  # (2, n, 4) as below and above, as far as the punches outside the training range that are allowed
+    other: Mask  # (n,) whether these are asked for, no trained punch being a likely one
+    outer: Posterior | None = None  # what broad touches allow of these; None where none is known
 
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drift | None = None) -> Inversion:
@@ -214,7 +218,10 @@ def _with_punches(forward: ForwardMap, signal: Array, found: Inversion, located:
     punches = posterior(make_table(forward), located.some(usable))
     tells = resolved(punches)
     usable[usable] = tells
-    return replace(found, punches=punches.some(tells) if np.any(tells) else None, broad=usable)
+    if not np.any(tells):
+        return replace(found, broad=usable)
+    punches = punches.some(tells)
+    return replace(found, punches=punches, broad=usable, outer=outside(forward, located.some(usable), punches))
 
 
 def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
@@ -231,8 +238,12 @@ def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
         spread[k, 2:, 2:] = covariance * widened[k, :, None]
         least = LEAST_SIDE * np.sqrt(np.einsum("npp->np", spread[k, 2:, 2:]))
         sides[:, k, 2:] = np.maximum(one_sided(found.punches, nodes, mean) * np.sqrt(widened[k]), least)
-    inside = within_bounds(forward, touch)
-    return replace(found, touch=touch, covariance=spread, inside=inside, below=sides[0], above=sides[1])
+    past, other = found.past.copy(), found.other.copy()
+    if found.punches is not None and found.outer is not None:
+        past[:, k, 2:] = one_sided(found.outer, found.outer.table.touch[None], touch[k, 2:]) * np.sqrt(widened[k])
+        other[k] = asked_for(found.punches, found.outer)
+    return replace(found, touch=touch, covariance=spread, inside=within_bounds(forward, touch), below=sides[0],
+                   above=sides[1], past=past, other=other)
 
 
 def _inversion(forward: ForwardMap, end: Minimum, noise_V: float, drift: Drift) -> Inversion:
@@ -247,7 +258,8 @@ def _inversion(forward: ForwardMap, end: Minimum, noise_V: float, drift: Drift) 
     covariance = peak.joint[:, :4, :4]
     return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, np.ones(len(touch)),
                      residual[:, :readings], within_bounds(forward, touch),
-                     np.zeros(len(touch), bool), None, np.zeros_like(touch), np.zeros_like(touch))
+                     np.zeros(len(touch), bool), None, np.zeros_like(touch), np.zeros_like(touch),
+                      np.zeros((2, *touch.shape)), np.zeros(len(touch), bool))
 
 
 def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float, drift: Drift) -> Array:

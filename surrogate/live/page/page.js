@@ -22,6 +22,7 @@
     frame = null;
     byId("source").textContent = SOURCES[hello.source];
     byId("counted").textContent = `${hello.unit || "as recorded"}, ${hello.readings} in order`;
+    byId("assumes").textContent = hello.assumes && `read as ${hello.assumes}`;
     for (const [row, [key]] of Object.entries(ROWS))
       byId("read-" + row).closest("tr").hidden = !hello.values.includes(key);
     byId("force-plot").closest("figure").hidden = !hello.values.includes("F_N");

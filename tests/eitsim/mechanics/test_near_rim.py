@@ -31,14 +31,14 @@ from eitsim.mechanics.rim.solve_near_rim import (
     set_up,
     solve_near_rim,
 )
-from eitsim.mechanics.solid import hyperfoam_3d
+from eitsim.mechanics.solid import spatial_response
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import RimField
 from eitsim.scene.scene import Body, Punch, Scene, Skin
 from eitsim.simulation.edge_effects import near_rim, rim_effect
-from matcal.laws import hyperfoam
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import sinh_ratio
 from touchcal.errors import NotConverged
 
 FOAM = Hyperfoam(np.array([14.42e3, 16.78e3, -21.67e3]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
@@ -75,13 +75,13 @@ def test_stress_and_tangent_are_derivatives_of_the_energy(stretch, nu):
     step = 1e-6 * np.eye(9).reshape(9, 3, 3)
 
     def stored(f):
-        return hyperfoam.energy(law, hyperfoam_3d.principal(strains(*f)).log)[0]
+        return law.energy(spatial_response.principal(strains(*f)).log)[0]
 
     def answer(f, scale=1.0):
-        at = hyperfoam_3d.principal(strains(*f))
-        stress, upper = hyperfoam_3d.stress_and_tangent(law, at, np.ones((1, len(f))), scale)
+        at = spatial_response.principal(strains(*f))
+        stress, upper = spatial_response.stress_and_tangent(law, at, np.ones((1, len(f))), scale)
         tangent = np.zeros((9, 9))
-        tangent[hyperfoam_3d.UPPER] = upper[0, :, 0]
+        tangent[spatial_response.UPPER] = upper[0, :, 0]
         return stress[0], tangent + np.triu(tangent, 1).T
 
     by_energy = (stored(gradient + step) - stored(gradient - step)) / 2e-6
@@ -118,34 +118,33 @@ def test_the_kernels_do_what_numpy_does():
     amplitude = disc.base + 0.01 * amplitudes(disc, rng.normal(size=disc.unknowns))
     strain = gradients(disc.foam, amplitude)
     assert np.abs(strain - gradients_plainly(disc.foam, amplitude)).max() < 1e-12
-    at = hyperfoam_3d.principal(strain)
-    stress, tangent = hyperfoam_3d.stress_and_tangent(disc.law, at, disc.weight, 0.5)
+    at = spatial_response.principal(strain)
+    stress, tangent = spatial_response.stress_and_tangent(disc.law, at, disc.weight, 0.5)
     for one, other in zip((stress, tangent), stress_and_tangent_plainly(disc.law, strain, 0.5, disc.weight),
                           strict=True):
         assert np.abs(one - other).max() < 1e-10 * np.abs(one).max()
     force = forces(disc.foam, stress, amplitude)
     assert np.abs(force - forces_plainly(disc.foam, stress, amplitude)).max() < 1e-12 * np.abs(force).max()
     full = np.zeros((len(tangent), 9, 9, tangent.shape[2]))
-    full[:, hyperfoam_3d.UPPER[0], hyperfoam_3d.UPPER[1]] = full[:, hyperfoam_3d.UPPER[1], hyperfoam_3d.UPPER[0]] = (
-        tangent
-    )
+    row, column = spatial_response.UPPER
+    full[:, row, column] = full[:, column, row] = tangent
     pulled = forces_plainly(disc.foam, np.einsum("pklj,plj->pkj", full, strain), amplitude)
     assert np.abs(apply_tangent(disc.foam, tangent, amplitude) - pulled).max() < 1e-12 * np.abs(pulled).max()
 
 
 def stress_and_tangent_plainly(law, strain, scale, weight):
-    """What `hyperfoam_3d` makes of F = 1 + strain, in numpy."""
+    """What `spatial_response` makes of F = 1 + strain, in numpy."""
     left, stretch, right = np.linalg.svd(np.eye(3) + np.moveaxis(strain, 1, 2).reshape(len(strain), -1, 3, 3))
     log, pairs = np.log(stretch), ((0, 1), (0, 2), (1, 2))
-    tau, inverse = hyperfoam.kirchhoff(law, log), np.exp(-log)
-    block = hyperfoam.kirchhoff_tangent(law, log) - tau[..., None] * np.eye(3)
+    tau, inverse = law.kirchhoff(log), np.exp(-log)
+    block = law.tangent(log) - tau[..., None] * np.eye(3)
     value, vector = np.linalg.eigh(block * inverse[..., None] * inverse[..., None, :])
     block = (vector * (np.where(value < 0, scale, 1.0) * value)[..., None, :]) @ vector.swapaxes(-1, -2)
     flips, twists = [], []
     for i, j in pairs:
         mean, half = (log[..., i] + log[..., j]) / 2, (log[..., i] - log[..., j]) / 2
-        slope, middle = hyperfoam.kirchhoff_difference(law, mean, half), (tau[..., i] + tau[..., j]) / 2
-        flips.append(np.exp(-2 * mean) * (slope * np.cosh(half) / hyperfoam.sinh_ratio(half) - middle))
+        slope, middle = law.difference(mean, half, 0.0), (tau[..., i] + tau[..., j]) / 2
+        flips.append(np.exp(-2 * mean) * (slope * np.cosh(half) / sinh_ratio(half) - middle))
         twists.append(np.exp(-2 * mean) * (middle - slope * half * np.tanh(half)))
     rest = np.stack(flips + twists, axis=-1)
     rest = np.where(rest < 0, scale, 1.0) * rest
@@ -157,7 +156,7 @@ def stress_and_tangent_plainly(law, strain, scale, weight):
     along, other = modes[..., :3, :], modes[..., 3:, :]
     stress = ((tau * inverse)[..., None, :] @ along)[..., 0, :]
     tangent = along.swapaxes(-1, -2) @ block @ along + (other.swapaxes(-1, -2) * rest[..., None, :]) @ other
-    upper = tangent[..., hyperfoam_3d.UPPER[0], hyperfoam_3d.UPPER[1]]
+    upper = tangent[..., spatial_response.UPPER[0], spatial_response.UPPER[1]]
     return np.moveaxis(stress * weight[..., None], -1, 1), np.moveaxis(upper * weight[..., None], -1, 1)
 
 
@@ -186,7 +185,7 @@ def test_homogeneous_deformations_are_exact_on_the_clipped_disc():
     expected[:, 0], expected[:, 4] = mean + half * np.cos(2 * angle), mean - half * np.cos(2 * angle)
     expected[:, 1] = expected[:, 3] = -half * np.sin(2 * angle)
     assert np.abs(strain - expected).max() < 1e-12
-    assert np.allclose(hyperfoam_3d.principal(strain).log.max(axis=-1), np.log1p(second))
+    assert np.allclose(spatial_response.principal(strain).log.max(axis=-1), np.log1p(second))
     turn = np.zeros(disc.base.shape)
     turn[:, 0, 1], turn[:, 1, 1] = 0.3 / root, -0.3 / root
     assert np.abs(gradients(disc.foam, turn)).max() < 1e-12

@@ -54,7 +54,7 @@ def test_a_table_serves_its_own_shape_whose_moduli_are_rounded(table) -> None:
     """Moduli of 12 digits over mu_0 need not add up to 1, and over their sum end in other digits."""
     shape = replace(table.shape, mu=(0.830199673203, -1.62819339387, 1.79799372067))
     law, body, punch = parts_of(shape, shape.base)
-    assert shape_of(law, body, punch).mu != shape.mu
+    assert shape_of(law, body, punch).parameters != shape.parameters
     punch, own = replace(punch, force_N=None, depth_m=0.07), replace(table, shape=shape)
     assert touch_from(own, law, body, punch) is not None
     assert touch_from(own, replace(law, mu_Pa=law.mu_Pa * [1, 1, 1 + 1e-8]), body, punch) is None

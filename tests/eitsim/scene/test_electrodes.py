@@ -13,7 +13,7 @@ from pyarrow import parquet
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.scene.drive import Drive, read_out, voltage_columns
-from eitsim.scene.electrodes import Electrodes, among_all, arcs, contact_impedances, present
+from eitsim.scene.electrodes import Electrodes, among_all, arcs, contact_impedances, middles, present
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Skin, scene_from, scene_tables
 from eitsim.simulation.plan import make_plan
@@ -82,7 +82,8 @@ def test_each_electrode_keeps_what_it_is_given_and_comes_back():
     ({"missing": list(range(3, 16))}, "no reading"), ({"angles_deg": [0, 90, 180]}, "angles_deg .*16 numbers"),
     ({"count": 4, "angles_deg": [0, 180, 90, 270]}, "counter-clockwise"),
     ({"count": 4, "angles_deg": [0, 90, 180, 361]}, "one turn"),
-    ({"count": 4, "angles_deg": [0, 90, 180, 270], "first_angle_deg": 5}, "first_angle_deg .*no effect")])
+    ({"count": 4, "angles_deg": [0, 90, 180, 270], "first_angle_deg": 5}, "first_angle_deg .*no effect"),
+    ({"count": 4, "angles_deg": [0, 90, 180, 270], "clockwise": True}, "clockwise .*no effect with angles_deg")])
 def test_electrodes_that_cannot_be_are_refused(raw: dict, named: str):
     with pytest.raises(ValueError, match=named):
         scene_from({"electrodes": raw})
@@ -100,6 +101,32 @@ def test_a_list_of_equal_entries_is_the_number():
 def test_angles_given_evenly_are_the_even_ring():
     even = Electrodes(angles_rad=tuple(np.radians(SIXTEEN + 7)))
     assert relative(signal(even), signal(Electrodes(first_angle_rad=np.radians(7)))) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["multipole", "mesh"])
+@pytest.mark.parametrize("each", [{}, {"width_m": tuple(np.linspace(0.004, 0.02, 16)), "missing": (3,)}])
+def test_a_clockwise_ring_reads_as_the_mirrored_scene(each: dict, method: str):
+    mirrored = replace(PUNCH, x_m=-PUNCH.x_m)
+    clockwise = Electrodes(first_angle_rad=np.pi - 0.1, clockwise=True, **each)
+    listed = replace(clockwise, first_angle_rad=0.0, clockwise=False, angles_rad=tuple(middles(clockwise) + 2 * np.pi))
+    expected, *found = (solve(Body(), SKIN, one, Drive(), ((punch, pressed()),), LAW, method=method, signal=0.01)
+                        for one, punch in ((Electrodes(first_angle_rad=0.1, **each), PUNCH), (clockwise, mirrored),
+                                           (listed, mirrored)))
+    for one in found:
+        read = np.isfinite(expected.signal_V)
+        far = relative(one.signal_V[read], expected.signal_V[read])
+        print(f"{method}: {far:.1e}")
+        np.testing.assert_allclose(one.baseline_V[read], expected.baseline_V[read], rtol=1e-9)
+        assert far < (1e-9 if method == "multipole" else 1e-3)
+
+
+def test_a_clockwise_ring_on_an_outline_is_the_list_in_descending_order():
+    raw = {"body": {"outline": "rectangle", "width_mm": 80, "height_mm": 50}, "electrodes": {"count": 5, "width_mm": 4}}
+    shares = [0.0, 0.8, 0.6, 0.4, 0.2]
+    clockwise, listed = (scene_from({**raw, "electrodes": raw["electrodes"] | key}) for key in
+                         ({"clockwise": True}, {"shares": shares}))
+    assert clockwise == listed
+    assert scene_from(scene_tables(clockwise)) == clockwise
 
 
 @pytest.mark.parametrize("method", ["multipole", "mesh"])

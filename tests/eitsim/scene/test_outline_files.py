@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import ezdxf
 import meshio
 import numpy as np
 import pytest
 
+from eitsim.scene.edges.outline_electrodes import middles_m
 from eitsim.scene.polygons import area_m2
 from eitsim.scene.scene import read_scene
 from touchcal.errors import InputFileError
 
+GROUPS = Path(__file__).parents[4] / "shared/cases/eit/20_gmsh_quads_and_groups/verify_2D_coarse.msh"
 
 def scene_of(tmp_path, name, more=""):
     (tmp_path / "scene.toml").write_text(f'[body]\noutline = "{name}"\n{more}[electrodes]\ncount = 8\nwidth_mm = 2\n')
@@ -26,6 +29,41 @@ def test_corners_of_a_csv_are_the_outline(tmp_path):
     assert area_m2(body.outline) == pytest.approx(60e-3 * 40e-3 - math.pi * 5e-3**2)
     (tmp_path / "a.toml").write_text('[body]\noutline = "polygon"\npoints_mm = "skin.csv"\n')
     assert read_scene(tmp_path / "a.toml").body.outline.points_m == body.outline.points_m
+
+
+def test_numbered_groups_of_lines_of_a_mesh_are_electrodes(tmp_path):
+    """A rectangle of 40 x 20 mm in metres, electrodes on each side, the last one around a corner, not in order."""
+    corner = np.array([[0, 0], [10, 0], [14, 0], [40, 0], [40, 8], [40, 12], [40, 20], [30, 20], [20, 20], [0, 20],
+                       [0, 2], [20, 10]]) / 1e3
+    triangles = [[k, (k + 1) % 11, 11] for k in range(11)]
+    lines = {"e10": [[1, 2]], "e2": [[4, 5]], "e1": [[7, 6]], "e9": [[8, 9]], "e11": [[10, 0], [0, 1]]}
+    tags = [np.repeat(range(1, 6), [len(ends) for ends in lines.values()]), np.full(11, 9)]
+    meshio.Mesh(np.column_stack([corner, np.zeros(12)]), [("line", np.vstack(list(lines.values()))),
+                ("triangle", triangles)], cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+                field_data={name: np.array([k, 1]) for k, name in enumerate(lines, start=1)}).write(
+        tmp_path / "skin.msh", file_format="gmsh22")
+    head = '[body]\noutline = "skin.msh"\nunit_mm = 1000\n[electrodes]\n'
+    (tmp_path / "scene.toml").write_text(head + 'groups = "e"\n')
+    scene = read_scene(tmp_path / "scene.toml")
+    np.testing.assert_allclose(1e3 * np.array(scene.electrodes.width_m), [10, 4, 20, 4, 12])
+    np.testing.assert_allclose(1e3 * middles_m(scene.body.outline, scene.electrodes),
+                               [[35, 20], [40, 10], [10, 20], [12, 0], [4, 0]], atol=1e-9)
+    for more, named in (("count = 8\n", 'groups = "e"'), ('groups = "f"\n', "it has e10, e2, e1, e9, e11"),
+                        ('groups = "e"\ncount = 5\n', "no effect with groups")):
+        (tmp_path / "scene.toml").write_text(head + more)
+        with pytest.raises(ValueError, match=named):
+            read_scene(tmp_path / "scene.toml")
+
+
+@pytest.mark.skipif(not GROUPS.exists(), reason="the mesh of a public case is not here")
+def test_twenty_named_electrodes_of_a_public_mesh(tmp_path):
+    (tmp_path / "scene.toml").write_text(f'[body]\noutline = "{GROUPS}"\n[electrodes]\ngroups = "elec"\n')
+    scene = read_scene(tmp_path / "scene.toml")
+    mesh = meshio.read(GROUPS)
+    for k, (x, y) in enumerate(1e3 * middles_m(scene.body.outline, scene.electrodes), start=1):
+        lines = np.concatenate([block.data[tags == k] for block, tags in zip(
+            mesh.cells, mesh.cell_data["gmsh:physical"], strict=True) if block.type == "line"])
+        assert [x, y] == pytest.approx(mesh.points[lines][..., :2].mean(axis=(0, 1)), abs=1e-6)
 
 
 def test_lines_and_arcs_of_a_dxf_are_joined_and_its_circles_are_holes(tmp_path):

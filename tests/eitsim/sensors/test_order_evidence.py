@@ -11,14 +11,15 @@ from eitsim.sensors.conventions import Convention
 from eitsim.sensors.formats.open_file import open_recording
 from eitsim.sensors.inspection import Inspection, inspect
 from eitsim.sensors.inspection_words import cautions
-from eitsim.sensors.order_evidence import at_driven, exchanged_apart, not_taken, silence
+from eitsim.sensors.order_evidence import at_driven, exchanged_apart, not_taken, repeated_apart, silence
 from eitsim.sensors.recognition import Order, canonical
 from eitsim.sensors.recording import Recording
-from eitsim.sensors.sensor_file import drive_of_pairs, sensor_from
+from eitsim.sensors.sensor_file import drive_of_pairs, read_pairs, sensor_from
 from eitsim.sensors.unmeasured import unmeasured
 
 CASES = Path(__file__).parents[4] / "shared" / "cases" / "eit"
 cases = pytest.mark.skipif(not CASES.exists(), reason="recordings of public cases are not here")
+SIXPOINT = CASES.parents[1] / "real" / "sixpoint"
 ADJACENT = Convention(16, 16, 1, "pair", 1, "all", False, 0, 1).pairs()
 SKIP_2 = Convention(16, 16, 3, "pair", 1, "all", True, 4, 1).pairs()
 
@@ -34,15 +35,41 @@ def tank(pairs: np.ndarray, seed: int) -> np.ndarray:
     return z[plus, source] - z[plus, sink] - z[minus, source] + z[minus, sink]
 
 
-def seen(frame: np.ndarray, pairs: np.ndarray | None = None) -> Inspection:
+def seen(frame: np.ndarray, pairs: np.ndarray | None = None, count: int = 16) -> Inspection:
     one = Recording(frame[None], np.arange(1), None, np.array([""]), "voltage", Path("a.csv"))
-    sensor = None if pairs is None else sensor_from({"drive": drive_of_pairs(pairs, 16)}, Path())
+    sensor = None if pairs is None else sensor_from(
+        {"electrodes": {"count": count}, "drive": drive_of_pairs(pairs, count)}, Path())
     return inspect(one, sensor)
 
 
 def is_order(found: Inspection, pairs: np.ndarray) -> bool:
     order = found.identified.order
     return order is not None and canonical(order.pairs, order.count, False) == canonical(pairs, 16, False)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("steps", [(1, 4), (4, 1)])
+def test_what_two_drives_in_turn_measure_twice_names_them_whatever_the_body(steps: tuple[int, int], seed: int) -> None:
+    random, pairs = np.random.default_rng(seed), Convention(8, 8, steps[0], "pair", 1, "undriven", False, 0, 1,
+                                                           then=steps[1]).pairs()
+    drive = np.sort(pairs[:, :2], axis=1) @ (8, 1) * 64 + np.sort(pairs[:, 2:], axis=1) @ (8, 1)
+    frame = np.abs(tank(pairs, seed)) * np.exp(0.3 * random.normal(size=4096))[drive]
+    frame *= 1 + 0.005 * random.normal(size=len(pairs))
+    found = seen(frame, pairs, 8)
+    assert found.agrees is not False
+    assert {one.convention and one.convention.then for one in found.identified.plausible} == {steps[1]}
+    assert repeated_apart(frame, pairs) < 0.05
+
+
+@pytest.mark.skipif(not SIXPOINT.exists(), reason="recordings of six probes are not here")
+@pytest.mark.parametrize("session", [1, 2])
+def test_recorded_adjacent_then_opposite_drives_are_named(session: int) -> None:
+    found = inspect(open_recording(SIXPOINT / f"session{session}_frames.csv"))
+    order = found.identified.order
+    assert order is not None
+    np.testing.assert_array_equal(order.pairs, read_pairs(SIXPOINT / "pairs.csv", 8))
+    assert found.identified.words()["pattern"] == "adjacent then opposite"
+    assert found.identified.sign == "magnitude"
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -102,7 +102,6 @@ def test_places_in_the_order_of_the_readings_repair_what_is_named(way: int) -> N
     (said,) = cautions(inspected(UNEVEN, numbered))
     described_mm = 1e3 * along_edge(UNEVEN.outline, described(UNEVEN).electrodes)[numbered]
     assert f"positions_mm = [{', '.join(f'{one:.6g}' for one in described_mm[:4])}, ...]" in said
-    assert ("No first_angle_deg turns" in said) == (way == -1)
     listed = replace(described(UNEVEN).electrodes, positions_m=tuple(1e-3 * described_mm))
     found = inspected(UNEVEN, numbered, electrodes=listed)
     assert found.placed == (1, 0)

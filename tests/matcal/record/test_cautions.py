@@ -123,3 +123,14 @@ def test_a_record_with_equal_strains_has_its_share_in_the_band() -> None:
     card = card_of(strain=strain)
     assert card.fit["uniaxial_1"]["n"] == strain.size
     assert card.fit["uniaxial_1"]["inside_band"] == 1.0
+
+
+@pytest.mark.parametrize(("ranges", "how", "said"), [
+    ({"uniaxial": (-0.6, 0.0)}, "assumed", False), ({"uniaxial": (0.0, 0.3)}, "assumed", True),
+    ({"uniaxial": (-0.6, 0.0), "planar": (0.0, 0.3)}, "assumed", True), ({"planar": (0.0, 0.3)}, "given", False),
+    ({"uniaxial": (-0.6, 0.0), "biaxial": (-0.3, 0.0)}, "assumed", True),
+    ({"uniaxial": (-0.6, 0.3), "shear": (0.0, 0.4)}, "assumed", False)])
+def test_a_poissons_ratio_that_nobody_stated_is_said_where_mu_0_rests_on_it(
+        ranges: dict[str, tuple[float, float]], how: str, said: bool) -> None:
+    card = MaterialCard("foam", replace(LAW, strain_range=ranges), fit={"nu": {"how": how}})
+    assert any(text.startswith("nu = 0 was assumed") for text in cautions(card)) == said

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map, rim_zone
 from surrogate.forward_map.forward_map import ForwardMap, strength_covariance, strengths
-from surrogate.forward_map.inversion import diameter_force_posterior
+from surrogate.forward_map.inversion import diameter_force_posterior, outside_diameters
 from surrogate.forward_map.inversion.multipole_location import Located, locate
 from surrogate.forward_map.inversion.reading_covariance import no_drift
 from surrogate.forward_map.load_coordinates import to_unknown
@@ -165,3 +165,50 @@ def test_many_problems_are_minimised_at_once() -> None:
     found = levenberg_marquardt.minimise(residuals, np.tile([-1.2, 1.0], (7, 1)), 200)
     assert np.allclose(found.state, np.column_stack([floor, floor**2]), atol=1e-3)
     assert np.allclose(levenberg_marquardt.inverse(found.normal) @ found.normal, np.eye(2), atol=1e-8)
+
+
+def drawn(learned: ForwardMap, d_mm: float, sd: Array, frames: int = 200) -> Located:
+    """Located touches of one punch under noise of these standard deviations, as `measured` says them."""
+    exact = measured(learned, d_mm, 0.5, sd)
+    error = sd * np.random.default_rng(5).normal(size=(frames, 3))
+    strengths = np.repeat(exact.strengths, frames, 0)
+    strengths[:, 1:3] += error[:, 1:] * strengths[:, :1]
+    strengths[:, :1] *= 1 + error[:, :1]
+    return Located(np.repeat(exact.place_mm, frames, 0), strengths, np.repeat(exact.precision, frames, 0))
+
+
+def asked(learned: ForwardMap, located: Located) -> float:
+    inner = diameter_force_posterior.posterior(diameter_force_posterior.make_table(learned), located)
+    outer = outside_diameters.outside(learned, located, inner)
+    assert outer is not None
+    return float(np.mean(outside_diameters.asked_for(inner, outer)))
+
+
+@pytest.mark.parametrize(("d_mm", "least", "most"), [(10.0, 0.0, 0.07), (14.0, 0.0, 0.01),
+                                                     (18.0, 0.0, 0.07), (22.0, 0.5, 1.0), (26.0, 0.95, 1.0)])
+def test_a_punch_larger_than_the_trained_ones_is_asked_for_where_the_signal_tells(
+        learned: ForwardMap, d_mm: float, least: float, most: float) -> None:
+    """At an end of the range in one of twenty frames, as the likelihood ratio at a bound has it."""
+    share = asked(learned, drawn(learned, d_mm, np.array([0.02, 1e-3, 1e-2])))
+    print(d_mm, "mm, asked for another:", share)
+    assert least <= share <= most
+
+
+def test_punches_outside_the_range_count_as_far_as_the_signal_allows_them(learned: ForwardMap) -> None:
+    """Without a word of the signal up to where the prior alone is at the interval's end; with a sharp signal none."""
+    table, past = diameter_force_posterior.make_table(learned), []
+    for sd in ([0.02, 1e3, 1e3], [0.02, 3e-4, 1.0]):
+        located = measured(learned, 14.0, 0.5, np.array(sd))
+        inner = diameter_force_posterior.posterior(table, located)
+        outer = outside_diameters.outside(learned, located, inner)
+        assert outer is not None
+        past.append(14.0 + 1.6449 * diameter_force_posterior.one_sided(
+            outer, outer.table.touch[None], np.array([[14.0, 0.5]]))[1, 0, 0])
+    end = learned.bounds[1, 1] * np.exp(1.6449**2 / 2 * outside_diameters.SOFT)
+    assert past[0] == pytest.approx(end, rel=1.5 * outside_diameters.REACH / outside_diameters.STEPS)
+    assert past[1] == 14.0
+
+
+def test_known_punches_leave_no_room_outside(learned: ForwardMap) -> None:
+    known = replace(learned, known_mm=np.array([10.0, 14.0, 18.0]))
+    assert outside_diameters.outside_table(known) is None

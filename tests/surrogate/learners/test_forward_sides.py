@@ -7,6 +7,7 @@ from unittest.mock import patch
 import numpy as np
 
 from surrogate.data.samples import Samples, take
+from surrogate.forward_map.inversion.diameter_force_posterior import Table
 from surrogate.forward_map.inversion.invert import LEAST_SIDE
 from surrogate.learners import forward
 from surrogate.model.train import train
@@ -23,8 +24,8 @@ def test_a_mean_outside_the_likely_punches_keeps_an_interval_on_both_sides(sampl
     def nothing(found: object, values: Array, mean: Array) -> Array:
         return np.zeros((2, *mean.shape))
 
-    def exact(learner: forward.TouchInversion) -> tuple[Array, Array]:
-        nodes, variance = table_response(learner)
+    def exact(learner: forward.TouchInversion, table: Table) -> tuple[Array, Array]:
+        nodes, variance = table_response(learner, table)
         return nodes, np.zeros_like(variance)
 
     table_response = forward._table_response

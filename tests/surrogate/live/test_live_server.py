@@ -190,6 +190,7 @@ def test_lines_of_a_device_are_shown_and_read(start: Start, inner_model: surroga
 def test_a_line_that_is_no_frame_is_said_as_that_alone(inner_model: surrogate.Model) -> None:
     none = np.full(len(inner_model.baseline_V), np.nan)
     hello = messages.hello(inner_model, None, "streamed")
+    assert hello["assumes"].startswith("one punch, profile flat")
     tracker = surrogate.Tracker(inner_model, inner_model.baseline_V, noise_V=1e-6)
     cut, dead = (json.loads(messages.frame(1, Moment(0.0, none, note=note), tracker.update(none), hello, "", 0.0))
                  for note in ("unreadable: 3 columns", "frame 1 of 2"))

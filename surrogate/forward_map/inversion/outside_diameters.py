@@ -1,0 +1,45 @@
+"""Punches smaller or larger than the trained ones: what a signal allows of them, and whether it asks for one.
+
+Diameters of a training are seldom all that will be met. Outside their range the map is extrapolated, its own error
+growing as that of its processes does, and the prior of a punch falls by e with each SOFT of log d. Those that the
+signal then allows belong to the intervals of d and F. Where no trained punch is within the profile likelihood's
+interval of COVERAGE about the likeliest one of all, a touch is by another punch (a likelihood ratio at an end of the
+range: Self, Liang, J. Am. Stat. Assoc. 82 (1987) 605).
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from surrogate.forward_map.forward_map import ForwardMap
+from surrogate.forward_map.inversion.diameter_force_posterior import Posterior, Table, make_table, posterior, table_of
+from surrogate.forward_map.inversion.multipole_location import Located
+from surrogate.statistics.conformal import COVERAGE, normal
+from touchcal.arrays import Mask
+
+SOFT = 0.25  # log d outside the range over which the prior falls by e
+REACH, STEPS = 0.4, 12  # log d up to which punches on either side are tried, and how many
+
+
+@lru_cache(maxsize=8)
+def outside_table(forward: ForwardMap) -> Table | None:
+    """The table of smaller and larger punches; None where punches are known, or have one diameter, which teaches
+    nothing of others."""
+    (d_lo, d_hi), inner = forward.bounds[:, 1], make_table(forward)
+    if inner.known or len(inner.d_mm) == 1:
+        return None
+    off = REACH * (np.arange(STEPS) + 1) / STEPS
+    d, log_part = np.r_[d_lo * np.exp(-off), d_hi * np.exp(off)], -np.r_[off, off] / SOFT
+    part = np.exp(log_part) / np.exp(log_part).sum()
+    return table_of(forward, d, 0, part, log_part + inner.log_diameter.max())
+
+
+def outside(forward: ForwardMap, located: Located, inner: Posterior) -> Posterior | None:
+    """What located touches allow of punches outside the training range, next to those inside."""
+    table = outside_table(forward)
+    return None if table is None else posterior(table, located, inner)
+
+
+def asked_for(inner: Posterior, outer: Posterior) -> Mask:
+    """(n,) whether no trained punch is a likely one."""
+    return inner.deviance - outer.deviance > normal(COVERAGE) ** 2
