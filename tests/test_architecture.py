@@ -102,6 +102,24 @@ def test_the_import_graph_is_drawn_as_it_is() -> None:
     assert drawn == {(package, *arrow) for package, arrows in arrows_between_rooms().items() for arrow in arrows}
 
 
+def asks_of_the_edge() -> Counter[str]:
+    """Room -> places that ask whether a body is a disc, but where this is defined."""
+    found: Counter[str] = Counter()
+    for path in modules():
+        if not path.is_relative_to(ROOT / "eitsim" / "scene" / "edges") and path.name != "scene.py":
+            asked = re.findall(r"\b(?:has_outline|is_round)\b|isinstance\([^()]*, (?:Disc|Outline)\)",
+                               path.read_text(encoding="utf-8"))
+            found["/".join(path.relative_to(ROOT).parts[:2])] += len(asked)
+    return +found
+
+
+def test_few_places_ask_whether_a_body_is_a_disc() -> None:
+    """What edges have in common they answer themselves; the numbers may only fall."""
+    most = {"eitsim/electrics": 4, "eitsim/mechanics": 5, "eitsim/sensors": 5, "eitsim/sweeps": 1,
+            "eitsim/simulation": 21, "surrogate/bounds": 1, "surrogate/data": 1, "surrogate/cli": 1}
+    assert {room: count for room, count in asks_of_the_edge().items() if count > most.get(room, 0)} == {}
+
+
 def test_no_circle_and_few_floors() -> None:
     """Floors of a folder: its files and folders, one above another as the imports among them go."""
     floors: dict[str, int] = {}

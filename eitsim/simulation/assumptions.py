@@ -63,7 +63,8 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
     if not scene.electrodes.soft:
-        yield Choice(Kind.SOFT_ELECTRODES, {"holes": scene.electrodes.kind == "line" and len(scene.body.edge.loops) > 1},
+        holes = scene.electrodes.kind == "line" and len(scene.body.edge.loops) > 1
+        yield Choice(Kind.SOFT_ELECTRODES, {"holes": holes},
                      max(stiffening(scene, punch) for punch in scene.punches))
     yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
     over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)
