@@ -14,7 +14,7 @@ from eitsim.mechanics.rim.solve_near_rim import FULL_DISC
 from eitsim.scene.choices import Kind, Why
 from eitsim.scene.results import Plan, RimField, Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, scene_from
-from eitsim.simulation import routes
+from eitsim.simulation import routes, words
 from eitsim.simulation.choose import choose, choose_ways
 from eitsim.simulation.material import material_of
 from eitsim.simulation.plan import plan_of
@@ -159,6 +159,11 @@ def test_the_cheapest_route_that_meets_the_error_is_taken() -> None:
         costs = [route.serves(way.case) for route in ROUTES]
         assert costs == sorted(costs)
         assert all(route.leaves_out(way.case) > way.case.allowed for route in ROUTES[:ROUTES.index(way.route)])
+
+
+def test_every_kind_has_its_words() -> None:
+    assert {*words._LINES, *words._MADE} == {*Kind}
+    assert {*words._REFUSALS, *words._REFUSED, *words._PROBLEMS} == {*Why} - {Why.NOT_THIS_BODY}
 
 
 @pytest.mark.parametrize(("punch", "hold", "why"), [
