@@ -62,7 +62,7 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
     if not scene.electrodes.soft:
-        yield Choice(Kind.SOFT_ELECTRODES, {"holes": scene.electrodes.kind == "line" and bool(scene.body.holes_m)},
+        yield Choice(Kind.SOFT_ELECTRODES, {"holes": chosen.ways[0].case.bare_holes},
                      max(way.case.stiffening for way in chosen.ways))
     yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
     over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)

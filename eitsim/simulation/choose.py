@@ -194,7 +194,7 @@ def _why_alone(way: Way) -> Choice | None:
         return way.why
     return replace(way.why, values={
         "gap_m": case.gap_m, "outline": scene.body.has_outline, "cost": case.by_edges, "allowed": case.allowed,
-        "clear_m": least_gap_m(scene), "radius_m": scene.body.radius_m})
+        "clear_m": least_gap_m(scene), "radius_m": scene.body.edge.size_m})
 
 
 def _why_neighbours(scene: Scene) -> Choice | None:

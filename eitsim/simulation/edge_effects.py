@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.nearest_edge import nearest_edge, quarter_distances_m
-from eitsim.scene.outline import Outline
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 
 # Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
@@ -40,7 +40,7 @@ def rim_effect(gap_m: float, thickness_m: float, strain: str) -> float:
 def effect_of_edges(scene: Scene, punch: Punch) -> float:
     """What neglecting the rim may cost; with an outline what all its edges and holes may change."""
     if scene.body.has_outline:
-        return _edges_effect(scene, scene.body.shape, punch)
+        return _edges_effect(scene, scene.body.outline, punch)
     return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
 
 
@@ -53,13 +53,13 @@ def _edges_effect(scene: Scene, outline: Outline, punch: Punch) -> float:
 
 def outer_edge_effect(scene: Scene, punch: Punch) -> float:
     """What the outer edge of an outline may change, without its holes."""
-    return _edges_effect(scene, replace(scene.body.shape, holes_m=()), punch)
+    return _edges_effect(scene, replace(scene.body.outline, holes_m=()), punch)
 
 
 def other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -> float:
     """What the edges but the nearest may cost: the sum of what the rim of a disc would, as near as the nearest of them
     in each quarter about the punch; outside: of those further from its edge than so many thicknesses."""
-    others = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
+    others = nearest_edge(scene.body.outline, (punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in others.tolist()
                if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
 
@@ -68,7 +68,7 @@ def added_edges_cost(scene: Scene, punch: Punch, reach: float) -> float:
     """What adding up the changes by several edges, each found by itself, may cost of the signal: products of two of
     them, and those of edges further from the punch's edge than a reach, thicknesses."""
     effects = [rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in (
-        quarter_distances_m(scene.body, (punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()]
+        scene.body.edge.quarters_m((punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()]
     products = sum(one * other for one, other in itertools.combinations(effects, 2))
     return _INTERPLAY * products + other_edges_effect(scene, punch, reach)
 

@@ -128,7 +128,7 @@ def mechanical(touch: Touch) -> dict[str, float]:
 
 def profile(touch: Touch, scene: Scene) -> dict[str, list[float]]:
     """Surface fields of a touch along the reference radius, out to the disc's radius, units in their names."""
-    inside = touch.radius_m <= scene.body.radius_m
+    inside = touch.radius_m <= scene.body.edge.size_m
     fields = {"radius_mm": touch.radius_m * 1e3, "u_r_mm": touch.u_r_m * 1e3, "u_z_mm": touch.u_z_m * 1e3,
               "pressure_kPa": touch.pressure_Pa / 1e3, "stretch_normal": touch.stretch_normal,
               "stretch_meridian": touch.stretch_meridian, "stretch_hoop": touch.stretch_hoop}

@@ -26,7 +26,7 @@ from eitsim.mechanics.rim.two_punches import FINEST, solved_together
 from eitsim.mechanics.rim.two_punches import LEAST_GAP as LEAST_PAIR_GAP
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.choices import Kind, Why
-from eitsim.scene.nearest_edge import STRAIGHT_M, NearestEdge, nearest_edge
+from eitsim.scene.nearest_edge import STRAIGHT_M, NearestEdge
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Body, Punch, Scene, rim_gap_m
 from eitsim.simulation.edge_effects import (
@@ -71,11 +71,14 @@ class Case:
         return self.gap_m <= 0 or self.by_edges > self.allowed
 
     @property
+    def bare_holes(self) -> bool:
+        """Whether the skin has holes, and electrodes lie along its outer edge alone."""
+        return self.scene.electrodes.kind == "line" and len(self.scene.body.edge.loops) > 1
+
+    @property
     def stiffening(self) -> float:
-        """What electrodes that do not give way may change: as much as the edges that carry them, which are not those of
-        holes where they lie along the outer one."""
-        at_outer_edge = self.scene.electrodes.kind == "line" and self.scene.body.holes_m
-        return outer_edge_effect(self.scene, self.punch) if at_outer_edge else self.by_edges
+        """What electrodes that do not give way may change: as much as the edges that carry them."""
+        return outer_edge_effect(self.scene, self.punch) if self.bare_holes else self.by_edges
 
     @cached_property
     def by_other_edges(self) -> float:
@@ -86,7 +89,7 @@ class Case:
     def nearest(self) -> NearestEdge | None:
         """The nearest edge of an outline; None on a disc."""
         body = self.scene.body
-        return nearest_edge(body.shape, (self.punch.x_m, self.punch.y_m)) if body.has_outline else None
+        return body.edge.nearest((self.punch.x_m, self.punch.y_m)) if body.has_outline else None
 
     @property
     def straight(self) -> bool:
@@ -261,7 +264,7 @@ def fine_enough(touches: Sequence[Touch], scene: Scene) -> bool:
 
 def _edge_problem(case: Case) -> Choice | None:
     """Why a touch cannot be solved near an edge."""
-    least_m = LEAST_GAP * case.scene.body.radius_m
+    least_m = LEAST_GAP * case.scene.body.edge.size_m
     if case.gap_m < least_m:
         return Choice(Why.OFF_SKIN, {"gap_m": case.gap_m, "least_m": least_m, "outline": case.scene.body.has_outline})
     if 0 < friction.coefficient(case.punch) < np.inf:

@@ -94,9 +94,8 @@ class SimulatedSkin:
         nothing = np.zeros_like(self.baseline_V)
         (touch,) = served(self.table, self.material.law, scene)
         if touch is None:
-            edge = "an edge" if scene.body.has_outline else "the rim"
-            return Pressed(nothing, {}, f"no stored load path serves this press: it is too close to {edge}, too light "
-                                        "or too deep")
+            return Pressed(nothing, {}, "no stored load path serves this press: it is too close to "
+                                        f"{scene.body.edge.name}, too light or too deep")
         try:
             readings = readings_of(scene, (touch,), self.material.skin, exact=False)
         except ValueError as error:

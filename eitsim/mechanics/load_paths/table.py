@@ -16,6 +16,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, profile_of
 from matcal.laws.law import Law, over, values_of
@@ -40,7 +41,7 @@ def shape_of(law: Law, body: Body, punch: Punch, diameters_m: Iterable[float] = 
     shape, and all outlines but the disc."""
     unit = body.thickness_m
     diameters = _rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]])
-    disc, fillet = _rounded([body.radius_m / unit, punch.fillet_m / unit])
+    disc, fillet = _rounded([body.edge.size_m / unit, punch.fillet_m / unit])
     shape = DimensionlessProblem(law.name, _parameters(law), disc, fillet, diameters, spans, body.has_outline)
     return with_diameters(shape, diameters, spans=spans)
 
@@ -62,7 +63,7 @@ def _rounded(values: Iterable[float]) -> tuple[float, ...]:
 def parts_of(shape: DimensionlessProblem, diameter: float) -> tuple[Law, Body, Punch]:
     """Law, body and punch of a shape, without units; the force is yet to be set."""
     law = law_of(shape.law, shape.parameters)
-    return law, Body(shape.disc, 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
+    return law, Body(Disc(shape.disc), 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
 
 
 def edge_of(shape: DimensionlessProblem, diameter: float, gap: float) -> OffsetDisc:

@@ -36,6 +36,7 @@ from eitsim.mechanics.rim.solve_near_rim import (
 )
 from eitsim.mechanics.solid import spatial_response
 from eitsim.numerics.newton import Minimum
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.law import Law
@@ -117,7 +118,7 @@ def _on_discs(body: Body, punches: Sequence[Punch], edges: bool) -> list[tuple[B
     if edges or not body.has_outline:
         return [on_a_disc(body, punch) for punch in punches]
     x, y = (sum(getattr(punch, axis) for punch in punches) / len(punches) for axis in ("x_m", "y_m"))
-    disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
+    disc = Body(Disc(body.edge.size_m), body.thickness_m)
     return [(disc, replace(punch, x_m=punch.x_m - x, y_m=punch.y_m - y)) for punch in punches]
 
 

@@ -31,6 +31,7 @@ from eitsim.mechanics.rim.solve_near_rim import (
     solve_near_rim,
 )
 from eitsim.mechanics.solid import spatial_response
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import RimField
 from eitsim.scene.scene import Body, Punch, Scene, Skin
 from eitsim.simulation.edge_effects import rim_effect
@@ -258,7 +259,7 @@ def test_the_rim_deepens_a_touch_the_more_the_nearer():
 @pytest.mark.parametrize(("gap_m", "depth_m"), [(0.002, 3.8186e-3), (0.005, 3.6999e-3)])
 def test_a_straight_edge_deepens_a_touch_as_hexahedra_in_three_dimensions_have_it(gap_m, depth_m):
     """benchmarks/edge_touches.py, whose peer knows these depths to 0.01 %; without the edge they are 1 to 5 % less."""
-    body = Body(outline="rectangle", width_m=0.24, height_m=0.2)
+    body = Body(Outline("rectangle", width_m=0.24, height_m=0.2))
     punch = Punch(x_m=0.12 - gap_m - 0.007, diameter_m=0.014, force_N=1.0)
     assert solve_near_rim(FOAM, body, punch).depth_m == pytest.approx(depth_m, rel=1.5e-3)
     assert solve_touch(FOAM, body, punch).depth_m < 0.99 * depth_m

@@ -31,6 +31,7 @@ from eitsim.mechanics.load_paths.types import RimTable, Table
 from eitsim.mechanics.rim.solve_near_rim import ROUGH, corrected, solve_near_rim
 from eitsim.scene.choices import Kind
 from eitsim.scene.drive import as_tuples
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.simulation.assumptions import stored_choice
@@ -98,7 +99,7 @@ def test_the_disc_may_be_turned(table) -> None:
     assert aslant.depth_m == pytest.approx(straight.depth_m, rel=1e-12)
 
 
-RECTANGLE = Body(outline="rectangle", width_m=0.2, height_m=0.15)
+RECTANGLE = Body(Outline("rectangle", width_m=0.2, height_m=0.15))
 
 
 @pytest.fixture(scope="module")
@@ -109,8 +110,8 @@ def straight():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("body", [RECTANGLE, Body(outline="polygon", points_m=(
-    (0.1, 0.1), (-0.1, 0.15), (-0.1, -0.15), (0.1, -0.1)))])
+@pytest.mark.parametrize("body", [RECTANGLE, Body(Outline("polygon", points_m=(
+    (0.1, 0.1), (-0.1, 0.15), (-0.1, -0.15), (0.1, -0.1))))])
 def test_one_table_serves_straight_edges_of_any_outline(straight, body: Body) -> None:
     """It is made on a disc whose rim is far; touches solved anew on the outline, on the table's mesh, are
     recovered. Single touches near one edge have a finer one, from which signals differ by up to four times the
@@ -144,7 +145,7 @@ def test_a_shape_with_fewer_diameters_is_that_of_these(body: Body) -> None:
 @pytest.mark.slow
 def test_a_table_of_straight_edges_serves_no_round_one_and_no_disc(straight) -> None:
     turn = 2 * np.pi * np.arange(200) / 200
-    polygon = Body(outline="polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(turn), np.sin(turn)])))
+    polygon = Body(Outline("polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(turn), np.sin(turn)]))))
     punch = pressed(straight, 8e-3, 0.09)
     alone = touch_from(straight, FOAM, polygon, punch)
     assert alone is not None
@@ -154,7 +155,8 @@ def test_a_table_of_straight_edges_serves_no_round_one_and_no_disc(straight) -> 
 
 
 def test_all_outlines_have_one_shape_and_discs_their_own() -> None:
-    shapes = {shape_of(FOAM, body, Punch()) for body in (RECTANGLE, replace(RECTANGLE, width_m=0.3), Body())}
+    wider = replace(RECTANGLE, edge=replace(RECTANGLE.outline, width_m=0.3))
+    shapes = {shape_of(FOAM, body, Punch()) for body in (RECTANGLE, wider, Body())}
     assert len(shapes) == 2
     assert shape_of(FOAM, RECTANGLE, Punch()).disc == pytest.approx(10.7)
 

@@ -13,6 +13,7 @@ from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.load_path import ERRORS, course_of
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, shape_of, state, touch_from
 from eitsim.scene.choices import Kind
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.scene import STRAINS, Body, Punch, scene_from
 from eitsim.simulation.assumptions import stored_choice
 from eitsim.simulation.choose import served
@@ -99,7 +100,8 @@ def test_all_moduli_times_a_factor_are_the_same_path(table) -> None:
     soft = touch_from(table, FOAM, Body(), punch)
     stiff = touch_from(table, replace(FOAM, mu_Pa=1e3 * FOAM.mu_Pa), Body(),
                        replace(punch, force_N=1e3 * punch.force_N))
-    thick = touch_from(table, FOAM, Body(0.2, 0.02), replace(punch, diameter_m=2 * punch.diameter_m, fillet_m=1e-3,
+    thick = touch_from(table, FOAM, Body(Disc(0.2), 0.02),
+        replace(punch, diameter_m=2 * punch.diameter_m, fillet_m=1e-3,
                                                              force_N=4 * punch.force_N))
     assert soft is not None
     assert stiff is not None

@@ -14,6 +14,7 @@ from eitsim.mechanics.rim.interaction import clusters, interaction
 from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution, corrected
 from eitsim.mechanics.rim.two_punches import solved_together
 from eitsim.scene.choices import Why
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Skin, scene_from
 from eitsim.simulation import routes as solving
@@ -79,7 +80,7 @@ def test_an_equal_pair_is_symmetric_however_it_lies():
     assert touches[0].depth_m == pytest.approx(solved(*equal(30), TINIEST, TINY)[0].depth_m, rel=1e-8)
 
 
-SKIN = Body(thickness_m=0.01, outline="rectangle", width_m=0.6, height_m=0.6)
+SKIN = Body(Outline("rectangle", width_m=0.6, height_m=0.6), 0.01)
 
 
 @cache

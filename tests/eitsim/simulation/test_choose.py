@@ -12,6 +12,7 @@ import pytest
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import FULL_DISC
 from eitsim.scene.choices import Kind, Why
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Plan, RimField, Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, scene_from
 from eitsim.simulation import routes, words
@@ -150,7 +151,7 @@ def test_a_change_from_a_table_is_said_to_be_one(touch: Touch) -> None:
 
 
 def test_the_cheapest_route_that_meets_the_error_is_taken() -> None:
-    body = Body(outline="rectangle", width_m=0.15, height_m=0.11)
+    body = Body(Outline("rectangle", width_m=0.15, height_m=0.11))
     middle, edge, corner = ((0.0, 0.0), (0.066, 0.0), (0.066, 0.046))
     for place, kind in ((middle, Kind.AXISYMMETRIC), (edge, Kind.NEAREST_EDGE), (corner, Kind.ALL_EDGES)):
         scene = Scene(body=body, punches=(Punch(*place, diameter_m=0.01),), accuracy=Accuracy(0.05))
