@@ -168,6 +168,19 @@ def test_a_command_imports_what_it_needs(work: str, may: set[str]) -> None:
     assert heavy & set(loaded.split()) <= may
 
 
+@pytest.mark.parametrize(("names", "room", "asks"), [
+    ({"pair_problem", "clusters", "unresolvable", "unsolvable"}, "", {"eitsim.simulation.choose"}),
+    ({"effect_of_edges", "other_edges_effect", "outer_edge_effect", "added_edges_cost", "near_rim_from",
+      "near_edges_from"}, "", {"eitsim.simulation.routes"}),
+    ({"solve_touch", "solve_near_rim", "solved_together", "solve_hold"}, "mechanics", {"eitsim.simulation.routes"})])
+def test_how_a_touch_is_solved_is_decided_in_one_place(names: set[str], room: str, asks: set[str]) -> None:
+    """Who asks, above the room that answers, whether edges and neighbours count, and who solves."""
+    paths = [path for path in (ROOT / "eitsim").rglob("*.py") if room_of(name_of(path)) != ("eitsim", room)]
+    found = {name_of(path) for path in paths for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+             if isinstance(node, ast.ImportFrom) for alias in node.names if alias.name in names}
+    assert found == asks
+
+
 def is_sentence(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, str | bytes) and len(node.value.split()) > 1
 
