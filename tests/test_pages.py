@@ -11,7 +11,7 @@ import pytest
 import eitsim
 import matcal
 from eitsim.simulation.edge_effects import least_gap_m
-from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N
+from eitsim.simulation.words import DIPOLE, DIPOLE_FORCES_N
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import design_from, read_design
 from eitsim.sweeps.run.rows import blank_row

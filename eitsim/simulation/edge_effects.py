@@ -1,4 +1,4 @@
-"""How much the rim of a disc, or the edges of an outline, change a touch, and which of them it must count."""
+"""How much the rim of a disc, or the edges of an outline, change a touch."""
 
 import itertools
 import math
@@ -18,8 +18,8 @@ _GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
 _RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.031, 0.008]),
                "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
                "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
-# Part of the requested signal error that neglecting the rim may use up.
-RIM_SHARE = 0.5
+# Part of the requested signal error that neglecting edges may use up.
+EDGE_SHARE = 0.5
 # What one edge changes of another's change, over the product of both as tabulated (benchmarks/several_edges.py): above
 # all that was measured by the normal and by the largest strain in plane.
 _INTERPLAY = 6.0
@@ -35,11 +35,6 @@ def rim_effect(gap_m: float, thickness_m: float, strain: str) -> float:
         return float(np.interp(gap, _GAP, effect))
     rate = math.log(effect[-2] / effect[-1]) / (_GAP[-1] - _GAP[-2])
     return float(effect[-1] * math.exp(-rate * (gap - _GAP[-1])))
-
-
-def near_rim(scene: Scene, punch: Punch) -> bool:
-    """Whether neglecting the rim may cost more of the signal than its share of the requested error."""
-    return rim_gap_m(scene.body, punch) <= 0 or effect_of_edges(scene, punch) > RIM_SHARE * scene.accuracy.signal
 
 
 def effect_of_edges(scene: Scene, punch: Punch) -> float:
@@ -62,13 +57,6 @@ def stiffening(scene: Scene, punch: Punch) -> float:
     if scene.electrodes.kind == "line" and len(scene.body.edge.loops) > 1:
         return _edges_effect(scene, replace(scene.body.outline, holes_m=()), punch)
     return effect_of_edges(scene, punch)
-
-
-def several_edges(scene: Scene, punch: Punch) -> bool:
-    """Whether a touch near an edge of an outline must be solved with all edges: in corners, next to holes, in strips,
-    where the others may cost more of the signal than their share of the requested error."""
-    return (scene.body.has_outline and near_rim(scene, punch)
-            and other_edges_effect(scene, punch) > RIM_SHARE * scene.accuracy.signal)
 
 
 def other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -> float:
@@ -94,5 +82,5 @@ def least_gap_m(scene: Scene) -> float:
     thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
     ways = (1.0, 1.0, math.sqrt(2), math.sqrt(2)) if scene.body.has_outline else (1.0,)
     near = np.array([sum(rim_effect(way * gap * thickness, thickness, scene.skin.strain) for way in ways)
-                     for gap in gaps]) > RIM_SHARE * scene.accuracy.signal
+                     for gap in gaps]) > EDGE_SHARE * scene.accuracy.signal
     return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness)

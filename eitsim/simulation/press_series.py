@@ -23,8 +23,9 @@ from eitsim.scene.outline_edge import edge_starts, places_along
 from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import Array, Touch, Volume
 from eitsim.scene.scene import Body, Punch, Scene, as_scene, profile_of
+from eitsim.simulation.choose import choose
 from eitsim.simulation.material import material_of
-from eitsim.simulation.touches import solved_touches
+from eitsim.simulation.words import refusal
 from matcal.card import MaterialCard, as_card
 from touchcal.whole_file import written
 
@@ -97,7 +98,7 @@ def press_of(scene: Scene | Path | str, card: MaterialCard | Path | str, last: T
     Raises
     ------
     ValueError
-        Where the scene has no such series.
+        Where the scene has no such series, or cannot be solved.
     NotConverged
         Where a touch does not converge.
 
@@ -113,14 +114,17 @@ def press_of(scene: Scene | Path | str, card: MaterialCard | Path | str, last: T
     """
     scene = as_scene(scene)
     check_press(scene, steps)
-    law, (punch,) = material_of(scene, as_card(card)).law, scene.punches
+    material, (punch,) = material_of(scene, as_card(card)), scene.punches
     touches = []
     for k in range(1, steps + 1):
         if k == steps and last is not None:
             touches.append(last)
         else:
             part = replace(scene, punches=(loaded(punch, k / steps),))
-            touches += solved_touches(law, part, [None], (), exact)
+            chosen = choose(part, material, exact=exact)
+            if chosen.why is not None:
+                raise ValueError(refusal(chosen.why))
+            touches += chosen.touches()
         progress(k)
     return tuple(touches)
 
@@ -318,7 +322,8 @@ def _electrodes(scene: Scene, punch: Punch, touch: Touch) -> Block:
     cells = [(kind, np.concatenate([numbers + start for (own, _, numbers), start in zip(parts, first, strict=False)
                                     if own == kind])) for kind in dict.fromkeys(kind for kind, _, _ in parts)]
     number = np.repeat(np.arange(len(parts), dtype=float), np.diff(first))
-    number[number >= scene.electrodes.count] = -1
+    if scene.body.has_outline:
+        number[number >= scene.electrodes.count] = -1
     return Block("electrodes", np.column_stack([plane, np.zeros(len(plane))]), cells,
                  {"displacement_m": surface_displacement(plane, ((punch, touch),)), "electrode": number})
 

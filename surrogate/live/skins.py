@@ -16,8 +16,9 @@ from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene, read_scene
+from eitsim.simulation.choose import served
 from eitsim.simulation.material import Material, material_of
-from eitsim.simulation.reuse import served, shape_for, table_for
+from eitsim.simulation.reuse import shape_for, table_for
 from eitsim.simulation.simulate import readings_of
 from matcal.card import read_card
 from matcal.laws.conductivity import conductivity

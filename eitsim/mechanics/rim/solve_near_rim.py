@@ -22,7 +22,6 @@ from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.axisymmetric import friction_increments, solve_axisymmetric
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
-from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact.punch_contact import top_facets
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
@@ -133,28 +132,12 @@ class Load:
         return Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
 
 
-def rim_problem(body: Body, punch: Punch) -> str:
-    """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
-    gap = rim_gap_m(body, punch)
-    least = LEAST_GAP * body.edge.size_m
-    if gap < least:
-        where = f"reaches {-gap * 1e3:.1f} mm past" if gap <= -5e-5 else "lies on"
-        further = (math.floor((least - gap) * 1e5) + 1) / 100
-        return (f"the punch's edge {where} {body.edge.name}; change x_mm and y_mm so that the punch lies "
-                f"{further:.2f} mm further onto the skin")
-    if 0 < friction.coefficient(punch) < np.inf:
-        return "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")"
-    return ""
-
-
 def solve_near_rim(law: Law, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
     """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the
     axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
     (see `eitsim.scene.nearest_edge`), on a finer mesh than a rim; or with all_edges the whole of it, corners and holes
-    too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. ValueError where
-    `rim_problem` names one, NotConverged where no equilibrium is found."""
-    if problem := rim_problem(body, punch):
-        raise ValueError(f"{problem}.")
+    too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. The punch's edge lies on
+    the skin, and the punch slips freely or sticks. NotConverged where no equilibrium is found."""
     outlined = not body.edge.is_round
     edge, one_edge = edges_from(body, punch) if all_edges and outlined else None, outlined and not all_edges
     if not whole:

@@ -117,8 +117,8 @@ class Outline:
         """Lines along it lie at even shares of its length unless their places are given."""
         if electrodes.kind != "line" or electrodes.angles_rad or any(getattr(electrodes, name) for name in PLACES):
             return electrodes
-        count, way = electrodes.count, -1 if electrodes.clockwise else 1
-        return replace(electrodes, shares=tuple(way * k % count / count for k in range(count)), clockwise=False)
+        n, way = electrodes.count, -1 if electrodes.clockwise else 1
+        return replace(electrodes, shares=tuple(way * k % n / n for k in range(n)), clockwise=False)
 
     def by_arc(self, electrodes: Electrodes) -> Electrodes:
         return with_positions(self, electrodes) if electrodes.kind == "line" else electrodes

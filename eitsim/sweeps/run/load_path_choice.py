@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from eitsim.mechanics.load_paths.build_rim_table import GRID
-from eitsim.mechanics.load_paths.rim_table import changed_diameters, served_edge, within
+from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
 from eitsim.mechanics.load_paths.table import with_diameters
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
-from eitsim.scene.scene import Punch, Scene
-from eitsim.simulation.edge_effects import added_edges_cost, near_rim, several_edges
+from eitsim.scene.scene import Punch
+from eitsim.simulation.choose import TABLE_SHARE, tabled_near_edge
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import rim_refusal
-from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, shape_for, table_for
+from eitsim.simulation.reuse import shape_for, table_for
+from eitsim.simulation.routes import RIM_SHARE
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
@@ -159,16 +159,8 @@ def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
     """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes; with an
     outline, near straight edges."""
     rows = list(valid_scenes(design, _ROWS))
-    near = sum(_tabled(shape, s, p) for s in rows for p in s.punches if near_rim(s, p))
+    near = sum(tabled_near_edge(scene, GRID.gaps[-1]) for scene in rows)
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
-
-
-def _tabled(shape: DimensionlessProblem, scene: Scene, punch: Punch) -> bool:
-    """Whether a touch near the rim, or an edge, is one that a table of changes can serve."""
-    if served_edge(shape, scene.body, punch) is None or rim_refusal(scene, punch):
-        return False
-    return not several_edges(scene, punch) or (
-        added_edges_cost(scene, punch, GRID.gaps[-1]) <= RIM_SHARE * scene.accuracy.signal)
 
 
 def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:

@@ -20,7 +20,7 @@ from surrogate.learners.base import Learner
 from surrogate.learners.forward import TouchInversion
 from surrogate.learners.novelty import fit_novelty, reciprocal
 from surrogate.model.missing_channels import named, of_fewer, silent, why_not
-from surrogate.model.predict import WEAK, Predictions, Predictor, judged, numbers_of, predict, prepare
+from surrogate.model.predict import WEAK, Predictions, Predictor, columns, judged, numbers_of, predict, prepare
 from surrogate.model.tracking import follow_by_map
 from surrogate.model.tracking.contact import patterns_of
 from surrogate.model.tracking.follow_by_map import Touch
@@ -69,6 +69,7 @@ class FollowedModel:
     def __init__(self, model: TrainedModel, scaling: str, held_s: float | None) -> None:
         self.readings, self.weakest = len(model.baseline_V), model.trained.weakest_V
         self.patterns = patterns_of(model.calibration.signal_V)
+        self.columns = columns(model)[1:-1]
         self.ring: Ring | None = model.ring
         self.foreseen = _by_gain(model)
         self._model, self._scaling, self._held_s = model, scaling, held_s
@@ -144,11 +145,11 @@ class FollowedModel:
         return found
 
     def _told(self, state: str, read: Predictions, covariance: Array) -> Read:
-        columns = np.array([self._model.names.index(name) if name in self._model.names else -1
+        places = np.array([self._model.names.index(name) if name in self._model.names else -1
                             for name in outputs.NAMES[:outputs.TOUCH]])
 
         def of_touch(part: Array) -> Array:
-            return np.where(columns < 0, np.nan, part[0, columns]) * _SI
+            return np.where(places < 0, np.nan, part[0, places]) * _SI
 
         below, above = of_touch(read.below), of_touch(read.above)
         sd = (below + above) / 2 / normal(COVERAGE)

@@ -42,6 +42,7 @@ class Following(Protocol):
     patterns: Array  # (k, readings) unit patterns of touches
     foreseen: Array  # (k, readings) changes of the untouched frame by causes that may drift, none where none is known
     weakest: float  # norm of the weakest training signal, in the unit of the readings
+    columns: list[str]  # names of the values of a row, with the ends of their 90 % intervals
     ring: Ring | None  # whose readings these are, where that is known
 
     def dead(self, volts: Array) -> Mask:

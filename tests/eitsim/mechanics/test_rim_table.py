@@ -29,12 +29,16 @@ from eitsim.mechanics.load_paths.rim_table import (
 from eitsim.mechanics.load_paths.table import shape_of, state, touch_from, with_diameters
 from eitsim.mechanics.load_paths.types import RimTable, Table
 from eitsim.mechanics.rim.solve_near_rim import ROUGH, corrected, solve_near_rim
+from eitsim.scene.choices import Kind
 from eitsim.scene.drive import as_tuples
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, scene_from
-from eitsim.simulation.reuse import decision, scene_shape, served
+from eitsim.simulation.assumptions import stored_choice
+from eitsim.simulation.choose import served
+from eitsim.simulation.reuse import scene_shape
 from eitsim.simulation.simulate import solve_scene
+from eitsim.simulation.words import decision
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.load_path_choice import fine_enough_for, rim_repays
 from matcal.card import MaterialCard
@@ -179,11 +183,13 @@ def test_a_scene_near_the_rim_says_what_it_may_cost(table) -> None:
     scene = replace(scene_from({"accuracy": {"signal": 0.05}}), punches=(punch,))
     (touch,) = served(table, FOAM, scene)
     assert touch is not None
-    assert "what the rim changes" in decision(table, touch, scene_from({})).reason
+    assert "what the rim changes" in decision(stored_choice(table, touch, scene_from({}))).reason
     assert served(replace(table, rim=None), FOAM, scene) == (None,)
     result = solve_scene(scene, CARD, table=table)
     assert result.outcome == "ok"
-    (said,) = [d for d in result.plan.decisions if d.decision == "load path reused"]
+    (said,) = [d for d in result.plan.decisions if d.kind is Kind.STORED]
+    assert [d.decision for d in result.plan.decisions if d.kind is Kind.NEAREST_EDGE] == [
+        "what the rim changes of the axisymmetric touch, from a table"]
     assert said.error_bound > max(table.error.depth, table.error.signal(scene.skin.strain))
 
 

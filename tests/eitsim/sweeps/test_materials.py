@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 from eitsim.mechanics.load_paths import build_table
+from eitsim.scene.choices import Kind
 from eitsim.scene.drive import voltage_columns
 from eitsim.simulation import reuse
-from eitsim.simulation.plan import ONE_CARD
 from eitsim.simulation.simulate import simulate
 from eitsim.sweeps.dataset.parquet import COST, read_dataset, read_manifest
 from eitsim.sweeps.dataset.sweep_record import Account
@@ -174,9 +174,9 @@ def test_rows_do_not_depend_on_workers_or_stops_and_the_count_may_grow(card: Pat
     a, b = (read_dataset(tmp_path / name).table.drop(columns=list(COST)) for name in "ab")
     pd.testing.assert_frame_equal(a, b)
     assert Counter(a["card_sample"]).most_common()[0][1] == 2
-    told = {one.decision: one for one in account_of(tmp_path / "b").left_out}
-    assert ONE_CARD not in told
-    drawn = told["5 cards drawn from the posterior"]
+    told = {one.kind: one for one in account_of(tmp_path / "b").left_out}
+    assert Kind.ONE_CARD not in told
+    drawn = told[Kind.DRAWN_CARDS]
     assert (drawn.unbounded, drawn.rows) == (True, drawn.of)
     assert "hyperfoam and prony and conductivity vary" in drawn.reason
     assert "1/sqrt(5) = 0.45" in drawn.reason

@@ -1,4 +1,4 @@
-"""The joint of laws: what any law must satisfy, neo-Hooke by its closed forms, and a law of invariants that is one class.
+"""The joint of laws: what any law must satisfy, neo-Hooke by its closed forms, and a law of invariants in one class.
 
 Truths that no law brings along: derivatives by differences, symmetry under exchange of the axes, neo-Hooke's formulas,
 and the hyperfoam with one term alpha = 2 and nu = 0, which is neo-Hooke with nu = 0.
@@ -180,7 +180,8 @@ def test_neo_hooke_is_stable_where_its_curvatures_are_positive() -> None:
 
 
 @pytest.mark.parametrize(("wrong", "expected"), [
-    (lambda: law_type("neohook"), "known: hyperfoam, neo_hooke"), (lambda: NeoHooke(np.nan, 0.1), "mu_Pa must be finite"),
+    (lambda: law_type("neohook"), "known: hyperfoam, neo_hooke"),
+    (lambda: NeoHooke(np.nan, 0.1), "mu_Pa must be finite"),
     (lambda: NeoHooke(-1.0, 0.1), "mu_0 must be positive"), (lambda: NeoHooke(1.0, 0.1, "fast"), "moduli 'fast'")])
 def test_what_is_no_law_is_refused(wrong, expected) -> None:
     with pytest.raises(ValueError, match=expected):

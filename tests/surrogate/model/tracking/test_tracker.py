@@ -18,7 +18,7 @@ from surrogate.model.model import Model
 from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.tracking.followed_model import KEPT, FollowedModel
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
-from surrogate.model.tracking.tracked_stream import columns, track
+from surrogate.model.tracking.tracked_stream import track
 from surrogate.model.tracking.tracker import STRANGE, WAIT, Tracker
 from surrogate.model.train import train
 from surrogate.statistics.conformal import COVERAGE
@@ -354,9 +354,9 @@ def test_one_line_in_is_one_row_out(model: Model, press: Callable[..., Array], u
     lines.insert(REST + 4, "1,2,3")
     said: list[str] = []
     sink = io.StringIO()
-    counts = track(Tracker(model, rate_hz=100.0), model, io.BytesIO("\n".join(lines).encode()), sink, said.append)
+    counts = track(Tracker(model, rate_hz=100.0), io.BytesIO("\n".join(lines).encode()), sink, said.append)
     head, *rows = [row.split(",") for row in sink.getvalue().splitlines()]
-    assert head == columns(model)
+    assert head == ["line", *Tracker(model).columns, "state", "flag"]
     assert counts.answered == len(rows) == len(lines)
     state, flag = head.index("state"), head.index("flag")
     assert rows[0][state] == CALIBRATING
@@ -373,7 +373,7 @@ def test_a_line_that_is_no_frame_does_not_end_the_calibration(model: Model, pres
     lines = [",".join(map(repr, frame)) for frame in press(slide(8), 7).tolist()]
     lines.insert(5, "1,2,3")
     said: list[str] = []
-    track(Tracker(model), model, io.BytesIO("\n".join(lines).encode()), io.StringIO(), said.append)
+    track(Tracker(model), io.BytesIO("\n".join(lines).encode()), io.StringIO(), said.append)
     assert [words.split(" ")[0] for words in said] == ["the", "line", "calibrated:"]
     assert said[1].startswith("line 6: unreadable: 3 columns, expected 208 voltages")
 
