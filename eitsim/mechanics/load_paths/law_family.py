@@ -13,8 +13,8 @@ from scipy.interpolate import CubicHermiteSpline
 from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
 from eitsim.mechanics.load_paths.table import lagrange_weights, of_law
 from eitsim.mechanics.load_paths.types import Table
+from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law, values_of
-from matcal.laws.registry import law_of
 from touchcal.arrays import Array
 
 # Most diameters at which the changes are solved, and every which depth of the table they are.
