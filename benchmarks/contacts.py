@@ -60,14 +60,14 @@ def light(stream: tracker.Stream, force_N: float) -> tracker.Stream:
     return replace(stream, press=np.where(none, -1, stream.press[which]), touch=touch, signal_V=signal)
 
 
-def instrument(model: surrogate.Model, folder: Path, frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def instrument(model: surrogate.SweepModel, folder: Path, frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(frames, readings) walk of the untouched frame by gains and contacts, V."""
     sensor = sensor_of(read_manifest(folder / "sweep")["design"]["tables"])
     root = frame_drift(model.ring, model.baseline_V, GAIN, CONTACT, sensor).root / np.sqrt(WALK_S * tracker.RATE_HZ)
     return np.cumsum(rng.normal(size=(frames, root.shape[1])), axis=0) @ root.T
 
 
-def scored(name: str, model: surrogate.Model, stream: tracker.Stream, volts: NDArray[np.float64],
+def scored(name: str, model: surrogate.SweepModel, stream: tracker.Stream, volts: NDArray[np.float64],
            least_N: float = tracker.FOUND_N) -> dict[str, object]:
     """How many presses of a stream are found within two frames from the first of some force."""
     said, spent = tracker.followed(model, stream, volts)

@@ -91,7 +91,8 @@ def drifted(bench: Bench, case: str) -> tuple[Array, Array]:
     return frames, channels
 
 
-def scored(model: surrogate.Model, bench: Bench, frames: Array, channels: Array, *, counted: bool) -> dict[str, float]:
+def scored(model: surrogate.SweepModel, bench: Bench, frames: Array, channels: Array, *,
+           counted: bool) -> dict[str, float]:
     """Errors, coverage and flags of frames with noise."""
     rng, rest = np.random.default_rng(11), bench.rest_V
     noise_V = np.sqrt(np.mean(rest**2)) * 10 ** (-NOISE_DB / 20)

@@ -14,7 +14,6 @@ results/gpu_training.csv and results/gpu_solutions.csv.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import itertools
 import math
 import time
@@ -32,9 +31,11 @@ from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.scene.scene import Body, Electrodes
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples, split, take
-from surrogate.learners.bayesian_network import bayesian_regularisation, layer
+from surrogate.learners.bayesian_network import bayesian_regularisation, laplace, layer
+from surrogate.learners.bayesian_network.bayesian_regularisation import Options, Training
 from surrogate.learners.bayesian_network.laplace import Curvature
 from surrogate.learners.bayesian_network.min_max import min_max, scaled, unscaled
+from touchcal.arrays import Array
 
 DEVICE = "cuda"
 STARTS, EPOCHS, TIMED_STEPS = quick((1, 2, 3), (1,)), quick(1000, 5), 3
@@ -44,9 +45,13 @@ BATCH = quick({1: 256, 2: 32}, {1: 8})
 CONDUCTANCE_S, SPREAD = 1e-3, 0.3
 
 
-def curvature(w: Tensor, x: Tensor) -> Curvature:
-    """As `laplace.curvature`, whole, of tensors on the device."""
-    jacobian = layer.jacobian(w, x)
+def curvature(w: Array, x: Array) -> Curvature:
+    """As `laplace.curvature`, whole, on the device."""
+    net, at = layer.layers(w, x.shape[1]), torch.from_numpy(x).to(DEVICE)
+    inner, bias, outer = (torch.from_numpy(one).to(DEVICE) for one in (net.inner, net.bias, net.outer))
+    hidden = torch.tanh(at @ inner.T + bias)
+    slope = outer * (1 - hidden**2)
+    jacobian = torch.cat([(slope[:, :, None] * at[:, None, :]).flatten(1), slope, hidden, at.new_ones(len(at), 1)], 1)
     gram = jacobian @ jacobian.T if len(x) < len(w) else jacobian.T @ jacobian
     return Curvature(gram, len(x), len(w))  # pyright: ignore[reportArgumentType]
 
@@ -58,9 +63,9 @@ def factor(of: Curvature, beta: float, shift: float) -> Tensor:
     return torch.linalg.cholesky(matrix)
 
 
-def solve(lower: Tensor, right: Tensor) -> Tensor:
+def solve(lower: Tensor, right: Array) -> Array:
     """As `laplace.solve`."""
-    return torch.cholesky_solve(right[:, None], lower)[:, 0]
+    return torch.cholesky_solve(torch.from_numpy(right).to(DEVICE)[:, None], lower)[:, 0].cpu().numpy()
 
 
 def effective_parameters(of: Curvature, alpha: float, beta: float) -> tuple[float, float]:
@@ -79,22 +84,11 @@ def log_evidence(of: Curvature, alpha: float, beta: float, cost: float) -> float
     return -cost - 0.5 * log_det + 0.5 * p * math.log(alpha) + 0.5 * n * math.log(beta)
 
 
-@contextlib.contextmanager
-def on_device() -> Iterator[None]:
-    """`evidence.train` with the algebra above, for inputs on the device."""
-    start = layer.initial_weights
-    with (
-        patch.multiple(
-            bayesian_regularisation,
-            curvature=curvature,
-            factor=factor,
-            solve=solve,
-            log_evidence=log_evidence,
-            effective_parameters=effective_parameters,
-        ),
-        patch.object(layer, "initial_weights", lambda *given: start(*given).to(DEVICE)),
-    ):
-        yield
+@patch.multiple(bayesian_regularisation, curvature=curvature, factor=factor, solve=solve)
+@patch.multiple(laplace, log_evidence=log_evidence, effective_parameters=effective_parameters)
+def on_device(x: Array, y: Array, seed: int, options: Options) -> tuple[Array, Training]:
+    """`bayesian_regularisation.train` with the algebra above."""
+    return bayesian_regularisation.train(x, y, seed, options)
 
 
 def training(samples: Samples, region: str, start: int) -> Iterator[dict[str, object]]:
@@ -102,19 +96,16 @@ def training(samples: Samples, region: str, start: int) -> Iterator[dict[str, ob
     part = split(samples.touch, SEED)
     train, test = take(samples, part == "train"), take(samples, part == "test")
     readings = min_max(train.signal_V)
-    x, unseen = (torch.from_numpy(scaled(readings, rows.signal_V)) for rows in (train, test))
+    x, unseen = (scaled(readings, rows.signal_V) for rows in (train, test))
     for name in PAPER:
         column = outputs.NAMES.index(name)
         targets = min_max(train.target[:, column:column + 1])
-        y = torch.from_numpy(scaled(targets, train.target[:, column:column + 1])[:, 0].copy())
+        y = scaled(targets, train.target[:, column:column + 1])[:, 0].copy()
         steps = timed_steps(x, y)
         begun = time.perf_counter()
-        with on_device():
-            w, told = bayesian_regularisation.train(
-                x.to(DEVICE), y.to(DEVICE), start, bayesian_regularisation.Options(epochs=EPOCHS)
-            )
+        w, told = on_device(x, y, start, Options(epochs=EPOCHS))
         took = time.perf_counter() - begun
-        value = [unscaled(targets, layer.output(w.cpu(), rows)[:, None].numpy())[:, 0] for rows in (x, unseen)]
+        value = [unscaled(targets, layer.output(w, rows)[:, None])[:, 0] for rows in (x, unseen)]
         error = [found - rows.target[:, column] for found, rows in zip(value, (train, test), strict=True)]
         rmse = float(np.sqrt(np.mean(error[1]**2)))
         yield {"start": start, "region": region, "output": name, "unit": outputs.of(name).unit, "rmse": rmse,
@@ -126,10 +117,10 @@ def training(samples: Samples, region: str, start: int) -> Iterator[dict[str, ob
                "device": torch.cuda.get_device_name()}
 
 
-def timed_steps(x: Tensor, y: Tensor) -> float:
+def timed_steps(x: Array, y: Array) -> float:
     """Wall time of a step on the processor, s."""
     begun = time.perf_counter()
-    told = bayesian_regularisation.train(x, y, SEED, bayesian_regularisation.Options(epochs=TIMED_STEPS))[1]
+    told = bayesian_regularisation.train(x, y, SEED, Options(epochs=TIMED_STEPS))[1]
     return (time.perf_counter() - begun) / told.epochs
 
 

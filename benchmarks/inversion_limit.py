@@ -25,7 +25,6 @@ import numpy as np
 from conditions import quick, shown, written
 from numpy.typing import NDArray
 
-import surrogate
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.measurement.instrument import below
 from matcal.card import MaterialCard, read_card
@@ -39,6 +38,7 @@ from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import MOST
 from surrogate.learners.forward import TouchInversion
+from surrogate.model.model import load_of_sweep
 from surrogate.statistics.metrics import rms
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def inverted(forward: ForwardMap, signal: Array, touch: Array, noise_V: float) -
 def main() -> None:
     if len(sys.argv) != 4:
         raise SystemExit("inversion_limit.py: give a forward model, a data set, and its card.")
-    model, samples, card = surrogate.load(Path(sys.argv[1])), read_samples(sys.argv[2]), read_card(Path(sys.argv[3]))
+    model, samples, card = load_of_sweep(Path(sys.argv[1])), read_samples(sys.argv[2]), read_card(Path(sys.argv[3]))
     if not isinstance(model.learner, TouchInversion):
         raise SystemExit(f"inversion_limit.py: {sys.argv[1]} is of method {model.method}; give one of method forward.")
     made_from = model.rows.row_hash[model.rows.part != PARTS.index("test")]

@@ -45,7 +45,7 @@ def spent_ms(work: Callable[[], Any]) -> tuple[float, Any]:
     return 1e3 * (time.process_time() - begun), found
 
 
-def places(model: surrogate.Model) -> list[Controls]:
+def places(model: surrogate.SweepModel) -> list[Controls]:
     """Presses where they may be pressed, in the box of the calibrating ones."""
     limits, rng, found = limits_of(model), np.random.default_rng(1), []
     low, high = model.calibration.target[:, :2].min(axis=0), model.calibration.target[:, :2].max(axis=0)

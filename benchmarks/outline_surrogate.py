@@ -87,14 +87,14 @@ def rows_of(case: str, folder: Path) -> Iterator[dict[str, Any]]:
             yield {"case": case, "what": "known", "method": method, "share": known_share(model)}
 
 
-def known_share(model: surrogate.Model) -> float:
+def known_share(model: surrogate.SweepModel) -> float:
     """Part of the rectangle where a model reads touches."""
     x, y = np.meshgrid(*(np.arange(-half + 0.25, half, 0.5) for half in HALF_MM))
     flat = np.full(x.size, PUNCH["diameter_mm"])
     return float(np.mean(model.learner.reads(np.column_stack([x.ravel(), y.ravel(), flat, flat]))))
 
 
-def scored(case: str, model: surrogate.Model, table: pd.DataFrame, noise_dB: float) -> Iterator[dict[str, Any]]:
+def scored(case: str, model: surrogate.SweepModel, table: pd.DataFrame, noise_dB: float) -> Iterator[dict[str, Any]]:
     """Errors and coverage of rows of a data set, by noise below the RMS of the untouched readings; of those near an
     edge and the others separately where both are known."""
     count = len(model.baseline_V)
@@ -116,7 +116,7 @@ def scored(case: str, model: surrogate.Model, table: pd.DataFrame, noise_dB: flo
                    "each_ms": each_ms, "flagged": int((found["flag"] != "")[kept].sum())}
 
 
-def near_an_edge(case: str, model: surrogate.Model, design: Design) -> Iterator[dict[str, Any]]:
+def near_an_edge(case: str, model: surrogate.SweepModel, design: Design) -> Iterator[dict[str, Any]]:
     """How many of some touches near an edge, solved anew, are flagged, the median error of y and how many of its
     intervals hold, of all and of those that are not flagged."""
     scene, rng = representative_scene(design), np.random.default_rng(3)

@@ -25,10 +25,10 @@ from conditions import earlier, quick, shown, written
 from eitsim.sensors.labels import Labels, read_labels
 from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import read_sensor
+from surrogate.model.recorded.reader_scores import ReaderScore, read_rows, split_rows
 from surrogate.recordings.baselines import tracked
 from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.presses import Presses, labelled, presses_of
-from surrogate.recordings.trained.reader_scores import ReaderScore, read_rows, split_rows
 from touchcal.arrays import Index
 
 REAL = Path(__file__).parents[1].parent / "shared" / "real"

@@ -21,10 +21,10 @@ import pandas as pd
 from conditions import quick, shown, written
 
 import eitsim
-import surrogate
 from surrogate.forward_map.amplitude import amplitude
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.learners.forward import TouchInversion
+from surrogate.model.model import load_of_sweep
 from surrogate.model.predict import predict, prepare
 from touchcal.arrays import Array
 
@@ -70,7 +70,7 @@ def signals(touches: Array, card: str, *, finer: bool = False) -> Array:
 
 def rows(folder: str, sets: dict[str, tuple[Array, Array]]) -> Iterator[dict[str, object]]:
     """One row a level and set of touches and signals."""
-    model = surrogate.load(folder)
+    model = load_of_sweep(folder)
     k, scenes = model.names.index("F"), model.record["dataset"]["rows"]
     for level in LEVELS_DB:
         noise = float(np.sqrt(np.mean(model.baseline_V**2))) * 10 ** (-level / 20)
@@ -88,7 +88,7 @@ def rows(folder: str, sets: dict[str, tuple[Array, Array]]) -> Iterator[dict[str
 
 def main(card: str, folders: list[str]) -> None:
     """Measure every model and write."""
-    first = surrogate.load(folders[0])
+    first = load_of_sweep(folders[0])
     if not isinstance(first.learner, TouchInversion):
         sys.exit(f"ridge.py: {folders[0]} is not of method forward.")
     low, high = (float(end[first.names.index("F")]) for end in (first.trained.lowest, first.trained.highest))

@@ -62,7 +62,7 @@ def noises(base: Array, sd: float, rng: np.random.Generator) -> dict[str, Noise]
             "heavy-tailed": lambda k: sd * rng.standard_t(2.5, size=(k, n)) / np.sqrt(5)}
 
 
-def scored(model: surrogate.Model, rows: pd.DataFrame, frames_V: Array, baseline_V: Array) -> Mapping[str, float]:
+def scored(model: surrogate.SweepModel, rows: pd.DataFrame, frames_V: Array, baseline_V: Array) -> Mapping[str, float]:
     """Coverage of unflagged frames, and shares that are flagged, and wrong with no flag."""
     found = model.predict(frames_V, baseline_V)
     nearer = np.zeros(len(rows), bool)

@@ -23,16 +23,16 @@ from conditions import quick, shown, written
 import surrogate
 from surrogate.data.frame_rows import BATCH, frames_of, in_order, waiting_lines
 from surrogate.data.frame_source import widen_pipe
-from surrogate.model.model import Model
 from surrogate.model.predict import prepare
 from surrogate.model.stream import answers
+from surrogate.model.sweep_model import SweepModel
 
 FRAMES, LONE, NOISE_V = *quick((512, 128), (64, 8)), 1e-6
 # lines a second of a paced stream: of a map that is inverted, and of what answers at once; and for how long, s
 INVERTED, DIRECT, PACED_S = 50, 1000, quick(20, 2)
 
 
-def lines_of(model: Model, frames: int) -> list[str]:
+def lines_of(model: SweepModel, frames: int) -> list[str]:
     """Lines of text that a model is asked."""
     rng = np.random.default_rng(0)
     signal = model.calibration.signal_V[np.arange(frames) % len(model.calibration.signal_V)]
@@ -40,7 +40,7 @@ def lines_of(model: Model, frames: int) -> list[str]:
     return [",".join(map(repr, frame)) for frame in volts.tolist()]
 
 
-def row(model: Model, most: int, frames: int) -> dict[str, object]:
+def row(model: SweepModel, most: int, frames: int) -> dict[str, object]:
     """Rate of one model, at most so many lines at a time."""
     lines = list(enumerate(lines_of(model, frames), start=1))
     order = in_order(len(model.baseline_V))
@@ -57,7 +57,7 @@ def row(model: Model, most: int, frames: int) -> dict[str, object]:
             "frames_per_s": frames / spent, "start_s": start_s}
 
 
-def paced(model: Model) -> dict[str, object]:
+def paced(model: SweepModel) -> dict[str, object]:
     """Rate and delays of one model whose lines come at the pace of a sensor."""
     pace = INVERTED if model.method == "forward" else DIRECT
     lines = [f"{line}\n".encode() for line in lines_of(model, pace * PACED_S)]

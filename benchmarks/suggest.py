@@ -26,14 +26,13 @@ from real_skins import REAL, recorded
 
 from eitsim.sensors.labels import PLACE, Labels, places_of
 from eitsim.sensors.sensor_file import Sensor, read_sensor
-from surrogate.recordings import templates
+from surrogate.model.recorded.reader_scores import split_rows
+from surrogate.recordings import press_reader, templates
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.disc_grid import disc_grid
 from surrogate.recordings.physics.expectation import Pose, expectation_of
 from surrogate.recordings.presses import Presses, taken, until
 from surrogate.recordings.suggestion.next_presses import ACROSS, SHARE, greedy, left_open, next_presses
-from surrogate.recordings.trained import press_reader
-from surrogate.recordings.trained.reader_scores import split_rows
 from surrogate.statistics.gaussian_process import squared_distance
 from touchcal.arrays import Array, Index
 

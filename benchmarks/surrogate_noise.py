@@ -21,7 +21,7 @@ from conditions import quick, shown, written
 
 from surrogate.data.samples import Samples, read_samples, take
 from surrogate.model.evaluate import UNSEEN, evaluate, parts_of
-from surrogate.model.model import Model
+from surrogate.model.sweep_model import SweepModel
 from surrogate.model.train import train
 
 SEED, ROWS, OTHERS = 1, quick(4000, 200), quick(600, 60)
@@ -50,7 +50,7 @@ def scored(kind: str, case: str, level: float, outputs: Mapping[str, Mapping[str
                "scored_rows": s["n"]}
 
 
-def of(model: Model, samples: Samples, other: Samples | None) -> Iterator[dict[str, object]]:
+def of(model: SweepModel, samples: Samples, other: Samples | None) -> Iterator[dict[str, object]]:
     """All cases of one model."""
     plain = evaluate(model, samples, LEVELS_DB).scores
     first = list(scored("noise", "none", np.inf, plain["outputs"], {}))

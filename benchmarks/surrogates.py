@@ -14,7 +14,6 @@ or those named; rows of methods that were measured before are kept. Some 15 CPU 
 
 from __future__ import annotations
 
-import importlib.metadata
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -22,9 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import torch
 from conditions import RESULTS, conditions, quick, written
-from torch import Tensor
 
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples, split, take
@@ -35,7 +32,7 @@ from surrogate.learners.network import MOST, ROBUST
 from surrogate.learners.registry import METHODS
 from surrogate.learners.signal_features import features, fit_directions, sound_components
 from surrogate.model.evaluate import evaluate
-from surrogate.model.model import Model
+from surrogate.model.sweep_model import SweepModel
 from surrogate.model.train import train
 from surrogate.statistics.metrics import Array, rms
 
@@ -56,7 +53,7 @@ def against_time(samples: Samples, method: str) -> Iterator[dict[str, object]]:
     if method not in ITERATED:
         yield from scored(train(samples, method, OUTPUTS, SEED), unseen, "test", None)
         return
-    x, z = (torch.from_numpy(inputs(method, seen.signal_V, s.signal_V)) for s in (seen, unseen))
+    x, z = (inputs(method, seen.signal_V, s.signal_V) for s in (seen, unseen))
     for k, output in ((k, output) for k, output in enumerate(outputs.ALL) if output.name in OUTPUTS):
         for steps, cpu_s, found in along(x, z, seen.target[:, [k]], replace(ITERATED[method], epochs=max(STEPS))):
             error, inner = found - unseen.target[:, k], np.hypot(*unseen.target[:, :2].T) < INNER_MM
@@ -73,18 +70,18 @@ def inputs(method: str, seen_V: Array, signal_V: Array) -> Array:
     return features(fit_directions(seen_V, sound_components(seen_V, MOST)), signal_V)
 
 
-def along(x: Tensor, z: Tensor, target: Array, options: Options) -> list[tuple[int, float, Array]]:
+def along(x: Array, z: Array, target: Array, options: Options) -> list[tuple[int, float, Array]]:
     """Steps, CPU s, and outputs of unseen inputs z, along the training of one network on x and target (n, 1)."""
     scaling, begun = min_max(target), time.process_time()
-    shown: list[tuple[float, Tensor]] = []
+    shown: list[tuple[float, Array]] = []
 
-    def watch(weights: Tensor) -> None:
+    def watch(weights: Array) -> None:
         shown.append((time.process_time() - begun, weights))
 
-    bayesian_regularisation.train(x, torch.from_numpy(scaled(scaling, target)[:, 0].copy()), SEED, options, watch)
+    bayesian_regularisation.train(x, scaled(scaling, target)[:, 0].copy(), SEED, options, watch)
     kept = [(step, *shown[step - 1]) for step in STEPS if step <= len(shown)]
     middle, half = float(scaling.lowest[0] + scaling.half_span[0]), float(scaling.half_span[0])
-    return [(step, cpu_s, layer.output(weights, z).numpy() * half + middle) for step, cpu_s, weights in kept]
+    return [(step, cpu_s, layer.output(weights, z) * half + middle) for step, cpu_s, weights in kept]
 
 
 def against_scenes(samples: Samples, method: str) -> Iterator[dict[str, object]]:
@@ -96,7 +93,7 @@ def against_scenes(samples: Samples, method: str) -> Iterator[dict[str, object]]
         yield from scored(model, unseen, "all", epochs)
 
 
-def scored(model: Model, samples: Samples, part: str, steps: int | None) -> Iterator[dict[str, object]]:
+def scored(model: SweepModel, samples: Samples, part: str, steps: int | None) -> Iterator[dict[str, object]]:
     """One row an output."""
     found = evaluate(model, samples)
     radius = dict(zip(samples.scene.tolist(), np.hypot(*samples.target[:, :2].T).tolist(), strict=True))
@@ -117,7 +114,6 @@ def scored(model: Model, samples: Samples, part: str, steps: int | None) -> Iter
 def kept(rows: Sequence[dict[str, object]], name: str) -> None:
     """Write rows; those of other methods that the table has are kept."""
     told = conditions()
-    told["versions"] += f" torch {importlib.metadata.version('torch')}"
     fresh, path = pd.DataFrame(rows).assign(**told), RESULTS / f"{name}.csv"
     if path.exists():
         old = pd.read_csv(path)

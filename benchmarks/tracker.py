@@ -103,7 +103,7 @@ def solved(kind: list[str], press: Array, touch: Array, card: str, folder: Path)
     return Stream(kind, press, touch, signal)
 
 
-def followed(model: surrogate.Model, stream: Stream, volts: Array) -> tuple[list[Tracked], Array]:
+def followed(model: surrogate.SweepModel, stream: Stream, volts: Array) -> tuple[list[Tracked], Array]:
     """What a tracker says of frames (n, readings), and the CPU time of each, ms."""
     tracker, said, spent = surrogate.Tracker(model, rate_hz=RATE_HZ, say=lambda words: None), [], []
     for frame in volts:
@@ -154,13 +154,14 @@ def scored(name: str, stream: Stream, said: list[Tracked], spent: Array, rows: N
             "cpu_most_ms": float(spent[rows].max()), "p95_delay_ms": float(np.quantile(delays(spent)[rows], 0.95))}
 
 
-def with_noise(model: surrogate.Model, signal_V: Array, rng: np.random.Generator, level_dB: float = NOISE_DB) -> Array:
+def with_noise(model: surrogate.SweepModel, signal_V: Array, rng: np.random.Generator,
+               level_dB: float = NOISE_DB) -> Array:
     """Frames (n, readings), V."""
     noise = np.sqrt(np.mean(model.baseline_V**2)) * 10 ** (-level_dB / 20)
     return model.baseline_V + signal_V + noise * rng.normal(size=signal_V.shape)
 
 
-def drift(model: surrogate.Model, frames: int, rng: np.random.Generator) -> Array:
+def drift(model: surrogate.SweepModel, frames: int, rng: np.random.Generator) -> Array:
     """(frames, readings) walk of the untouched frame, V."""
     size = DRIFT_V * np.sqrt(np.sum(model.baseline_V**2)) / np.sqrt(RATE_HZ)
     axes = np.linalg.qr(rng.normal(size=(len(model.baseline_V), DRIFTS)))[0]

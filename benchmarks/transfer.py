@@ -27,7 +27,7 @@ from eitsim.sweeps.measurement.instrument import below
 from surrogate.data import outputs
 from surrogate.data.samples import Samples, read_samples, take
 from surrogate.learners.base import Estimate
-from surrogate.model.model import Model
+from surrogate.model.sweep_model import SweepModel
 from surrogate.model.train import train
 from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import conformal_scale
@@ -54,7 +54,7 @@ def by_card(samples: Samples) -> tuple[Samples, Samples]:
     return some(samples, ~held, ROWS), some(samples, held, SCORED)
 
 
-def read(model: Model, samples: Samples, noise_V: float) -> Estimate:
+def read(model: SweepModel, samples: Samples, noise_V: float) -> Estimate:
     """What a model makes of rows under noise."""
     noise = noise_V * np.random.default_rng(SEED).normal(size=samples.signal_V.shape)
     return estimate(model, samples.signal_V + noise, noise_V)
@@ -79,7 +79,7 @@ def parts(found: Estimate, k: int) -> Row:
             "sd_model": rms(found.parts.model(found.sd)[:, k]), "sd": rms(found.sd[:, k])}
 
 
-def of(name: str, model: Model, sets: Mapping[str, Samples]) -> Iterator[Row]:
+def of(name: str, model: SweepModel, sets: Mapping[str, Samples]) -> Iterator[Row]:
     """All sets and levels of one model."""
     volts = rms(model.baseline_V)
     for level in LEVELS_DB if name == "carried" else LEVELS_DB[:1]:
@@ -91,7 +91,7 @@ def of(name: str, model: Model, sets: Mapping[str, Samples]) -> Iterator[Row]:
             yield from scored(name, case, level, samples, found, factors)
 
 
-def calibrated(model: Model, mesh: Samples) -> Iterator[Row]:
+def calibrated(model: SweepModel, mesh: Samples) -> Iterator[Row]:
     """Half of another mesh's rows calibrate, the other half are scored; means over the splits."""
     found, rng = read(model, mesh, 0.0), np.random.default_rng(SEED)
     error, covered = found.value - mesh.target, []

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from conditions import quick, shown, written
 
-import surrogate
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
+from surrogate.model.model import load_of_sweep
 from surrogate.single_frame.simulator_likelihood import simulator_of, solved
 from surrogate.single_frame.two_touches import read_pair
 
@@ -26,7 +26,7 @@ GAPS_MM, NOISES_V = quick((5.0, 10.0, 20.0, 30.0, 45.0, 60.0), (20.0, 45.0)), (2
 def main() -> None:
     if len(sys.argv) != 4:
         raise SystemExit("two_touches.py: give a forward model, its data set and its card.")
-    model, rng = surrogate.load(Path(sys.argv[1])), np.random.default_rng(0)
+    model, rng = load_of_sweep(Path(sys.argv[1])), np.random.default_rng(0)
     if not isinstance(model.learner, TouchInversion):
         raise SystemExit(f"two_touches.py: {sys.argv[1]} is of method {model.method}; give one of method forward.")
     forward = model.learner.forward

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 import eitsim
-import surrogate
 from eitsim.scene.electrodes import Electrodes
+from surrogate.model.model import load_of_sweep
 
 SKIN, NAMES = eitsim.Scene().skin, ("x0", "y0", "d", "F")
 
@@ -37,7 +37,7 @@ def sensors() -> dict[str, dict[str, object]]:
 
 def main(folder: str, card: str, touches: int = 40) -> None:
     """Print the table of a model."""
-    model, rng = surrogate.load(folder), np.random.default_rng(0)
+    model, rng = load_of_sweep(folder), np.random.default_rng(0)
     asked = scenes(touches)
     truth = np.array([[p.x_m, p.y_m, p.diameter_m, p.force_N] for scene in asked for p in scene.punches])
     noise = 1e-4 * float(np.sqrt(np.mean(model.baseline_V**2)))

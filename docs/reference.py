@@ -21,9 +21,10 @@ SCHEMAS = {"material-card": ("a material card, as `matcal fit` writes it", "matc
            "calibrated-sensor": ("`sensor.json`, as `eitsim sensor fit` writes it",
                                  "eitsim.scene.calibrated_electrodes"),
            "data-set": ("`design.json` of a data set, as `eitsim sweep` writes it", "eitsim.sweeps.dataset.parquet"),
-           "model": ("`model.json` of a model of a data set, as `surrogate train` writes it", "surrogate.model.store"),
-           "recording-model": ("`model.json` of a model of a recording, as `surrogate train` writes it",
-                               "surrogate.recordings.trained.reader_store")}
+           "model": ("`model.json` of a model of a data set, as `surrogate train` writes it",
+                     "surrogate.model.sweep_model"),
+           "recording-model": ("`model.json` of a model of a recording, as `surrogate learn` writes it",
+                               "surrogate.model.recorded.press_model")}
 # (table, key) -> what it may hold, where the scene checks that with other keys
 LISTED = {("electrodes", "kind"): IMPEDANCES, ("electrodes", "shape"): SHAPES}
 # table -> further keys of a file, which name another file or stand for several keys, each with its meaning

@@ -11,7 +11,7 @@ import pytest
 
 import eitsim
 from eitsim.sweeps.dataset.parquet import MANIFEST
-from surrogate.recordings.trained import reader_store
+from surrogate.model import store
 
 ROOT = Path(__file__).parents[1]
 
@@ -48,7 +48,7 @@ def test_tables_are_introduced_by_whole_sentences_without_errors(reference: Modu
 def test_files_are_named_as_they_are_written(reference: ModuleType, tmp_path: Path) -> None:
     page = reference.schemas(tmp_path)
     assert f"`{MANIFEST}` of a data set" in page
-    assert f"`{reader_store.DESCRIPTION}` of a model of a recording" in page
+    assert f"`{store.DESCRIPTION}` of a model of a recording" in page
     for name in reference.SCHEMAS:
         assert (tmp_path / f"{name}.schema.json").is_file()
 

@@ -68,7 +68,7 @@ run("eitsim", "sensor", "inspect", "frames.csv")
 # -----
 # Scores are those of readers that did not see the tested presses: some at random, and the last in time.
 
-run("surrogate", "train", "frames.csv", "--labels", "touches.csv", "--sensor", "sensor.toml", "--out", "reader")
+run("surrogate", "learn", "frames.csv", "--labels", "touches.csv", "--sensor", "sensor.toml", "--out", "reader")
 
 # %%
 # Read

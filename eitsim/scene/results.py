@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.scene.choices import Kind
 from eitsim.scene.scene import STRAINS
 from matcal.laws.law import Law
 from touchcal.arrays import Array
@@ -15,7 +16,8 @@ from touchcal.arrays import Array
 class Decision:
     """One choice of the plan."""
 
-    decision: str  # what was decided, for instance "axisymmetric about the punch"
+    kind: Kind  # what was decided, by which code compares
+    decision: str  # the same in words, for instance "axisymmetric about the punch"
     reason: str  # why
     error_bound: float  # relative error of the touch signal dV that it may cost, at most; 0 where it costs none
     unbounded: bool = False  # whether it leaves something out whose cost is unknown

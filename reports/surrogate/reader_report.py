@@ -1,4 +1,4 @@
-"""The report of a reader of recorded presses, from the folder that `surrogate train RECORDING --labels` wrote."""
+"""The report of a reader of recorded presses: scores on both splits, families, errors over the skin."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,14 +10,13 @@ from matplotlib.axes import Axes
 from eitsim.sensors.labels import unit_of
 from reports.document import provenance, style
 from reports.document.numerals import counted, in_figure, number, percent, typeset
-from reports.document.page import Report, ReportFigure, Table, write_pdf
-from reports.document.style import house
+from reports.document.page import Report, ReportFigure, Table
 from reports.document.verdict import NOT_USABLE, SHORTFALL, Verdict, graded
+from surrogate.model import store
+from surrogate.model.recorded.press_model import PressModel
+from surrogate.model.recorded.reader_scores import Tested
 from surrogate.recordings.scalar_reader import FAMILIES as OF_LABELS
 from surrogate.recordings.touch_reader import FAMILIES
-from surrogate.recordings.trained import reader_store
-from surrogate.recordings.trained.reader_scores import Tested
-from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 OF_MEAN = (0.1, 0.3)  # error over that of the mean that is good, and that is usable
@@ -26,16 +25,9 @@ NO_SCORES = "Not scored: the cautions say why."
 PARTS = {"time": "the last in time", "random": "at random"}
 
 
-def write(model_dir: Path, out: Path) -> None:
-    """Write the PDF of a reader: scores on both splits, families, errors over the skin. InputFileError where
-    `model_dir` is no model of a recording; ValueError where the folder of `out` is missing."""
-    with house():
-        write_pdf(report(reader_store.load_reader(model_dir), model_dir), out)
-
-
-def report(model: TrainedReader, model_dir: Path) -> Report:
+def report(model: PressModel, model_dir: Path) -> Report:
     """Everything that the template `reader.typ` shows."""
-    sources = [provenance.source(model_dir / name) for name in (reader_store.DESCRIPTION, reader_store.ARRAYS)]
+    sources = [provenance.source(model_dir / name) for name in (store.DESCRIPTION, store.ARRAYS)]
     plates = [_map([one for one in model.tested if one.score.output == PLACE])] if _has(model, PLACE) else []
     plates += [_parity(name, [one for one in model.tested if one.score.output == name])
                for name in dict.fromkeys(one.score.output for one in model.tested) if name != PLACE]
@@ -49,16 +41,16 @@ def report(model: TrainedReader, model_dir: Path) -> Report:
                   verdict=[*_verdict(model)])
 
 
-def _has(model: TrainedReader, output: str) -> bool:
+def _has(model: PressModel, output: str) -> bool:
     return any(one.score.output == output for one in model.tested)
 
 
-def _presses(model: TrainedReader) -> str:
+def _presses(model: PressModel) -> str:
     frames = f" of {counted(model.frames, 'frame')}" * (model.frames > model.presses)
     return counted(model.presses, "labelled press", "labelled presses") + frames
 
 
-def _verdict(model: TrainedReader) -> Iterator[Verdict]:
+def _verdict(model: PressModel) -> Iterator[Verdict]:
     """Outputs by their worse split against the mean, and the intervals that hold least."""
     if not model.tested:
         yield Verdict("Any statement on errors", NOT_USABLE, "too few presses to test on")
@@ -90,7 +82,7 @@ def _scores(tested: Sequence[Tested]) -> Table:
                  rows, "llrrrrrwwr")
 
 
-def _families(model: TrainedReader) -> Table:
+def _families(model: PressModel) -> Table:
     rows = []
     if place := model.reader.place:
         rows += _family_rows("Place", FAMILIES, place.weights, place.held_out, "mm")

@@ -1,4 +1,4 @@
-"""The surrogate report, from the folder that `surrogate train` wrote."""
+"""The report of a model, from the folder that `surrogate train` or `surrogate learn` wrote."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,6 +16,7 @@ from reports.surrogate import (
     bound_figures,
     noise_figures,
     parity_figures,
+    reader_report,
     surrogate_tables,
     training_figures,
 )
@@ -28,16 +29,21 @@ NO_NOISE = "No noise was added for these scores: the stored evaluation holds no 
 
 
 def write(model_dir: Path, out: Path) -> None:
-    """Write the PDF of a model: predictions against targets, scores, training record. InputFileError where `model_dir`
-    lacks what `surrogate train` writes; ValueError where the folder of `out` is missing."""
+    """Write the PDF of a model: predictions against targets, scores, training record; of one of recorded presses its
+    scores, families and errors over the skin. InputFileError where `model_dir` lacks what the command wrote; ValueError
+    where the folder of `out` is missing."""
     with house():
         write_pdf(report(model_dir), out)
 
 
 def report(model_dir: Path) -> Report:
-    """Everything that the template `surrogates.typ` shows of a model."""
-    from surrogate.model.store import histories, read_evaluation
+    """Everything that the template of a model shows."""
+    from surrogate.model.model import load
+    from surrogate.model.recorded.press_model import PressModel
+    from surrogate.model.store import histories, of_presses, read_evaluation
 
+    if of_presses(model_dir) and isinstance(found := load(model_dir), PressModel):
+        return reader_report.report(found, model_dir)
     model, evaluation, predictions = read_evaluation(model_dir)
     sources = [provenance.source(model_dir / name) for name in (DESCRIPTION, EVALUATION, PREDICTIONS)]
     scores = evaluation["outputs"]

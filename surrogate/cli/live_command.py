@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from surrogate.cli.given_frames import say
-from surrogate.cli.predict_command import ModelFolder, NoiseV
+from surrogate.cli.given_frames import ModelFolder, NoiseV, say
 from touchcal.terminal import check_out, counted, waiting
 
 if TYPE_CHECKING:
     from surrogate.live.serve import Show
     from surrogate.model.model import Model
-    from surrogate.recordings.trained.train_reader import TrainedReader
+    from surrogate.model.sweep_model import SweepModel
 
 INPUT_HELP = ("- reads frames that a device writes, line by line, from standard input; serial:PORT or serial:PORT@BAUD "
               "from a serial port.")
@@ -51,7 +50,7 @@ def live(model_folder: ModelFolder,
     import surrogate
     from surrogate.live.export_page import export_page
     from surrogate.live.serve import check_installed, serve
-    from surrogate.recordings.trained.reader_store import is_reader, load_reader
+    from surrogate.model.recorded.press_model import PressModel
 
     _check_choice(frames, replay, simulate, data or scene)
     if export is not None:
@@ -62,20 +61,20 @@ def live(model_folder: ModelFolder,
                          "the page have their own. Leave it out.")
     elif rate is not None and replay is None:
         raise ValueError("--rate is that of a recording (--replay). Leave it out.")
-    if is_reader(model_folder):
+    model = surrogate.load(model_folder)
+    if isinstance(model, PressModel):
         if frames is None and replay is None:
             raise ValueError(f"{model_folder} was trained on a recording: its skin cannot be simulated or exported. "
                              "Show frames of the device with -, or a recording with --replay.")
         check_installed()
-        _serve_frames(load_reader(model_folder), frames, replay, baseline, noise_v, rate, port)
+        _serve_frames(model, frames, replay, baseline, noise_v, rate, port)
         return
     if export is not None:
         check_out(export, "--export")
-        export_page(surrogate.load(model_folder), export)
+        export_page(model, export)
         print(f"page: {export}, {export.stat().st_size / 1e6:.2f} MB")
         return
     check_installed()
-    model = surrogate.load(model_folder)
     if frames or replay:
         _serve_frames(model, frames, replay, baseline, noise_v, rate, port)
         return
@@ -109,7 +108,7 @@ def _check_choice(frames: str | None, replay: Path | None, simulate: Path | None
         raise ValueError("--data and --scene describe the sensor of the simulator, which needs --simulate CARD.")
 
 
-def _serve_frames(model: Model | TrainedReader, frames: str | None, replay: Path | None, baseline: Path | None,
+def _serve_frames(model: Model, frames: str | None, replay: Path | None, baseline: Path | None,
                   noise_v: float | None, rate: float | None, port: int) -> None:
     from surrogate.data.frame_rows import sound_lines
     from surrogate.data.frame_source import opened
@@ -129,7 +128,7 @@ def _serve_frames(model: Model | TrainedReader, frames: str | None, replay: Path
             serve(show, port, _served)
 
 
-def _pressed_show(model: Model, simulate: Path | None, data: Path | None, scene: Path | None,
+def _pressed_show(model: SweepModel, simulate: Path | None, data: Path | None, scene: Path | None,
                   noise_v: float | None) -> Show:
     from surrogate.live.pictured import pictured
     from surrogate.live.shows import pressed_show

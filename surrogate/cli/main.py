@@ -1,4 +1,4 @@
-"""Command line of `surrogate`: train, evaluate, predict, report."""
+"""Command line of `surrogate`: its commands, and those that train and score."""
 
 from __future__ import annotations
 
@@ -10,32 +10,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from surrogate.cli.frame_command import frame
+from surrogate.cli.given_frames import ModelFolder
+from surrogate.cli.learn_command import cores, learn
 from surrogate.cli.limit_command import limit
 from surrogate.cli.live_command import live
-from surrogate.cli.predict_command import ModelFolder, predict
-from surrogate.cli.recording_command import evaluate_recordings, train_recording
+from surrogate.cli.predict_command import predict
 from surrogate.learners.registry import METHODS, method_of
 from touchcal.terminal import JsonOption, SeedOption, application, check_out, counted, numbers, print_json, run, waiting
 
 if TYPE_CHECKING:
     from surrogate.data.samples import Samples
-    from surrogate.model.model import Model
+    from surrogate.model.sweep_model import SweepModel
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 app = application("Learn touches from electrode voltages: the paper's networks, a forward map, ridge regression.")
 
-TrainedOn = Annotated[Path, typer.Argument(metavar="DIR|RECORDING", help="Data set that `eitsim sweep` wrote, or "
-                                                                        "recorded frames with --labels, --sensor.")]
-LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of x_mm, y_mm, d_mm, F_N, depth_mm, "
-               "z_mm; press where several touches are frames of one press.")
-SENSOR_HELP = ("Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote. Without it "
-               "readings are plain channels, taken as signed voltages.")
-SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrodes and drive: what its touches say of a "
-                  "recording's patterns is used in place of the sensitivity of a uniform disc.")
-SUGGEST_HELP = ("Number of places to press next; they are printed and written to suggested.csv in the folder of "
-                "--out. Before the first press neither labels nor a recording are needed.")
+TrainedOn = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `eitsim sweep` wrote.")]
+OfPresses = Annotated[Path | None, typer.Option(hidden=True)]
 SCORED_HELP = ("Data sets that `eitsim sweep` wrote, or for a model of a recording recorded frames with --labels; "
                "several are compared.")
 EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate train`; one for each recording, in the same order. "
@@ -58,43 +52,37 @@ LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below 
 def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of the model.")],
           method: Annotated[str, typer.Option(help=METHOD_HELP)] = "forward",
           outputs: Annotated[str, typer.Option(help=OUTPUTS_HELP)] = "all",
-          labels: Annotated[Path | None, typer.Option(help=LABELS_HELP)] = None,
-          sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None,
-          simulated: Annotated[Path | None, typer.Option(help=SIMULATED_HELP)] = None,
-          suggest: Annotated[int | None, typer.Option(min=1, help=SUGGEST_HELP)] = None, seed: SeedOption = 0,
+          labels: OfPresses = None, sensor: OfPresses = None, simulated: OfPresses = None,
+          suggest: Annotated[int | None, typer.Option(hidden=True, min=1)] = None, seed: SeedOption = 0,
           epochs: Annotated[int | None, typer.Option(help=f"Most training steps; by default {STEPS}.")] = None,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           calibrate: Annotated[Path | None, typer.Option(help=CALIBRATE_HELP)] = None,
           exact_signals: Annotated[bool, typer.Option("--exact-signals", help=EXACT_HELP)] = False,
           known_punches: Annotated[bool, typer.Option("--known-punches", help=PUNCHES_HELP)] = False,
           noise_db: Annotated[str, typer.Option(help=LEVELS_HELP)] = "100,80,60", as_json: JsonOption = False) -> None:
-    """Train on a data set: 70 % of its rows train, 15 % calibrate the intervals, 15 % test. Or train on a recording:
-    the model learns from all labelled presses, and scores are those of readers of four fifths of them.
+    """Train on a data set: 70 % of its touches train, 15 % calibrate the intervals, 15 % test. Recorded presses are
+    learnt by `surrogate learn`.
 
     Example: surrogate train sweep --out forward --method forward --seed 1
     """
     import surrogate
     from surrogate.data.outputs import chosen
     from surrogate.model import store
-    from surrogate.recordings.suggestion.next_presses import SUGGESTED
-    from surrogate.recordings.trained.reader_store import is_reader
 
-    check_out(out, folder=True)
-    store.check_own(out, (SUGGESTED,))
     if folder.is_file() or any(one is not None for one in (labels, sensor, simulated, suggest)):
         if (method, outputs, epochs, calibrate, exact_signals, known_punches) != (
                 "forward", "all", None, None, False, False):
             raise ValueError("--method, --outputs, --epochs, --calibrate, --exact-signals and --known-punches are "
                              "for sweeps; a recording is learnt by all families of readers, for all of its labels. "
                              "Leave them out.")
-        train_recording(folder, labels, sensor, simulated, suggest, out, seed, workers or _cores(), as_json)
-        if is_reader(out):
-            store.forget_scores(out)
+        learn(folder, out, labels, sensor, simulated, suggest, seed, workers, as_json)
         return
+    check_out(out, folder=True)
+    store.check_own(out)
     method_of(method)
     names, levels = chosen(outputs), _levels(noise_db)
     samples = _samples(folder)
-    workers = workers or (_cores() if len(samples) >= 1000 else 1)
+    workers = workers or (cores() if len(samples) >= 1000 else 1)
     with waiting("learning the touches"):
         model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=counted("networks"),
                                 calibrate=calibrate, exact_signals=exact_signals, known_punches=known_punches)
@@ -131,21 +119,26 @@ def evaluate(model_folder: ModelFolder,
     import surrogate
     from surrogate.bounds.bound_files import read_limits, with_limits
     from surrogate.model.evaluate import transfer
-    from surrogate.recordings.trained.reader_store import is_reader
+    from surrogate.model.recorded.press_model import PressModel
 
-    levels = _levels(noise_db)
-    if is_reader(model_folder):
+    levels, model, limits = _levels(noise_db), surrogate.load(model_folder), read_limits(model_folder)
+    if isinstance(model, PressModel):
         if levels or noise_reference != "baseline":
             raise ValueError(f"{model_folder} was trained on a recording, which has its own noise. Leave out "
                              "--noise-db and --noise-reference.")
-        with waiting("scoring the model"):
-            sets = evaluate_recordings(model_folder, folders, labels or [])
+        if len(labels or []) != len(folders):
+            raise ValueError(f"{model_folder} was trained on a recording, and is scored on labelled recordings: got "
+                             f"{len(labels or [])} files of labels for {', '.join(map(str, folders))}. Give one "
+                             "--labels touches.csv for each, in the same order, with touch and any of x_mm, y_mm, "
+                             "d_mm, F_N, depth_mm, z_mm.")
     elif labels:
         raise ValueError(f"--labels are those of a recording, and {model_folder} is a model of a sweep, which is "
                          "scored on sweeps. Leave them out.")
-    else:
-        model, limits = surrogate.load(model_folder), read_limits(model_folder)
-        with waiting("scoring the model"):
+    with waiting("scoring the model"):
+        if isinstance(model, PressModel):
+            sets = {f"{path}, {one}": surrogate.evaluate(model, path, labels=one).scores
+                    for path, one in zip(folders, labels or [], strict=True)}
+        else:
             sets = {str(folder): with_limits(surrogate.evaluate(model, _samples(folder), levels, noise_reference,
                                                                 METHODS[model.method].most_scored).scores, limits)
                     for folder in folders}
@@ -168,11 +161,11 @@ def export(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="To
 
     Example: surrogate export network --out network.pt
     """
-    import surrogate
     from surrogate.model import torchscript as script
+    from surrogate.model.model import load_of_sweep
 
     check_out(out)
-    described = script.write(surrogate.load(model_folder), out)
+    described = script.write(load_of_sweep(model_folder), out)
     print(f"network: {out}, for torch.jit.load")
     print(f"takes {described['inputs']}; gives {described['outputs']}")
 
@@ -185,11 +178,10 @@ def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PD
 
     Example: surrogate report forward --out forward.pdf
     """
-    from reports.surrogate import reader_report, surrogate_report
-    from surrogate.recordings.trained.reader_store import is_reader
+    from reports.surrogate import surrogate_report
 
     check_out(out)
-    (reader_report if is_reader(model_folder) else surrogate_report).write(model_folder, out)
+    surrogate_report.write(model_folder, out)
     print(f"report: {out}")
 
 
@@ -204,11 +196,9 @@ def _samples(folder: Path) -> Samples:
     return samples
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
+app.command()(learn)
 app.command()(predict)
+app.command()(frame)
 app.command()(live)
 app.command()(limit)
 
@@ -336,7 +326,7 @@ def _held(score: Mapping[str, Any]) -> str:
     return "/".join("-" if one is None else f"{100 * one:.0f}" for one in held)
 
 
-def _print_collapses(model: Model) -> None:
+def _print_collapses(model: SweepModel) -> None:
     for name, record in model.record["training"].items():
         if isinstance(record, dict) and record.get("collapsed"):
             print(f"{name}: the evidence collapsed in every start; this network says little more than the mean.")

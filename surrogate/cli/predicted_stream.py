@@ -23,12 +23,12 @@ from touchcal.whole_file import rows_written
 
 if TYPE_CHECKING:
     from surrogate.model.model import Model
-    from surrogate.recordings.trained.train_reader import TrainedReader
+    from surrogate.model.sweep_model import SweepModel
 
 STOPPED = 130  # exit status after Ctrl-C
 
 
-def predict_stream(model: Model, frames: str, baseline: Path | None, noise_V: float | None, out: Path | None,
+def predict_stream(model: SweepModel, frames: str, baseline: Path | None, noise_V: float | None, out: Path | None,
                    scaling: str, held_s: float | None) -> None:
     from contextlib import nullcontext
 
@@ -49,28 +49,25 @@ def predict_stream(model: Model, frames: str, baseline: Path | None, noise_V: fl
         print(f"{out}: {counted_frames(counts.answered, counts.flagged)}")
 
 
-def track_stream(model: Model | TrainedReader, frames: str, baseline: Path | None, noise_V: float | None,
+def track_stream(model: Model, frames: str, baseline: Path | None, noise_V: float | None,
                  out: Path | None, rate_hz: float, scaling: str = "auto", held_s: float | None = None) -> None:
     from contextlib import nullcontext
 
     from surrogate.data.frame_rows import sound_lines
     from surrogate.data.frame_source import opened
     from surrogate.data.reading_noise import white_noise
+    from surrogate.model.sweep_model import SweepModel
     from surrogate.model.tracking.tracked_stream import track
     from surrogate.model.tracking.tracker import Tracker
-    from surrogate.model.trained import TrainedModel
 
-    if isinstance(model, TrainedModel):
-        say_intervals(model, white_noise(0.0, len(model.baseline_V)))
+    if isinstance(model, SweepModel):
+        say_intervals(model, white_noise(0.0, model.readings))
         say_assumed(model)
-        readings = len(model.baseline_V)
-    else:
-        readings = model.reader.signals.channels
-    untouched = None if baseline is None else sound_lines(baseline, readings)
+    untouched = None if baseline is None else sound_lines(baseline, model.readings)
     tracker = Tracker(model, untouched, noise_V, rate_hz=rate_hz, scale_baseline=scaling, held_s=held_s, say=say)
     with (_until_stopped(out), opened(frames, say) as source,
           nullcontext(sys.stdout) if out is None else rows_written(out) as sink):
-        counts = track(tracker, model, source, sink, say)
+        counts = track(tracker, source, sink, say)
     if out is not None:
         print(f"{out}: {counted_frames(counts.answered, counts.flagged)}")
 

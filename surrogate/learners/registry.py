@@ -1,4 +1,4 @@
-"""The methods of surrogates: one line a method. A class is imported when it is needed, as some need torch."""
+"""The methods of surrogates: one line a method. A class is imported when it is needed."""
 
 from __future__ import annotations
 
@@ -46,9 +46,6 @@ METHODS = {method.name: method for method in (
            "outputs follow from the touch that was found.",
            slow=True, handles_missing_channels=True, separates_errors=True, most_scored=600,
            most_noisy=200),
-    Method("mlp", "surrogate.learners.mlp:Mlp", "network of two hidden layers",
-           "A network of two hidden layers on the signal's direction and size, trained by gradient descent.",
-           epochs=2000),
     Method("ridge", "surrogate.learners.ridge:Ridge", "ridge regression",
            "Ridge regression on quadratic features of the signal's direction and size."),
     Method("gp", "surrogate.learners.gp:Processes", "Gaussian processes",

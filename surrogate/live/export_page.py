@@ -27,7 +27,8 @@ from surrogate.live.messages import hello
 from surrogate.live.serve import PAGE
 from surrogate.live.skins import forward_of, limits_of, usual_noise_V
 from surrogate.model.predict import WEAK
-from surrogate.model.trained import TrainedModel, interval_scale
+from surrogate.model.sweep_model import SweepModel
+from surrogate.model.trained import interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal
 from surrogate.statistics.gaussian_process import GaussianProcess
 from touchcal.whole_file import written
@@ -44,13 +45,13 @@ _SCRIPTS = ("skin.js", "drawing.js", "press.js", "learned_map.js", "browser_skin
 MISFIT_FACTOR = 3.0  # misfit over the worst validation row's from which the page calls a frame unlike a touch
 
 
-def export_page(model: TrainedModel, path: Path | str) -> None:
+def export_page(model: SweepModel, path: Path | str) -> None:
     """Write one HTML file in which presses are made by a forward model's learned map S = f(x, y, log d, g) and read by
     Gauss-Newton on it, with no server and no network.
 
     Parameters
     ----------
-    model : Model
+    model : SweepModel
         Of the method forward, with the outputs x0, y0, d and F.
     path : path
         File to write, at most MOST_BYTES.
@@ -73,7 +74,7 @@ def export_page(model: TrainedModel, path: Path | str) -> None:
         file.write(text.encode())
 
 
-def pressable(model: TrainedModel) -> Limits:
+def pressable(model: SweepModel) -> Limits:
     """What may be pressed on the page: what was trained, but of a disc nothing within RIM_LEFT of its rim."""
     limits = limits_of(model)
     if model.ring.sheet is not None:
@@ -81,7 +82,7 @@ def pressable(model: TrainedModel) -> Limits:
     return replace(limits, gap_mm=max(limits.gap_mm, RIM_LEFT * model.ring.radius_mm))
 
 
-def document(model: TrainedModel) -> dict[str, Any]:
+def document(model: SweepModel) -> dict[str, Any]:
     """A forward model's map and what inverting it needs, as JSON; arrays as base64 of little-endian numbers."""
     forward = forward_of(model)
     ring, places = forward.ring, spiral(forward, SAMPLED)

@@ -8,13 +8,12 @@ import numpy as np
 
 from eitsim.sensors.recording import Recording
 from surrogate.live.moments import Moment
+from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.tracking.followed_presses import read_of
 from surrogate.model.tracking.followed_reading import Read, unread
 from surrogate.model.tracking.tracked import UNTOUCHED, Tracked
+from surrogate.recordings.press_reader import read
 from surrogate.recordings.presses import touched
-from surrogate.recordings.trained.press_reader import read
-from surrogate.recordings.trained.reader_table import presses_read
-from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 
@@ -23,10 +22,10 @@ def marks_presses(recording: Recording) -> bool:
     return recording.kind == "difference" or ((recording.touch != "").any() and bool(recording.untouched.any()))
 
 
-def marked_reader(model: TrainedReader, recording: Recording) -> Callable[[Moment], Tracked]:
+def marked_reader(model: PressModel, recording: Recording) -> Callable[[Moment], Tracked]:
     """Frame after frame of a recording that marks its presses, as `surrogate predict` reads them; ValueError as there.
     """
-    presses = presses_read(model, recording)
+    presses = model.presses_of(recording)
     found = read(model.reader, presses)
     place = found.place
     assert place is not None

@@ -13,15 +13,15 @@ from surrogate.live.controls import Limits
 from surrogate.live.moments import Moment
 from surrogate.live.pictured import pictured
 from surrogate.model.assumed_punch import assumed_punch
+from surrogate.model.model import Model
+from surrogate.model.sweep_model import SweepModel
 from surrogate.model.tracking.tracked import CALIBRATING, TOUCH, UNREADABLE, Tracked
-from surrogate.model.trained import TrainedModel
-from surrogate.recordings.trained.train_reader import TrainedReader
 
 # Names of the touch's values, and their units in SI
 VALUES = {"x_mm": 1e3, "y_mm": 1e3, "d_mm": 1e3, "F_N": 1.0}
 
 
-def hello(model: TrainedModel | TrainedReader, limits: Limits | None, source: str,
+def hello(model: Model, limits: Limits | None, source: str,
           noise_V: float = 0.0) -> dict[str, Any]:
     """The sensor, what may be pressed, the noise to begin with, the punch that answers assume, and where the readings
     come from: "simulated", "learned", "recorded", "streamed" or "exported"."""
@@ -29,7 +29,7 @@ def hello(model: TrainedModel | TrainedReader, limits: Limits | None, source: st
     return {"source": source, "skin": skin.document(), "readings": skin.readings,
             "values": list(skin.values), "unit": skin.unit, "limits": None if limits is None else _limits(limits),
             "noise_mV": round(noise_V * 1e3, 6),
-            "assumes": assumed_punch(model) if isinstance(model, TrainedModel) else ""}
+            "assumes": assumed_punch(model) if isinstance(model, SweepModel) else ""}
 
 
 def _limits(limits: Limits) -> dict[str, Any]:

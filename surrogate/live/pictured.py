@@ -13,8 +13,9 @@ from surrogate.data.skin_edges import Circle, Edges, Polygons
 from surrogate.data.skin_from_above import SkinFromAbove, skin_of_sheet
 from surrogate.forward_map.known_places import alone_mm
 from surrogate.learners.forward import TouchInversion
+from surrogate.model.model import Model
+from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.trained import TrainedModel
-from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 # Half the angle that an electrode of a disc is drawn over, rad, and points along it; distance of its number from the
@@ -47,10 +48,10 @@ class Pictured:
             for one in self.electrodes]}
 
 
-def pictured(model: TrainedModel | TrainedReader) -> Pictured:
+def pictured(model: Model) -> Pictured:
     """The skin of a model of simulated touches; of a model of a recording the skin that its sensor file describes with
     an outline, else the disc of the places that it tells from each other. ValueError for one that reads no place."""
-    if not isinstance(model, TrainedReader):
+    if not isinstance(model, PressModel):
         return Pictured(edges_of(model), _electrodes_of(model.ring), len(model.baseline_V),
                         ("x_mm", "y_mm", "d_mm", "F_N"))
     if model.reader.place is None:

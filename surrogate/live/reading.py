@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from surrogate.live.moments import Moment
+from surrogate.model.model import Model
 from surrogate.model.tracking.tracked import Tracked
 from surrogate.model.tracking.tracker import Tracker
-from surrogate.model.trained import TrainedModel
-from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 
-def reader_of(model: TrainedModel | TrainedReader, untouched_V: Array | None, noise_V: float | None,
+def reader_of(model: Model, untouched_V: Array | None, noise_V: float | None,
               cautions: list[str]) -> Callable[[Moment], Tracked]:
     """Follows frames from an untouched one (or several) and its noise, which the tracker learns where they are not
     given; a new tracker begins where a moment states another noise. `cautions` holds what the present one says of its

@@ -18,12 +18,13 @@ from surrogate.live.pictured import pictured
 from surrogate.live.reading import reader_of
 from surrogate.live.serve import Show
 from surrogate.live.skins import LearnedSkin, Skin, limits_of, usual_noise_V
-from surrogate.model.trained import TrainedModel
-from surrogate.recordings.trained.train_reader import TrainedReader
+from surrogate.model.model import Model
+from surrogate.model.recorded.press_model import PressModel
+from surrogate.model.sweep_model import SweepModel
 from touchcal.arrays import Array
 
 
-def pressed_show(model: TrainedModel, skin: Skin, noise_V: float | None = None) -> Show:
+def pressed_show(model: SweepModel, skin: Skin, noise_V: float | None = None) -> Show:
     """A skin that is pressed on the page, with this noise to begin with, V; the usual one where it is not given."""
     limits = limits_of(model)
     noise = usual_noise_V(model) if noise_V is None else noise_V
@@ -37,7 +38,7 @@ def pressed_show(model: TrainedModel, skin: Skin, noise_V: float | None = None) 
     return _show(model, skin.baseline_V, noise, pressed_moments(skin, latest), source, limits, latest)
 
 
-def recorded_show(model: TrainedModel | TrainedReader, path: Path, untouched_V: Array | None = None,
+def recorded_show(model: Model, path: Path, untouched_V: Array | None = None,
                   noise_V: float | None = None, rate_hz: float | None = None) -> Show:
     """A recording at its rate, or at this one where it has no clock.
 
@@ -45,26 +46,25 @@ def recorded_show(model: TrainedModel | TrainedReader, path: Path, untouched_V: 
     the untouched ones are those given, else those that the recording marks, else its first ones. InputFileError where
     it cannot be read; ValueError for a rate next to a clock.
     """
-    kind = model.kind if isinstance(model, TrainedReader) else "voltage"
-    recording = open_recording(path, kind=kind, readings=pictured(model).readings)
+    recording = open_recording(path, kind=model.kind, readings=pictured(model).readings)
     if rate_hz is not None and recording.time_s is not None:
         raise ValueError(f"{path} has a clock, time_s, so that --rate would have no effect. Leave it out.")
     frames = np.asarray(recording.readings, np.float64)
     moments, marked = recorded_moments(frames, recording.time_s, rate_hz or RATE_HZ), marks_presses(recording)
-    if marked and untouched_V is None and noise_V is None and isinstance(model, TrainedReader):
+    if marked and untouched_V is None and noise_V is None and isinstance(model, PressModel):
         return Show(hello(model, None, "recorded"), moments, marked_reader(model, recording), [])
     if untouched_V is None and marked and recording.untouched.any():
         untouched_V = frames[recording.untouched]
     return _show(model, untouched_V, noise_V, moments, "recorded")
 
 
-def streamed_show(model: TrainedModel | TrainedReader, source: BufferedIOBase, untouched_V: Array | None = None,
+def streamed_show(model: Model, source: BufferedIOBase, untouched_V: Array | None = None,
                   noise_V: float | None = None) -> Show:
     """Lines of frames as they come, the first ones untouched where none are given."""
     return _show(model, untouched_V, noise_V, streamed_moments(source, pictured(model).readings), "streamed")
 
 
-def _show(model: TrainedModel | TrainedReader, untouched_V: Array | None, noise_V: float | None,
+def _show(model: Model, untouched_V: Array | None, noise_V: float | None,
           moments: Iterator[Moment], source: str, limits: Limits | None = None, latest: Latest | None = None) -> Show:
     cautions: list[str] = []
     read = reader_of(model, untouched_V, noise_V, cautions)

@@ -10,6 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from eitsim.sensors.formats.open_file import open_recording
+from eitsim.sensors.labels import Labels, read_labels
+from eitsim.sensors.recording import Recording
 from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.measurement.instrument import below, level_db
 from surrogate.data import outputs
@@ -18,6 +21,9 @@ from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Estimate
 from surrogate.learners.registry import METHODS, listed
 from surrogate.model.model import Model
+from surrogate.model.recorded.press_model import PressModel
+from surrogate.model.recorded.reader_evaluation import evaluate_reader
+from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import estimate, interval_scales
 from surrogate.statistics.conformal import describe_rows, few, normal
 from surrogate.statistics.gaussian_process import spread_evenly
@@ -30,21 +36,21 @@ BELOW, ABOVE = (tuple(f"{side}_{coverage:.0%}".rstrip("%") for coverage in COVER
 UNSEEN = ("test", "new", "all")
 
 
-def parts_of(model: Model, samples: Samples) -> NDArray[np.str_]:
+def parts_of(model: SweepModel, samples: Samples) -> NDArray[np.str_]:
     """(n,) the part of the model's own split that each row was in; "new" for others, "all" where no row is known."""
     known = dict(zip(model.rows.row_hash.tolist(), model.rows.part.tolist(), strict=True))
     found = np.array([PARTS[known[h]] if h in known else "new" for h in samples.row_hash.tolist()])
     return np.full(len(samples), "all") if np.all(found == "new") else found
 
 
-def check_sensor(model: Model, samples: Samples) -> None:
+def check_sensor(model: SweepModel, samples: Samples) -> None:
     """ValueError where the data set is of another disc, other electrodes or another drive."""
     if not same_ring(model.ring, samples.ring):
         raise ValueError("the data set is of another sensor than the model: its disc, electrodes or drive differ. "
                          "Evaluate it on a set of the same [body], [electrodes] and [drive].")
 
 
-def interval_caution(model: Model, samples: Samples) -> str:
+def interval_caution(model: SweepModel, samples: Samples) -> str:
     """In words, that intervals are not those of this data set, whose rows are measured otherwise than those that the
     model was calibrated on; empty where they are not, or the model is too old to tell."""
     calibrated = model.record.get("calibration", model.record["dataset"]).get("measurement")
@@ -69,16 +75,18 @@ class Evaluation:
     predictions: pd.DataFrame
 
 
-def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Sequence[float] = (),
-             reference: str = "baseline", most_trained: int | None = None,
-             most_noisy: int | None = None) -> Evaluation:
-    """Score a model on a data set; rows that it was trained on have scores of their own.
+def evaluate(model: Model, data: Samples | Dataset | Recording | Path | str, noise_dB: Sequence[float] = (),
+             reference: str = "baseline", most_trained: int | None = None, most_noisy: int | None = None, *,
+             labels: Labels | Path | str | None = None) -> Evaluation:
+    """Score a model on a data set, or on labelled presses of a recording; rows that it was trained on have scores of
+    their own.
 
     Parameters
     ----------
-    model : Model
-    data : Dataset, path or Samples
-        Solved scenes of the model's sensor, or the folder that `eitsim sweep` wrote.
+    model : SweepModel
+    data : Dataset, path, Samples or Recording
+        Solved scenes of the model's sensor, or the folder that `eitsim sweep` wrote; for a model of presses a recording
+        or its file.
     noise_dB : sequence of float
         Levels of noise, dB below the reference. Noise is white, added to the touched frame (the untouched one is taken
         as averaged over many frames), and the model knows its standard deviation. Under noise the unseen rows alone
@@ -89,6 +97,8 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
         Training rows that are scored at most, spread evenly; all where left out.
     most_noisy : int, optional
         Rows that are scored at each level of noise at most, spread evenly; all where left out.
+    labels : Labels or path, optional
+        What is known of the touches of a recording.
 
     Returns
     -------
@@ -97,13 +107,18 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
     Raises
     ------
     ValueError
-        For an unknown reference, another sensor, or rows that all lie nearer to an edge than the method reads.
+        For an unknown reference, another sensor, or rows that all lie nearer to an edge than the method reads; for a
+        recording without labels, or of whose labelled presses none can be read.
 
     Examples
     --------
     >>> scores = surrogate.evaluate(model, "sweep", noise_dB=[80, 60]).scores           # doctest: +SKIP
     >>> scores["outputs"]["F"]["test"]["rmse"]                                          # doctest: +SKIP
     """
+    if isinstance(model, PressModel):
+        return Evaluation(_of_presses(model, data, labels), pd.DataFrame())
+    if isinstance(data, Recording):
+        raise ValueError("a model of a sweep is scored on sweeps; give one in place of a recording.")
     samples = read_samples(data)
     if reference not in NOISE_REFERENCES:
         raise ValueError(f"noise reference '{reference}' is unknown; known: {', '.join(NOISE_REFERENCES)}.")
@@ -128,7 +143,16 @@ def evaluate(model: Model, data: Samples | Dataset | Path | str, noise_dB: Seque
     return Evaluation(scores, table)
 
 
-def _readable(model: Model, samples: Samples) -> tuple[Samples, str]:
+def _of_presses(model: PressModel, data: object, labels: Labels | Path | str | None) -> dict[str, Any]:
+    if isinstance(data, Path | str):
+        data = open_recording(data, kind=model.kind, readings=model.readings)
+    if not isinstance(data, Recording) or labels is None:
+        raise ValueError("a model of presses is scored on a recording and its labels; give both.")
+    known = labels if isinstance(labels, Labels) else read_labels(labels)
+    return evaluate_reader(model, data, known, "labels" if known is labels else str(labels))
+
+
+def _readable(model: SweepModel, samples: Samples) -> tuple[Samples, str]:
     """The rows that the model's method can read, and in words how many are not scored; ValueError where none is."""
     kept = model.learner.reads(samples.target[:, :outputs.TOUCH])
     if kept.all():
@@ -170,7 +194,7 @@ def _scored_words(part: NDArray[np.str_], clean: Samples, noisy: Samples | None)
     return "; ".join(words) + "." if words else ""
 
 
-def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,
+def _at_level(model: SweepModel, samples: Samples, level_dB: float, reference: str,
               volts: dict[str, float]) -> dict[str, Any]:
     noise = below(level_dB, volts[reference])
     table, _, force_sd = _predictions(model, samples, noise)
@@ -180,7 +204,7 @@ def _at_level(model: Model, samples: Samples, level_dB: float, reference: str,
             "outputs": _scores(model, table), "force_sd": force_sd}
 
 
-def material_told(model: Model, samples: Samples) -> str:
+def material_told(model: SweepModel, samples: Samples) -> str:
     """In words, whether intervals hold what is not known of the material, as far as the model remembers."""
     cards = model.record["dataset"].get("cards")
     if cards is None:
@@ -197,7 +221,7 @@ def material_told(model: Model, samples: Samples) -> str:
         f" These rows have {here}: train on a sweep with draws in [material]." if here > 1 else "")
 
 
-def _force_sd(model: Model, found: Estimate, part: NDArray[np.str_]) -> dict[str, float] | None:
+def _force_sd(model: SweepModel, found: Estimate, part: NDArray[np.str_]) -> dict[str, float] | None:
     """RMS over the unseen rows, or all, of the parts of the force's standard deviation before calibration, N; None
     where the model does not tell them."""
     if found.parts is None or "F" not in model.names:
@@ -208,7 +232,8 @@ def _force_sd(model: Model, found: Estimate, part: NDArray[np.str_]) -> dict[str
     return {name: rms(sd[rows, k]) for name, sd in each.items()}
 
 
-def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataFrame, float, dict[str, float] | None]:
+def _predictions(model: SweepModel, samples: Samples, noise: float
+                 ) -> tuple[pd.DataFrame, float, dict[str, float] | None]:
     """The table of predictions under noise, the CPU time of one, ms, and the parts of the force's sd."""
     noisy = samples.signal_V + noise * np.random.default_rng(model.seed).normal(size=samples.signal_V.shape)
     begun = time.process_time()
@@ -223,7 +248,7 @@ def _predictions(model: Model, samples: Samples, noise: float) -> tuple[pd.DataF
     return pd.concat(tables, ignore_index=True), predict_ms, _force_sd(model, found, part)
 
 
-def _long(model: Model, scene: NDArray[np.int64], part: NDArray[np.str_], k: int, target: Array, value: Array,
+def _long(model: SweepModel, scene: NDArray[np.int64], part: NDArray[np.str_], k: int, target: Array, value: Array,
           below: Array, above: Array) -> pd.DataFrame:
     """Distances (3, n) to the ends of intervals as BELOW and ABOVE."""
     ends = dict(zip((*BELOW, *ABOVE), (*below, *above), strict=True))
@@ -234,7 +259,7 @@ def _long(model: Model, scene: NDArray[np.int64], part: NDArray[np.str_], k: int
     return table.iloc[np.argsort([order.index(p) for p in part], kind="stable")]
 
 
-def _scores(model: Model, table: pd.DataFrame) -> dict[str, dict[str, Any]]:
+def _scores(model: SweepModel, table: pd.DataFrame) -> dict[str, dict[str, Any]]:
     scored: dict[str, dict[str, Any]] = {}
     for name, unit in zip(model.names, model.units, strict=True):
         rows = table.loc[table["output"] == name]

@@ -11,8 +11,8 @@ from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_rows import STREAM, Lines, first_frame, frames_as_they_come
 from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.model.missing_channels import check_needed, silent
-from surrogate.model.model import Model
 from surrogate.model.predict import Predictor, columns, numbers_of, prepare, read_touches, sign_caution
+from surrogate.model.sweep_model import SweepModel
 from touchcal.arrays import Array, Mask
 
 
@@ -24,7 +24,7 @@ class Counts:
     flagged: int
 
 
-def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise: ReadingNoise | float,
+def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: ReadingNoise | float,
            baseline_V: Array | None = None, dead: Mask | None = None,
            say: Callable[[str], object] = lambda words: None, *, scaling: str = "auto",
            held_s: float | None = None) -> Counts:
@@ -66,7 +66,7 @@ def answer(model: Model, source: BufferedIOBase, sink: TextIO, noise: ReadingNoi
     return Counts(answered, flagged)
 
 
-def _untouched(model: Model, lines: Lines, say: Callable[[str], object]) -> Array:
+def _untouched(model: SweepModel, lines: Lines, say: Callable[[str], object]) -> Array:
     """The first line, V, with words on it."""
     volts, where = first_frame(lines, STREAM), f"{STREAM}, line {lines.line[0]}"
     check_needed(model, silent(volts[None], model.baseline_V)[0], where)

@@ -17,7 +17,7 @@ from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, s
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Learner, Progress, Training
 from surrogate.learners.registry import listed, method_of
-from surrogate.model.model import Model
+from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import Calibration, Range, Rows, estimate
 
 # Fewest rows of another set that calibrate intervals: as many as have an order statistic at 95 %.
@@ -27,7 +27,7 @@ MIN_CALIBRATING = 19
 def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs: str | Sequence[str] = "all",
           seed: int = 0, *, epochs: int | None = None, workers: int = 1, each: Progress = iter,
           calibrate: Samples | Dataset | Path | str | None = None, exact_signals: bool = False,
-          known_punches: bool = False) -> Model:
+          known_punches: bool = False) -> SweepModel:
     """Train a surrogate on a data set: of the touches 70 % train, 15 % calibrate the intervals, 15 % test, by the seed.
 
     Parameters
@@ -58,7 +58,7 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
 
     Returns
     -------
-    Model
+    SweepModel
 
     Raises
     ------
@@ -91,7 +91,7 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
     target = training.targets(names)
     span = Range(target.min(0), target.max(0), float(np.linalg.norm(training.signal_V, axis=1).min()), 0.0)
     calibration = Calibration(validation.signal_V, validation.targets(names), validation.signal_sd)
-    model = Model(method, samples.ring, names, learner, calibration, _rows(samples, part, other),
+    model = SweepModel(method, samples.ring, names, learner, calibration, _rows(samples, part, other),
                   span, samples.baseline_V.mean(0), seed, fit_s,
                   {**_provenance(samples, part, validation), "training": learner.record(asked)})
     worst = float(estimate(model, validation.signal_V).misfit.max())
@@ -157,4 +157,4 @@ def _provenance(samples: Samples, part: NDArray[np.str_], validation: Samples) -
     return {"dataset": described(samples) | {
         "profile": samples.profile, "split": {p: int(np.sum(part == p)) for p in PARTS}},
             "calibration": described(validation), "relaxation": dict(samples.relaxation),
-            "versions": {name: importlib.metadata.version(name) for name in ("touchcal", "numpy", "scipy", "torch")}}
+            "versions": {name: importlib.metadata.version(name) for name in ("touchcal", "numpy", "scipy")}}

@@ -67,6 +67,11 @@ class TrainedModel:
     record: Mapping[str, Any]  # how the training went and what it was made from, as JSON
 
     @property
+    def readings(self) -> int:
+        """Readings of a frame."""
+        return len(self.baseline_V)
+
+    @property
     def units(self) -> tuple[str, ...]:
         """Unit of each output."""
         return tuple(outputs.of(name).unit for name in self.names)

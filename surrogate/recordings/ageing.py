@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from surrogate.recordings.baselines import interpolated
-from surrogate.recordings.intervals import Bounds, Intervals, calibrated
 from surrogate.recordings.presses import Presses, whole_rest
 from surrogate.recordings.signals import OLD, Signals, learn_signals
+from surrogate.statistics.conformal import Bounds, Intervals, calibrated
 from touchcal.arrays import Array, Index
 
 FEWEST_AGED = 20  # presses that have an untouched frame of some age

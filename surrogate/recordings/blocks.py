@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from surrogate.statistics.conformal import FEW
 from touchcal.arrays import Index
 
 # Blocks of many rows; of fewer than FEW rows there are more blocks, for each row that is held out is missed.
-BLOCKS, FEW, BLOCKS_OF_FEW = 8, 50, 20
+BLOCKS, BLOCKS_OF_FEW = 8, 20
 
 
 def press_blocks(press: Index) -> Index:

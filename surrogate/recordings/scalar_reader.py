@@ -13,11 +13,11 @@ from surrogate.recordings import kernel_ridge, networks, stacking
 from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import press_blocks
-from surrogate.recordings.intervals import Bounds, Intervals, calibrated
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.worth import check_worth, distance
+from surrogate.statistics.conformal import Bounds, Intervals, calibrated
 from surrogate.statistics.unlikeness import Unlikeness, learn_unlikeness
 from touchcal.arrays import Array, Index
 

@@ -8,7 +8,6 @@ from surrogate.recordings import kernel_ridge, networks, stacking, templates
 from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import press_blocks
-from surrogate.recordings.intervals import Bounds, Intervals, calibrated, chosen, widened
 from surrogate.recordings.kernel_ridge import KernelRidge
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
@@ -18,6 +17,7 @@ from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Fitted, Templates
 from surrogate.recordings.waves import Waves, draw_waves
 from surrogate.recordings.worth import check_worth, distance
+from surrogate.statistics.conformal import Bounds, Intervals, calibrated, chosen, widened
 from surrogate.statistics.unlikeness import Unlikeness, learn_unlikeness
 from touchcal.arrays import Array, Index, Mask
 

@@ -109,7 +109,7 @@ def prior_of(forward: ForwardMap) -> Prior:
     for name, low, high in (("d", d_low, d_high), ("F", f_low, f_high)):
         if not low < high:
             raise ValueError(f"the training touches have one {name} alone, {low:g}, so that it has no posterior. "
-                             f"Train on a sweep with a range of {name}, or predict without --posterior.")
+                             f"Train on a sweep with a range of {name}, or read frames by `surrogate predict`.")
     gap = max(forward.ring.radius_mm - reach - d_low / 2, 0.0)
     return Prior(forward.ring.radius_mm, float(gap), (float(d_low), float(d_high)), (float(f_low), float(f_high)))
 

@@ -1,4 +1,4 @@
-"""Rows of `surrogate predict` with --direct, --posterior or --touches 2: one frame at a time."""
+"""Rows of `surrogate frame`: one frame at a time."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -147,27 +147,6 @@ def traced(course: LoadPath, depths: Sequence[float]) -> Iterator[Node]:
         yield node
 
 
-def alongside(course: LoadPath, depths: Sequence[float], pressures: Sequence[float]) -> Iterator[Node]:
-    """Nodes near the given depths, which increase, where the path of a law much like this has these mean pressures;
-    each is started from the one before it. It ends as `traced` does."""
-    before, ratio, last = None, 1.0, 0.0
-    for depth, pressure in zip(depths, pressures, strict=True):
-        try:
-            node = _node(course, ratio * pressure, before)
-        except NotConverged:
-            return
-        if abs(node.depth - depth) > _NEAR * (depth - last):
-            return
-        yield node
-        before, last = node, depth
-        ratio = (node.mean_pressure + node.stiffness * (depth - node.depth)) / pressure
-
-
-def first_node(course: LoadPath, mean_pressure: float) -> Node:
-    """The equilibrium under a mean pressure, from rest, without its states; NotConverged where there is none."""
-    return replace(_node(course, mean_pressure, None), states=())
-
-
 def interpolated(left: Node, right: Node, mean_pressure: float) -> tuple[float, Array]:
     """Depth and FIELDS (6, r) at a mean pressure between those of two nodes."""
     ends = np.array([left.depth, right.depth])

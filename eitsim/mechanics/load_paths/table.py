@@ -16,6 +16,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, profile_of
 from matcal.laws.known_laws import law_of
@@ -40,7 +41,7 @@ def shape_of(law: Law, body: Body, punch: Punch, diameters_m: Iterable[float] = 
     shape, and all outlines but the disc."""
     unit = body.thickness_m
     diameters = _rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]])
-    disc, fillet = _rounded([body.radius_m / unit, punch.fillet_m / unit])
+    disc, fillet = _rounded([body.edge.size_m / unit, punch.fillet_m / unit])
     shape = DimensionlessProblem(law.name, _parameters(law), disc, fillet, diameters, spans, body.has_outline)
     return with_diameters(shape, diameters, spans=spans)
 
@@ -49,17 +50,6 @@ def with_diameters(shape: DimensionlessProblem, diameters: tuple[float, ...], *,
     """A shape with other diameters, over the thickness; the disc of one with straight edges is as wide as they need."""
     disc = _rounded([diameters[-1] / 2 + _FREE])[0] if shape.straight else shape.disc
     return replace(shape, disc=disc, diameters=diameters, spans=spans)
-
-
-def of_law(shape: DimensionlessProblem, law: Law) -> DimensionlessProblem:
-    """The shape of the same touches of another law."""
-    return replace(shape, law=law.name, parameters=_parameters(law))
-
-
-def as_deep_as(table: Table, count: int) -> Table:
-    """The table with its first so many depths alone."""
-    return replace(table, depths=table.depths[:count], values=table.values[:, :count], slopes=table.slopes[:, :count],
-                   error_estimate=table.error_estimate[:, :count])
 
 
 def _parameters(law: Law) -> tuple[tuple[float, ...], ...]:
@@ -73,7 +63,7 @@ def _rounded(values: Iterable[float]) -> tuple[float, ...]:
 def parts_of(shape: DimensionlessProblem, diameter: float) -> tuple[Law, Body, Punch]:
     """Law, body and punch of a shape, without units; the force is yet to be set."""
     law = law_of(shape.law, shape.parameters)
-    return law, Body(shape.disc, 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
+    return law, Body(Disc(shape.disc), 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
 
 
 def edge_of(shape: DimensionlessProblem, diameter: float, gap: float) -> OffsetDisc:

@@ -94,7 +94,6 @@ class Table:
     error: Deviation  # largest deviation from touches solved anew at held-out depths and diameters
     checks: int  # how many those were
     cpu_s: float  # CPU time that it took, s
-    laws: int = 0  # laws of which the paths are weighted means, the central one included; 0 where they are solved
     rim: RimTable | None = None  # what the rim changes of these touches; None where that is solved anew
 
     @property

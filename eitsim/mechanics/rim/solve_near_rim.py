@@ -22,7 +22,6 @@ from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.axisymmetric import friction_increments, solve_axisymmetric
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
-from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact.punch_contact import top_facets
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
@@ -32,8 +31,8 @@ from eitsim.mechanics.rim.correction import UNCONVERGED, RimCorrection, no_corre
 from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
-from eitsim.scene.nearest_edge import nearest_edge
-from eitsim.scene.outline import circle, corners_and_edges
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
 from matcal.laws.law import Law
@@ -53,7 +52,6 @@ LEAST_GAP = 1e-5
 # and 1 N and 5 mm, 8 for 3 N and 5 mm; the added depth differs by 2 % at most.
 _WAY = 0.1
 # Chords of a polygon that stands for a disc where a neighbour is near, too.
-_CHORDS = 400
 # How often the force is halved for a start where the solution is not found from the axisymmetric state.
 _HALVINGS = 3
 # Iterations on the coarse mesh above which the finer one is not tried: ten times the work of the coarse one, mostly in
@@ -134,58 +132,36 @@ class Load:
         return Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
 
 
-def rim_problem(body: Body, punch: Punch) -> str:
-    """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
-    gap = rim_gap_m(body, punch)
-    least = LEAST_GAP * body.radius_m
-    if gap < least:
-        edge, off, onto = (("the nearest edge of the skin", "reaches {:.1f} mm past", "onto the skin")
-                           if body.has_outline else ("the rim of the disc", "lies {:.1f} mm outside", "inwards"))
-        where = off.format(-gap * 1e3) if gap <= -5e-5 else "lies on"
-        further = (math.floor((least - gap) * 1e5) + 1) / 100
-        return (f"the punch's edge {where} {edge}; change x_mm and y_mm so that the punch lies "
-                f"{further:.2f} mm further {onto}")
-    if 0 < friction.coefficient(punch) < np.inf:
-        return "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")"
-    return ""
-
-
 def solve_near_rim(law: Law, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
     """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the
     axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
     (see `eitsim.scene.nearest_edge`), on a finer mesh than a rim; or with all_edges the whole of it, corners and holes
-    too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. ValueError where
-    `rim_problem` names one, NotConverged where no equilibrium is found."""
-    if problem := rim_problem(body, punch):
-        raise ValueError(f"{problem}.")
-    edge = edges_from(body, punch) if all_edges and body.has_outline else None
-    one_edge = body.has_outline and not all_edges
+    too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. The punch's edge lies on
+    the skin, and the punch slips freely or sticks. NotConverged where no equilibrium is found."""
+    outlined = not body.edge.is_round
+    edge, one_edge = edges_from(body, punch) if all_edges and outlined else None, outlined and not all_edges
     if not whole:
         return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge,
                          fine=ONE_EDGE if one_edge else FINE, rough=None if edge else ROUGH)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
-    fine = replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC
+    fine = replace(FULL_DISC, out_to=FINE.out_to) if outlined else FULL_DISC
     return corrected(touch, law, body, punch, coarse=FINE, edge=edge, fine=ONE_EDGE_FINER if one_edge else fine)
 
 
 def edges_from(body: Body, punch: Punch) -> OffsetOutline:
     """All edges of an outline seen from a punch, m; those of a polygon in place of a disc."""
-    place = np.array([punch.x_m, punch.y_m])
-    if not body.has_outline:
-        corners = circle(np.zeros(2), body.radius_m, _CHORDS)
-        return OffsetOutline(corners - place, np.roll(corners, -1, axis=0) - place)
-    start, end = corners_and_edges(body.shape)
+    place, (start, end) = np.array([punch.x_m, punch.y_m]), corners_and_edges(body.edge)
     return OffsetOutline(start - place, end - place)
 
 
 def on_a_disc(body: Body, punch: Punch) -> tuple[Body, Punch]:
-    """The disc of an outline's area, and the punch on it as far from its rim, in the same direction, as from the
-    nearest edge; a disc as it is."""
-    if not body.has_outline:
+    """A disc of an outline's area, and the punch on it as far from its rim, in the same direction, as from the nearest
+    edge; a disc as it is."""
+    if body.edge.is_round:
         return body, punch
-    edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
-    x, y = ((body.radius_m - edge.distance_m) * edge.towards).tolist()
-    return Body(radius_m=body.radius_m, thickness_m=body.thickness_m), replace(punch, x_m=x, y_m=y)
+    edge = body.edge.nearest((punch.x_m, punch.y_m))
+    x, y = ((body.edge.size_m - edge.distance_m) * edge.towards).tolist()
+    return Body(Disc(body.edge.size_m), body.thickness_m), replace(punch, x_m=x, y_m=y)
 
 
 def corrected(touch: Touch, law: Law, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
@@ -213,7 +189,7 @@ def _corrected(touch: Touch, law: Law, body: Body, punch: Punch, finenesses: Fin
                given: OffsetDisc | OffsetOutline | None) -> Touch:
     started = cpu_s()
     if body.has_outline:
-        edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
+        edge = body.edge.nearest((punch.x_m, punch.y_m))
         found = _added(touch, law, *on_a_disc(body, punch), given or OffsetDisc(edge.disc_m, edge.offset_m), finenesses)
         assert found.rim is not None
         assert found.volume is not None

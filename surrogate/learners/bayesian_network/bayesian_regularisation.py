@@ -17,8 +17,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from surrogate.learners.bayesian_network import laplace, layer
 from surrogate.learners.bayesian_network.laplace import Curvature, curvature, factor, solve
@@ -66,10 +64,10 @@ class Training:
 
 @dataclass(frozen=True)
 class _State:
-    weights: Tensor
+    weights: Array
     alpha: float
     beta: float
-    error: Tensor  # (n,) outputs minus targets
+    error: Array  # (n,) outputs minus targets
 
     @property
     def squared_error(self) -> float:
@@ -84,21 +82,21 @@ class _State:
         return self.beta * self.squared_error + self.alpha * self.squared_weights
 
 
-def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None,
-          watch: Callable[[Tensor], None] | None = None) -> tuple[Tensor, Training]:
+def train(x: Array, y: Array, seed: int, options: Options | None = None,
+          watch: Callable[[Array], None] | None = None) -> tuple[Array, Training]:
     """Weights (p,) of a network trained on inputs (n, q) and targets (n,), both in [-1, 1], and how it went.
 
     A start that collapses, its evidence driving every weight to zero, is followed by others where the options allow
     them; where all collapse the last is returned, marked. `watch` is shown the weights after every step.
     """
     options = options or Options()
-    generator = torch.Generator().manual_seed(seed)
+    rng = np.random.default_rng(seed)
     axes = _directions(x)
     turned = x @ axes
     show = None if watch is None else lambda weights: watch(layer.turned(weights, axes.T))
     collapses = 0
     while True:
-        start = layer.initial_weights(x.shape[1], options.units, generator)
+        start = layer.initial_weights(x.shape[1], options.units, rng)
         steps = options if collapses else replace(options, warm_up=0)
         first = _first_state(turned, y, start, layer.turned(start, axes), warm=steps.warm_up > 0)
         weights, training = _train_once(turned, y, first, steps, collapses, show)
@@ -107,15 +105,14 @@ def train(x: Tensor, y: Tensor, seed: int, options: Options | None = None,
             return layer.turned(weights, axes.T), training
 
 
-def _directions(x: Tensor) -> Tensor:
+def _directions(x: Array) -> Array:
     """(q, r) orthonormal axes along which the rows of x spread by more than LEAST_SPREAD of the widest."""
-    _, singular, axes = torch.linalg.svd(x, full_matrices=False)
-    kept = singular > LEAST_SPREAD * singular[0]
-    return axes[kept].T.contiguous()
+    _, singular, axes = np.linalg.svd(x, full_matrices=False)
+    return np.ascontiguousarray(axes[singular > LEAST_SPREAD * singular[0]].T)
 
 
-def _train_once(x: Tensor, y: Tensor, first: _State, options: Options, collapses: int,
-                show: Callable[[Tensor], None] | None) -> tuple[Tensor, Training]:
+def _train_once(x: Array, y: Array, first: _State, options: Options, collapses: int,
+                show: Callable[[Array], None] | None) -> tuple[Array, Training]:
     state, gamma, stop, history = _descend(x, y, first, options, show)
     collapsed = state.squared_error >= COLLAPSED * float(((y - y.mean()) ** 2).sum())
     evidence = laplace.log_evidence(curvature(state.weights, x), state.alpha, state.beta, state.cost)
@@ -123,14 +120,14 @@ def _train_once(x: Tensor, y: Tensor, first: _State, options: Options, collapses
                                    collapsed, np.array(history).reshape(-1, 5))
 
 
-def _descend(x: Tensor, y: Tensor, state: _State, options: Options,
-             show: Callable[[Tensor], None] | None) -> tuple[_State, float, str, list[list[float]]]:
+def _descend(x: Array, y: Array, state: _State, options: Options,
+             show: Callable[[Array], None] | None) -> tuple[_State, float, str, list[list[float]]]:
     """Steps until one of the stopping rules holds; returns the state, gamma, the rule and the history."""
     mu, history, gamma = options.mu, [], float(len(state.weights))
     curved = curvature(state.weights, x)
     while len(history) < options.epochs:
         gradient = state.beta * layer.times_transpose(state.weights, x, state.error) + state.alpha * state.weights
-        if 2 * float(gradient.norm()) < options.min_gradient:
+        if 2 * float(np.linalg.norm(gradient)) < options.min_gradient:
             return state, gamma, "min_gradient", history
         trial, mu = _accepted(x, y, state, _damped_step(x, state, curved, gradient), mu, options)
         if trial is None:
@@ -148,7 +145,7 @@ def _descend(x: Tensor, y: Tensor, state: _State, options: Options,
     return state, gamma, "epochs", history
 
 
-def _first_state(x: Tensor, y: Tensor, start: Tensor, turned: Tensor, warm: bool) -> _State:
+def _first_state(x: Array, y: Array, start: Array, turned: Array, warm: bool) -> _State:
     """Turned weights with gamma = p at first, p and E_W those of the start as drawn, and beta = 1 where that leaves no
     rows; a warm start fits the data almost freely."""
     error = layer.output(turned, x) - y
@@ -159,7 +156,7 @@ def _first_state(x: Tensor, y: Tensor, start: Tensor, turned: Tensor, warm: bool
     return _State(turned, len(start) / (2 * float(start @ start)), beta, error)
 
 
-def _accepted(x: Tensor, y: Tensor, state: _State, step_at: Callable[[float], Tensor], mu: float,
+def _accepted(x: Array, y: Array, state: _State, step_at: Callable[[float], Array], mu: float,
               options: Options) -> tuple[_State | None, float]:
     """The first step of growing damping that lowers the cost, and the next damping; None above mu_max."""
     while mu <= options.mu_max:
@@ -171,14 +168,14 @@ def _accepted(x: Tensor, y: Tensor, state: _State, step_at: Callable[[float], Te
     return None, mu
 
 
-def _damped_step(x: Tensor, state: _State, curved: Curvature, gradient: Tensor) -> Callable[[float], Tensor]:
+def _damped_step(x: Array, state: _State, curved: Curvature, gradient: Array) -> Callable[[float], Array]:
     """mu -> -(beta J'J + (alpha + mu) I)^-1 gradient, gradient (p,) = beta J'e + alpha w, by the smaller system."""
     w, alpha, beta = state.weights, state.alpha, state.beta
     if not curved.dual:
         return lambda mu: -solve(factor(curved, beta, alpha + mu), gradient)
     along = layer.times_jacobian(w, x, w)
 
-    def dual(mu: float) -> Tensor:
+    def dual(mu: float) -> Array:
         shift = alpha + mu
         rows = solve(factor(curved, beta, shift), state.error - alpha / shift * along)
         return -beta * layer.times_transpose(w, x, rows) - alpha / shift * w

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -81,11 +80,9 @@ def record(networks: Networks, names: Sequence[str]) -> dict[str, Any]:
 
 def _train(x: Array, seed: int, options: Options, y: Array) -> tuple[Array, NDArray[np.float32], Training]:
     with threadpool_limits(1):
-        inputs = torch.from_numpy(x)
-        weights, training = bayesian_regularisation.train(inputs, torch.from_numpy(y), seed, options)
-        generator = torch.Generator().manual_seed(seed)
-        draws = laplace.draws(weights, inputs, training.alpha, training.beta, DRAWS, generator)
-    return weights.numpy(), draws.numpy().astype(np.float32), training
+        weights, training = bayesian_regularisation.train(x, y, seed, options)
+        draws = laplace.draws(weights, x, training.alpha, training.beta, DRAWS, np.random.default_rng(seed))
+    return weights, draws.astype(np.float32), training
 
 
 def predict(networks: Networks, x: Array) -> Prediction:

@@ -8,9 +8,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import torch
+from numpy.random import Generator
 from scipy.linalg import cho_solve, cholesky, lapack, solve_triangular
-from torch import Tensor
 
 from surrogate.learners.bayesian_network import layer
 from touchcal.arrays import Array
@@ -31,10 +30,10 @@ class Curvature:
         return self.rows < self.count
 
 
-def curvature(w: Tensor, x: Tensor) -> Curvature:
+def curvature(w: Array, x: Array) -> Curvature:
     """J J' or J'J of weights (p,) on inputs (n, q)."""
     if len(x) < len(w):
-        return Curvature(np.asfortranarray(layer.kernel(w, x).numpy()), len(x), len(w))
+        return Curvature(np.asfortranarray(layer.kernel(w, x)), len(x), len(w))
     return Curvature(layer.normal(w, x), len(x), len(w))
 
 
@@ -46,9 +45,9 @@ def factor(of: Curvature, beta: float, shift: float) -> Array:
     return cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
 
 
-def solve(lower: Array, right: Tensor) -> Tensor:
+def solve(lower: Array, right: Array) -> Array:
     """(L L')^-1 right."""
-    return torch.from_numpy(cho_solve((lower, True), right.numpy(), check_finite=False))
+    return cho_solve((lower, True), right, check_finite=False)
 
 
 def effective_parameters(of: Curvature, alpha: float, beta: float) -> tuple[float, float]:
@@ -69,18 +68,18 @@ def log_evidence(of: Curvature, alpha: float, beta: float, cost: float) -> float
     return -cost - 0.5 * log_det + 0.5 * p * math.log(alpha) + 0.5 * n * math.log(beta)
 
 
-def draws(w: Tensor, x: Tensor, alpha: float, beta: float, count: int, generator: torch.Generator) -> Tensor:
+def draws(w: Array, x: Array, alpha: float, beta: float, count: int, rng: Generator) -> Array:
     """(count, p) departures from the weights, normal with covariance (2H)^-1.
 
     Where J J' is held, by Matheron's rule: a draw of the prior, less what rows with a draw of the noise tell of it.
     """
     of = curvature(w, x)
     lower = factor(of, beta, alpha)
-    normal = torch.randn(count, of.count, generator=generator, dtype=torch.float64) / math.sqrt(2)
+    normal = rng.standard_normal((count, of.count)) / math.sqrt(2)
     if not of.dual:
-        return torch.from_numpy(solve_triangular(lower, normal.numpy().T, lower=True, trans=1)).T.contiguous()
+        return solve_triangular(lower, normal.T, lower=True, trans=1).T
     prior = normal / math.sqrt(alpha)
-    noise = torch.randn(count, of.rows, generator=generator, dtype=torch.float64) / math.sqrt(2 * beta)
-    seen = torch.stack([layer.times_jacobian(w, x, one) for one in prior]) + noise
-    known = beta * solve(lower, seen.T.contiguous()).T
-    return prior - torch.stack([layer.times_transpose(w, x, one) for one in known])
+    noise = rng.standard_normal((count, of.rows)) / math.sqrt(2 * beta)
+    seen = np.stack([layer.times_jacobian(w, x, one) for one in prior]) + noise
+    known = beta * solve(lower, seen.T).T
+    return prior - np.stack([layer.times_transpose(w, x, one) for one in known])

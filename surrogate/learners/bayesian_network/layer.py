@@ -7,12 +7,9 @@ and h units. The Jacobian J is n x p; products with it and the n x n matrix J J'
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.random import Generator
 
 from touchcal.arrays import Array, Index
-
-torch.set_num_threads(1)
 
 ROWS = 256  # rows whose products are formed together, to stay within the cache
 
@@ -21,79 +18,78 @@ ROWS = 256  # rows whose products are formed together, to stay within the cache
 class Layers:
     """The weight vector cut into its layers (views)."""
 
-    inner: Tensor  # (h, q) input weights W
-    bias: Tensor  # (h,) biases b
-    outer: Tensor  # (h,) output weights v
-    offset: Tensor  # () output bias c
+    inner: Array  # (h, q) input weights W
+    bias: Array  # (h,) biases b
+    outer: Array  # (h,) output weights v
+    offset: float  # () output bias c
 
 
-def layers(w: Tensor, inputs: int) -> Layers:
+def layers(w: Array, inputs: int) -> Layers:
     """Cut a weight vector (p,) of a network with `inputs` inputs."""
     units = (len(w) - 1) // (inputs + 2)
-    inner, bias, outer = torch.split(w[:-1], [units * inputs, units, units])
+    inner, bias, outer = np.split(w[:-1], np.cumsum([units * inputs, units]))
     return Layers(inner.reshape(units, inputs), bias, outer, w[-1])
 
 
-def initial_weights(inputs: int, units: int, generator: torch.Generator) -> Tensor:
+def initial_weights(inputs: int, units: int, rng: Generator) -> Array:
     """Nguyen-Widrow start for inputs in [-1, 1], as trainbr's networks have it: units of gain 1.4 h^(1/q), active where
     |w x + b| < 2, spread over the inputs (Nguyen and Widrow 1990); output weights uniform in [-1, 1]."""
     gain = 2 * 0.7 * units ** (1.0 / inputs)
-    inner = 2 * torch.rand(units, inputs, generator=generator, dtype=torch.float64) - 1
-    inner *= gain / inner.norm(dim=1, keepdim=True)
-    spread = torch.linspace(-1, 1, units, dtype=torch.float64) if units > 1 else torch.zeros(1, dtype=torch.float64)
-    outer = 2 * torch.rand(units + 1, generator=generator, dtype=torch.float64) - 1
-    return torch.cat([inner.flatten(), gain * spread * torch.sign(inner[:, 0]), outer])
+    inner = rng.uniform(-1, 1, (units, inputs))
+    inner *= gain / np.linalg.norm(inner, axis=1, keepdims=True)
+    spread = np.linspace(-1, 1, units) if units > 1 else np.zeros(1)
+    return np.concatenate([inner.ravel(), gain * spread * np.sign(inner[:, 0]), rng.uniform(-1, 1, units + 1)])
 
 
-def turned(w: Tensor, axes: Tensor) -> Tensor:
+def turned(w: Array, axes: Array) -> Array:
     """The network on inputs x axes, for axes (q, r): input weights W axes, the others as they are."""
     net = layers(w, len(axes))
-    return torch.cat([(net.inner @ axes).flatten(), w[net.inner.numel():]])
+    return np.concatenate([(net.inner @ axes).ravel(), w[net.inner.size:]])
 
 
-def output(w: Tensor, x: Tensor) -> Tensor:
+def output(w: Array, x: Array) -> Array:
     """(n,) outputs for inputs (n, q)."""
     net = layers(w, x.shape[1])
-    return torch.tanh(x @ net.inner.T + net.bias) @ net.outer + net.offset
+    return np.tanh(x @ net.inner.T + net.bias) @ net.outer + net.offset
 
 
-def jacobian(w: Tensor, x: Tensor) -> Tensor:
+def jacobian(w: Array, x: Array) -> Array:
     """(n, p) derivative of the outputs by the weights."""
     hidden, slope = _hidden(w, x)
-    inner = (slope[:, :, None] * x[:, None, :]).flatten(1)
-    return torch.cat([inner, slope, hidden, x.new_ones(len(x), 1)], dim=1)
+    inner = (slope[:, :, None] * x[:, None, :]).reshape(len(x), -1)
+    return np.hstack([inner, slope, hidden, np.ones((len(x), 1))])
 
 
-def kernel(w: Tensor, x: Tensor) -> Tensor:
+def kernel(w: Array, x: Array) -> Array:
     """(n, n) J J', without forming J."""
     hidden, slope = _hidden(w, x)
     return (slope @ slope.T) * (1 + x @ x.T) + hidden @ hidden.T + 1
 
 
-def normal(w: Tensor, x: Tensor) -> Array:
+def normal(w: Array, x: Array) -> Array:
     """(p, p) lower triangle of J'J, without forming J."""
     hidden, slope = _hidden(w, x)
-    return _normal_matrix(x.numpy(), hidden.numpy(), slope.numpy())
+    return _normal_matrix(x, hidden, slope)
 
 
-def times_jacobian(w: Tensor, x: Tensor, direction: Tensor) -> Tensor:
+def times_jacobian(w: Array, x: Array, direction: Array) -> Array:
     """(n,) J direction, for a direction (p,)."""
     hidden, slope = _hidden(w, x)
     move = layers(direction, x.shape[1])
-    return (slope * (x @ move.inner.T + move.bias)).sum(1) + hidden @ move.outer + move.offset
+    return (slope * (x @ move.inner.T + move.bias)).sum(axis=1) + hidden @ move.outer + move.offset
 
 
-def times_transpose(w: Tensor, x: Tensor, rows: Tensor) -> Tensor:
+def times_transpose(w: Array, x: Array, rows: Array) -> Array:
     """(p,) J' rows, for rows (n,)."""
     hidden, slope = _hidden(w, x)
     weighted = slope * rows[:, None]
-    return torch.cat([(weighted.T @ x).flatten(), weighted.sum(0), rows @ hidden, rows.sum()[None]])
+    return np.concatenate([(weighted.T @ x).ravel(), weighted.sum(axis=0), rows @ hidden, [rows.sum()]])
 
 
-def _hidden(w: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
+def _hidden(w: Array, x: Array) -> tuple[Array, Array]:
     """Hidden outputs (n, h) and output weight times tanh' (n, h)."""
     net = layers(w, x.shape[1])
-    hidden = torch.tanh(x @ net.inner.T + net.bias)
+    hidden = np.tanh(x @ net.inner.T + net.bias)
     return hidden, net.outer * (1 - hidden**2)
 
 

@@ -11,22 +11,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eitsim.sensors.labels import PLACE
 from surrogate.data.dead_readings import none, too_many
 from surrogate.data.outputs import TOUCH as PARTS
 from surrogate.data.outputs import lowest
+from surrogate.data.reading_noise import ReadingNoise
 from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import WALK
 from surrogate.model.missing_channels import named
+from surrogate.model.recorded.press_model import COORDINATES, PressModel
 from surrogate.model.tracking.contact import patterns_of
 from surrogate.model.tracking.followed_reading import TOO_WEAK, Read, unread
 from surrogate.model.tracking.tracked import TOUCH
+from surrogate.recordings.press_reader import PressReading, ScalarReading, read
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.signals import WEAK
-from surrogate.recordings.trained.press_reader import PressReader, PressReading, ScalarReading, read
-from surrogate.recordings.trained.reader_table import COORDINATES, OUTPUTS
-from surrogate.recordings.trained.train_reader import TrainedReader
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask
 
@@ -60,22 +59,17 @@ def followed(place: Place, reading: Array, step_s: float) -> Place:
     return Place(place.mean + gain * (reading - place.mean), (1 - gain) * variance, readings, noise, count)
 
 
-def columns(reader: PressReader) -> list[str]:
-    """Names of the values of a row, with the ends of their 90 % intervals, as those of `read_touches`."""
-    labels = [*PLACE, *(one.name for one in reader.scalars)]
-    names = [OUTPUTS.get(label, label).rpartition("_") for label in labels]
-    return [f"{stem}{end}_{unit}" for stem, _, unit in names for end in ("", "_lo90", "_hi90")]
-
-
 class FollowedPresses:
     """A model of a recording and the place that it follows."""
 
-    def __init__(self, model: TrainedReader) -> None:
+    def __init__(self, model: PressModel) -> None:
         reader = model.reader
         if reader.place is None:
             raise ValueError("this model reads no place, which a touch is followed by. Train it on labels x_mm and "
                              "y_mm.")
-        self.readings = reader.signals.channels
+        self.readings = model.readings
+        self.columns = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
+                        for end in ("", "_lo90", "_hi90")]
         self.patterns = patterns_of(reader.place.direction.pattern[:, :self.readings])
         self.foreseen = self.patterns[:0]
         self.weakest = reader.signals.weakest
@@ -94,6 +88,9 @@ class FollowedPresses:
     def ended(self) -> None:
         """No touch is followed."""
         self._place = None
+
+    def with_noise(self, noise: ReadingNoise) -> None:
+        """The noise of a place is that of its readings."""
 
     def ready(self, background: Background) -> tuple[Array, str]:
         """Readings are taken as they are."""

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from surrogate.data.outputs import TOUCH
+from surrogate.data.reading_noise import ReadingNoise
 from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background
 from touchcal.arrays import Array, Mask
@@ -41,6 +42,7 @@ class Following(Protocol):
     patterns: Array  # (k, readings) unit patterns of touches
     foreseen: Array  # (k, readings) changes of the untouched frame by causes that may drift, none where none is known
     weakest: float  # norm of the weakest training signal, in the unit of the readings
+    columns: list[str]  # names of the values of a row, with the ends of their 90 % intervals
     ring: Ring | None  # whose readings these are, where that is known
 
     def dead(self, volts: Array) -> Mask:
@@ -53,6 +55,10 @@ class Following(Protocol):
 
     def compared(self, background: Background) -> tuple[Array, str]:
         """Factors (readings,) of all readings that make the untouched frame the training's, and words on it."""
+        ...
+
+    def with_noise(self, noise: ReadingNoise) -> None:
+        """Count what readings of a frame share of its noise from now on, at the size of the background's."""
         ...
 
     def why_not(self, dead: Mask) -> str:

@@ -26,7 +26,7 @@ class Tracked:
     noise_V: float  # standard deviation of one reading, as known so far; NaN before it is
     left: int  # frames that calibration still takes; 0 when it is over
     flag: str  # what is to be known of the frame; empty where nothing is
-    # (columns,) all outputs with their ends, and parts where the model states them, as `tracked_stream.columns` names
+    # (columns,) all outputs with their ends, and parts where the model states them, as `Tracker.columns` names
     # them; None where no touch is read
     row: Array | None = None
 

@@ -9,26 +9,16 @@ from io import BufferedIOBase
 from typing import TextIO
 
 from surrogate.data.frame_rows import STREAM, frames_as_they_come
-from surrogate.model import predict
+from surrogate.model.predict import sign_caution
 from surrogate.model.stream import Counts
-from surrogate.model.tracking import followed_presses
 from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED
 from surrogate.model.tracking.tracker import Tracker
-from surrogate.model.trained import TrainedModel
-from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 QUIET = (CALIBRATING, UNTOUCHED)  # states whose flags count no frame as flagged
 
 
-def columns(model: TrainedModel | TrainedReader) -> list[str]:
-    """Names of the columns of rows: those of predictions, `state` before the flag."""
-    each = (predict.columns(model)[1:-1] if isinstance(model, TrainedModel) else
-            followed_presses.columns(model.reader))
-    return ["line", *each, "state", "flag"]
-
-
-def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: BufferedIOBase, sink: TextIO,
+def track(tracker: Tracker, source: BufferedIOBase, sink: TextIO,
           say: Callable[[str], object] = lambda words: None) -> Counts:
     """Write one row for each line of a stream, flushed as soon as it is known.
 
@@ -36,22 +26,22 @@ def track(tracker: Tracker, model: TrainedModel | TrainedReader, source: Buffere
     stands still for it. `say` takes words on the calibration, on the first line that is no frame, and on
     the first signals of the other sign. ValueError where a header names anything but readings, or there is no frame.
     """
-    table, names = csv.writer(sink, lineterminator="\n"), columns(model)
-    table.writerow(names)
+    table, values_there = csv.writer(sink, lineterminator="\n"), len(tracker.columns)
+    table.writerow(["line", *tracker.columns, "state", "flag"])
     sink.flush()
     answered = flagged = 0
     warned = calibrating = unreadable = False
     for read in frames_as_they_come(source, tracker.readings):
         for line, volts, problem in zip(read.line.tolist(), read.volts, read.problem, strict=True):
             state, values, flag = (UNREADABLE, None, problem) if problem else _answer(tracker, volts)
-            table.writerow([line, *(_cell(value) for value in values or [math.nan] * (len(names) - 3)), state, flag])
+            table.writerow([line, *(_cell(value) for value in values or [math.nan] * values_there), state, flag])
             sink.flush()
             answered, flagged = answered + 1, flagged + (bool(flag) and state not in QUIET)
             calibrating = _say_calibrating(tracker, state, calibrating, say)
             if state == UNREADABLE and not unreadable:
                 say(f"line {line}: {flag}. Such lines have rows without values; this is said once.")
                 unreadable = True
-            if not warned and (words := predict.sign_caution([flag])):
+            if not warned and (words := sign_caution([flag])):
                 say(f"line {line} on: {words}")
                 warned = True
     if not answered:

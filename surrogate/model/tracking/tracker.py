@@ -13,15 +13,15 @@ from surrogate.data import untouched_stream
 from surrogate.data.baseline_frame import untouched
 from surrogate.data.untouched_stream import CALIBRATION, Background
 from surrogate.model.missing_channels import named, stuck
+from surrogate.model.model import Model
 from surrogate.model.predict import OTHER_SIGN
+from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.tracking import contact, noise_scatter
 from surrogate.model.tracking.contact import Contact
 from surrogate.model.tracking.followed_model import FollowedModel
 from surrogate.model.tracking.followed_presses import FollowedPresses
 from surrogate.model.tracking.followed_reading import Following, Read, unread
 from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
-from surrogate.model.trained import TrainedModel
-from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 STRANGE = "off the untouched frame by more than is known of its drift, and unlike a touch: taken for drift"
@@ -37,7 +37,7 @@ class Tracker:
     """Follows the frames of one sensor: an untouched frame that drifts, contact, and the touch itself.
 
     Touches of the forward method are followed by a Kalman filter on its map, which begins with the search that
-    `Model.predict` makes: of the first frame of a touch both say the same. Other methods read every frame alone.
+    `SweepModel.predict` makes: of the first frame of a touch both say the same. Other methods read every frame alone.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ class Tracker:
     rate_hz : float
         Frames a second, for frames without a time.
     scale_baseline : "auto", "yes" or "no"
-        As in `Model.predict`.
+        As in `SweepModel.predict`.
     held_s : float, optional
-        As in `Model.predict`.
+        As in `SweepModel.predict`.
     say : callable, optional
         Takes what is to be known of the untouched frame, in words; a warning where left out.
 
@@ -69,16 +69,16 @@ class Tracker:
     ...     print(now.state, now.value, now.ellipse)
     """
 
-    def __init__(self, model: TrainedModel | TrainedReader, baseline_V: ArrayLike | None = None,
+    def __init__(self, model: Model, baseline_V: ArrayLike | None = None,
                  noise_V: float | None = None, *, rate_hz: float = 50.0, scale_baseline: str = "auto",
                  held_s: float | None = None, say: Callable[[str], object] = warnings.warn) -> None:
         if noise_V is not None and not 0 <= noise_V < math.inf:
             raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {noise_V:g}.")
         if not 0 < rate_hz < math.inf:
             raise ValueError(f"the rate must be a finite number of frames a second above 0, got {rate_hz:g}.")
-        if held_s is not None and isinstance(model, TrainedReader):
+        if held_s is not None and isinstance(model, PressModel):
             raise ValueError("a model of a recording knows no holding time; leave held_s out.")
-        self._following: Following = (FollowedPresses(model) if isinstance(model, TrainedReader)
+        self._following: Following = (FollowedPresses(model) if isinstance(model, PressModel)
                                       else FollowedModel(model, scale_baseline, held_s))
         self.rate_hz, self._say, self._noise_V = rate_hz, say, noise_V
         self._gain = np.ones(self._following.readings)
@@ -98,6 +98,11 @@ class Tracker:
     def readings(self) -> int:
         """Readings of a frame."""
         return self._following.readings
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the values of `Tracked.row`."""
+        return self._following.columns
 
     @property
     def calibration(self) -> int:
@@ -128,7 +133,9 @@ class Tracker:
                                                   self._following.foreseen)
         self._ready()
         if self._noise_V is None and found.noise is not None:
-            self._contact = contact.with_noise(self._contact, found.noise.scaled(self._gain))
+            shared = found.noise.scaled(self._gain)
+            self._contact = contact.with_noise(self._contact, shared)
+            self._following.with_noise(shared)
 
     def _ready(self) -> None:
         """Compare the untouched frame with that of the training, once its noise is known."""

@@ -16,13 +16,13 @@ from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
 from reports.surrogate.reader_report import report
 from surrogate.cli.main import app
+from surrogate.model.recorded.learn_presses import learn
+from surrogate.model.recorded.press_model import PressModel
 from surrogate.recordings import networks
-from surrogate.recordings.trained import reader_store
-from surrogate.recordings.trained.train_reader import TrainedReader, train_reader
 
 
 @pytest.fixture(scope="module")
-def model() -> TrainedReader:
+def model() -> PressModel:
     """Presses whose readings are smooth in place and in proportion to depth; the force says nothing."""
     rng = np.random.default_rng(0)
     place, depth = rng.uniform(-40, 40, (40, 2)), rng.uniform(5, 15, 40)
@@ -35,12 +35,12 @@ def model() -> TrainedReader:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(networks, "MOST_STEPS", 20)
         patch.setattr(networks, "HIDDEN", (16,))
-        return train_reader(frames, labels)
+        return learn(frames, labels)
 
 
 def test_the_command_writes_verdict_scores_families_and_errors(
-        model: TrainedReader, tmp_path: Path, read_pdf: Callable[[Path], Any], drawn: list[Figure]) -> None:
-    reader_store.save_reader(model, tmp_path / "model")
+        model: PressModel, tmp_path: Path, read_pdf: Callable[[Path], Any], drawn: list[Figure]) -> None:
+    model.save(tmp_path / "model")
     done = CliRunner().invoke(app, ["report", f"{tmp_path}/model", "--out", f"{tmp_path}/reader.pdf"])
     assert done.exit_code == 0, done.output
     assert len(drawn) == 2
@@ -51,8 +51,8 @@ def test_the_command_writes_verdict_scores_families_and_errors(
     assert (tmp_path / "reader_files" / "map.csv").is_file()
 
 
-def test_the_verdict_is_that_of_the_worse_split(model: TrainedReader, tmp_path: Path) -> None:
-    reader_store.save_reader(model, tmp_path)
+def test_the_verdict_is_that_of_the_worse_split(model: PressModel, tmp_path: Path) -> None:
+    model.save(tmp_path)
     bad = tuple(replace(one, score=replace(one.score, error=one.score.mean_error)) if one.score.split == "time" else one
                 for one in model.tested)
     found = report(replace(model, tested=bad), tmp_path)

@@ -93,7 +93,7 @@ def test_training_leaves_a_model_its_scores_and_its_predictions(inner: Path) -> 
     assert (model["schema"], model["method"], model["seed"]) == (13, "forward", 1)
     assert model["dataset"]["split"] == {"train": 70, "val": 15, "test": 15}
     assert len(model["dataset"]["sha256"]) == 64
-    assert {"touchcal", "numpy", "torch"} <= set(model["versions"])
+    assert {"touchcal", "numpy", "scipy"} <= set(model["versions"])
     table = pd.read_parquet(inner / "predictions.parquet")
     rows = table[(table["output"] == "x0") & (table["part"] == "test")]
     rmse = float(np.sqrt(np.mean((rows["value"] - rows["target"]) ** 2)))
@@ -308,7 +308,7 @@ def test_bad_input_is_told_plainly(call: Call, inner: Path, sweep: Path, make_da
              (("train", failed, "--out", out), "none of its 5 rows is ok (3 refused, 2 not_converged)"),
              (("train", holed, "--out", out), "dv_017 of scene 29 is nan"),
              (("train", small, "--out", out), "12 ok rows are too few"),
-             (("train", sweep, "--out", out, "--method", "svm"), "unknown; known: trainbr, network, forward, mlp,"),
+             (("train", sweep, "--out", out, "--method", "svm"), "unknown; known: trainbr, network, forward, ridge,"),
              (("export", inner, "--out", out), "method 'forward' is no network"),
              (("train", sweep, "--out", out, "--outputs", "depth"), "output 'depth' is unknown"),
              (("evaluate", inner, sweep, "--noise-db", "60,loud"), "--noise-db: 'loud' is not a number"),

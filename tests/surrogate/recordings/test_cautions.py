@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import surrogate
 from surrogate.cli.main import app
-from surrogate.recordings.trained.reader_scores import ReaderScore, found_wanting, wanting_words
+from surrogate.model.recorded.reader_scores import ReaderScore, found_wanting, wanting_words
 from touchcal.arrays import Array
 
 from .conftest import short_networks
@@ -74,7 +74,7 @@ def test_plain_channels_are_learnt_without_a_sensor_file(trained: tuple[Path, st
     assert json.loads(described)["sensor"] is None
     assert json.loads(described)["coverage_below"] == []
     assert "caution" not in said
-    model = surrogate.load_reader(folder / "model")
+    model = surrogate.load(folder / "model")
     assert {one.score.output: one.score.error < 0.3 * one.score.mean_error for one in model.tested} == {"F_N": True}
 
 

@@ -8,9 +8,9 @@ import pytest
 from surrogate.recordings import kernel_ridge, networks, stacking, templates
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.dead_channels import filled, learn_readings
-from surrogate.recordings.intervals import calibrated, radius
 from surrogate.recordings.patterns import learn_features
 from surrogate.recordings.presses import Presses
+from surrogate.statistics.conformal import calibrated, radius
 from touchcal.arrays import Array
 
 from .conftest import synthetic_presses

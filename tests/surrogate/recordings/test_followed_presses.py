@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import surrogate
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Electrodes
 from eitsim.sensors.recording import Recording, read_recording, write_recording
 from surrogate.data.skin_edges import Circle
@@ -19,16 +21,14 @@ from surrogate.live.messages import frame
 from surrogate.live.pictured import pictured
 from surrogate.live.serve import Show
 from surrogate.live.shows import recorded_show, streamed_show
+from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.tracking.followed_presses import begun, followed, row_of
 from surrogate.model.tracking.followed_reading import TOO_WEAK
 from surrogate.model.tracking.tracked import TOUCH, UNTOUCHED
-from surrogate.model.tracking.tracked_stream import columns, track
+from surrogate.model.tracking.tracked_stream import track
 from surrogate.model.tracking.tracker import Tracker
-from surrogate.recordings.trained import press_reader
-from surrogate.recordings.trained.press_reader import ScalarReading
-from surrogate.recordings.trained.reader_store import load_reader, save_reader
-from surrogate.recordings.trained.reader_table import read_touches
-from surrogate.recordings.trained.train_reader import TrainedReader
+from surrogate.recordings import press_reader
+from surrogate.recordings.press_reader import ScalarReading
 from touchcal.arrays import Array
 
 from .conftest import labels_at, short_networks, synthetic_places, synthetic_presses, synthetic_signal
@@ -37,22 +37,22 @@ REST = 30
 
 
 @pytest.fixture(scope="module")
-def model() -> TrainedReader:
+def model() -> PressModel:
     with short_networks():
         presses, place = synthetic_presses(1, 60, noise=0.05)
         reader = press_reader.fit(presses, labels_at(place))
-    return TrainedReader(reader, "voltage", 60, 60, 0, (), 0.0)
+    return PressModel(reader, "voltage", 60, 60, 0, (), 0.0)
 
 
 @pytest.fixture(scope="module")
-def with_forces() -> TrainedReader:
+def with_forces() -> PressModel:
     """Presses labelled with their place and how strong they are."""
     with short_networks():
         presses, place = synthetic_presses(1, 60, noise=0.05)
         size = np.linalg.norm(presses.signal, axis=1)
         force = size / np.linalg.norm(synthetic_signal(place, np.ones(len(place))), axis=1)
         reader = press_reader.fit(presses, labels_at(place, F_N=force, depth_mm=2 * force))
-    return TrainedReader(reader, "voltage", 60, 60, 0, (), 0.0)
+    return PressModel(reader, "voltage", 60, 60, 0, (), 0.0)
 
 
 def stream(place: Array, noise: float) -> Array:
@@ -71,20 +71,20 @@ def messages_of(show: Show) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("kind", ["line", "surface"])
-def test_the_page_draws_the_outline_of_the_sensor_where_the_model_knows_it(model: TrainedReader, tmp_path: Path,
+def test_the_page_draws_the_outline_of_the_sensor_where_the_model_knows_it(model: PressModel, tmp_path: Path,
                                                                            kind: str) -> None:
-    body = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.005),))
+    body = Body(Outline("rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.005),)))
     patches = {"x_m": (-0.02, 0.0, -0.02, 0.0), "y_m": (-0.02, -0.02, 0.02, 0.02)} if kind == "surface" else {}
     electrodes = Electrodes(kind=kind, count=4, width_m=0.008, **patches)
-    save_reader(replace(model, skin=skin_of(body.shape, electrodes)), tmp_path)
-    skin = pictured(load_reader(tmp_path)).document()
+    replace(model, skin=skin_of(body.outline, electrodes)).save(tmp_path)
+    skin = pictured(surrogate.load(tmp_path)).document()
     assert (len(skin["loops_mm"]), len(skin["electrodes"]), skin["circle_mm"]) == (2, 4, None)
     assert skin["box_mm"] == [-60, -40, 60, 40]
-    save_reader(model, tmp_path)
-    assert load_reader(tmp_path).skin is None
+    model.save(tmp_path)
+    assert surrogate.load(tmp_path).skin is None
 
 
-def test_the_page_shows_what_a_model_of_a_recording_reads(model: TrainedReader) -> None:
+def test_the_page_shows_what_a_model_of_a_recording_reads(model: PressModel) -> None:
     place = synthetic_places(np.random.default_rng(8), 3)
     lines = "".join(",".join(map(repr, frame.tolist())) + "\n" for frame in stream(place, 0.1))
     show = streamed_show(model, io.BufferedReader(io.BytesIO(lines.encode())))  # type: ignore[arg-type]
@@ -113,10 +113,10 @@ def drifting(path: Path, place: Array) -> Path:
     return path
 
 
-def test_presses_that_a_recording_marks_are_shown_as_its_table_has_them(with_forces: TrainedReader,
+def test_presses_that_a_recording_marks_are_shown_as_its_table_has_them(with_forces: PressModel,
                                                                         tmp_path: Path) -> None:
     path = drifting(tmp_path / "frames.csv", synthetic_places(np.random.default_rng(8), 6))
-    table = read_touches(with_forces, read_recording(path))
+    table = with_forces.predict(read_recording(path))
     show = recorded_show(with_forces, path, rate_hz=1000.0)
     sent = messages_of(show)
     assert [one["state"] for one in sent] == [UNTOUCHED, TOUCH] * 6
@@ -130,7 +130,7 @@ def test_presses_that_a_recording_marks_are_shown_as_its_table_has_them(with_for
         synthetic_places(np.random.default_rng(8), 6)[:1], np.ones(1))[0, 0], rel=1e-3, abs=1e-3)
 
 
-def test_a_rate_next_to_a_clock_is_refused(model: TrainedReader, tmp_path: Path) -> None:
+def test_a_rate_next_to_a_clock_is_refused(model: PressModel, tmp_path: Path) -> None:
     path = drifting(tmp_path / "frames.csv", synthetic_places(np.random.default_rng(8), 2))
     recording = read_recording(path)
     write_recording(replace(recording, time_s=np.arange(4.0)), path)
@@ -138,12 +138,12 @@ def test_a_rate_next_to_a_clock_is_refused(model: TrainedReader, tmp_path: Path)
         recorded_show(model, path, rate_hz=2.0)
 
 
-def test_readings_of_a_board_have_no_unit(model: TrainedReader) -> None:
+def test_readings_of_a_board_have_no_unit(model: PressModel) -> None:
     assert pictured(model).unit == "mV"
     assert pictured(replace(model, kind="magnitude")).unit == ""
 
 
-def test_presses_are_found_and_read(model: TrainedReader) -> None:
+def test_presses_are_found_and_read(model: PressModel) -> None:
     place = synthetic_places(np.random.default_rng(8), 3)
     said = [tracker.update(frame) for tracker in [Tracker(model)] for frame in stream(place, 0.1)]
     for number, true in enumerate(place):
@@ -155,22 +155,22 @@ def test_presses_are_found_and_read(model: TrainedReader) -> None:
         assert np.isnan(last.value[2:]).all()
 
 
-def test_its_stream_has_places_alone(model: TrainedReader) -> None:
+def test_its_stream_has_places_alone(model: PressModel) -> None:
     place, sink = synthetic_places(np.random.default_rng(9), 3), io.StringIO()
     lines = "\n".join(",".join(map(repr, frame)) for frame in stream(place, 0.1).tolist())
-    track(Tracker(model), model, io.BytesIO(lines.encode()), sink)
+    track(Tracker(model), io.BytesIO(lines.encode()), sink)
     head, *rows = [row.split(",") for row in sink.getvalue().splitlines()]
-    assert head == columns(model) == ["line", "x0_mm", "x0_lo90_mm", "x0_hi90_mm", "y0_mm", "y0_lo90_mm", "y0_hi90_mm",
+    assert head == ["line", "x0_mm", "x0_lo90_mm", "x0_hi90_mm", "y0_mm", "y0_lo90_mm", "y0_hi90_mm",
                                       "state", "flag"]
     low, value, high = (float(rows[REST + 10][k]) for k in (2, 1, 3))
     assert low < value < high
 
 
-def test_forces_and_depths_are_in_its_stream_and_in_python(with_forces: TrainedReader) -> None:
+def test_forces_and_depths_are_in_its_stream_and_in_python(with_forces: PressModel) -> None:
     place, sink = synthetic_places(np.random.default_rng(9), 3), io.StringIO()
     frames = stream(place, 0.02)
     lines = "\n".join(",".join(map(repr, frame)) for frame in frames.tolist())
-    track(Tracker(with_forces), with_forces, io.BytesIO(lines.encode()), sink)
+    track(Tracker(with_forces), io.BytesIO(lines.encode()), sink)
     head, *rows = [row.split(",") for row in sink.getvalue().splitlines()]
     assert head[7:13] == ["F_N", "F_lo90_N", "F_hi90_N", "depth_mm", "depth_lo90_mm", "depth_hi90_mm"]
     row = [float(cell) for cell in rows[REST + 10][7:13]]
@@ -183,7 +183,7 @@ def test_forces_and_depths_are_in_its_stream_and_in_python(with_forces: TrainedR
     assert np.isnan(now.value[2])
 
 
-def test_a_touch_weaker_than_any_trained_one_has_no_values(model: TrainedReader) -> None:
+def test_a_touch_weaker_than_any_trained_one_has_no_values(model: PressModel) -> None:
     frames = stream(synthetic_places(np.random.default_rng(8), 1), 0.01)
     frames = np.concatenate([frames[:REST], 0.9 * frames[:REST].mean(axis=0) + 0.1 * frames[REST:]])
     said = [tracker.update(frame) for tracker in [Tracker(model)] for frame in frames]

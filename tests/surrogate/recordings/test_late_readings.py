@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from eitsim.sensors.recording import Recording
-from surrogate.recordings import networks, touch_reader
+from surrogate.recordings import networks, press_reader, touch_reader
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.late_readings import late_readings, with_late
 from surrogate.recordings.presses import Presses, presses_of
 from surrogate.recordings.touch_reader import TouchReader
-from surrogate.recordings.trained import press_reader
 from touchcal.arrays import Array, Index
 
 from .conftest import labels_at, synthetic_presses

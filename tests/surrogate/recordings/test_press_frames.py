@@ -10,10 +10,10 @@ import pytest
 
 from eitsim.sensors.labels import Labels, read_labels
 from eitsim.sensors.recording import Recording
+from surrogate.model.recorded.learn_presses import learn
+from surrogate.recordings import press_reader
 from surrogate.recordings.press_frames import press_of_frames
 from surrogate.recordings.presses import Presses
-from surrogate.recordings.trained import press_reader
-from surrogate.recordings.trained.train_reader import train_reader
 from touchcal.arrays import Array
 
 from .conftest import labels_at, short_networks, synthetic_places, synthetic_signal
@@ -51,7 +51,7 @@ def test_scores_agree_with_presses_held_back(frames: int, named: str) -> None:
         labels = replace(labels, values=labels.values + 1e-3 * rng.standard_normal(place.shape),
                          press=number.astype(np.str_))
     with short_networks():
-        model = train_reader(recorded(presses), labels)
+        model = learn(recorded(presses), labels)
     new, there = frames_of_presses(2, 400, 1)
     found = press_reader.read(model.reader, new).place
     assert found

@@ -8,20 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import surrogate
 from eitsim.sensors.labels import Labels
 from eitsim.sensors.recording import Recording
-from surrogate.recordings import dead_channels
+from surrogate.model.recorded.learn_presses import choice, learn
+from surrogate.model.recorded.press_model import PressModel
+from surrogate.model.recorded.reader_scores import read_split
+from surrogate.recordings import dead_channels, press_reader
 from surrogate.recordings.dead_channels import filled, filled_without, learn_readings
-from surrogate.recordings.intervals import radius
+from surrogate.recordings.press_reader import PressReader
 from surrogate.recordings.presses import Presses
-from surrogate.recordings.trained import press_reader, reader_store
-from surrogate.recordings.trained.press_reader import PressReader
-from surrogate.recordings.trained.reader_scores import read_split
-from surrogate.recordings.trained.reader_table import read_touches
-from surrogate.recordings.trained.train_reader import TrainedReader, choice, train_reader
 from surrogate.recordings.worth import NothingToRead
+from surrogate.statistics.conformal import radius
 from touchcal.arrays import Array
-from touchcal.errors import InputFileError
 
 from .conftest import RING, labels_at, short_networks, synthetic_places, synthetic_presses, synthetic_signal
 
@@ -83,7 +82,7 @@ def test_one_coordinate_is_learnt_by_itself_and_has_the_columns_of_places() -> N
     presses, place, _ = deep(1, 80)
     reader = press_reader.fit(presses, only(labels_at(place), "y_mm"))
     frames = Recording(presses.signal, presses.index, None, presses.name, "difference", Path("synthetic.csv"))
-    table = read_touches(TrainedReader(reader, "difference", 80, 80, 0, (), 1.0), frames)
+    table = PressModel(reader, "difference", 80, 80, 0, (), 1.0).predict(frames)
     assert [*table] == ["touch", "y0_mm", "y0_lo90_mm", "y0_hi90_mm", "flag"]
     assert np.corrcoef(table["y0_mm"], place[:, 1])[0, 1] > 0.9
 
@@ -118,18 +117,12 @@ def test_stored_readers_with_and_without_places_read_the_same(reader: PressReade
     presses, place, depth = deep(1, 60)
     of_depth = press_reader.fit(presses, only(labels_at(place, depth_mm=depth), "depth_mm"))
     for name, one in (("both", reader), ("depth", of_depth)):
-        reader_store.save_reader(TrainedReader(one, "difference", 60, 60, 0, (), 1.5), tmp_path / name)
-        again = reader_store.load_reader(tmp_path / name).reader
+        PressModel(one, "difference", 60, 60, 0, (), 1.5).save(tmp_path / name)
+        again = surrogate.load(tmp_path / name).reader
         first, second = (press_reader.read(part, synthetic_presses(8, 5)[0]).scalars[0] for part in (one, again))
         np.testing.assert_array_equal(first.value, second.value)
         np.testing.assert_array_equal(first.half_width, second.half_width)
         assert (again.place is None) == (name == "depth")
-
-
-def test_a_model_of_a_sweep_is_no_reader_and_says_how_it_is_read(tmp_path: Path) -> None:
-    (tmp_path / "model.json").write_text('{"schema": 11, "method": "forward"}', encoding="utf-8")
-    with pytest.raises(InputFileError, match="a model of a sweep: read it with `surrogate predict`"):
-        reader_store.load_reader(str(tmp_path))
 
 
 def test_a_dead_channel_is_flagged_without_places_too() -> None:
@@ -173,7 +166,7 @@ def test_frames_most_of_which_are_dead_have_no_value(reader: PressReader) -> Non
     lacking[0, :105] = lacking[1] = np.nan
     lacking[2, :104] = np.nan
     frames = Recording(lacking, new.index, None, new.name, "difference", Path("synthetic.csv"))
-    table = read_touches(TrainedReader(reader, "difference", 80, 80, 0, (), 0.0), frames)
+    table = PressModel(reader, "difference", 80, 80, 0, (), 0.0).predict(frames)
     values = table.drop(columns=["touch", "flag", "x0_y0_correlation", "x0_y0_ellipse90"]).to_numpy(float)
     assert np.isnan(values[:2]).all()
     assert np.isfinite(values[2:]).all()
@@ -188,7 +181,7 @@ def test_no_depth_is_below_0_at_its_lower_end_and_coordinates_may_be() -> None:
     force = (size - size.min()) / np.ptp(size)
     reader = press_reader.fit(presses, labels_at(place, F_N=force, z_mm=force - 0.1))
     frames = Recording(presses.signal, presses.index, None, presses.name, "difference", Path("synthetic.csv"))
-    table = read_touches(TrainedReader(reader, "difference", 60, 60, 0, (), 0.0), frames)
+    table = PressModel(reader, "difference", 60, 60, 0, (), 0.0).predict(frames)
     value, low, high, coordinate = table[["F_N", "F_lo90_N", "F_hi90_N", "z_lo90_mm"]].to_numpy(float).T
     assert np.all(low >= np.minimum(value, 0))
     assert np.any(2 * value - high < 0)
@@ -204,24 +197,24 @@ def test_a_split_that_teaches_nothing_has_no_score_and_the_reader_is_trained() -
     depth = np.where(np.arange(60) < 48, 5.0, 12.0)
     signal = synthetic_signal(place, depth)
     labels = only(labels_at(place, depth_mm=depth), "depth_mm")
-    model = train_reader(recorded(replace(presses, signal=signal)), labels)
+    model = learn(recorded(replace(presses, signal=signal)), labels)
     assert [one.name for one in model.reader.scalars] == ["depth_mm"]
     assert {one.score.split for one in model.tested} == {"random"}
     assert model.left_out == ("split time, no scores: all labelled presses have one depth_mm, 5: press with several, "
                               "or leave the column out.",)
     with pytest.raises(ValueError, match="all labelled presses have one depth_mm, 5"):
-        train_reader(recorded(presses), Labels(labels.touch, labels.names, np.full((60, 1), 5.0)))
+        learn(recorded(presses), Labels(labels.touch, labels.names, np.full((60, 1), 5.0)))
 
 
 def test_presses_too_few_to_test_on_and_mostly_dead_ones_are_said(tmp_path: Path) -> None:
     presses, place, _ = deep(1, 13)
     lacking = presses.signal.copy()
     lacking[[2, 5], 9:] = np.nan
-    model = train_reader(recorded(replace(presses, signal=lacking)), labels_at(place))
+    model = learn(recorded(replace(presses, signal=lacking)), labels_at(place))
     assert model.presses == 11
     assert model.tested == ()
     assert model.left_out == (
         "2 labelled frames, more than half of whose readings are dead, are left out.",
         "11 labelled presses are too few to test on as well: there are no scores. Label more of them.")
-    reader_store.save_reader(model, tmp_path)
-    assert reader_store.load_reader(tmp_path).left_out == model.left_out
+    model.save(tmp_path)
+    assert surrogate.load(tmp_path).left_out == model.left_out

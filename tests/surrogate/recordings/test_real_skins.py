@@ -11,12 +11,11 @@ import pytest
 
 from eitsim.sensors.labels import labels_of, places_of
 from eitsim.sensors.sensor_file import read_sensor
-from surrogate.recordings import templates
+from surrogate.model.recorded.reader_scores import read_rows
+from surrogate.recordings import press_reader, templates
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.presses import taken
-from surrogate.recordings.trained import press_reader
-from surrogate.recordings.trained.reader_scores import read_rows
 from surrogate.recordings.worth import SURE
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from eitsim.sensors.labels import Labels
+from surrogate.recordings import press_reader
+from surrogate.recordings.press_reader import PressReader, read
 from surrogate.recordings.presses import Presses, taken
-from surrogate.recordings.trained import press_reader
-from surrogate.recordings.trained.press_reader import PressReader, read
 from touchcal.arrays import Array
 
 from .conftest import labels_at, short_networks, synthetic_presses

@@ -10,14 +10,13 @@ import pytest
 
 from eitsim.sensors.recording import Recording
 from surrogate.data import untouched_stream
+from surrogate.model.recorded.press_model import PressModel
+from surrogate.model.recorded.reader_scores import read_rows
 from surrogate.model.tracking.followed_presses import FollowedPresses
+from surrogate.recordings import press_reader
 from surrogate.recordings.ageing import learn_known
+from surrogate.recordings.press_reader import PressReader
 from surrogate.recordings.presses import Presses, presses_of
-from surrogate.recordings.trained import press_reader
-from surrogate.recordings.trained.press_reader import PressReader
-from surrogate.recordings.trained.reader_scores import read_rows
-from surrogate.recordings.trained.reader_table import read_touches
-from surrogate.recordings.trained.train_reader import TrainedReader
 from touchcal.arrays import Array
 
 from .conftest import labels_at, short_networks, synthetic_places, synthetic_signal
@@ -106,10 +105,10 @@ def aged(recording: Recording) -> Recording:
 
 def test_ages_in_seconds_are_not_compared_with_ages_in_frames(by_clock: PressReader, by_index: PressReader) -> None:
     clocked, frames = aged(recorded(0.02)[0]), aged(recorded(None)[0])
-    of_frames, of_seconds = (TrainedReader(one, "voltage", COUNT, COUNT, 0, (), 0.0) for one in (by_index, by_clock))
+    of_frames, of_seconds = (PressModel(one, "voltage", COUNT, COUNT, 0, (), 0.0) for one in (by_index, by_clock))
     with pytest.raises(ValueError, match=r"synthetic.csv: it has no column time_s, and the model was trained"):
-        read_touches(of_seconds, frames)
-    read = [read_touches(model, one)["flag"].str.contains("older than any in training")
+        of_seconds.predict(frames)
+    read = [model.predict(one)["flag"].str.contains("older than any in training")
             for model, one in ((of_frames, frames), (of_frames, clocked), (of_seconds, clocked))]
     assert read[0].sum() > COUNT / 2
     assert all((one == read[0]).all() for one in read)
@@ -119,7 +118,7 @@ def test_a_stream_counts_frames_where_training_had_no_clock(by_clock: PressReade
     signal = synthetic_signal(np.array([[20.0, 10.0]]), np.ones(1))[0]
     background = untouched_stream.known(np.zeros(len(signal)), 1e-3, 1, 0.0)
     for since, old in ((1, False), (400, True)):
-        read = [FollowedPresses(TrainedReader(one, "voltage", COUNT, COUNT, 0, (), 0.0)).read(
+        read = [FollowedPresses(PressModel(one, "voltage", COUNT, COUNT, 0, (), 0.0)).read(
             signal, background, 0.02 * since, since, 0.02).flag
                 for one in (by_clock, by_index)]
         assert [("older than any" in flag) for flag in read] == [old, old]

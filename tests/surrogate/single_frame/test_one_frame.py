@@ -1,4 +1,4 @@
-"""One frame in depth: direct inversion, the posterior of one touch, and the options of `surrogate predict` for them."""
+"""One frame in depth: direct inversion, the posterior of one touch, and the options of `surrogate frame`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.bounds.fisher_information import Slopes
-from surrogate.cli.predict_command import predict
+from surrogate.cli.frame_command import frame
 from surrogate.data import outputs
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import ForwardMap, fit, linearise
@@ -291,10 +291,10 @@ def test_posteriors_hold_the_touches_of_noisy_frames_as_often_as_they_say(forwar
     ({"direct": True, "posterior": True}, "give one of"),
     ({"direct": True, "touches": 2}, "give one of"),
     ({"direct": True}, "--card"),
-    ({"card": Path("card.json")}, "--direct or --posterior, and .*; add one"),
-    ({"touches": 2, "card": Path("card.json")}, "--direct or --posterior, and .*; add one"),
-    ({"posterior": True, "frames": "-"}, "one by one")])
+    ({"data": Path("sweep")}, "needs --card"),
+    ({"touches": 2, "card": Path("card.json")}, "--direct or --posterior. Leave it out"),
+    ({"posterior": True, "frames": "-"}, "answered as they come")])
 def test_options_that_do_not_go_together_are_refused_with_the_mend(options: dict[str, object], words: str) -> None:
     given = {"model_folder": Path("model"), "frames": "frames.csv"} | options
     with pytest.raises(ValueError, match=words):
-        predict(**given)  # pyright: ignore[reportArgumentType]
+        frame(**given)  # pyright: ignore[reportArgumentType]

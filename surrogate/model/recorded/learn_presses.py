@@ -1,7 +1,6 @@
-"""A reader of presses trained on a recording and its labels, scored on two splits."""
+"""A model of presses learnt from a recording and its labels, scored on two splits."""
 
 import time
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -9,47 +8,32 @@ import numpy as np
 from eitsim.sensors.labels import Labels, labels_of, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.data.dead_readings import too_many
-from surrogate.data.skin_from_above import SkinFromAbove
-from surrogate.recordings import scalar_reader, touch_reader
+from surrogate.model.recorded.press_model import PressModel
+from surrogate.model.recorded.reader_scores import SPLITS, TESTED, Tested, read_split
+from surrogate.recordings import press_reader, scalar_reader, touch_reader
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import counted, press_of_frames, with_presses
+from surrogate.recordings.press_reader import PressReader
 from surrogate.recordings.presses import Presses, labelled, presses_of, taken
 from surrogate.recordings.signals import FEWEST
-from surrogate.recordings.trained import press_reader
-from surrogate.recordings.trained.press_reader import PressReader
-from surrogate.recordings.trained.reader_scores import SPLITS, TESTED, Tested, read_split
 from touchcal.arrays import Array
 from touchcal.parallel.pool import Failed, answers
 from touchcal.parallel.processes import processes
 
 
-@dataclass(frozen=True, eq=False)
-class TrainedReader:
-    """A reader, and what is known of how well it reads."""
-
-    reader: PressReader
-    kind: str  # of the readings, one of eitsim.sensors.recording.KINDS
-    presses: int  # that it was trained on
-    frames: int  # of these presses
-    seed: int
-    tested: tuple[Tested, ...]  # by readers of four fifths, a split after the other; none where these are too few
-    fit_s: float  # CPU time of the reader, s
-    left_out: tuple[str, ...] = ()  # which presses are not used and which splits not tested, and why, a sentence each
-    skin: SkinFromAbove | None = None  # the sensor's, where that has an outline
-
-
-def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
-                 expectation: Expectation | None = None) -> TrainedReader:
+def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
+          expectation: Expectation | None = None) -> PressModel:
     """Learn the labels of a recording's presses by families of readers whose weights make the held-out error least, and
     test readers of four fifths of the presses on the rest, at random and the last in time.
 
     recording: frames in time order, (n, m) readings of one kind; labels: of ten presses or more; workers: processes;
     expectation: what a model of the sensor expects, used where it explains held-out presses better.
     ValueError where the presses are too few, or dead channels too many; NothingToRead where no label is read better
-    than by its mean. `save_reader` keeps what it returns, `read_touches` reads with it.
+    than by its mean.
 
-    >>> model = train_reader(read_recording("frames.csv"), read_labels("touches.csv"))     # doctest: +SKIP
-    >>> read_touches(model, read_recording("new.csv"))                                     # doctest: +SKIP
+    >>> model = surrogate.learn(eitsim.read_recording("frames.csv"), surrogate.read_labels("touches.csv"))
+    ...                                                                                    # doctest: +SKIP
+    >>> model.predict(eitsim.read_recording("new.csv"))                                    # doctest: +SKIP
     """
     presses, known, left_out = _readable(*labelled(presses_of(recording), labels, str(recording.source)))
     known = with_presses(presses, known)
@@ -67,7 +51,7 @@ def train_reader(recording: Recording, labels: Labels, seed: int = 0, workers: i
     reader, fit_s = found.pop("")
     left_out += [f"split {split}, no scores: {found[split]}" for split in splits if isinstance(found[split], str)]
     tested = tuple(one for split in splits if not isinstance(found[split], str) for one in found[split])
-    return TrainedReader(reader, recording.kind, count, frames, seed, tested, fit_s, tuple(left_out))
+    return PressModel(reader, recording.kind, count, frames, seed, tested, fit_s, tuple(left_out))
 
 
 def _readable(presses: Presses, labels: Labels) -> tuple[Presses, Labels, list[str]]:

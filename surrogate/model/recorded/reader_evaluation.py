@@ -7,35 +7,34 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.sensors.labels import PLACE, Labels, unit_of
+from eitsim.sensors.labels import Labels, unit_of
 from eitsim.sensors.recording import Recording
+from surrogate.model.recorded.press_model import OUTPUTS, PressModel
 from surrogate.recordings.press_frames import press_of_frames
+from surrogate.recordings.press_reader import trained_on
 from surrogate.recordings.presses import labelled
-from surrogate.recordings.trained.press_reader import trained_on
-from surrogate.recordings.trained.reader_table import OUTPUTS, presses_read, read_touches
-from surrogate.recordings.trained.train_reader import TrainedReader
 from surrogate.statistics.coverage_check import coverage_check
 from surrogate.statistics.metrics import COVERAGES, score
 from touchcal.arrays import Mask
 from touchcal.json_file import file_digest
 
 
-def evaluate_reader(model: TrainedReader, recording: Recording, labels: Labels, source: str) -> dict[str, Any]:
-    """Scores as JSON of what `read_touches` reads of the labelled presses, as `surrogate.evaluate` has them of a data
+def evaluate_reader(model: PressModel, recording: Recording, labels: Labels, source: str) -> dict[str, Any]:
+    """Scores as JSON of what `predict` reads of the labelled presses, as `surrogate.evaluate` has them of a data
     set; 50 and 95 % intervals, which readers have not, are None.
 
     source: file of the labels. ValueError where no press is labelled or can be read, or no label is one that the model
     reads.
     """
     begun = time.process_time()
-    table = read_touches(model, recording)
+    table = model.predict(recording)
     predict_ms = (time.process_time() - begun) / len(table) * 1e3
-    presses, known = labelled(presses_read(model, recording), labels, source)
+    presses, known = labelled(model.presses_of(recording), labels, source)
     table = table.loc[table["touch"].isin(known.touch.tolist())]
     columns = {name: OUTPUTS.get(name, name) for name in known.names if OUTPUTS.get(name, name) in table}
     if not columns:
-        reads = [*(PLACE if model.reader.place else ()), *(one.name for one in model.reader.scalars)]
-        raise ValueError(f"{source}: its labels are {', '.join(known.names)}, and the model reads {', '.join(reads)}. "
+        raise ValueError(f"{source}: its labels are {', '.join(known.names)}, and the model reads "
+                         f"{', '.join(model.labels)}. "
                          "Give one or more of these.")
     sound = table.loc[:, [*columns.values()]].notna().to_numpy().all(axis=1)
     if not sound.any():

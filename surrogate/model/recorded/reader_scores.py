@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from eitsim.sensors.labels import PLACE, Labels, labels_of, unit_of
-from surrogate.recordings.intervals import radius
+from surrogate.recordings import press_reader
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import frames_of, press_of_frames
 from surrogate.recordings.presses import Presses, taken, until
-from surrogate.recordings.trained import press_reader
 from surrogate.recordings.worth import distance
+from surrogate.statistics.conformal import radius
 from surrogate.statistics.coverage_check import CoverageCheck, coverage_check, in_words
 from touchcal.arrays import Array, Index
 

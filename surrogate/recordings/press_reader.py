@@ -9,11 +9,11 @@ import numpy as np
 
 from eitsim.sensors.labels import PLACE, Labels
 from surrogate.data.dead_readings import too_many
+from surrogate.data.torch_installed import check_torch
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
 from surrogate.recordings.dead_channels import filled_without
-from surrogate.recordings.intervals import chosen, widened
 from surrogate.recordings.late_readings import late_readings
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import counted, press_of_frames
@@ -22,7 +22,7 @@ from surrogate.recordings.scalar_reader import ScalarReader
 from surrogate.recordings.signals import FEWEST, Signals, flags
 from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
-from surrogate.statistics.conformal import conformal_scale
+from surrogate.statistics.conformal import chosen, conformal_scale, widened
 from touchcal.arrays import Array, Mask
 
 SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
@@ -64,6 +64,7 @@ def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectatio
     A label that is the same in all presses, or of which held-out presses are read no better than by its mean, is left
     out. ValueError where there are fewer than FEWEST presses or no label differs; NothingToRead where none is read.
     """
+    check_torch("readers of presses, whose families are trained networks among others,")
     press = press_of_frames(presses, labels)
     count = int(press.max()) + 1
     if count < FEWEST:

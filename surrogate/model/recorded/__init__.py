@@ -1,0 +1,1 @@
+"""A model of recorded presses: trained, scored, and read with."""

@@ -1,0 +1,125 @@
+"""A trained model of recorded presses as users have it: it reads recordings and is kept in a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import pandas as pd
+
+from eitsim.sensors.labels import PLACE, unit_of
+from eitsim.sensors.recording import Recording
+from surrogate.data.outputs import lowest
+from surrogate.data.skin_from_above import SkinFromAbove
+from surrogate.model import store
+from surrogate.model.recorded.reader_scores import Tested
+from surrogate.recordings.press_reader import PressReader, read
+from surrogate.recordings.presses import Presses, presses_of
+from touchcal.array_store import Arrays, flat, rebuilt
+from touchcal.arrays import Array
+from touchcal.document import Keys, Number
+
+OUTPUTS = {"x_mm": "x0_mm", "y_mm": "y0_mm"}  # labels whose outputs have another name
+COORDINATES = (*PLACE, "z_mm")  # labels that may be below 0
+_COUNT = Number(0, 1e15, whole=True)
+_SHAPE = store.shape_of({"kind": str, "presses": _COUNT, "frames": _COUNT, "left_out": [str], "scores": list})
+
+
+@dataclass(frozen=True, eq=False)
+class PressModel:
+    """A reader of presses, and what is known of how well it reads; made by `learn` or `load`."""
+
+    reader: PressReader
+    kind: str  # of the readings, one of eitsim.sensors.recording.KINDS
+    presses: int  # that it was trained on
+    frames: int  # of these presses
+    seed: int
+    tested: tuple[Tested, ...]  # by readers of four fifths, a split after the other; none where these are too few
+    fit_s: float  # CPU time of the reader, s
+    left_out: tuple[str, ...] = ()  # which presses are not used and which splits not tested, and why, a sentence each
+    skin: SkinFromAbove | None = None  # the sensor's, where that has an outline
+    method: str = "families"
+
+    LEARNT_FROM: ClassVar[str] = "presses"
+    SHAPE: ClassVar[Keys] = _SHAPE
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the labels that are read, with their units."""
+        return *(PLACE if self.reader.place else ()), *(one.name for one in self.reader.scalars)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(OUTPUTS.get(label, label).rpartition("_")[0] for label in self.labels)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each output."""
+        return tuple(unit_of(label) for label in self.labels)
+
+    @property
+    def readings(self) -> int:
+        """Readings of a frame."""
+        return self.reader.signals.channels
+
+    def predict(self, recording: Recording) -> pd.DataFrame:
+        """Read the touched frames of a recording, against its untouched ones, tracked to their times.
+
+        Returns a row a touched frame: `touch`, or `index` where no touch is named, each label that is learnt, as x0_mm,
+        y0_mm, d_mm, F_N, depth_mm or z_mm, with the ends of its 90 % interval, as x0_lo90_mm and x0_hi90_mm, and a
+        flag. Of a place, x0_y0_correlation and x0_y0_ellipse90 make its 90 % ellipse, as surrogate.statistics.conformal
+        says. ValueError where the model knows the cost of age in seconds and the recording has no clock; of one that
+        knows it in frames, the recording's clock is left out.
+        """
+        presses = self.presses_of(recording)
+        found = read(self.reader, presses)
+        named = bool((presses.name != "").any())
+        table = pd.DataFrame({"touch": presses.name} if named else {"index": presses.index})
+        if found.place:
+            for axis, name in enumerate(PLACE):
+                _add(table, name, found.place.value[:, axis], found.place.bounds.half_width[:, axis])
+            table["x0_y0_correlation"] = found.place.bounds.correlation
+            table["x0_y0_ellipse90"] = found.place.bounds.ellipse
+        for one in found.scalars:
+            _add(table, one.name, one.value, one.half_width)
+        return table.assign(flag=found.flag)
+
+    def presses_of(self, recording: Recording) -> Presses:
+        """The presses of a recording with ages as the model knows them; ValueError as of `predict`."""
+        clocked = self.reader.signals.clocked
+        if clocked and recording.time_s is None and recording.kind != "difference":
+            raise ValueError(f"{recording.source}: it has no column time_s, and the model was trained on a recording "
+                             "with one, so that the ages of untouched frames cannot be compared. Add time_s, or train "
+                             "on a recording without it.")
+        return presses_of(recording if clocked else replace(recording, time_s=None))
+
+    def save(self, folder: Path | str) -> None:
+        """Write the model as a folder that `load` reads; nothing in it is ever executed."""
+        store.save(self, Path(folder))
+
+    def described(self) -> dict[str, Any]:
+        """What model.json says."""
+        return {"kind": self.kind, "presses": self.presses, "frames": self.frames, "left_out": [*self.left_out],
+                "scores": [asdict(one.score) for one in self.tested]}
+
+    def arrays(self) -> Arrays:
+        """What arrays.npz holds."""
+        parts = {"reader": self.reader, "tested": self.tested, "skin": self.skin}
+        return {key: value for name, part in parts.items() for key, value in flat(part, name)}
+
+    @classmethod
+    def assembled(cls, text: Mapping[str, Any], arrays: Arrays) -> Self:
+        """The inverse of both."""
+        return cls(rebuilt(PressReader, "reader", arrays), text["kind"], text["presses"], text["frames"], text["seed"],
+                   rebuilt(tuple[Tested, ...], "tested", arrays), text["fit_s"], tuple(text["left_out"]),
+                   rebuilt(SkinFromAbove | None, "skin", arrays), text["method"])
+
+
+def _add(table: pd.DataFrame, label: str, value: Array, half_width: Array) -> None:
+    name = OUTPUTS.get(label, label)
+    stem, _, unit = name.rpartition("_")
+    table[name], table[f"{stem}_lo90_{unit}"] = value, lowest(value, half_width, label not in COORDINATES)
+    table[f"{stem}_hi90_{unit}"] = value + half_width

@@ -1,1 +1,0 @@
-"""A reader trained on a recording: its scores, its folder, what it says of a recording."""
