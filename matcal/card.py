@@ -9,6 +9,8 @@ from typing import Any
 
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.known_laws import law_of, law_type
+from matcal.laws.law import Law, scaled, values_of
 from matcal.laws.prony import Prony
 from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
@@ -24,6 +26,8 @@ _SHAPE = Keys({"schema": Number()}, {
     "name": str, "data": str,
     "hyperfoam": Keys({"mu_Pa": [Number(-1e15, 1e15)], "alpha": [Number(-1e3, 1e3)], "nu": [Number(-1, 0.5)],
                        "moduli": str}, {"strain_range": {str: _STRAINS}}, further=False),
+    "hyperelastic": Keys({"law": str, "parameters": {str: (Number(-1e15, 1e15), [Number(-1e15, 1e15)])}, "moduli": str},
+                         {"compressible": bool, "strain_range": {str: _STRAINS}}, further=False),
     "prony": Keys({"g": [Number(0, 1)], "tau_s": [Number(1e-15, 1e40)]}, further=False),
     "conductivity": Keys({"c0_S_per_m": Number(), "a": [Number(-1e6, 1e6)] * 3, "strain_range": _STRAINS},
                          further=False),
@@ -46,7 +50,7 @@ class MaterialCard:
     """A calibrated material; a part that was not fitted is None (absent in the file)."""
 
     name: str  # of the material
-    hyperfoam: Hyperfoam | None = None  # the foam's law
+    law: Law | None = None  # the foam's law
     prony: Prony | None = None  # how it relaxes
     conductivity: Conductivity | None = None  # of the coating
     fit: Mapping[str, Any] = field(default_factory=dict, repr=False)  # experiment -> {rms, relative_rms, r2, n, weight}
@@ -61,15 +65,21 @@ class MaterialCard:
     # file that it was read from or written to, next to which its data lie; None for a card that has none
     file: Path | None = field(default=None, compare=False, repr=False)
 
+    @property
+    def hyperfoam(self) -> Hyperfoam | None:
+        """The foam's law where it is a hyperfoam."""
+        return self.law if isinstance(self.law, Hyperfoam) else None
+
 
 def lacking(card: MaterialCard, part: str, purpose: str) -> str:
     """That a card lacks a part which something needs, and the `matcal fit` input that would give it; empty where it
     has it."""
     if getattr(card, part) is not None:
         return ""
-    needs = {"hyperfoam": "a uniaxial or shear file", "prony": "a relaxation file",
+    needs = {"law": "a uniaxial or shear file", "prony": "a relaxation file",
              "conductivity": "a conductivity file, or by hand in Python with matcal.Conductivity"}[part]
-    return f"card '{card.name}' has no {part}, which {purpose} needs. Add it with `matcal fit` and {needs}."
+    what = "law of the foam" if part == "law" else part
+    return f"card '{card.name}' has no {what}, which {purpose} needs. Add it with `matcal fit` and {needs}."
 
 
 def require(card: MaterialCard, part: str, purpose: str) -> Any:
@@ -79,15 +89,15 @@ def require(card: MaterialCard, part: str, purpose: str) -> Any:
     return getattr(card, part)
 
 
-def with_moduli(card: MaterialCard, moduli: str) -> Hyperfoam:
-    """The hyperfoam law with `moduli` "card" (as labelled), "instantaneous" or "longterm"; mu scales by g_inf."""
-    law: Hyperfoam = require(card, "hyperfoam", "the mechanics")
+def with_moduli(card: MaterialCard, moduli: str) -> Law:
+    """The foam's law with `moduli` "card" (as labelled), "instantaneous" or "longterm"; stresses scale by g_inf."""
+    law: Law = require(card, "law", "the mechanics")
     if moduli in ("card", law.moduli):
         return law
     if moduli not in ("instantaneous", "longterm"):
         raise ValueError(f"moduli '{moduli}' is unknown; known: card, instantaneous, longterm.")
     factor = require(card, "prony", f"changing {law.moduli} into {moduli} moduli").g_infinity
-    return replace(law, mu_Pa=law.mu_Pa * (factor if moduli == "longterm" else 1 / factor), moduli=moduli)
+    return replace(scaled(law, factor if moduli == "longterm" else 1 / factor), moduli=moduli)
 
 
 def read_card(path: Path | str) -> MaterialCard:
@@ -125,8 +135,12 @@ def read_card(path: Path | str) -> MaterialCard:
     parts: dict[str, Any] = {}
     try:
         check(raw, _SHAPE)
+        if "hyperfoam" in raw and "hyperelastic" in raw:
+            raise ValueError("the card has hyperfoam and hyperelastic, two laws of one foam. Remove one.")
         if "hyperfoam" in raw:
-            parts["hyperfoam"] = _hyperfoam(raw["hyperfoam"])
+            parts["law"] = _hyperfoam(raw["hyperfoam"])
+        if "hyperelastic" in raw:
+            parts["law"] = _hyperelastic(raw["hyperelastic"])
         if "prony" in raw:
             parts["prony"] = Prony(raw["prony"]["g"], raw["prony"]["tau_s"])
         if "conductivity" in raw:
@@ -142,16 +156,38 @@ def read_card(path: Path | str) -> MaterialCard:
     return MaterialCard(name=raw.get("name", path.stem), data=raw.get("data"), file=path, **parts, **free)
 
 
-def _hyperfoam(raw: Mapping[str, Any]) -> Hyperfoam:
-    ranges = {mode: _range(f"hyperfoam.strain_range.{mode}", {"strain_range": ends})
-              for mode, ends in raw.get("strain_range", {}).items()}
-    law = Hyperfoam(raw["mu_Pa"], raw["alpha"], raw["nu"], raw["moduli"], ranges)
+def _hyperfoam(raw: Mapping[str, Any]) -> Law:
+    law = law_of("hyperfoam", [raw[name] for name in ("mu_Pa", "alpha", "nu")], raw["moduli"],
+                 _ranges("hyperfoam", raw))
     if min(map(abs, raw["alpha"])) < _LEAST_ALPHA:
         raise ValueError(f"hyperfoam.alpha must be at least {_LEAST_ALPHA:g} in size, got {raw['alpha']}.")
+    return _of_a_solid(law, "mu_0 = sum of mu_Pa")
+
+
+def _hyperelastic(raw: Mapping[str, Any]) -> Law:
+    """The law that a card names; hyperfoam has its own key."""
+    kind, given = law_type(raw["law"]), raw["parameters"]
+    names = [p.name for p in kind.parameters]
+    if wrong := sorted(set(names) ^ set(given)):
+        raise ValueError(f"hyperelastic.parameters: '{wrong[0]}' is {'missing' if wrong[0] in names else 'unknown'}; "
+                         f"{kind.name} has {', '.join(names)}.")
+    if wrong := [p.name for p in kind.parameters if isinstance(given[p.name], list) != p.each_term]:
+        raise ValueError(f"hyperelastic.parameters.{wrong[0]} must be "
+                         f"{'one number' if isinstance(given[wrong[0]], list) else 'a list, a number a term'}.")
+    values = [given[name] if isinstance(given[name], list) else [given[name]] for name in names]
+    return _of_a_solid(law_of(kind.name, values, raw["moduli"], _ranges("hyperelastic", raw)), "mu_0")
+
+
+def _of_a_solid(law: Law, words: str) -> Law:
     if not _LEAST_PA <= law.mu_0_Pa <= _MOST_PA:
-        raise ValueError(f"hyperfoam: mu_0 = sum of mu_Pa must be from {_LEAST_PA:g} to {_MOST_PA:g} Pa, got "
-                         f"{law.mu_0_Pa:g} Pa; check its unit.")
+        raise ValueError(f"{law.name}: {words} must be from {_LEAST_PA:g} to {_MOST_PA:g} Pa, got {law.mu_0_Pa:g} Pa; "
+                         "check its unit.")
     return law
+
+
+def _ranges(where: str, raw: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    return {mode: _range(f"{where}.strain_range.{mode}", {"strain_range": ends})
+            for mode, ends in raw.get("strain_range", {}).items()}
 
 
 def _range(where: str, raw: Mapping[str, Any]) -> tuple[float, float]:
@@ -172,9 +208,12 @@ def as_card(card: MaterialCard | Path | str) -> MaterialCard:
 def as_json(card: MaterialCard) -> dict[str, Any]:
     """The card as plain JSON values, keys as in the command-line contract; absent parts are left out."""
     out: dict[str, Any] = {"schema": card.schema, "name": card.name}
-    if (h := card.hyperfoam) is not None:
-        out["hyperfoam"] = {"mu_Pa": h.mu_Pa.tolist(), "alpha": h.alpha.tolist(), "nu": h.nu.tolist(),
-                            "moduli": h.moduli, "strain_range": {m: list(r) for m, r in h.strain_range.items()}}
+    if (law := card.law) is not None:
+        numbers = {p.name: list(values) if p.each_term else values[0]
+                   for p, values in zip(law.parameters, values_of(law), strict=True)}
+        fitted = {"moduli": law.moduli, "strain_range": {m: list(r) for m, r in law.strain_range.items()}}
+        out |= {"hyperfoam": numbers | fitted} if card.hyperfoam else {
+            "hyperelastic": {"law": law.name, "parameters": numbers, "compressible": law.compressible, **fitted}}
     if (p := card.prony) is not None:
         out["prony"] = {"g": p.g.tolist(), "tau_s": p.tau_s.tolist()}
     if (c := card.conductivity) is not None:
@@ -188,7 +227,8 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
 def card_identity(card: MaterialCard) -> dict[str, Any]:
     """Name, file (None for a card that has none) and content hash (of the material's parts) of a card, and whether
     synthetic data made it."""
-    parts = {key: value for key, value in as_json(card).items() if key in ("hyperfoam", "prony", "conductivity")}
+    parts = {key: value for key, value in as_json(card).items()
+             if key in ("hyperfoam", "hyperelastic", "prony", "conductivity")}
     text = json.dumps(parts, sort_keys=True)
     return {"name": card.name, "file": card.file and card.file.name,
             "sha256": hashlib.sha256(text.encode()).hexdigest(),
@@ -225,4 +265,4 @@ def _title(card: MaterialCard, name: str) -> str:
     row = card.fit.get(name)
     if isinstance(row, Mapping) and row.get("source"):
         return f"{name} ({', '.join(row['source'])})"
-    return STAGES.get(name, name)
+    return f"{card.law.name} law" if name == "law" and card.law else STAGES.get(name, name)

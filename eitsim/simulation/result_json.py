@@ -100,7 +100,7 @@ def fitted_ranges(result: Result, scene: Scene, card: MaterialCard) -> dict[str,
     Where the least strain lies below them the laws are extrapolated, at a cost that no error estimate here counts.
     """
     least = min(float(np.min(touch.stretch_normal)) for touch in result.touches) - 1
-    foam = card.hyperfoam.strain_range.get("uniaxial") if card.hyperfoam else None
+    foam = card.law.strain_range.get("uniaxial") if card.law else None
     skin = card.conductivity.strain_range if card.conductivity else None
     return {"least_strain": least, "fitted_foam_strain": list(foam) if foam else None,
             "fitted_skin_strain": list(skin) if skin else None,

@@ -18,12 +18,12 @@ _POINTS = 11
 
 
 def fit_options(order: str, poisson: str | None, stable: str | None, stable_range: str | None, residual: str,
-                weight: Sequence[str], prony_terms: str, strain_zero: float) -> FitOptions:
+                weight: Sequence[str], prony_terms: str, strain_zero: float, law: str) -> FitOptions:
     """The options behind the flags of `matcal fit`; ValueError names the flag that cannot be read."""
     from matcal.fitting.calibrate import FitOptions
 
     return FitOptions(_count("--order", order), _poisson(poisson), stable, _stretches(stable_range), residual,
-                      _weights(weight), prony_terms=_count("--prony-terms", prony_terms), strain_zero_sd=strain_zero)
+                      _weights(weight), _count("--prony-terms", prony_terms), strain_zero, law.replace("-", "_"))
 
 
 def points(card: MaterialCard, mode: str, strain: str | None, time: str | None) -> np.ndarray:

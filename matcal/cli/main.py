@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from matcal.laws.known_laws import LAWS
 from matcal.record.exporters.registry import targets
 from touchcal.errors import InputFileError, NotConverged
 from touchcal.terminal import JsonOption, SeedOption, application, check_apart, check_out, counter, print_json, run
@@ -62,6 +63,7 @@ def fit_command(
         columns: ColumnsOption = None,
         branch: Annotated[str, typer.Option(help="Which loading of a cyclic test counts: last (preconditioned) "
                                             "or first.")] = "last",
+        law: Annotated[str, typer.Option(help=f"Law of the foam: {', '.join(LAWS)}.")] = "hyperfoam",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
         poisson: Annotated[str | None, typer.Option(
             help="Poisson-like nu: a value for all terms, or A,B,... one a term (by increasing alpha); fit: one for "
@@ -100,7 +102,7 @@ def fit_command(
 
     _check_places(out, report, [*files, *(predicted or [])], specimen)
     options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms,
-                          strain_zero)
+                          strain_zero, law)
     unfinished = None
     warnings.filterwarnings("ignore", "\nArviZ is undergoing", FutureWarning)  # arviz says so once a day
     with _counted(posterior) as progress:

@@ -77,7 +77,7 @@ def print_fit(card: MaterialCard, out: Path, *, verbose: bool = False) -> None:
 def _results(card: MaterialCard) -> Iterator[tables.Printed]:
     if "derived" in card.fit or card.posterior.get("derived"):
         yield tables.derived(card)
-    if card.hyperfoam is not None and "parameters" in card.fit:
+    if card.law is not None and "parameters" in card.fit:
         yield tables.law(card)
     if card.prony is not None:
         yield tables.series(card)
@@ -112,7 +112,7 @@ def _title(card: MaterialCard) -> str:
     fitted = tests(card).values()
     sources, many = {name for row in fitted for name in row["source"]}, len(fitted)
     files = sum(file["name"] in sources for file in card.provenance.get("files", ()))
-    parts = [name for part, name in (("hyperfoam", "foam"), ("prony", "relaxation"), ("conductivity", "skin"))
+    parts = [name for part, name in (("law", "foam"), ("prony", "relaxation"), ("conductivity", "skin"))
              if getattr(card, part) is not None]
     of = " of synthetic data" if card.provenance.get("synthetic") else ""
     return (f"{card.name}: {', '.join(parts) or 'nothing'}, from {many} test{'s' * (many != 1)} in {files} "
@@ -136,9 +136,9 @@ def _decisions(console: Console, card: MaterialCard) -> None:
 
 def _next(card: MaterialCard, out: Path) -> list[tuple[str, str]]:
     said = [(f"matcal report {out} --out {out.with_suffix('.pdf')}", "figures, tables and provenance as PDF")]
-    if card.hyperfoam is not None:
-        mode = next((m for m in MODES if m in card.hyperfoam.strain_range), "uniaxial")
-        at = card.hyperfoam.strain_range.get(mode, (-0.5, 0.0))
+    if card.law is not None:
+        mode = next((m for m in MODES if m in card.law.strain_range), "uniaxial")
+        at = card.law.strain_range.get(mode, (-0.5, 0.0))
         strain = 0.5 * (at[0] if abs(at[0]) > abs(at[1]) else at[1])
         said += [(f"matcal check {out}", "where the law is stable"),
                  (f"matcal predict {out} {mode} --strain={strain:.2g}", "stress, with its band"),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from matcal.fitting.conductivity_fit import ConductivityFit, fit_conductivity
+from matcal.fitting.general_fit import fit_law
 from matcal.fitting.hyperfoam.cross_prediction import Predicted, predictions, unstable_within
 from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit, fit, quick_law
@@ -18,7 +19,8 @@ from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_
 from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
 from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift, with_zero
 from matcal.laws.deformation_modes import MODES
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.known_laws import law_type
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
 from touchcal.number_words import percent
@@ -49,20 +51,40 @@ class FitOptions:
     weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
     prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 30, or "auto"
     strain_zero_sd: float = 0.0  # standard deviation of the strain zero of tests that do not state one
+    law: str = "hyperfoam"  # name of the foam's law, one of matcal.laws.known_laws
 
     def __post_init__(self) -> None:
         if not 0 <= self.strain_zero_sd < _MOST_ZERO:
             raise ValueError(f"--strain-zero {self.strain_zero_sd:g}: the standard deviation of a strain zero lies "
                              f"between 0 and {_MOST_ZERO:g}, for example 0.002.")
+        self._check_law()
         if self.stable_range is not None and self.stable is None:
             raise ValueError(f"--stable-range {','.join(f'{end:g}' for end in self.stable_range)}: no law is held "
                              "stable, so there is nothing to hold it over. Add --stable drucker or --stable elliptic, "
                              "or leave it out.")
 
+    def _check_law(self) -> None:
+        """ValueError for an unknown law, and for a choice that it does not have."""
+        names = [p.name for p in law_type(self.law).parameters]
+        if self.law == "hyperfoam":
+            return
+        given = {"--order": self.order != "auto", "--stable": self.stable is not None,
+                 "--poisson": self.poisson not in (None, "fit") and not (
+                     "nu" in names and isinstance(self.poisson, int | float))}
+        if wrong := [flag for flag, used in given.items() if used]:
+            raise ValueError(f"{wrong[0]} is not a choice of the law {self.law}, whose parameters are "
+                             f"{', '.join(names)}; it is one of hyperfoam. Leave it out, or leave --law out.")
+
+    @property
+    def given(self) -> dict[str, float]:
+        """Parameters of a law other than hyperfoam that are not fitted."""
+        return {"nu": float(self.poisson)} if isinstance(self.poisson, int | float) else {}
+
     def check_used(self, experiments: Sequence[Experiment]) -> None:
         """ValueError for a choice that no test can obey."""
         kinds, plain = ", ".join(dict.fromkeys(e.kind for e in experiments)), FitOptions()
-        of_law = {"--order": self.order != plain.order, "--poisson": self.poisson != plain.poisson,
+        of_law = {"--law": self.law != plain.law, "--order": self.order != plain.order,
+                  "--poisson": self.poisson != plain.poisson,
                   "--stable": self.stable is not None, "--residual": self.residual != plain.residual,
                   "--weight": bool(self.weights)}
         given = [flag for flag, differs in of_law.items() if differs]
@@ -115,7 +137,7 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     stretched = [e for e in experiments if e.kind == "conductivity"]
     skin = fit_conductivity(stretched) if stretched else None
     total = time.process_time() - started
-    data = check_data(law.curves, not np.any(law.law.nu)) if law else ()
+    data = check_data(law.curves, law.law.hencky_ratio == (0.0, True)) if law else ()
     checks = (*_stiffness_sentences(prony), *_stability_sentences(law, data), *_predicted_sentences(kept_out)
               ) if law else ()
     stages = {"records": said, "relaxation": prony.decisions if prony else (), "law": how, "checks": checks,
@@ -128,14 +150,13 @@ def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: Fit
     """Series through the shape of the law, which is fitted again with each series until they agree."""
     if not curves:
         return fit_prony(relaxing, None, options.prony_terms)
-    nu = FOAM if options.poisson is None or isinstance(options.poisson, str) else float(np.mean(options.poisson))
-    law: Hyperfoam = quick_law(curves, options.order, nu)
+    law = _shape(curves, options)
     first = fit_prony(relaxing, law, options.prony_terms)
-    law = _corrected(curves, first, options.order, nu)
+    law = _corrected(curves, first, options)
     found = chosen = fit_prony(relaxing, law, options.prony_terms)  # chosen again, through a law that knows its rate
     terms, left = chosen.prony.g.size, np.inf
     for turn in range(3, _TURNS + 1):
-        law = _corrected(curves, found, options.order, nu)
+        law = _corrected(curves, found, options)
         before, found = found.prony, fit_prony(relaxing, law, terms)
         left = float(np.abs(found.prony.g - before.g).max()) if found.prony.g.size == before.g.size else np.inf
         if left < _SETTLED:
@@ -144,8 +165,25 @@ def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: Fit
                            [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
 
 
-def _corrected(curves: Sequence[Curve], found: PronyFit, order: int | str, nu: float) -> Hyperfoam:
-    return quick_law([with_history(c, found.prony) for c in curves], order, nu)
+def _corrected(curves: Sequence[Curve], found: PronyFit, options: FitOptions) -> Law:
+    return _shape([with_history(c, found.prony) for c in curves], options)
+
+
+def _shape(curves: Sequence[Curve], options: FitOptions) -> Law:
+    """A law of the curves for their shape, on the way."""
+    if options.law != "hyperfoam":
+        return _fitted(curves, options, thorough=False).law
+    nu = FOAM if options.poisson is None or isinstance(options.poisson, str) else float(np.mean(options.poisson))
+    return quick_law(curves, options.order, nu)
+
+
+def _fitted(curves: Sequence[Curve], options: FitOptions, *, thorough: bool = True) -> Fit:
+    """The law of the options; not thorough: a hyperfoam with one nu from few starts, each without single modes."""
+    if options.law != "hyperfoam":
+        return fit_law(curves, law_type(options.law), options.given, thorough)
+    if not thorough:
+        return fit(curves, *_with_one_nu(options), starts=_FEW, thorough=False)
+    return fit(curves, options.order, options.poisson, stable=options.stable, stable_range=options.stable_range)
 
 
 def _with_decisions(found: PronyFit, chosen: PronyFit, options: FitOptions, more: Sequence[str]) -> PronyFit:
@@ -154,7 +192,7 @@ def _with_decisions(found: PronyFit, chosen: PronyFit, options: FitOptions, more
     return replace(found, orders=chosen.orders, decisions=(*tried, *found.decisions, *more))
 
 
-def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Hyperfoam) -> list[str]:
+def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Law) -> list[str]:
     out = [f"Series and law were fitted by turns until they agreed, {turns} turns."]
     deepest = min(float(e.strain.min()) for e in relaxing)
     if deepest < law.strain_range.get("uniaxial", (0.0, 0.0))[0] - 0.02:
@@ -167,7 +205,7 @@ def _law(curves: tuple[Curve, ...], prony: PronyFit | None, options: FitOptions)
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
     curves = _with_factors(curves, options)
     curves, moved = _refined(curves, options)
-    found = fit(curves, options.order, options.poisson, stable=options.stable, stable_range=options.stable_range)
+    found = _fitted(curves, options)
     return found, (_moduli_sentence(curves, prony.prony if prony else None), *factor_sentences(curves), *moved,
                    *found.decisions)
 
@@ -175,7 +213,7 @@ def _law(curves: tuple[Curve, ...], prony: PronyFit | None, options: FitOptions)
 def _with_factors(curves: tuple[Curve, ...], options: FitOptions) -> tuple[Curve, ...]:
     """Replicates with the factors of their specimens, from laws that are fitted without and then with them."""
     for _ in range(_FACTOR_TURNS if replicated(curves) else 0):
-        curves = with_factors(curves, fit(curves, *_with_one_nu(options), starts=_FEW, thorough=False).law)
+        curves = with_factors(curves, _fitted(curves, options, thorough=False).law)
     return curves
 
 
@@ -185,10 +223,10 @@ def _refined(curves: tuple[Curve, ...], options: FitOptions) -> tuple[tuple[Curv
     own way, and the criterion of orders decides, the corrections' own prior counted."""
     if not any(uncertain(curve) for curve in curves):
         return curves, ()
-    order, nu = _with_one_nu(options)
-    first = fit(curves, order, nu, starts=_FEW, thorough=False)
+    first = _fitted(curves, options, thorough=False)
     best = refined_records(first)
-    if not best[1] or order != "auto":
+    order, nu = _with_one_nu(options)
+    if not best[1] or order != "auto" or not first.orders:
         return best
     chosen = next(row for row in first.orders if row.order == first.law.alpha.size)
     near = [row.order for row in first.orders if row.order < chosen.order and row.rms < NEARLY * chosen.rms]
@@ -237,7 +275,7 @@ def _stability_sentences(found: Fit, data: Sequence[DataCheck]) -> list[str]:
     fitted = ", ".join(f"{mode} {lo:.3g} to {hi:.3g}" for mode, (lo, hi) in found.law.strain_range.items())
     if not said:
         said.append(f"The law is Drucker stable and strongly elliptic along all fitted tests: {fitted}.")
-    return [*said, *check_sentences(data, not np.any(found.law.nu))]
+    return [*said, *check_sentences(data, found.law.hencky_ratio == (0.0, True))]
 
 
 def _predicted(experiments: Sequence[Experiment], found: Fit | None, prony: PronyFit | None) -> tuple[Predicted, ...]:

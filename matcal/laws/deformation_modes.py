@@ -12,7 +12,7 @@ Source: paper, equations 2-4; Abaqus Theory Guide, "Hyperelastic material behavi
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from matcal.laws.hyperfoam import kirchhoff_per_modulus
 from matcal.laws.law import Law
@@ -125,6 +125,16 @@ def log_stretches(law: Law, mode: str, strain: ArrayLike) -> Array:
     return _freed(law, mode, x)
 
 
+def existing(law: Law, mode: str, strain: Array) -> NDArray[np.bool_]:
+    """Whether free faces find a stretch without stress at increasing strains (n,), and at the neighbours of each."""
+    try:
+        log_stretches(law, mode, strain)
+    except NotConverged as error:
+        padded = np.pad(np.all(np.isfinite(error.estimate), axis=-1), 1, mode="edge")
+        return padded[:-2] & padded[1:-1] & padded[2:]
+    return np.ones(strain.size, dtype=bool)
+
+
 def _checked(mode: str, strain: ArrayLike) -> Array:
     e = np.asarray(strain, dtype=float)
     if mode not in MODES:
@@ -167,8 +177,7 @@ def _freed(law: Law, mode: str, x: Array) -> Array:
             return x
     found = np.where((np.abs(step) <= 1e-12)[..., None], x, np.nan)
     raise NotConverged(f"{mode}: no lateral stretch without stress was found; the law, {law.name}, may have lost "
-                       "stability at this strain. Stay at smaller strains, or give one nu for all terms.",
-                       estimate=found)
+                       "stability at this strain. Stay at smaller strains.", estimate=found)
 
 
 def _components(mode: str, e: Array, x: Array, tau: Array) -> Array:

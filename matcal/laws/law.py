@@ -2,7 +2,7 @@
 
 A law is isotropic and hyperelastic: U(x) of the logarithmic principal stretches x_k = ln lambda_k, per unit volume,
 with principal Kirchhoff stresses tau_k = dU/dx_k. It is a frozen dataclass that inherits `Law`, in a file of its
-own, and a line in `matcal.laws.registry`. Its four functions of numbers or arrays serve arrays and, by
+own, and a line in `matcal.laws.known_laws`. Its four functions of numbers or arrays serve arrays and, by
 `matcal.laws.compiled_response`, the compiled loops of the finite elements.
 """
 
@@ -159,6 +159,12 @@ def differentiable(law: Law) -> list[tuple[str, Array]]:
     """Name, as mu_1_Pa, and unit vector (K,) of each parameter by which derivatives are taken."""
     named = [(p, p.numbered.format(k + 1)) for p in law.parameters for k in range(np.size(getattr(law, p.name)))]
     return [(name, one) for (p, name), one in zip(named, np.eye(len(named)), strict=True) if p.varied]
+
+
+def units(law: Law) -> Array:
+    """(K,) size in which each of `vector` is measured: mu_0 of moduli, else 1."""
+    return np.concatenate([np.full(np.size(getattr(law, p.name)), law.mu_0_Pa if p.name in moduli_of(law) else 1.0)
+                           for p in law.parameters])
 
 
 def values_of(law: Law) -> tuple[tuple[float, ...], ...]:

@@ -95,7 +95,7 @@ def card_of(draws: Draws, card: MaterialCard, k: int) -> MaterialCard:
     if skin is not None and draws.conductivity_S_per_m is not None:
         c = draws.conductivity_S_per_m[k]
         skin = Conductivity(float(c[0]), c[1:] / c[0], skin.strain_range)
-    return replace(card, hyperfoam=law, prony=prony, conductivity=skin)
+    return replace(card, law=law, prony=prony, conductivity=skin)
 
 
 def law_of(draws: Draws, k: int) -> Hyperfoam:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.laws.conductivity import outside
-from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.laws.deformation_modes import MODES, existing, nominal_stress
 from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matcal.fitting.conductivity_fit import ConductivityFit
     from matcal.fitting.hyperfoam.curves import Curve
     from matcal.fitting.uncertainty.intervals import Uncertainty
-    from matcal.laws.hyperfoam import Hyperfoam
+    from matcal.laws.law import Law
     from matcal.posterior.draws import Draws
 
 Ranges = Mapping[str, tuple[float, float]]
@@ -48,12 +48,13 @@ def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
     return out
 
 
-def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> Columns:
+def stress_bands(law: Law, source: Draws | Uncertainty) -> Columns:
     """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes, without
-    those where a law near nu = 0.5 has no finite stress."""
+    those where a law near nu = 0.5 has no finite stress, or where free faces find no place."""
     tables = []
     for mode, span in spans(law.strain_range).items():
         strain = np.unique(np.r_[np.linspace(*span, _POINTS), 1.0 if mode == "volumetric" else 0.0])
+        strain = strain[existing(law, mode, strain)]
         with np.errstate(over="ignore", invalid="ignore"):
             stress, (low, high) = nominal_stress(law, mode, strain), _band(source, mode, strain)
         lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
@@ -64,7 +65,7 @@ def stress_bands(law: Hyperfoam, source: Draws | Uncertainty) -> Columns:
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
-def share_inside(curve: Curve, law: Hyperfoam, source: Draws | Uncertainty) -> float:
+def share_inside(curve: Curve, law: Law, source: Draws | Uncertainty) -> float:
     """Share of a curve's measured points within the 95 % band of the law along the curve's own history, that band being
     as much wider as 95 % of the noise of single points."""
     experiment = curve.experiment

@@ -114,6 +114,9 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     selected = selections_of([*own, *others], [parse_selection(text) for text in columns])
     reduced = read_and_reduce(own, specimen, selected[:len(own)], branch)
     options.check_used(reduced.experiments)
+    if posterior and options.law != "hyperfoam":
+        raise ValueError(f"--posterior is built for hyperfoam, and the law is {options.law}. Leave it out: the card "
+                         "holds the intervals of the fit; or leave --law out.")
     compared = read_and_reduce(others, specimen, selected[len(own):], branch)
     laws = calibrate(reduced.experiments, options, compared.experiments)
     files = tuple(dict.fromkeys([*reduced.files, *compared.files, *reduced.also_read, *compared.also_read]))

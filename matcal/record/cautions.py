@@ -8,7 +8,8 @@ import numpy as np
 from matcal.card import MaterialCard
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.known_laws import law_of
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from touchcal.number_words import percent
 
@@ -38,7 +39,7 @@ def cautions(card: MaterialCard) -> tuple[str, ...]:
 
 def unstable_inside(card: MaterialCard) -> list[tuple[str, str, float, float]]:
     """(criterion, mode, lo, hi) of every unstable range within the strains fitted in its mode."""
-    fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
+    fitted = card.law.strain_range if card.law else {}
     return [(criterion, mode, max(lo, fitted[mode][0]), min(hi, fitted[mode][1]))
             for criterion, modes in card.stability.items() for mode, row in modes.items()
             for lo, hi in row["unstable_strain"] if mode in fitted and overlaps((lo, hi), fitted[mode])]
@@ -72,22 +73,22 @@ def _origin(card: MaterialCard) -> Iterator[str]:
 
 def _units(card: MaterialCard) -> Iterator[str]:
     """What looks like a wrong unit or size: stiffness that no soft foam has, or that differs from mode to mode."""
-    if card.hyperfoam is None:
+    if card.law is None:
         return
-    if not _SOFT_PA[0] < (mu_0 := card.hyperfoam.mu_0_Pa) < _SOFT_PA[1]:
+    if not _SOFT_PA[0] < (mu_0 := card.law.mu_0_Pa) < _SOFT_PA[1]:
         yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft foam ({_SOFT_PA[0]:g} to {_SOFT_PA[1]:g} Pa): check the units "
                "of stress or force (kPa or MPa) and the sizes of the specimens.")
-    laws = {mode: Hyperfoam(row["mu_Pa"], row["alpha"], row["nu"])
-            for mode, row in card.fit.get("cross_prediction", {}).items() if mode in card.hyperfoam.strain_range}
+    laws = {mode: law_of(card.law.name, [np.ravel(row[p.name]).tolist() for p in card.law.parameters])
+            for mode, row in card.fit.get("cross_prediction", {}).items() if mode in card.law.strain_range}
     first, *others = laws or [""]
     for mode in others:
-        ratio = _stiffness(mode, card.hyperfoam.strain_range[mode], laws[mode], laws[first])
+        ratio = _stiffness(mode, card.law.strain_range[mode], laws[mode], laws[first])
         if not 1 / _RATIO < ratio < _RATIO:
             yield (f"{mode.capitalize()} is {ratio:.3g} times as stiff at small strain as {first} alone predicts: "
                    "check the units and sizes of both (the faces in shear), nu, and whether the foam is anisotropic.")
 
 
-def _stiffness(mode: str, ends: tuple[float, float], own: Hyperfoam, other: Hyperfoam) -> float:
+def _stiffness(mode: str, ends: tuple[float, float], own: Law, other: Law) -> float:
     """Stress of a mode by its own law over that by the law of another mode, over its first strains."""
     rest = 1.0 if mode == "volumetric" else 0.0
     far = max(ends, key=lambda end: abs(end - rest))
@@ -162,27 +163,28 @@ def _stability(card: MaterialCard) -> Iterator[str]:
     for criterion, mode, lo, hi in unstable_inside(card):
         lost.setdefault(criterion, []).append(f"{mode} {lo:.3g} to {hi:.3g}")
     for criterion, where in lost.items():
-        yield (f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}. "
-               f"--stable {criterion} fits a law that keeps it.")
+        remedy = f" --stable {criterion} fits a law that keeps it." if card.hyperfoam else ""
+        yield f"{NAMES.get(criterion, criterion)} is lost inside the fitted strains: {', '.join(where)}.{remedy}"
 
 
 def _edge(card: MaterialCard) -> Iterator[str]:
     """Ellipticity that is kept within the fitted strains and lost close to them, where elements soon are."""
-    fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
+    fitted = card.law.strain_range if card.law else {}
     close = [f"{mode} from {near:.3g} on (fitted to {end:.3g})"
              for mode, row in card.stability.get("elliptic", {}).items() if mode in fitted
              for lo, hi in row["unstable_strain"] for end, near in ((fitted[mode][0], hi), (fitted[mode][1], lo))
              if not overlaps((lo, hi), fitted[mode]) and abs(near - end) < _CLOSE]
     if close:
         yield (f"Ellipticity is lost close to the fitted strains: {', '.join(close)}. An element pressed further may "
-               "collapse; --stable elliptic with --stable-range, of the stretches that elements reach, keeps it.")
+               "collapse" + ("; --stable elliptic with --stable-range, of the stretches that elements reach, keeps it."
+                             if card.hyperfoam else "."))
 
 
 def _assumed(card: MaterialCard) -> Iterator[str]:
     """What the records themselves give to mind: a direction that nothing stated, a table that is not one loading from
     contact on."""
     yield from card.provenance.get("cautions", ())
-    if card.hyperfoam is not None:
+    if card.law is not None:
         for label, row in tests(card).items():
             if row.get("direction_assumed"):
                 yield (f"Nothing tells compression from tension in {label}: its strain is positive and was read as "
@@ -193,7 +195,7 @@ def _assumed(card: MaterialCard) -> Iterator[str]:
 def _set(card: MaterialCard) -> Iterator[str]:
     """Cyclic tests whose loading that counts begins away from the first contact, and what the plateau would be from
     there."""
-    law = card.hyperfoam
+    law = card.law
     left = {label: row for label, row in tests(card).items() if abs(row.get("residual_strain", 0.0)) > _SET}
     if not left or law is None:
         return
@@ -209,7 +211,7 @@ def _set(card: MaterialCard) -> Iterator[str]:
 
 def _held(card: MaterialCard) -> Iterator[str]:
     """A hold of another stress than the law of the compression curves gives at its strain."""
-    lowest = card.hyperfoam.strain_range.get("uniaxial", (0.0, 0.0))[0] if card.hyperfoam else 0.0
+    lowest = card.law.strain_range.get("uniaxial", (0.0, 0.0))[0] if card.law else 0.0
     off = [f"{label} holds {row['stiffness_over_law']:.2f} times" for label, row in tests(card).items()
            if abs(np.log(row.get("stiffness_over_law", 1.0))) > -np.log(1 - _HELD_OFF)
            and 1.1 * lowest < row["strain_range"][0]]
@@ -260,8 +262,8 @@ def _open_nu(card: MaterialCard) -> Iterator[str]:
 
 def _undetermined(card: MaterialCard) -> Iterator[str]:
     row = card.fit.get("derived", {}).get("mu_0_Pa")
-    if row is not None and row["lo"] <= 0 and card.hyperfoam is not None:
-        fewer = card.hyperfoam.mu_Pa.size - 1
+    if row is not None and row["lo"] <= 0:
+        fewer = card.hyperfoam.mu_Pa.size - 1 if card.hyperfoam else 0
         yield ("The tests do not determine mu_0 with this law: its 95 % interval holds 0. Measure smaller strains"
                + (f", or give --order {fewer}." if fewer else "."))
 
@@ -284,13 +286,13 @@ def _predictions(card: MaterialCard) -> Iterator[str]:
 
 
 def _coverage(card: MaterialCard) -> Iterator[str]:
-    fitted = [mode for mode in MODES if card.hyperfoam and mode in card.hyperfoam.strain_range]
+    fitted = [mode for mode in MODES if card.law and mode in card.law.strain_range]
     if len(fitted) == 1:
         yield f"Only {fitted[0]} loading was fitted: every other mode is extrapolated and may be far off."
     kinds = [row["kind"] for row in tests(card).values()]
     if kinds and len(kinds) == len(set(kinds)):
         yield "One specimen of each kind was tested: the intervals leave out the scatter from specimen to specimen."
-    if card.hyperfoam is not None and card.prony is None and card.hyperfoam.moduli == "longterm" and kinds:
+    if card.law is not None and card.prony is None and card.law.moduli == "longterm" and kinds:
         yield "Moduli count as long-term but are not corrected for the rate of the tests: no relaxation was given."
 
 
@@ -334,7 +336,7 @@ def _series(card: MaterialCard) -> Iterator[str]:
     if card.prony is None or sd is None:
         return
     relaxing = [row for row in tests(card).values() if row["kind"] == "relaxation"]
-    if card.hyperfoam is None and not (relaxing and all("step_first_s" in row for row in relaxing)):
+    if card.law is None and not (relaxing and all("step_first_s" in row for row in relaxing)):
         yield ("Relaxation was fitted without a stress-strain curve: the ramp of the test itself had to give the shape "
                "of the curve, on which the fast terms depend.")
     loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]

@@ -37,7 +37,7 @@ def quoted(card: MaterialCard, name: str) -> Mapping[str, float] | None:
 def differences(one: MaterialCard, other: MaterialCard) -> list[Difference]:
     """Every quantity that both cards hold; ValueError where there is none, or one foam's moduli are long-term and the
     other's instantaneous."""
-    labels = {card.hyperfoam.moduli for card in (one, other) if card.hyperfoam}
+    labels = {card.law.moduli for card in (one, other) if card.law}
     if len(labels) > 1:
         raise ValueError(f"the moduli of '{one.name}' and '{other.name}' are {' and '.join(sorted(labels))}, which "
                          "cannot be compared. Fit the instantaneous ones again with a relaxation file.")
@@ -57,7 +57,7 @@ def differences(one: MaterialCard, other: MaterialCard) -> list[Difference]:
 def _quantities(card: MaterialCard) -> dict[str, tuple[float, float | None]]:
     """Name -> value and standard deviation of what a card determines."""
     found: dict[str, tuple[float, float | None]] = {}
-    if (law := card.hyperfoam) is not None:
+    if (law := card.law) is not None:
         found |= {"mu_0_Pa": (law.mu_0_Pa, None), "E_0_Pa": (law.E_0_Pa, None)}
     if card.prony is not None:
         found["g_infinity"] = (card.prony.g_infinity, card.fit.get("prony", {}).get("g_infinity_sd"))

@@ -41,7 +41,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
                           for n, i in found.uncertainty.derived.items()}
         out["intervals"] = OF_THIS_LAW
-        out["nu"] = _nu_part(found.fit, found.uncertainty)
+        out |= {"nu": _nu_part(found.fit, found.uncertainty)} if found.fit.moves is None else {}
         out["not_determined"] = list(found.uncertainty.not_determined)
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
@@ -71,10 +71,10 @@ def curve_of(found: FittedLaws, label: str) -> Curve:
 
 
 def _law_part(fit: Fit) -> dict[str, Any]:
-    return {"parameters": standard_errors(fit),
+    return {"parameters": dict(fit.parameters) or standard_errors(fit),
             "orders": [{"order": r.order, "rms": r.rms, "worst": r.worst, "bic": r.bic, "confluence": r.collinearity}
                        | ({} if r.nu is None else {"nu": r.nu}) for r in fit.orders],
-            "cross_prediction": {mode: {"mu_Pa": alone.law.mu_Pa, "alpha": alone.law.alpha, "nu": alone.law.nu,
+            "cross_prediction": {mode: {**{p.name: getattr(alone.law, p.name) for p in alone.law.parameters},
                                         "relative_rms": dict(alone.relative_rms),
                                         "relative_rms_of": dict(alone.relative_rms_of), "unstable": alone.unstable}
                                  for mode, alone in fit.alone.items()}}

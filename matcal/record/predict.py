@@ -61,7 +61,7 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
         require(card, "conductivity", "a conductivity")
         where, name, stem = "strain", "conductivity_S_per_m", "conductivity{}_S_per_m"
     else:
-        require(card, "hyperfoam", "a stress")
+        require(card, "law", "a stress")
         where, name, stem = "strain", "stress_Pa", "stress{}_Pa"
     with np.errstate(over="ignore", invalid="ignore"):
         columns: dict[str, Any] = {where: at, name: _value(card, mode, at)}
@@ -74,8 +74,8 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
         columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
     if (rows := _extrapolated(card, mode, at)) is not None:
         columns["extrapolated"] = rows
-    if card.hyperfoam is not None and name == "stress_Pa":
-        columns["moduli"] = card.hyperfoam.moduli
+    if card.law is not None and name == "stress_Pa":
+        columns["moduli"] = card.law.moduli
     return columns
 
 
@@ -85,7 +85,7 @@ def check(card: MaterialCard | Path | str) -> dict[str, Any]:
     Parameters
     ----------
     card
-        A card with a hyperfoam law, or its file.
+        A card with a law of the foam, or its file.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def check(card: MaterialCard | Path | str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        Where the card has no hyperfoam law.
+        Where the card has no law of the foam.
 
     Examples
     --------
@@ -106,7 +106,7 @@ def check(card: MaterialCard | Path | str) -> dict[str, Any]:
     True
     """
     card = as_card(card)
-    found = stability(require(card, "hyperfoam", "a stability check"))
+    found = stability(require(card, "law", "a stability check"))
     data = card.fit.get("data_stability", [])
     return found | ({"data": data} if data else {})
 
@@ -125,7 +125,7 @@ def fitted_range(card: MaterialCard, mode: str) -> tuple[float, float] | None:
         return (0.0, max(ends)) if ends else None
     if mode == "conductivity":
         return card.conductivity.strain_range if card.conductivity is not None else None
-    return card.hyperfoam.strain_range.get(mode) if card.hyperfoam is not None else None
+    return card.law.strain_range.get(mode) if card.law is not None else None
 
 
 def beyond(card: MaterialCard, mode: str, columns: Mapping[str, Any]) -> list[str]:
@@ -145,7 +145,7 @@ def beyond(card: MaterialCard, mode: str, columns: Mapping[str, Any]) -> list[st
 
 
 def _fitted_modes(card: MaterialCard) -> list[str]:
-    return [*card.hyperfoam.strain_range] if card.hyperfoam is not None else []
+    return [*card.law.strain_range] if card.law is not None else []
 
 
 def _extrapolated(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray | None:
@@ -169,8 +169,8 @@ def _value(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray:
         return relaxation(card.prony, at)
     if mode == "conductivity" and card.conductivity is not None:
         return conductivity(card.conductivity, at)
-    assert card.hyperfoam is not None
-    return nominal_stress(card.hyperfoam, mode, at)
+    assert card.law is not None
+    return nominal_stress(card.law, mode, at)
 
 
 def _draws(card: MaterialCard) -> Draws | None:

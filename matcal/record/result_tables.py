@@ -47,7 +47,7 @@ def derived(card: MaterialCard) -> Printed:
         rows.append([name, value, interval if name in linear else "-", *sampled,
                      MEANING.get(name, "") + (OPEN if name in left else "")])
     head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
-    title = f"Results: {card.hyperfoam.moduli} moduli" if card.hyperfoam else "Results"
+    title = f"Results: {card.law.moduli} moduli" if card.law else "Results"
     return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w",
                    [card.fit["intervals"]] if "intervals" in card.fit else ())
 
@@ -69,9 +69,12 @@ def _posterior(row: Mapping[str, float] | None) -> str:
 
 
 def law(card: MaterialCard) -> Printed:
-    """Terms of the hyperfoam law."""
-    assert card.hyperfoam is not None
+    """Terms of the hyperfoam law, or the parameters of another."""
     errors, rows = card.fit["parameters"], []
+    if card.hyperfoam is None:
+        rows = [[name, *_pair(row["value"], row["stderr"])] for name, row in errors.items()]
+        return Printed(f"Law {card.law.name if card.law else ''}, one standard error each", ["", "value", "+-"], rows,
+                       "<>>", ())
     for k, (mu, alpha, nu) in enumerate(zip(card.hyperfoam.mu_Pa, card.hyperfoam.alpha, card.hyperfoam.nu,
                                             strict=True), 1):
         rows.append([str(k), *_pair(mu, _stderr(errors, f"mu_{k}_Pa")), *_pair(alpha, _stderr(errors, f"alpha_{k}")),

@@ -31,7 +31,7 @@ from matcal.fitting.hyperfoam.hyperfoam_fit import modelled
 from matcal.fitting.uncertainty.intervals import plateau_reached
 from matcal.laws.conductivity import conductivity
 from matcal.laws.deformation_modes import nominal_stress
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.stability import stability
 from matcal.posterior.derived_quantities import derived_of
 from matcal.posterior.draws import FILE, write_draws
@@ -192,7 +192,7 @@ def _table(found: FittedLaws, label: str, experiment: Experiment) -> Columns:
     return columns
 
 
-def _posterior_part(posterior: Posterior, law: Hyperfoam | None) -> dict[str, Any]:
+def _posterior_part(posterior: Posterior, law: Law | None) -> dict[str, Any]:
     draws = posterior.draws
     derived = {}
     for name, column in derived_of(draws).items():

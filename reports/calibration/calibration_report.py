@@ -5,9 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from matcal.card import MaterialCard, grouped, with_moduli
 from matcal.laws.deformation_modes import MODES
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.known_laws import law_of
+from matcal.laws.law import Law
 from matcal.record.cautions import cautions, relative_rms, tests
 from reports.calibration import calibration_tables as tables_of
 from reports.calibration import cycle_figures, mode_figures, posterior_figures, stability_figure, stress_figures
@@ -20,10 +23,10 @@ from reports.document.numerals import counted, number, typeset
 from reports.document.page import Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
 
-NOT_FITTED = {"hyperfoam": "The card has no hyperfoam law: no stress-strain curve was fitted.",
+NOT_FITTED = {"law": "The card has no law of the foam: no stress-strain curve was fitted.",
               "prony": "The card has no Prony series: no relaxation test was fitted.",
               "conductivity": "The card has no conductivity law: no conductivity test was fitted."}
-NO_TABLE = {"parameters": NOT_FITTED["hyperfoam"],
+NO_TABLE = {"parameters": NOT_FITTED["law"],
             "tested": "The card holds no errors of fit: it was not written by matcal fit.",
             "files": "The card names no measurement files."}
 
@@ -72,23 +75,24 @@ def _subtitle(card: MaterialCard) -> str:
     return f"Card “{card.name}”" + (f", fitted{data} on {date}" if date else "")
 
 
-def _alone(card: MaterialCard) -> dict[str, Hyperfoam]:
+def _alone(card: MaterialCard) -> dict[str, Law]:
     """Mode -> the law fitted to it alone."""
     found = card.fit.get("cross_prediction", {})
-    return {mode: Hyperfoam(law["mu_Pa"], law["alpha"], law["nu"], "longterm") for mode, law in found.items()}
+    return {mode: law_of(card.law.name, [np.ravel(row[p.name]).tolist() for p in card.law.parameters])
+            for mode, row in found.items() if card.law}
 
 
 def _mode_plates(record: Record, absent: dict[str, str],
                  stated: stress_figures.StatedLaw | None) -> list[ReportFigure]:
     card = record.card
-    if card.hyperfoam is None:
-        absent["modes"] = NOT_FITTED["hyperfoam"]
+    if card.law is None:
+        absent["modes"] = NOT_FITTED["law"]
         return []
     kinds = [kind for kind in MODES if record.fitted(kind)]
     if not kinds:
         absent["modes"] = record.missing or "The card's folder holds no fitted stress-strain curve."
     errors = card.fit.get("cross_prediction", {})
-    law = with_moduli(card, "longterm") if card.prony is not None else card.hyperfoam
+    law = with_moduli(card, "longterm") if card.prony is not None else card.law
     bands, plates = record.tables.get("bands"), []
     for kind in kinds:
         here = {mode: found["relative_rms"][kind] for mode, found in errors.items()}
@@ -143,16 +147,16 @@ def _skin_plates(record: Record, absent: dict[str, str]) -> list[ReportFigure]:
 
 
 def _stability_plates(card: MaterialCard, absent: dict[str, str]) -> list[ReportFigure]:
-    if card.stability and card.hyperfoam is not None:
+    if card.stability and card.law is not None:
         records = card.fit.get("data_stability", ())
-        return [stability_figure.ranges(card.stability, card.hyperfoam.strain_range, records)]
+        return [stability_figure.ranges(card.stability, card.law.strain_range, records)]
     absent["stability"] = "The card holds no stability ranges; matcal check computes them."
     return []
 
 
 def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
     card, fit = record.card, record.card.fit
-    foam, series, skin = (law is not None for law in (card.hyperfoam, card.prony, card.conductivity))
+    foam, series, skin = (law is not None for law in (card.law, card.prony, card.conductivity))
     crossed = next(iter(fit.get("cross_prediction", {}).values()), {})
     # name -> the table, and whether the card holds what it shows
     made: dict[str, tuple[Callable[[MaterialCard], Table], Any]] = {
@@ -179,7 +183,7 @@ def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
 
 def _prose(record: Record) -> dict[str, Any]:
     card = record.card
-    prose: dict[str, Any] = {part: "" for part in NOT_FITTED if getattr(card, part) is not None}
+    prose: dict[str, Any] = {part: "" for part in (*NOT_FITTED, "hyperfoam") if getattr(card, part) is not None}
     if "prior" in card.posterior:
         prose["prior"] = typeset(f"Prior: {card.posterior['prior']}")
     if record.missing:

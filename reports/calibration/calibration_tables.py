@@ -17,6 +17,9 @@ from reports.document.page import Table
 def parameters(card: MaterialCard) -> Table:
     """The paper's table 1: one row a term, standard errors behind ± where the card has them."""
     law, prony = card.hyperfoam, card.prony
+    if law is None and card.law is not None:
+        rows = [[name, _pm(row["value"], row["stderr"])] for name, row in card.fit.get("parameters", {}).items()]
+        return Table(f"Parameters of the law {card.law.name}, with one standard error each.", ["", "value"], rows, "lr")
     errors, series = card.fit.get("parameters", {}), card.fit.get("prony", {})
     count = max(law.mu_Pa.size if law else 0, prony.g.size if prony else 0)
     rows = [[str(i + 1)] for i in range(count)]

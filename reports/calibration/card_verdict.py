@@ -37,12 +37,12 @@ def _stress(card: MaterialCard) -> Iterator[Verdict]:
     if len(kinds) == len(set(kinds)):
         grades.append(USABLE)
         why.append("one specimen of each kind: their scatter is not known")
-    where = f"Stress, {ranges(card)}" if card.hyperfoam and ranges(card) else "Relaxation"
+    where = f"Stress, {ranges(card)}" if card.law and ranges(card) else "Relaxation"
     yield Verdict(where, worst(*grades), "; ".join(why))
 
 
 def _stability(card: MaterialCard) -> Iterator[Verdict]:
-    if not card.stability or card.hyperfoam is None:
+    if not card.stability or card.law is None:
         return
     lost = unstable_inside(card)
     grade = NOT_USABLE if any(criterion == "elliptic" for criterion, *_ in lost) else USABLE if lost else GOOD

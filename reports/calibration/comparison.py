@@ -66,7 +66,7 @@ def _named(row: Difference) -> str:
 def _plates(records: Sequence[Record], names: tuple[str, str]) -> list[ReportFigure]:
     """Curves of both cards over each other, one panel a mode, relaxation and conductivity."""
     cards = [record.card for record in records]
-    kinds = [mode for mode in MODES if all(card.hyperfoam for card in cards)]
+    kinds = [mode for mode in MODES if all(card.law for card in cards)]
     kinds += [kind for kind, part in (("relaxation", "prony"), ("conductivity", "conductivity"))
               if all(getattr(card, part) is not None for card in cards)]
     lines = -(-len(kinds) // PANELS)
@@ -102,10 +102,10 @@ def _curve(record: Record, kind: str) -> pd.DataFrame:
         at = np.linspace(*card.conductivity.strain_range, 100)
         values = conductivity(card.conductivity, at)
     else:
-        assert card.hyperfoam is not None
+        assert card.law is not None
         default = {"shear": (0.0, 1.0), "volumetric": (0.5, 1.0)}.get(kind, (-0.5, 0.0))
-        at = np.linspace(*card.hyperfoam.strain_range.get(kind, default), 100)
-        values = nominal_stress(card.hyperfoam, kind, at)
+        at = np.linspace(*card.law.strain_range.get(kind, default), 100)
+        values = nominal_stress(card.law, kind, at)
     return pd.DataFrame({"at": at, "value": values, "lo": np.nan, "hi": np.nan})
 
 

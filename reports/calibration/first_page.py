@@ -8,7 +8,7 @@ import numpy as np
 
 from matcal.card import MaterialCard
 from matcal.laws.deformation_modes import MODES, nominal_stress
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.record.bands import conductivity_at
 from matcal.record.cautions import relative_rms, tests
 from matcal.record.compare import quoted
@@ -27,20 +27,20 @@ MACHINES = {"mts_testsuite": "MTS TestSuite", "mts_793": "MTS 793", "instron": "
 SYMBOLS = {"shear": "γ", "volumetric": "J"}
 
 
-def law_values(law: Hyperfoam) -> dict[str, float]:
+def law_values(law: Law) -> dict[str, float]:
     """The derived quantities of a law, Pa, where the card holds none."""
     return {"mu_0_Pa": law.mu_0_Pa, "E_0_Pa": law.E_0_Pa,
             "plateau_Pa": -float(nominal_stress(law, "uniaxial", PLATEAU_STRAIN))}
 
 
-def moduli(law: Hyperfoam) -> str:
+def moduli(law: Law) -> str:
     """The label of the moduli, as a word."""
     return law.moduli.replace("longterm", "long-term")
 
 
 def ranges(card: MaterialCard) -> str:
     """The strains fitted in each mode, in words."""
-    fitted = card.hyperfoam.strain_range if card.hyperfoam else {}
+    fitted = card.law.strain_range if card.law else {}
     return ", ".join(f"{mode} {SYMBOLS.get(mode, '')} {interval(ends[0], ends[1])}".replace("  ", " ")
                      for mode, ends in fitted.items())
 
@@ -55,7 +55,7 @@ def _caption(card: MaterialCard) -> str:
     known = [(row["hi"] - row["lo"]) / 2 / abs(row["value"]) for name in card.fit.get("derived", {})
              if (row := quoted(card, name)) and row["value"]]
     if not known:
-        return "Results; the card holds no intervals." if card.hyperfoam else "Results."
+        return "Results; the card holds no intervals." if card.law else "Results."
     source = "the posterior" if card.posterior.get("checks", {}).get("converged") else "the fit, linearised"
     about = f" {card.fit['intervals']}" if "intervals" in card.fit else ""
     return (f"Results: what the tests determine, the moduli to ± {percent(max(known))} or better. Values are those of "
@@ -63,7 +63,7 @@ def _caption(card: MaterialCard) -> str:
 
 
 def _foam_rows(card: MaterialCard) -> list[list[str]]:
-    law, rows = card.hyperfoam, []
+    law, rows = card.law, []
     if law is None:
         return rows
     known = card.fit.get("derived", {})
@@ -85,12 +85,12 @@ def _within(row: Mapping[str, float] | None, value: float, factor: float) -> tup
 
 
 def _where(card: MaterialCard, name: str) -> str:
-    assert card.hyperfoam is not None
+    assert card.law is not None
     if name != "plateau_Pa":
-        return f"small strain, {moduli(card.hyperfoam)}"
-    lo, hi = card.hyperfoam.strain_range.get("uniaxial", (0.0, 0.0))
+        return f"small strain, {moduli(card.law)}"
+    lo, hi = card.law.strain_range.get("uniaxial", (0.0, 0.0))
     inside = lo <= PLATEAU_STRAIN <= hi
-    return f"uniaxial, {moduli(card.hyperfoam)}" + ("" if inside else "; extrapolated")
+    return f"uniaxial, {moduli(card.law)}" + ("" if inside else "; extrapolated")
 
 
 def _own(card: MaterialCard, name: str, value: float, sd: float | None) -> tuple[str, str]:
@@ -179,12 +179,13 @@ def findings(card: MaterialCard) -> list[str]:
 
 
 def _foam_findings(card: MaterialCard) -> list[str]:
-    if card.hyperfoam is None:
+    if card.law is None:
         return []
-    law, known = card.hyperfoam, quoted(card, "mu_0_Pa")
+    law, known = card.law, quoted(card, "mu_0_Pa")
     factor, unit = pascals(law.mu_0_Pa)
     middle, ends = _within(known, law.mu_0_Pa, factor)
-    said = [f"Foam: hyperfoam law of {counted(law.mu_Pa.size, 'term')}, initial shear modulus μ₀ = {middle} {unit}"
+    terms = f" of {counted(card.hyperfoam.mu_Pa.size, 'term')}" if card.hyperfoam else ""
+    said = [f"Foam: {law.name} law{terms}, initial shear modulus μ₀ = {middle} {unit}"
             + (f" (95 %: {ends})" if known else "") + f", {moduli(law)}."]
     kinds = [kind for kind in MODES if any(row["kind"] == kind for row in tests(card).values())]
     errors = [f"{percent(relative_rms(card, kind))} in {kind}" for kind in kinds]

@@ -1,7 +1,7 @@
 """Figures of stress: each mode with its fits and residuals (paper, figures 3b and 4b), and the relaxation (5b)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from matcal.laws.deformation_modes import hereditary_stress, nominal_stress
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, over
 from matcal.laws.prony import Prony, relaxation
 from reports.calibration.card_record import Array, Test, rows_where
 from reports.document import style
@@ -27,19 +27,19 @@ class StatedLaw:
     """A law that others stated, to be drawn over the data and the fit."""
 
     words: str  # whose it is, as "the paper's Table 1"
-    foam: Hyperfoam
+    foam: Law
     series: Prony
 
 
-def along_history(law: Hyperfoam, prony: Prony | None, test: Test) -> Array:
+def along_history(law: Law, prony: Prony | None, test: Test) -> Array:
     """Stress of a long-term law along a test's own history, Pa: relaxing where there is a series and a clock."""
     if prony is None or test.time_s is None:
         return nominal_stress(law, test.kind, test.strain)
-    fast = Hyperfoam(law.mu_Pa / prony.g_infinity, law.alpha, law.nu, "instantaneous")
+    fast = replace(over(law, prony.g_infinity), moduli="instantaneous")
     return hereditary_stress(fast, prony, test.kind, test.time_s, test.strain)
 
 
-def mode(tests: Sequence[Test], law: Hyperfoam, prony: Prony | None, alone: Mapping[str, Hyperfoam],
+def mode(tests: Sequence[Test], law: Law, prony: Prony | None, alone: Mapping[str, Law],
          errors: Mapping[str, float], band: pd.DataFrame | None, source: str,
          stated: StatedLaw | None = None) -> ReportFigure:
     """One mode: data, the law of all modes with its band, the laws of single modes, residuals. `law` and `alone` (mode
@@ -119,7 +119,7 @@ def _draw_residuals(axes: Axes, tests: Sequence[Test]) -> str:
     return unit
 
 
-def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test], factor: float,
+def _draw_longterm(axes: Axes, kind: str, law: Law, tests: Sequence[Test], factor: float,
                    band: pd.DataFrame | None) -> dict[str, pd.DataFrame]:
     lo, hi = min(t.strain.min() for t in tests), max(t.strain.max() for t in tests)
     strain = np.linspace(lo, hi, 200)
@@ -133,7 +133,7 @@ def _draw_longterm(axes: Axes, kind: str, law: Hyperfoam, tests: Sequence[Test],
     return {f"{kind}_band": rows.drop(columns="mode")}
 
 
-def _draw_stated(axes: Axes, kind: str, stated: StatedLaw, law: Hyperfoam, tests: Sequence[Test],
+def _draw_stated(axes: Axes, kind: str, stated: StatedLaw, law: Law, tests: Sequence[Test],
                  factor: float) -> pd.DataFrame:
     """The stated law over the strains of the tests, next to the long-term law of all modes."""
     strain = np.linspace(min(t.strain.min() for t in tests), max(t.strain.max() for t in tests), 200)

@@ -5,7 +5,7 @@ no use in a linear formula. Each draw is therefore taken as the change of the ca
 order, makes the draw's stress: their covariance is that of the stresses.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from eitsim.sweeps.design.card_draws import Cards, Material, cards_for
 from matcal.card import MaterialCard, require
 from matcal.laws.deformation_modes import nominal_stress
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, differentiable, vector, with_vector
 from matcal.posterior.draws import card_of
 from touchcal.arrays import Array
 
@@ -51,8 +51,7 @@ def spread_over(cards: Cards) -> MaterialSpread:
     foam, missed = _foam_changes(cards)
     laws = [require(one, "conductivity", "the limit") for one in _drawn(cards)]
     skin = np.array([[law.c0_S_per_m, *law.a.tolist()] for law in laws])
-    order = len(require(cards.card, "hyperfoam", "the limit").mu_Pa)
-    names = (*(f"mu_{i + 1}_Pa" for i in range(order)), *(f"alpha_{i + 1}" for i in range(order)), "c0_S_per_m",
+    names = (*(name for name, _ in differentiable(require(cards.card, "law", "the limit"))), "c0_S_per_m",
              *(f"a_{i + 1}" for i in range(skin.shape[1] - 1)))
     return MaterialSpread(names, _factor(np.hstack([foam, skin])), missed)
 
@@ -63,31 +62,29 @@ def _drawn(cards: Cards) -> list[MaterialCard]:
 
 
 def _foam_changes(cards: Cards) -> tuple[Array, float]:
-    """(draws, 2 N) changes of mu and alpha that make the draws' stresses to first order, and what they miss."""
-    law = require(cards.card, "hyperfoam", "the limit")
+    """(draws, K) changes of the law's parameters that make the draws' stresses to first order, and what they miss."""
+    law = require(cards.card, "law", "the limit")
     own = _stress(law)
     weight = 1 / (np.abs(own) + _SMALL * law.mu_0_Pa)
     tangent = weight[:, None] * _tangent(law)
     scale = 1 / np.maximum(np.linalg.norm(tangent, axis=0), np.finfo(float).tiny)
-    requested = np.stack([weight * (_stress(require(one, "hyperfoam", "the limit")) - own) for one in _drawn(cards)])
+    requested = np.stack([weight * (_stress(require(one, "law", "the limit")) - own) for one in _drawn(cards)])
     change = np.linalg.lstsq(tangent * scale, requested.T, rcond=_KEPT)[0].T * scale
     left = np.sqrt(np.mean((requested - change @ tangent.T) ** 2, axis=1))
     return change, float(left.max())
 
 
-def _stress(law: Hyperfoam) -> Array:
+def _stress(law: Law) -> Array:
     return nominal_stress(law, "uniaxial", _STRAINS)
 
 
-def _tangent(law: Hyperfoam) -> Array:
-    """(strains, 2 N) derivatives of the stress by mu and alpha."""
-    columns = []
-    for name in ("mu_Pa", "alpha"):
-        values = getattr(law, name)
-        for i, value in enumerate(values):
-            step = _STEP * max(abs(float(value)), 1e-3) * np.eye(len(values))[i]
-            more, less = (_stress(replace(law, **{name: values + sign * step})) for sign in (1, -1))
-            columns.append((more - less) / (2 * step[i]))
+def _tangent(law: Law) -> Array:
+    """(strains, K) derivatives of the stress by the law's parameters, of a hyperfoam by mu and alpha."""
+    at, columns = vector(law), []
+    for _, one in differentiable(law):
+        step = _STEP * max(abs(float(one @ at)), 1e-3)
+        more, less = (_stress(with_vector(law, at + sign * step * one)) for sign in (1, -1))
+        columns.append((more - less) / (2 * step))
     return np.column_stack(columns)
 
 

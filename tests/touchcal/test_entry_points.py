@@ -27,7 +27,8 @@ def installed(tmp_path: Path) -> Path:
     folder = tmp_path / "my_parts-1.dist-info"
     folder.mkdir()
     (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 1\n", encoding="utf-8")
-    points = {**project["entry-points"], "touchcal.laws": {"broken": "my_parts:Nothing"}}
+    points = project["entry-points"]
+    points["touchcal.laws"] |= {"broken": "my_parts:Nothing"}
     (folder / "entry_points.txt").write_text("".join(
         f"[{group}]\n" + "".join(f"{name} = {where}\n" for name, where in rows.items())
         for group, rows in points.items()), encoding="utf-8")
@@ -51,18 +52,25 @@ values = np.arange(416.0)
 print(eitsim.open_recording(folder / "press.f16").readings[1, 3])
 scene = eitsim.read_scene(folder / "scene.toml")
 print(scene.punches[0].profile)
+import warnings; warnings.simplefilter("ignore")
+from matcal.laws.known_laws import law_type
+law = law_type("hencky")(2e3, 5e3)
+made = {mode: (e, matcal.nominal_stress(law, mode, e)) for mode, e in (("uniaxial", -strain), ("shear", strain))}
+found = matcal.fit([{mode: rows} for mode, rows in made.items()], law="hencky").card.law
+print(found.name, round(found.mu_Pa, 3), round(found.kappa_Pa, 3))
 """
     done = subprocess.run([sys.executable, "-W", "error", "-c", used, str(installed)], capture_output=True, text=True,
                           check=False)
-    assert done.stdout.split("\n")[:4] == ["bench", "12000 2", "211.0", "dome"], done.stderr
+    assert done.stdout.split("\n")[:5] == ["bench", "12000 2", "211.0", "dome", "hencky 2000.0 5000.0"], done.stderr
 
 
 def test_a_part_that_cannot_be_imported_is_named(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(installed))
     importlib.invalidate_caches()
     with pytest.warns(UserWarning, match=r"'broken' of touchcal\.laws is left out: my_parts:Nothing"):
-        assert added("laws") == {}
+        assert list(added("laws")) == ["hencky"]
 
 
 def test_nothing_is_added_where_no_package_adds(monkeypatch: pytest.MonkeyPatch) -> None:
+    added.cache_clear()
     assert [added(kind) for kind in KINDS] == [{}] * len(KINDS)

@@ -19,8 +19,8 @@ from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, profile_of
+from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law, over, values_of
-from matcal.laws.registry import law_of
 from touchcal.arrays import Array
 from touchcal.jit import cpu_s
 

@@ -21,6 +21,7 @@ from eitsim.simulation.reuse import shape_for, table_for
 from eitsim.simulation.simulate import readings_of
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
+from matcal.laws.law import scaled
 from touchcal.arrays import Array, Index
 
 AMPLITUDE, MODULUS, SHAPES = "ln_law_amplitude", "ln_modulus_factor", ("law_shape_2", "law_shape_3")
@@ -139,9 +140,9 @@ def changed(card: MaterialCard, values: Mapping[str, float]) -> MaterialCard:
     shift = [0.0, *(values.get(name, 0.0) * size / largest**order if largest else 0.0
                     for order, name in enumerate(SHAPES, start=2))]
     a = math.exp(values.get(AMPLITUDE, 0.0)) * (law.a + shift)
-    foam = card.hyperfoam
-    stiffer = foam and replace(foam, mu_Pa=foam.mu_Pa * math.exp(values.get(MODULUS, 0.0)))
-    return replace(card, hyperfoam=stiffer, conductivity=Conductivity(law.c0_S_per_m, a, law.strain_range))
+    foam = card.law
+    stiffer = foam and scaled(foam, math.exp(values.get(MODULUS, 0.0)))
+    return replace(card, law=stiffer, conductivity=Conductivity(law.c0_S_per_m, a, law.strain_range))
 
 
 def _touch(table: Table, scene: Scene, card: MaterialCard) -> Touch | None:

@@ -114,9 +114,9 @@ def _relaxation(design: Design, card: MaterialCard) -> dict[str, Any]:
     """The card's Prony series and the moduli by which touches are pressed; empty without one, or where touches are
     held."""
     hold = {"time_s": (), "moduli": "card", **design.tables.get("hold", {})}
-    if card.prony is None or card.hyperfoam is None or hold["time_s"]:
+    if card.prony is None or card.law is None or hold["time_s"]:
         return {}
-    moduli = card.hyperfoam.moduli if hold["moduli"] == "card" else hold["moduli"]
+    moduli = card.law.moduli if hold["moduli"] == "card" else hold["moduli"]
     return {parquet.RELAXATION: {"g": card.prony.g.tolist(), "tau_s": card.prony.tau_s.tolist(), "moduli": moduli}}
 
 

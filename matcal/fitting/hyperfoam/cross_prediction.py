@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from matcal.fitting.hyperfoam.curves import Curve
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.stability import CRITERIA, unstable_ranges
 
 # points at which the range of a curve is scanned for lost stability
@@ -18,7 +18,7 @@ class Alone:
     """The law fitted to one mode only, and how it predicts the others."""
 
     # fitted law
-    law: Hyperfoam
+    law: Law
     # mode -> relative RMS there
     relative_rms: Mapping[str, float]
     # label of a curve -> relative RMS there
@@ -37,7 +37,7 @@ class Predicted:
     relative_rms: Mapping[str, float]
 
 
-def relative_rms(law: Hyperfoam, curve: Curve) -> float:
+def relative_rms(law: Law, curve: Curve) -> float:
     """rms(residual)/rms(stress) of a law on a curve."""
     stress = curve.experiment.value
     return float(np.sqrt(np.mean((stress - curve.model(law))**2) / np.mean(stress**2)))
@@ -48,7 +48,7 @@ def kinds_of(curves: Sequence[Curve]) -> list[str]:
     return list(dict.fromkeys(c.experiment.kind for c in curves))
 
 
-def each_alone(curves: Sequence[Curve], law_of: Callable[[tuple[Curve, ...]], Hyperfoam]) -> dict[str, Alone]:
+def each_alone(curves: Sequence[Curve], law_of: Callable[[tuple[Curve, ...]], Law]) -> dict[str, Alone]:
     """Mode -> law of that mode alone by `law_of`, with its errors in all of `curves`; empty with one mode."""
     kinds = kinds_of(curves)
     out: dict[str, Alone] = {}
@@ -61,7 +61,7 @@ def each_alone(curves: Sequence[Curve], law_of: Callable[[tuple[Curve, ...]], Hy
     return out
 
 
-def unstable_within(law: Hyperfoam, curves: Sequence[Curve]) -> dict[str, dict[str, list[list[float]]]]:
+def unstable_within(law: Law, curves: Sequence[Curve]) -> dict[str, dict[str, list[list[float]]]]:
     """Criterion -> mode -> ranges of strain [[lo, hi], ...] that the curves cover and where the law is not stable."""
     out: dict[str, dict[str, list[list[float]]]] = {}
     for criterion in CRITERIA:
@@ -74,18 +74,18 @@ def unstable_within(law: Hyperfoam, curves: Sequence[Curve]) -> dict[str, dict[s
     return out
 
 
-def predictions(laws: Mapping[str, Hyperfoam], curves: Sequence[Curve]) -> tuple[Predicted, ...]:
+def predictions(laws: Mapping[str, Law], curves: Sequence[Curve]) -> tuple[Predicted, ...]:
     """Errors of the named laws on curves that none of them was fitted to."""
     return tuple(Predicted(c, {name: relative_rms(law, c) for name, law in laws.items()}) for c in curves)
 
 
-def alone_sentences(curves: Sequence[Curve], alone: Mapping[str, Alone]) -> list[str]:
-    """What fits to one mode mean here, one sentence each."""
+def alone_sentences(curves: Sequence[Curve], alone: Mapping[str, Alone], *, exponents: bool = True) -> list[str]:
+    """What fits to one mode mean here, one sentence each; exponents: whether the law is one of powers of stretches."""
     kinds, out = kinds_of(curves), []
     if len(kinds) == 1:
         out.append(f"Only {kinds[0]} was fitted: no cross prediction is possible, and other modes are extrapolated and "
                    "may be far off.")
-    if "shear" in kinds and (alone or len(kinds) == 1):
+    if exponents and "shear" in kinds and (alone or len(kinds) == 1):
         out.append(f"{'The law of shear' if alone else 'Shear'} alone is even in each exponent: their signs are taken "
                    "as positive, not measured, and what it says about compression and tension rests on that.")
     for kind, found in alone.items():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from matcal.laws.deformation_modes import MODES, design, hereditary_kernel, push_forward, second_piola
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
 from touchcal.arrays import Array
@@ -36,7 +36,7 @@ class Curve:
         """d stress/d mu_longterm, (n, N), of this specimen."""
         return self.factor * design(self.experiment.kind, self.experiment.strain, alpha, nu, self.kernel)
 
-    def model(self, law: Hyperfoam) -> Array:
+    def model(self, law: Law) -> Array:
         """Nominal stress of this specimen, for a long-term law of the mean foam with any nu, along the curve's own
         history, Pa, (n,)."""
         kind, e = self.experiment.kind, self.experiment.strain
@@ -120,7 +120,7 @@ def weighted_design(curves: Sequence[Curve], alpha: Array, nu: float) -> Array:
     return np.vstack([c.design(alpha, nu) / c.scale_Pa[:, None] for c in curves])
 
 
-def weighted_model(curves: Sequence[Curve], law: Hyperfoam) -> Array:
+def weighted_model(curves: Sequence[Curve], law: Law) -> Array:
     """Stresses of a long-term law, each term with its own nu, over the scales of the curves, (n,)."""
     return np.concatenate([c.model(law) / c.scale_Pa for c in curves])
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from matcal.fitting.hyperfoam.shared_poisson import best_at_any_nu, with_coarse_
 from matcal.fitting.hyperfoam.stable_fit import StabilityRows, keeps, search_stable
 from matcal.fitting.hyperfoam.variable_projection import Optimum
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import L
 from touchcal.errors import NotConverged
 
 __all__ = ["ORDERS", "Alone", "Fit", "allowed_exponents", "fit", "modelled", "quick_law", "relative_rms"]
@@ -62,7 +64,7 @@ class Fit:
     """A fitted law and how it was obtained."""
 
     # long-term law
-    law: Hyperfoam
+    law: Any
     # the curves it was fitted to
     curves: tuple[Curve, ...]
     # the search's own result at the chosen order
@@ -83,6 +85,11 @@ class Fit:
     kept_volume: Mapping[float, float] = field(default_factory=dict)
     # how nu came about: "fit", "fit-each", "given", or "assumed" where nothing was said of it
     nu_how: str = "given"
+    # (K, k) directions in the K parameters of `matcal.laws.law.vector` that the search was free to take; None for a
+    # hyperfoam, whose exponents say it
+    moves: Array | None = None
+    # parameter -> {value, stderr} where the search gives it; empty for a hyperfoam
+    parameters: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
 
     @property
     def nu_fitted(self) -> str | None:
@@ -207,7 +214,7 @@ def _term_by_term(problem: Problem, listed: tuple[float, ...] | None, found: Opt
         held = _stable_law(problem, "drucker", reached(curves), _law(found, problem.nu, curves), found)[0]
         start = with_nu(held, held.nu if listed is None else listed)
         refined = refine(curves, [start], problem.allowed, fit_nu)
-    return _with_ranges(refined.law, curves), _as_optimum(refined.law, found, refined.evaluations, curves)
+    return with_ranges(refined.law, curves), _as_optimum(refined.law, found, refined.evaluations, curves)
 
 
 def _stable_law(problem: Problem, criterion: str, log_range: tuple[float, float], law: Hyperfoam,
@@ -220,7 +227,7 @@ def _stable_law(problem: Problem, criterion: str, log_range: tuple[float, float]
         if drucker is not None and _cost(drucker, problem.curves) < _cost(held, problem.curves):
             anew = search_stable(criterion, log_range, searching(problem, drucker))
             held = min(drucker, anew, key=lambda each: _cost(each, problem.curves))
-    return _with_ranges(held, problem.curves), _as_optimum(held, found, 0, problem.curves)
+    return with_ranges(held, problem.curves), _as_optimum(held, found, 0, problem.curves)
 
 
 def _drucker_law(log_range: tuple[float, float], searching: Callable[[Problem, Hyperfoam], _Search],
@@ -291,10 +298,11 @@ def _row(problem: Problem, optimum: Optimum, fitted: str | None) -> OrderRow:
 
 
 def _law(optimum: Optimum, nu: float, curves: tuple[Curve, ...]) -> Hyperfoam:
-    return _with_ranges(Hyperfoam(optimum.mu_Pa, optimum.alpha, np.full(optimum.alpha.size, nu)), curves)
+    return with_ranges(Hyperfoam(optimum.mu_Pa, optimum.alpha, np.full(optimum.alpha.size, nu)), curves)
 
 
-def _with_ranges(law: Hyperfoam, curves: tuple[Curve, ...]) -> Hyperfoam:
+def with_ranges(law: L, curves: tuple[Curve, ...]) -> L:
+    """The law with the strains that curves of each mode cover."""
     ranges: dict[str, tuple[float, float]] = {}
     for curve in curves:
         e, kind = curve.experiment.strain, curve.experiment.kind

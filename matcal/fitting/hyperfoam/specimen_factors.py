@@ -15,7 +15,7 @@ from scipy.optimize import root_scalar
 from scipy.special import ndtr
 
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam, weighted_model
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 
 # scale of the half-normal prior of omega; share of the shorter strain range that replicates must have in common
@@ -33,7 +33,7 @@ class Specimens:
     decisions: tuple[str, ...]  # what was assumed, one sentence each
 
 
-def specimens(curves: Sequence[Curve], law: Hyperfoam) -> Specimens:
+def specimens(curves: Sequence[Curve], law: Law) -> Specimens:
     """Factors where some kind was tested twice over the same strains, stated deviations where files give them."""
     ends = np.cumsum([c.experiment.value.size for c in curves])
     model = weighted_model(curves, law)
@@ -52,7 +52,7 @@ def specimens(curves: Sequence[Curve], law: Hyperfoam) -> Specimens:
     return Specimens(factor, stated, _reach(groups, law), _sentences(curves, repeated, stating))
 
 
-def with_factors(curves: Sequence[Curve], law: Hyperfoam) -> tuple[Curve, ...]:
+def with_factors(curves: Sequence[Curve], law: Law) -> tuple[Curve, ...]:
     """Replicates with the factor by which each is stiffer than the mean foam of `law`, geometric mean 1."""
     found: dict[str, float] = {}
     for group in _replicates(curves):
@@ -86,7 +86,7 @@ def _rate_sentences(group: Sequence[Curve]) -> list[str]:
             "scatter. Give a relaxation test."]
 
 
-def _ln_factor(curve: Curve, law: Hyperfoam) -> float:
+def _ln_factor(curve: Curve, law: Law) -> float:
     model, value = of_mean_foam(curve).model(law), curve.experiment.value
     share = float(value @ model / (model @ model))
     if share <= 0:
@@ -95,7 +95,7 @@ def _ln_factor(curve: Curve, law: Hyperfoam) -> float:
     return float(np.log(share))
 
 
-def _reach(groups: Sequence[Sequence[Curve]], law: Hyperfoam) -> float:
+def _reach(groups: Sequence[Sequence[Curve]], law: Law) -> float:
     """Half the 95 % interval of ln s = omega z, omega being as likely as its prior and the replicates' factors make it:
     Student's law with a prior."""
     spare = sum(len(group) - 1 for group in groups)

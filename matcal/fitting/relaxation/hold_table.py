@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from matcal.fitting.relaxation.instantaneous_curve import of_law, of_ramp
 from matcal.laws.deformation_modes import push_forward
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony, decaying
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import loading_start
@@ -68,7 +68,7 @@ class HoldTable:
         return self.rest + np.einsum("wm,wmrk->wrk", share, self.slow(ln_tau))
 
 
-def hold_of(experiment: Experiment, law: Hyperfoam | None, terms: int, held: NDArray[np.bool_] | None = None) -> Hold:
+def hold_of(experiment: Experiment, law: Law | None, terms: int, held: NDArray[np.bool_] | None = None) -> Hold:
     """The test through the law's curve, or through that of its own ramp, which is then compared too; `held` (n,) marks
     the hold where it is known already. Raises ValueError for a test without clock or ramp, and for fewer points in the
     hold than `terms` need."""

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from matcal.laws.deformation_modes import second_piola
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 
 _MOST, _EACH = 10, 4  # most free sizes of a spline, and the samples on ramps that each needs
 _LEVEL = 0.02  # share of the largest strain within which two holds are at one level
 
 
-def of_law(law: Hyperfoam, strain: Array, held: NDArray[np.bool_]) -> Array:
+def of_law(law: Law, strain: Array, held: NDArray[np.bool_]) -> Array:
     """(n, K) second Piola-Kirchhoff stress of a law at strains (n,), cut at the K levels that are held; its sum is the
     law's own."""
     sign = _sign(strain)
@@ -75,7 +75,7 @@ def _straight(travel: Array, levels: Array) -> Array:
                      for low, high in zip(knots, np.r_[knots[1:], np.inf], strict=True)], axis=1)
 
 
-def _stress(law: Hyperfoam, strain: Array) -> Array:
+def _stress(law: Law, strain: Array) -> Array:
     return np.asarray(second_piola(law, "uniaxial", strain)[:, 0])
 
 

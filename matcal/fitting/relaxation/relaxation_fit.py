@@ -18,7 +18,7 @@ from matcal.fitting.relaxation.hold_table import Hold, HoldTable, doubted, hold_
 from matcal.fitting.relaxation.instantaneous_curve import bent, runs
 from matcal.fitting.relaxation.prony_search import LEAST_RATIO, best_series, residual, series_at, slopes
 from matcal.fitting.relaxation.slowest_time import Slowest, series_sentences, slowest_time
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony, convolve, relaxation
 from matcal.reduction.experiment import Experiment
 from matcal.statistics.residual_correlation import (
@@ -104,7 +104,7 @@ class PronyFit:
         return value, value * float(np.hypot(np.sqrt(slope @ self.covariance @ slope) / left, self.early))
 
 
-def fit_prony(experiments: Sequence[Experiment], law: Hyperfoam | None, terms: int | str = 3) -> PronyFit:
+def fit_prony(experiments: Sequence[Experiment], law: Law | None, terms: int | str = 3) -> PronyFit:
     """Series with least noise-weighted squares over the holds of relaxation tests.
 
     terms: 1 to 30, or "auto" (up to 6, more where the record spans as many decades, by BIC over the points that
@@ -153,7 +153,7 @@ class _Judged:
 
 
 def _judge(experiments: Sequence[Experiment], holds: Sequence[Hold], tables: Sequence[HoldTable],
-           law: Hyperfoam | None, vector: Array, bounds_s: tuple[float, float]) -> _Judged:
+           law: Law | None, vector: Array, bounds_s: tuple[float, float]) -> _Judged:
     prony = series_at(vector)
     doubts = tuple(_doubts(e, h, law, prony) for e, h in zip(experiments, holds, strict=True))
     errors = _errors(tables, doubts, vector)
@@ -273,7 +273,7 @@ def _amplitude(hold: Hold, prony: Prony) -> float:
     return float(u @ y / (u @ u))
 
 
-def _doubts(experiment: Experiment, hold: Hold, law: Hyperfoam | None, prony: Prony) -> Array:
+def _doubts(experiment: Experiment, hold: Hold, law: Law | None, prony: Prony) -> Array:
     """(n_seen, J) weighted change of model minus record for one standard deviation of contact point and load drift, and
     of the shape of a ramp that is not known."""
     seen = hold.precision > 0

@@ -27,7 +27,7 @@ from matcal.fitting.uncertainty.nu_each import ends_of
 from matcal.fitting.uncertainty.nu_ridge import Ridge, mixed, ridges, unit_of_term, with_stated
 from matcal.fitting.uncertainty.nuisance import Nuisance, nuisance
 from matcal.laws.deformation_modes import nominal_stress
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, differentiable, units, vector, with_vector
 from matcal.statistics.residual_correlation import Errors, propagated
 from touchcal.arrays import Array
 
@@ -61,8 +61,8 @@ class Uncertainty:
     covariance: Array  # (2 N, 2 N) covariance of (mu_Pa, alpha)
     # independent points of one common noise level that would know these quantities no better than these curves do
     effective_points: float
-    law: Hyperfoam  # fitted law
-    neighbours: tuple[Hyperfoam, ...]  # those of the next orders, which show what the order hides
+    law: Law  # fitted law
+    neighbours: tuple[Law, ...]  # those of the next orders, which show what the order hides
     reach: float  # standard deviations to either side that hold 95 %, by Student's law for few effective points
     shares: Mapping[str, float]  # where the interval of mu_0 comes from, share of its variance
     decisions: tuple[str, ...]  # the largest of them, and what was assumed about specimens, one sentence each
@@ -87,7 +87,7 @@ def _left_open(nu: Interval) -> bool:
     return nu.hi - nu.lo > _WIDE_NU or nu.lo < low + near or (nu.hi > high - near and nu.hi - nu.lo > _NARROW_NU)
 
 
-def derived_quantities(law: Hyperfoam) -> dict[str, float]:
+def derived_quantities(law: Law) -> dict[str, float]:
     """mu_0_Pa, E_0_Pa and plateau_Pa, the compression stress at 40 % (CV40 of ISO 3386-1), Pa."""
     return {"mu_0_Pa": law.mu_0_Pa, "E_0_Pa": law.E_0_Pa,
             "plateau_Pa": -float(nominal_stress(law, "uniaxial", PLATEAU_STRAIN))}
@@ -98,7 +98,7 @@ def plateau_reached(strain_range: Mapping[str, tuple[float, float]]) -> bool:
     return strain_range.get("uniaxial", (0.0, 0.0))[0] <= PLATEAU_STRAIN
 
 
-def measured_quantities(law: Hyperfoam) -> dict[str, float]:
+def measured_quantities(law: Law) -> dict[str, float]:
     """Those of `derived_quantities` that lie within the strains that the law was fitted to."""
     found = derived_quantities(law)
     return found if plateau_reached(law.strain_range) else {n: v for n, v in found.items() if n != "plateau_Pa"}
@@ -110,7 +110,7 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     known = nuisance(fit, prony)
     errors = linear_response.errors_of(fit, _effects(known, differ, _LARGE))
     variance = linear_response.effective_variance(errors)
-    n, parameters = sum(e.count for e in errors), 2 * fit.law.alpha.size + linear_response.nu_slopes(fit).shape[1]
+    n, parameters = sum(e.count for e in errors), len(differentiable(fit.law)) + linear_response.nu_slopes(fit).shape[1]
     spare = max(sum(e.effective_sample_size for e in errors) - parameters, min(_LEAST_SPARE, max(1.0, n - parameters)))
     reach = float(stdtrit(spare, 0.975))
     slopes, terms = linear_response.all_slopes(fit), _nu_effects(fit)
@@ -125,7 +125,7 @@ def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
     bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.neighbours, reach, {}, (),
                        spare, over)
     derived = intervals(bare, measured_quantities)
-    mu_0 = np.r_[np.ones(fit.law.mu_Pa.size), np.zeros(len(free) - fit.law.mu_Pa.size)]
+    mu_0 = _gradients(fit.law, lambda law: {"mu_0_Pa": law.mu_0_Pa}, len(free))["mu_0_Pa"]
     names = [*("nu",) * terms.shape[1], *known.names]
     names += ["scatter between specimens"] * (effect.shape[1] - len(names) + stated.shape[1])
     squares = np.r_[variance * (mu_0 @ prior) ** 2, (mu_0 @ stated) ** 2]
@@ -188,7 +188,7 @@ def _limit_sentences(fit: Fit) -> list[str]:
     return out
 
 
-def intervals(about: Uncertainty, quantities: Callable[[Hyperfoam], Mapping[str, float]]) -> dict[str, Interval]:
+def intervals(about: Uncertainty, quantities: Callable[[Law], Mapping[str, float]]) -> dict[str, Interval]:
     """95 % intervals of any smooth `quantities` of a law: covariance, a fitted nu and hidden order together."""
     value = quantities(about.law)
     if about.ridges:
@@ -229,18 +229,17 @@ def _effective_points(fit: Fit, gain: Array, covariance: Array) -> float:
     Student's law, not fewer than the parameters and _LEAST_SPARE, for the errors' sizes are averaged already."""
     sizes = [fit.optimum.cost * float(np.sum((g @ gain) ** 2)) / float(g @ covariance @ g)
              for g in _gradients(fit.law, measured_quantities, len(gain)).values()]
-    least = min(sum(c.experiment.value.size for c in fit.curves), 2 * fit.law.alpha.size + _LEAST_SPARE)
+    least = min(sum(c.experiment.value.size for c in fit.curves), len(differentiable(fit.law)) + _LEAST_SPARE)
     return max(min(sizes), least)
 
 
-def _gradients(law: Hyperfoam, quantities: Callable[[Hyperfoam], Mapping[str, float]], size: int) -> dict[str, Array]:
-    """Quantity -> (size,) slope in (mu, alpha), or in (mu, alpha, nu)."""
-    n = law.mu_Pa.size
-    scale = np.r_[np.full(n, 1e-4 * law.mu_0_Pa), np.full(2 * n, 1e-5)]
+def _gradients(law: Law, quantities: Callable[[Law], Mapping[str, float]], size: int) -> dict[str, Array]:
+    """Quantity -> (size,) slope in the first parameters: of a hyperfoam in (mu, alpha), or in (mu, alpha, nu)."""
+    sizes = units(law)
+    scale = np.where(sizes == 1.0, 1e-5, 1e-4 * sizes)
 
     def at(shift: Array) -> Mapping[str, float]:
-        return quantities(replace(law, mu_Pa=law.mu_Pa + shift[:n], alpha=law.alpha + shift[n:2 * n],
-                                  nu=law.nu + shift[2 * n:]))
+        return quantities(with_vector(law, vector(law) + shift))
 
     ends = [(at(row), at(-row)) for row in np.diag(scale)[:size]]
     return {name: np.array([(high[name] - low[name]) / (2 * s)

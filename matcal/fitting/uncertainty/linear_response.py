@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 from matcal.fitting.hyperfoam.curves import weighted_design, weighted_model, weighted_stress
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, lateral_residual
+from matcal.laws.law import units, vector, with_vector
 from matcal.statistics.residual_correlation import Errors, correlated_errors
 from touchcal.arrays import Array
 
@@ -20,9 +21,9 @@ PRIOR_NU = (NU_BOUNDS[1] - NU_BOUNDS[0]) / 12**0.5
 
 def free_slopes(fit: Fit) -> Array:
     """d(weighted stress) along the free directions of (mu, alpha), (n, K)."""
-    law, nu, step = fit.law, float(fit.law.nu[0]), 1e-5
-    if np.ptp(law.nu):
+    if fit.moves is not None or np.ptp(fit.law.nu):
         return _differences(fit, _along(fit))[:weighted_residual(fit).size]
+    law, nu, step = fit.law, float(fit.law.nu[0]), 1e-5
     high, low = (weighted_design(fit.curves, law.alpha + s, nu) for s in (step, -step))
     return np.hstack([weighted_design(fit.curves, law.alpha, nu),
                       law.mu_Pa * (high - low) / (2 * step)]) @ free_directions(fit)
@@ -30,6 +31,8 @@ def free_slopes(fit: Fit) -> Array:
 
 def nu_slopes(fit: Fit) -> Array:
     """d(weighted stress, then lateral strain) with what was fitted of nu, (n + l, 0, 1 or N)."""
+    if fit.moves is not None:
+        return np.zeros((rows_of(fit), 0))
     n = fit.law.alpha.size
     moves = {None: np.zeros((0, n)), "fit": np.ones((1, n)), "fit-each": np.eye(n)}[fit.nu_fitted]
     return _differences(fit, np.hstack([np.zeros((len(moves), 2 * n)), moves]))
@@ -38,7 +41,7 @@ def nu_slopes(fit: Fit) -> Array:
 def all_slopes(fit: Fit) -> Array:
     """d(weighted stress, then lateral strain) along the free directions of (mu, alpha), (n + l, K); the lateral strains
     of a law with one nu depend on that alone."""
-    if np.ptp(fit.law.nu) and fit.nu_fitted:
+    if fit.nu_fitted and np.ptp(fit.law.nu):
         return _differences(fit, _along(fit))
     return padded(fit, free_slopes(fit))
 
@@ -66,28 +69,29 @@ def misses(fit: Fit) -> list[Array]:
 
 
 def _along(fit: Fit) -> Array:
-    """The free directions as moves (K, 3 N) in (mu, alpha, nu)."""
+    """The free directions as moves (K, k) in all parameters."""
     free = free_directions(fit).T
-    return np.hstack([free, np.zeros((len(free), fit.law.nu.size))])
+    return np.hstack([free, np.zeros((len(free), vector(fit.law).size - free.shape[1]))])
 
 
 def _differences(fit: Fit, moves: Array) -> Array:
-    """Slopes (n + l, K) of `misses` along moves (K, 3 N) in (mu, alpha, nu), by central differences."""
-    law, n, step = fit.law, fit.law.alpha.size, 1e-5
+    """Slopes (n + l, K) of `misses` along moves (K, k) in all parameters, by central differences."""
+    law, step, sizes = fit.law, 1e-5, units(fit.law)
 
     def at(move: Array) -> Array:
-        moved = replace(law, mu_Pa=law.mu_Pa + law.mu_0_Pa * move[:n], alpha=law.alpha + move[n:2 * n],
-                        nu=law.nu + move[2 * n:])
-        return np.concatenate(misses(replace(fit, law=moved)))
+        return np.concatenate(misses(replace(fit, law=with_vector(law, vector(law) + sizes * move))))
 
-    unit = np.r_[np.full(n, 1 / law.mu_0_Pa), np.ones(2 * n)]
-    sizes = [step / max(float(np.abs(move * unit).max()), 1e-300) for move in moves]
-    out = [(at(h * unit * move) - at(-h * unit * move)) / (2 * h) for h, move in zip(sizes, moves, strict=True)]
+    unit = 1 / sizes
+    steps = [step / max(float(np.abs(move * unit).max()), 1e-300) for move in moves]
+    out = [(at(h * unit * move) - at(-h * unit * move)) / (2 * h) for h, move in zip(steps, moves, strict=True)]
     return np.column_stack(out) if out else np.zeros((rows_of(fit), 0))
 
 
 def free_directions(fit: Fit) -> Array:
-    """(2 N, K) directions in (mu, alpha) that the search was free to take: merged exponents move together."""
+    """(2 N, K) directions in (mu, alpha) that the search was free to take: merged exponents move together; (K, k) ones
+    in all parameters of a law without exponents."""
+    if fit.moves is not None:
+        return fit.moves
     alpha, n = fit.law.alpha, fit.law.alpha.size
     allowed = allowed_exponents(fit.curves, float(fit.law.nu.mean()))
     loose = np.r_[alpha[0] > allowed.low + 1e-3, np.diff(alpha) > allowed.gap + 1e-3]
@@ -120,9 +124,9 @@ def effective_variance(errors: Sequence[Errors]) -> float:
 def prior_precision(fit: Fit) -> Array:
     """Precision of the wide prior along the free directions, then of what was fitted of nu, as of a uniform one."""
     law = fit.law
-    sd = np.r_[np.full(law.mu_Pa.size, PRIOR_MODULI * law.mu_0_Pa), np.full(law.alpha.size, PRIOR_ALPHA)]
-    free = free_directions(fit)
-    fitted = {None: 0, "fit": 1, "fit-each": law.nu.size}[fit.nu_fitted]
+    sizes, free = units(law), free_directions(fit)
+    sd = np.where(sizes == 1.0, PRIOR_ALPHA, PRIOR_MODULI * sizes)[:len(free)]
+    fitted = 0 if fit.nu_fitted is None else 1 if fit.nu_fitted == "fit" else law.nu.size
     return np.asarray(block_diag(free.T @ (free / sd[:, None] ** 2), np.eye(fitted) / PRIOR_NU**2), dtype=float)
 
 

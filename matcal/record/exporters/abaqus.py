@@ -21,7 +21,7 @@ _MODULI = {"instantaneous": "INSTANTANEOUS", "longterm": "LONG TERM"}
 def write(material: Material) -> Written:
     """The material in Abaqus's keywords; ValueError where N > 6."""
     refuse_more_terms(material, MOST_TERMS, "Abaqus")
-    law = material.law
+    law = material.foam
     relaxing = f", MODULI={_MODULI[law.moduli]}" if material.prony else ""
     lines = [f"*MATERIAL, NAME={identifier(material.name)}", *density_lines(material),
              f"*HYPERFOAM, N={law.mu_Pa.size}{relaxing}", *hyperfoam_data(material)]
@@ -48,7 +48,7 @@ def density_lines(material: Material) -> list[str]:
 
 def hyperfoam_data(material: Material) -> list[str]:
     """Data lines of *HYPERFOAM, which CalculiX shares."""
-    law = material.law
+    law = material.foam
     pairs = [v for pair in zip(material.mu, law.alpha, strict=True) for v in pair]
     return rows([number(v, WIDTH) for v in (*pairs, *law.nu)], PER_LINE)
 

@@ -31,9 +31,9 @@ def write(material: Material) -> Written:
                          "long-term ones were asked for. The material is elastic.",)
             material = replace(material, prony=None)
         else:
-            moduli = material.law.mu_Pa / material.prony.g_infinity
+            moduli = material.foam.mu_Pa / material.prony.g_infinity
             material = replace(material, law=replace(material.law, mu_Pa=moduli, moduli="instantaneous"))
-    law = material.law
+    law = material.foam
     foam = [v for pair in zip(2 * material.mu / law.alpha, law.alpha, strict=True) for v in pair]
     density = [] if material.density is None else [f"MP,DENS,1,{number(material.density)}"]
     lines = [*density, f"TB,HYPER,1,1,{law.mu_Pa.size},FOAM", *_data([*foam, *law.beta])]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from touchcal.arrays import Array
 
@@ -34,16 +35,22 @@ class Material:
     """What a target gets: a law, what relaxes it, and the units to write."""
 
     name: str  # name of the card, as it stands there
-    law: Hyperfoam  # the law with the moduli as asked for, Pa
+    law: Law  # the law with the moduli as asked for, Pa
     prony: Prony | None  # relaxation, times in s; None where the card has none
     units: Units
     density_kg_per_m3: float | None = None  # mass density at rest, kg/m3; None where it was not given
     moduli_asked: bool = False  # whether `law.moduli` was asked for, or is only what the card holds
 
     @property
+    def foam(self) -> Hyperfoam:
+        """The law of a target that writes hyperfoam alone."""
+        assert isinstance(self.law, Hyperfoam)
+        return self.law
+
+    @property
     def mu(self) -> Array:
-        """(N,) shear moduli in the units of stress."""
-        return self.law.mu_Pa * self.units.stress
+        """(N,) shear moduli of a hyperfoam in the units of stress."""
+        return self.foam.mu_Pa * self.units.stress
 
     @property
     def tau(self) -> Array:
@@ -74,11 +81,12 @@ class Target:
     write: Callable[[Material], Written]  # writes a material; ValueError where the target's law cannot be the card's
     # joins the sentences of the comment and the lines of input into the text of a file
     assemble: Callable[[Sequence[str], Sequence[str]], str]
+    laws: tuple[str, ...] = ("hyperfoam",)  # names of the laws that `write` can write
 
 
 def refuse_more_terms(material: Material, most: int, title: str) -> None:
     """ValueError where the law has more terms than the target takes."""
-    n = material.law.mu_Pa.size
+    n = material.foam.mu_Pa.size
     if n > most:
         raise ValueError(f"{title} takes at most {most} hyperfoam terms, the card has {n}. "
                          f"Fit it again with `matcal fit --order {most}`.")

@@ -22,13 +22,13 @@ def write(material: Material) -> Written:
     refuse_more_terms(material, MOST_TERMS, "CalculiX")
     notes = [moduli_note(material),
              "Data: mu_1, alpha_1, ..., mu_N, alpha_N, then nu_1, ..., nu_N, eight values a line."]
-    if material.law.mu_Pa.size == 1:
-        law = material.law
+    if material.foam.mu_Pa.size == 1:
+        law = material.foam
         halves = replace(law, mu_Pa=law.mu_Pa.repeat(2) / 2, alpha=law.alpha.repeat(2), nu=law.nu.repeat(2))
         material = replace(material, law=halves)
         notes.append("The card's one term is written as two equal halves, because CalculiX 2.20 fails on N = 1.")
     lines = (f"*MATERIAL, NAME={identifier(material.name)}", *density_lines(material),
-             f"*HYPERFOAM, N={material.law.mu_Pa.size}", *hyperfoam_data(material))
+             f"*HYPERFOAM, N={material.foam.mu_Pa.size}", *hyperfoam_data(material))
     return Written(lines, tuple(notes), elastic_warning(material, "CalculiX 2.20 has none for hyperfoam"))
 
 

@@ -30,7 +30,7 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     Parameters
     ----------
     card
-        A card with a hyperfoam law, or its file.
+        A card with a law of the foam, or its file.
     target
         One of `registry.targets`: abaqus, calculix, febio, lsdyna, ansys.
     moduli
@@ -48,8 +48,8 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     Raises
     ------
     ValueError
-        For an unknown target, units or moduli, a card without hyperfoam, moduli that need a Prony series the card
-        lacks, or a law that the target does not have.
+        For an unknown target, units or moduli, a card without a law of the foam, moduli that need a Prony series the
+        card lacks, or a law that the target does not have.
 
     Examples
     --------
@@ -69,6 +69,9 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
                          "whatever the units that are written.")
     card = as_card(card)
     law = with_moduli(card, moduli or "card")
+    if law.name not in into.laws:
+        raise ValueError(f"the law of card '{card.name}' is {law.name}, and matcal writes {', '.join(into.laws)} alone "
+                         f"for {into.title}. Fit it with --law {into.laws[0]}, or enter its parameters by hand.")
     material = Material(card.name, law, card.prony, UNITS[units], density_kg_per_m3, moduli is not None)
     written = into.write(material)
     warnings = (*written.warnings, *_skin_left_out(card))
@@ -77,10 +80,11 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
 
 def _comment(card: MaterialCard, into: Target, units: Units, written: Written, warnings: tuple[str, ...]
              ) -> Iterator[str]:
-    yield f"{card.name}: hyperfoam for {into.title}, written by matcal {metadata.version('touchcal')}"
+    law = card.law.name if card.law else "no law"
+    yield f"{card.name}: {law} for {into.title}, written by matcal {metadata.version('touchcal')}"
     yield f"Units: {units.words}"
     yield from written.notes
-    ranges = card.hyperfoam.strain_range if card.hyperfoam else {}
+    ranges = card.law.strain_range if card.law else {}
     if ranges:
         fitted = ", ".join(f"{mode} {lo:g} to {hi:g}" for mode, (lo, hi) in ranges.items())
         yield f"Fitted strains (gamma in shear, J in volumetric): {fitted}; outside them the law extrapolates."
@@ -106,7 +110,7 @@ def _intervals(card: MaterialCard, units: Units) -> Iterator[str]:
         rows["c0_S_per_m"] = {"value": card.conductivity.c0_S_per_m, "lo": lo, "hi": hi}
     if not rows:
         return
-    moduli = card.hyperfoam.moduli.replace("longterm", "long-term") if card.hyperfoam else "no"
+    moduli = card.law.moduli.replace("longterm", "long-term") if card.law else "no"
     yield f"95 % intervals of the card ({moduli} moduli), which this input does not hold:"
     for name, row in rows.items():
         plain = name.removesuffix("_Pa")

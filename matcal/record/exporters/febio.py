@@ -24,7 +24,7 @@ MOST_TERMS = 6
 
 def write(material: Material) -> Written:
     """The material as FEBio's XML; ValueError where a nu (so a beta) is not 0, or for more than six terms."""
-    law = material.law
+    law = material.foam
     if np.any(law.nu != 0):
         raise ValueError(f"FEBio's Ogden unconstrained law is the card's hyperfoam for beta = 0 only; this card has "
                          f"nu = {law.nu.tolist()}. Fit it with `matcal fit --poisson 0`, or export to another target.")
@@ -44,7 +44,7 @@ def write(material: Material) -> Written:
 
 
 def _terms(material: Material) -> list[str]:
-    return [line for i, (mu, alpha) in enumerate(zip(material.mu, material.law.alpha, strict=True), 1)
+    return [line for i, (mu, alpha) in enumerate(zip(material.mu, material.foam.alpha, strict=True), 1)
             for line in (_element(f"c{i}", 2 * mu), _element(f"m{i}", alpha))] + [_element("cp", 0.0)]
 
 

@@ -27,7 +27,7 @@ DAMPING = 0.1
 
 def write(material: Material) -> Written:
     """The material as *MAT_HILL_FOAM; ValueError where nu differs from term to term, or for more than eight terms."""
-    law = material.law
+    law = material.foam
     refuse_more_terms(material, MOST_TERMS, "LS-DYNA")
     if np.ptp(law.nu) > 0:
         raise ValueError(f"LS-DYNA's *MAT_HILL_FOAM has one n (beta) for all terms; this card has nu = "

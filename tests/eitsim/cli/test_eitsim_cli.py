@@ -65,7 +65,7 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "bare.toml", "--card", "absent.json"], "absent.json"),
     (["run", "wrong.toml", "--card", "card.json"], "radius"), (["run", "rim.toml", "--card", "card.json"], "rim"),
     (["run", "bare.toml", "--card", "dry.json"], "no conductivity"),
-    (["run", "bare.toml", "--card", "skin.json"], "no hyperfoam"),
+    (["run", "bare.toml", "--card", "skin.json"], "no law of the foam"),
     (["run", "scene.toml", "--fields", "f.txt"], "f.txt: the file is a VTU file; give a name that ends in .vtu"),
     (["run", "scene.toml", "--fields", "f.vtu", "--fields-steps", "3"], "--fields-steps has no effect without a"),
     (["run", "scene.toml", "--fields", "f.pvd", "--fields-steps", "0"], "--fields-steps must be 1 or more, got 0"),

@@ -56,7 +56,8 @@ def scene(table):
 
 def test_a_table_serves_its_own_shape_whose_moduli_are_rounded(table) -> None:
     """Moduli of 12 digits over mu_0 need not add up to 1, and over their sum end in other digits."""
-    shape = replace(table.shape, mu=(0.830199673203, -1.62819339387, 1.79799372067))
+    moduli = (0.830199673203, -1.62819339387, 1.79799372067)
+    shape = replace(table.shape, parameters=(moduli, *table.shape.parameters[1:]))
     law, body, punch = parts_of(shape, shape.base)
     assert shape_of(law, body, punch).parameters != shape.parameters
     punch, own = replace(punch, force_N=None, depth_m=0.07), replace(table, shape=shape)

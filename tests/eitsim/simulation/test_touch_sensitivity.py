@@ -34,7 +34,7 @@ from matcal.laws.prony import Prony
 
 FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
-CARD = MaterialCard(name="made up", hyperfoam=FOAM, conductivity=LAW)
+CARD = MaterialCard(name="made up", law=FOAM, conductivity=LAW)
 PUNCH = Punch(0.03, 0.02, 0.014, 1.0)
 # Element size of the tests, m: twice the default.
 COARSE = 1.2e-4

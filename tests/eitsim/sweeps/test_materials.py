@@ -139,7 +139,7 @@ def test_specimens_scatter_as_replicates_do_and_keep_their_shape(tmp_path: Path)
 
 def test_draws_are_labelled_as_the_card(tmp_path: Path) -> None:
     """Moduli of draws are long-term; a card of instantaneous ones gets each draw's own over its g_infinity."""
-    path = written(tmp_path, posterior(), hyperfoam=Hyperfoam(MU / 0.8, ALPHA, np.zeros(3), "instantaneous"))
+    path = written(tmp_path, posterior(), law=Hyperfoam(MU / 0.8, ALPHA, np.zeros(3), "instantaneous"))
     made, held = cards(path), read_draws(path)
     row = recorded(made, 0)
     k = int(row["card_sample"])
@@ -154,7 +154,7 @@ def test_rows_equal_a_run_with_a_card_made_of_their_draw(card: Path, tmp_path: P
     assert account(card, tmp_path / "a", 2).outcomes == {"ok": 2}
     table, design, itself = read_dataset(tmp_path / "a").table, design_from(RAW, 2), read_card(card)
     for row in table.to_dict("records"):
-        write_card(replace(itself, hyperfoam=Hyperfoam([row[f"mu_{i}_Pa"] for i in (1, 2, 3)], ALPHA, np.zeros(3)),
+        write_card(replace(itself, law=Hyperfoam([row[f"mu_{i}_Pa"] for i in (1, 2, 3)], ALPHA, np.zeros(3)),
                            prony=Prony([row["g_1"]], [row["tau_1_s"]]),
                            conductivity=Conductivity(row["c0_S_per_m"], [row[f"a_{i}"] for i in (1, 2, 3)], (0, 0.4))),
                    tmp_path / "one.json")

@@ -81,8 +81,8 @@ def test_cautions_name_what_spoils_the_numbers() -> None:
 @pytest.mark.parametrize(("change", "words"), [
     ({"posterior": {"checks": {"converged": False, "rhat": 2.4, "ess": 30.0}}}, "did not converge (R-hat 2.400"),
     ({"prony": None}, "not corrected for the rate"),
-    ({"hyperfoam": None}, "without a stress-strain curve"),
-    ({"hyperfoam": replace(LAW, strain_range={"uniaxial": (-0.8, 0.0)})}, "Only uniaxial loading was fitted")])
+    ({"law": None}, "without a stress-strain curve"),
+    ({"law": replace(LAW, strain_range={"uniaxial": (-0.8, 0.0)})}, "Only uniaxial loading was fitted")])
 def test_each_lack_is_said(change: dict[str, Any], words: str) -> None:
     card = replace(fitted(prony={"tau_sd_s": [0.2]}), **change)
     assert words in " ".join(cautions(card))

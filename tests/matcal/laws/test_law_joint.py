@@ -1,4 +1,4 @@
-"""The joint of laws: what any law must satisfy, neo-Hooke by its closed forms, and a law of invariants in one class.
+"""The joint of laws: what any law must satisfy, neo-Hooke by its closed forms, and a law of invariants, one class.
 
 Truths that no law brings along: derivatives by differences, symmetry under exchange of the axes, neo-Hooke's formulas,
 and the hyperfoam with one term alpha = 2 and nu = 0, which is neo-Hooke with nu = 0.
@@ -16,9 +16,9 @@ from scipy.optimize import brentq
 from matcal.laws.compiled_response import energies, responses
 from matcal.laws.deformation_modes import MODES, log_stretches, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.known_laws import LAWS, law_of, law_type
 from matcal.laws.law import Law, Parameter, Ranges, differentiable, over, scaled, sinh_ratio, vector, with_vector
 from matcal.laws.neo_hooke import NeoHooke
-from matcal.laws.registry import LAWS, law_of, law_type
 from matcal.laws.stability import stability
 
 

@@ -1,21 +1,25 @@
-"""Every law that there is, by its name: a new law is one file, and its line here."""
+"""Every law that there is, by its name: a new law is one file and its line here, or an entry point `touchcal.laws` of
+an installed package."""
 
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 from matcal.laws.law import Law, Ranges
+from touchcal.entry_points import added
 
 LAWS = {"hyperfoam": "matcal.laws.hyperfoam:Hyperfoam",
         "neo_hooke": "matcal.laws.neo_hooke:NeoHooke"}
 
 
 def law_type(name: str) -> type[Law]:
-    """The law of a name; ValueError for an unknown one."""
-    if name not in LAWS:
-        raise ValueError(f"law '{name}' is unknown; known: {', '.join(LAWS)}.")
-    module, _, found = LAWS[name].partition(":")
-    return getattr(import_module(module), found)
+    """The law of a name, its module imported now; ValueError lists the known."""
+    if name in LAWS:
+        module, _, found = LAWS[name].partition(":")
+        return getattr(import_module(module), found)
+    if name not in added("laws"):
+        raise ValueError(f"law '{name}' is unknown; known: {', '.join([*LAWS, *added('laws')])}.")
+    return added("laws")[name]
 
 
 def law_of(name: str, values: Sequence[Sequence[float]], moduli: str = "longterm",
