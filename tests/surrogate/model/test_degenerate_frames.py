@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.data.baseline_frame import compared, untouched
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.load_coordinates import to_unknown
@@ -42,7 +42,7 @@ def forward(forward_model: Model) -> Model:
 
 
 @pytest.fixture(scope="module")
-def ridge(samples: Samples) -> Model:
+def ridge(samples: SweepSamples) -> Model:
     return train(samples, "ridge", ("x0", "y0", "F"), 1)
 
 
@@ -102,7 +102,7 @@ def test_a_frame_in_other_units_leaves_its_neighbours_alone(predictors: dict[str
     assert found.value[[0, 2]] == pytest.approx(alone.value[[0, 2]], rel=1e-9)
 
 
-def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward: Model, samples: Samples,
+def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward: Model, samples: SweepSamples,
                                                                          untouched_V: Array) -> None:
     """Rows are told to be lighter than they are, so that the model is of a lighter range."""
     heaviest = samples.signal_V[np.argsort(samples.target[:, 3])[-3:]]
@@ -118,7 +118,8 @@ def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward
 
 @pytest.mark.parametrize(("method", "outside"), [("forward", False), ("ridge", True)])
 def test_a_place_as_near_to_the_centre_as_trained_ones_is_outside_for_methods_without_symmetry(
-        predictors: dict[str, Predictor], samples: Samples, untouched_V: Array, method: str, outside: bool) -> None:
+        predictors: dict[str, Predictor], samples: SweepSamples, untouched_V: Array, method: str,
+        outside: bool) -> None:
     """The range of x0 ends at less than the touch's, so that only touches in other directions were as far out."""
     model, rows = predictors[method].model, np.flatnonzero(np.abs(samples.target[:, 0] - 30) < 3)[:1]
     ends = model.trained.highest.copy()

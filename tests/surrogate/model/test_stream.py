@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from eitsim.scene.drive import voltage_columns
 from surrogate.cli import main
 from surrogate.data.frame_rows import BATCH, read_lines, sound_lines, waiting_lines
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.model.model import Model
 from surrogate.model.predict import predict, prepare, table_of
 from surrogate.model.stream import answer
@@ -26,7 +26,7 @@ Synthetic = Callable[[int, int], tuple[Array, Array]]
 
 
 @pytest.fixture(scope="module")
-def ridge(samples: Samples) -> Model:
+def ridge(samples: SweepSamples) -> Model:
     return train(samples, "ridge", ("x0", "F"), 1)
 
 

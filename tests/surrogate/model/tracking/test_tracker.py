@@ -11,7 +11,7 @@ import pytest
 
 from surrogate.data import outputs
 from surrogate.data.frame_drift import by_gain
-from surrogate.data.samples import Samples, take
+from surrogate.data.samples import SweepSamples, take
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import reading_covariance
 from surrogate.model.model import Model
@@ -303,7 +303,7 @@ def test_a_punch_whose_error_is_said_to_be_small_is_not_the_likely_one_for_that(
     assert now.value[2] - now.below[2] < 0.016 < now.value[2] + now.above[2]
 
 
-def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: Callable[..., tuple[Array, Array]],
+def test_a_diameter_that_never_varied_has_no_error(samples: SweepSamples, synthetic: Callable[..., tuple[Array, Array]],
                                                    untouched_V: Array) -> None:
     touch, signal = synthetic(100, 11, [14.0], 45.0)
     target = np.column_stack([touch, samples.target[:100, outputs.TOUCH:]])
@@ -317,7 +317,7 @@ def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: 
     assert np.isfinite(now.covariance).all()
 
 
-def test_another_method_reads_every_frame_alone(samples: Samples, press: Callable[..., Array], untouched_V: Array
+def test_another_method_reads_every_frame_alone(samples: SweepSamples, press: Callable[..., Array], untouched_V: Array
                                                 ) -> None:
     ridge, frames = train(samples, "ridge", ("x0", "F"), 1), press(slide(), 6)
     now = tracked(Tracker(ridge, untouched_V, NOISE_V), frames)[REST + 15]
