@@ -14,8 +14,8 @@ from surrogate.data.frame_drift import by_gain
 from surrogate.data.samples import SweepSamples, take
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import reading_covariance
+from surrogate.model.flags import WORDS, Flag
 from surrogate.model.model import Model
-from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.tracking.followed_model import KEPT, FollowedModel
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracking.tracked_stream import track
@@ -212,7 +212,7 @@ def test_a_jump_of_all_readings_is_said_and_scaled(model: Model, press: Callable
     frames[22:] *= 1.25
     said = tracked(Tracker(model, rate_hz=RATE_HZ, say=words.append), frames)
     assert [one.split("):")[1].split(":")[0] for one in words] == [" all readings are 1.25 times those"]
-    assert said[22].flag == OTHER_SIGN
+    assert said[22].flag == WORDS[Flag.OTHER_SIGN]
     now, then = said[REST + 20], tracked(Tracker(model, say=lambda one: None), press(touch, 3))[REST + 20]
     assert now.state == TOUCH
     assert now.signal_V == pytest.approx(then.signal_V, abs=2 * NOISE_V)
@@ -245,7 +245,7 @@ def test_a_press_in_the_untouched_frame_is_no_contact_when_it_is_lifted(model: M
     frames = press(slide(), 9)
     said = tracked(Tracker(model, frames[REST + 20:REST + 22].mean(axis=0), NOISE_V, rate_hz=RATE_HZ,
                         say=lambda words: None), frames[-REST:])
-    assert said[0].flag == OTHER_SIGN
+    assert said[0].flag == WORDS[Flag.OTHER_SIGN]
     assert {now.state for now in said} == {UNTOUCHED}
 
 
