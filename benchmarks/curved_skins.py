@@ -22,9 +22,9 @@ from eitsim.electrics.curved.solve_curved import solve_curved_skin
 from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_untouched
 from eitsim.electrics.outline.triangles import refined, skin_mesh, triangulated
 from eitsim.scene.curved_skin import ConductancePatch, CurvedSkin
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline import circle
-from eitsim.scene.scene import Body
+from eitsim.scene.polygons import circle
 from eitsim.scene.triangle_files import TriangleMesh
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ def unrolled(count: int) -> Array:
     x = sector * (np.arange(half) - (half - 1) / 2)
     electrodes = Electrodes(kind="surface", count=half, shape="rectangle", width_m=sector / 2, length_m=ELECTRODE_M,
                             x_m=tuple(x.tolist()), y_m=(0.0,) * half)
-    outline = Body(outline="rectangle", width_m=np.pi * RADIUS_M, height_m=HEIGHT_M).shape
+    outline = Outline("rectangle", width_m=np.pi * RADIUS_M, height_m=HEIGHT_M)
     return solve_untouched(outline, electrodes, S, 1e-6).impedance_Ohm
 
 
@@ -104,7 +104,7 @@ def flat_change(area_m2: float) -> Array:
     electrodes = Electrodes(kind="surface", count=8, width_m=0.01, x_m=tuple(PLACES[:, 0].tolist()),
                             y_m=tuple(PLACES[:, 1].tolist()))
     triangles = refined(
-        triangulated(Body(outline="rectangle", width_m=0.12, height_m=0.08).shape, electrodes,
+        triangulated(Outline("rectangle", width_m=0.12, height_m=0.08), electrodes,
                      [circle(PATCH_M, PATCH_WIDTH_M / 2, 96)]), lambda mesh: np.full(len(mesh.cells), area_m2))
     mesh = skin_mesh(triangles, electrodes)
     inside = np.linalg.norm(triangles.centres_m - PATCH_M, axis=1) < PATCH_WIDTH_M / 2

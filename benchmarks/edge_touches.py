@@ -37,9 +37,10 @@ from eitsim.mechanics.rim.correction import no_correction
 from eitsim.mechanics.rim.solve_near_rim import FINE as SEVERAL
 from eitsim.mechanics.rim.solve_near_rim import FULL_DISC, corrected, solve_near_rim
 from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import STRAINS, Body, Punch
 
-BODY = Body(outline="rectangle", width_m=0.24, height_m=0.2)
+BODY = Body(Outline("rectangle", width_m=0.24, height_m=0.2))
 PUNCH = Punch(diameter_m=0.014, force_N=1.0)
 GAPS_M = quick((0.002, 0.005, 0.01), (0.005,))
 # Elements of the peer's meshes at the punch's edge, mm, and how many it has on half a circle.

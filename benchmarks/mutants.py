@@ -42,7 +42,7 @@ TESTS = {
         "reduction_formulas", "known_answers", "geometry", "reductions", "settling", "protocols")] for name in (
             "reduce", "load_frame", "specimen", "strip_conductivity", "stress_relaxation")},
     "eitsim/mechanics/solid": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
-        "grid", "solid", "hyperfoam_3d", "one_law", "volume")],
+        "grid", "solid", "spatial_response", "one_law", "volume")],
     "eitsim/mechanics/contact": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
         "springs", "punch", "friction", "touch")],
     "eitsim/electrics/cem": [f"tests/eitsim/electrics/test_{name}.py" for name in (

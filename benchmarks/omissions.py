@@ -42,8 +42,9 @@ from eitsim.mechanics.rim.two_punches import LEAST_GAP, solved_together
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import RimField, Touch, of_strain
 from eitsim.scene.scene import Body, Drive, Electrodes, Hold, Punch, Scene, Skin
+from eitsim.simulation.assumptions import stored_choice
 from eitsim.simulation.edge_effects import rim_effect
-from eitsim.simulation.reuse import decision, table_for
+from eitsim.simulation.reuse import table_for
 from matcal.laws.prony import Prony
 from touchcal.errors import NotConverged
 
@@ -148,9 +149,9 @@ def fresh_solution_left_out(table: Table) -> Callable[[np.random.Generator], Pai
         if left_out is None:
             return None
         full, second = timed(lambda: solve_touch(TABLE_1, BODY, punch))
-        made = decision(table, left_out, Scene(body=BODY, skin=SKIN))
-        assert made.strain_bound is not None
-        return Pair(punch, left_out, full, (first, second), made.error_bound, made.strain_bound, made.error_bound)
+        made = stored_choice(table, left_out, Scene(body=BODY, skin=SKIN))
+        assert made.cost is not None
+        return Pair(punch, left_out, full, (first, second), made.cost, made.values["strain_bound"], made.cost)
     return pair
 
 

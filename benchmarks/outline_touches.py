@@ -38,8 +38,9 @@ from eitsim.electrics.outline.touch_mesh import EVEN, base_triangles
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.scene.drive import read_out
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.outline import corners_and_edges, edge_distance_m
+from eitsim.scene.polygons import corners_and_edges, edge_distance_m
 from eitsim.scene.results import Readings, Result
 from eitsim.scene.scene import Body, Electrodes, Punch, Scene
 from eitsim.simulation.plan import make_plan
@@ -60,7 +61,7 @@ CASES: dict[str, tuple[Body, Electrodes, int, bool, int]] = {
     "L with a hole": (BODIES["L with a hole"], ELECTRODES["L with a hole"], quick(100, 2), False, 24),
     "L with a hole, held back": (BODIES["L with a hole"], ELECTRODES["L with a hole"], quick(100, 1), False, 25),
     "rectangle": (BODIES["rectangle"], ELECTRODES["rectangle"], quick(20, 1), False, 24),
-    "600 x 400 x 2 mm": (Body(thickness_m=0.002, outline="rectangle", width_m=0.6, height_m=0.4),
+    "600 x 400 x 2 mm": (Body(Outline("rectangle", width_m=0.6, height_m=0.4), 0.002),
                          Electrodes(count=32, width_m=0.02), quick(20, 1), False, 24),
     "conducting punches": (BODIES["L with a hole"], replace(ELECTRODES["L with a hole"],
                                                             contact_impedance_Ohm_m=UNEQUAL), quick(20, 1), True, 24)}
@@ -77,7 +78,7 @@ def drawn(name: str) -> Iterator[Scene]:
         x, y = (low + box * rng.random(2)).tolist()
         diameter, force = float(rng.uniform(0.008, 0.018)), float(np.exp(rng.uniform(np.log(0.1), np.log(2.0))))
         punch = Punch(x, y, diameter, force_N=force, conductor=conductor)
-        if edge_distance_m(body, (x, y)) > diameter / 2:
+        if edge_distance_m(body.outline, (x, y)) > diameter / 2:
             yield Scene(body, (punch,), electrodes=electrodes)
 
 
@@ -102,8 +103,8 @@ def on_samples(scene: Scene, result: Result, known_to: float) -> Array:
 @lru_cache(maxsize=1)
 def finer_edges(body: Body, electrodes: Electrodes, conductance_S: float) -> EdgeResponse:
     """What electrodes and edges send, from meshes finer than those of `edge_responses`."""
-    arriving = solve_untouched(body.shape, electrodes, conductance_S, FINER).triangles
-    start, end = corners_and_edges(body.shape)
+    arriving = solve_untouched(body.outline, electrodes, conductance_S, FINER).triangles
+    start, end = corners_and_edges(body.outline)
     side = float(np.linalg.norm(end - start, axis=1).sum()) / SIDES
 
     def limit(mesh: Triangles) -> Array:
@@ -142,7 +143,7 @@ def row(name: str, scene: Scene, result: Result, readings: Readings, measured: b
     (punch,), (known, off) = scene.punches, known_signal(scene, result, measured)
     error = distance(readings.signal_V, known)
     return {"case": name, "x_mm": punch.x_m * 1e3, "y_mm": punch.y_m * 1e3, "d_mm": punch.diameter_m * 1e3,
-            "F_N": punch.force_N, "edge_mm": edge_distance_m(scene.body, (punch.x_m, punch.y_m)) * 1e3,
+            "F_N": punch.force_N, "edge_mm": edge_distance_m(scene.body.outline, (punch.x_m, punch.y_m)) * 1e3,
             "method": readings.method, "unknowns": readings.unknowns, "error": error,
             "estimate": readings.signal_error, "ratio": error / readings.signal_error, "reference_error": off,
             "cpu_s": readings.cpu_s}

@@ -21,14 +21,15 @@ from conditions import quick, written
 from sensor_fit import Hidden, described, recorded, rows_of, state_of
 
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Scene
 from eitsim.sensors.calibration.instrument_model import Instrument, instrument_readings, sources
 from eitsim.sensors.sensor_file import Sensor
 
-RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
-L = Body(outline="polygon", holes_m=((-0.03, -0.02, 0.008),), points_m=(
-    (-0.06, -0.06), (0.06, -0.06), (0.06, 0.0), (0.0, 0.0), (0.0, 0.06), (-0.06, 0.06)))
+RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
+L = Body(Outline("polygon", holes_m=((-0.03, -0.02, 0.008),), points_m=(
+    (-0.06, -0.06), (0.06, -0.06), (0.06, 0.0), (0.0, 0.0), (0.0, 0.06), (-0.06, 0.06))))
 # name, body, electrodes, their width, m, noise below the frame's r.m.s., dB, and how many sensors
 CASES = (("rectangle", RECTANGLE, 16, 0.01, 60.0, 8), ("rectangle", RECTANGLE, 16, 0.01, 80.0, 1),
          ("rectangle", RECTANGLE, 32, 0.006, 70.0, 3), ("L with a hole", L, 24, 0.008, 60.0, 3),
@@ -55,7 +56,7 @@ def hidden(sensor: Sensor, noise_dB: float, seed: int) -> Hidden:
              "positions": PLACE_M * rng.standard_normal(count), "gains": GAIN * rng.standard_normal(count),
              "leaks": LEAK_S * np.abs(rng.standard_normal(count))}
     truth = state_of(instrument, drawn)
-    body = solve_untouched(sensor.body.shape, instrument.built(truth), sheet, _SOLVED).impedance_Ohm
+    body = solve_untouched(sensor.body.outline, instrument.built(truth), sheet, _SOLVED).impedance_Ohm
     clean = instrument_readings(instrument, asked, truth, np.asarray(np.linalg.pinv(body), dtype=float)).ravel()
     return Hidden(sensor, truth, recorded(clean, noise_dB, rng))
 

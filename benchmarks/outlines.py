@@ -33,10 +33,11 @@ from eitsim.electrics.sheet.sheet_conductance import principal_conductances, tou
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.drive import as_tuples, read_out
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_edge import places_along
+from eitsim.scene.edges.outline_electrodes import stretches_along
 from eitsim.scene.electrodes import Electrodes, contact_impedances
-from eitsim.scene.outline import edge_distance_m
-from eitsim.scene.outline_edge import places_along
-from eitsim.scene.outline_electrodes import stretches_along
+from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Punch, Scene, Skin
 from matcal.laws.conductivity import Conductivity
@@ -50,15 +51,15 @@ PITCH_M = 0.4 / 32
 TURN = 2 * np.pi * np.arange(400) / 400
 HALF_M = (0.06, 0.04)  # Half axes of the ellipse; the first is half the side of the square.
 BODIES = {
-    "disc of 400 corners": Body(
-        outline="polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(TURN), np.sin(TURN)]))),
-    "rectangle": Body(thickness_m=0.005, outline="rectangle", width_m=0.12, height_m=0.08),
-    "L with a hole": Body(thickness_m=0.005, outline="polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
-        (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2))),
-    "grid on the surface": Body(outline="rectangle", width_m=0.2, height_m=0.14),
-    "ellipse": Body(outline="polygon", points_m=as_tuples(np.column_stack([HALF_M[0] * np.cos(TURN),
-                                                                           HALF_M[1] * np.sin(TURN)]))),
-    "square": Body(outline="rectangle", width_m=2 * HALF_M[0], height_m=2 * HALF_M[0])}
+    "disc of 400 corners": Body(Outline("polygon",
+        points_m=as_tuples(0.1 * np.column_stack([np.cos(TURN), np.sin(TURN)])))),
+    "rectangle": Body(Outline("rectangle", width_m=0.12, height_m=0.08), 0.005),
+    "L with a hole": Body(Outline("polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
+        (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2))), 0.005),
+    "grid on the surface": Body(Outline("rectangle", width_m=0.2, height_m=0.14)),
+    "ellipse": Body(Outline("polygon", points_m=as_tuples(np.column_stack([HALF_M[0] * np.cos(TURN),
+                                                                           HALF_M[1] * np.sin(TURN)])))),
+    "square": Body(Outline("rectangle", width_m=2 * HALF_M[0], height_m=2 * HALF_M[0]))}
 ELECTRODES = {
     "disc of 400 corners": Electrodes(),
     "rectangle": Electrodes(count=32, width_m=0.006, positions_m=as_tuples(PITCH_M * (np.arange(32) + 0.5))),
@@ -143,7 +144,7 @@ def reference(name: str) -> tuple[Array, str]:
         return untouched_impedance(Body(), Electrodes(), S), "integral equation"
     if name == "rectangle":
         return rectangle_impedance(0.12, 0.08, np.array(electrodes.positions_m), 0.006, 1.0, S), "cosine series"
-    return solve_untouched(body, electrodes, S, quick(3e-6, 1e-5)).impedance_Ohm, "least error asked for"
+    return solve_untouched(body.outline, electrodes, S, quick(3e-6, 1e-5)).impedance_Ohm, "least error asked for"
 
 
 def apart(one: Array, other: Array) -> float:
@@ -160,7 +161,7 @@ def untouched(name: str) -> Iterator[dict[str, object]]:
             continue
         solve_untouched.cache_clear()
         begun = time.process_time()
-        found = solve_untouched(body, electrodes, S, asked)
+        found = solve_untouched(body.outline, electrodes, S, asked)
         yield {"case": name, "what": "untouched", "reference": by, "asked": asked,
                "error": apart(found.impedance_Ohm, known), "estimate": found.error,
                "cpu_s": time.process_time() - begun, "nodes": found.nodes}
@@ -174,7 +175,7 @@ def touches(name: str, count: int) -> Iterator[tuple[Punch, Touch]]:
     while count:
         x, y = (low + box * rng.random(2)).tolist()
         punch = Punch(x, y, diameter_m=float(rng.uniform(0.008, 0.018)), force_N=float(rng.uniform(0.1, 2.0)))
-        if edge_distance_m(body, (x, y)) - punch.diameter_m / 2 > min(0.035, 3.5 * body.thickness_m):
+        if edge_distance_m(body.outline, (x, y)) - punch.diameter_m / 2 > min(0.035, 3.5 * body.thickness_m):
             count -= 1
             yield punch, solve_touch(FOAM, body, punch)
 
@@ -232,7 +233,7 @@ def circle_of(radius_m: float) -> Touch:
 def electrode_ends(name: str) -> Complex:
     """Ends (N, 2) of the line electrodes of a body, m, as complex numbers; those of the ellipse on it."""
     body, electrodes = sensor(name)
-    ends = places_along(body.shape, stretches_along(body.shape, electrodes)) @ np.array([1, 1j])
+    ends = places_along(body.outline, stretches_along(body.outline, electrodes)) @ np.array([1, 1j])
     turn = np.angle(ends.real / HALF_M[0] + 1j * ends.imag / HALF_M[1])
     on_ellipse = HALF_M[0] * np.cos(turn) + 1j * HALF_M[1] * np.sin(turn)
     return np.asarray(on_ellipse if name == "ellipse" else ends, dtype=np.complex128)
@@ -245,7 +246,7 @@ def mapped(name: str) -> Iterator[dict[str, object]]:
     for asked in quick((1e-3, 1e-4, 1e-5), (1e-4,)):
         solve_untouched.cache_clear()
         begun = time.process_time()
-        found = solve_untouched(body, electrodes, S, asked)
+        found = solve_untouched(body.outline, electrodes, S, asked)
         yield {"case": name, "what": "untouched", "reference": "conformal map", "asked": asked,
                "error": apart(found.impedance_Ohm, rest), "estimate": found.error,
                "cpu_s": time.process_time() - begun, "nodes": found.nodes}
@@ -267,7 +268,7 @@ def mapped(name: str) -> Iterator[dict[str, object]]:
 def same_triangles(name: str) -> dict[str, object]:
     """Readings of random conductances on the linear triangles of an untouched body, by EIDORS' formulas."""
     body, electrodes = sensor(name)
-    mesh = skin_mesh(solve_untouched(body, electrodes, S, READINGS).triangles, electrodes, "P1")
+    mesh = skin_mesh(solve_untouched(body.outline, electrodes, S, READINGS).triangles, electrodes, "P1")
     sheet, z = S * np.exp(np.random.default_rng(2).normal(size=len(mesh.cells))), contact_impedances(electrodes)
     begun = time.process_time()
     found = impedance(mesh, sheet, z)

@@ -26,17 +26,19 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.load_paths.several_edges import summed_changes
 from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change, solve_near_rim
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.nearest_edge import nearest_edge
-from eitsim.scene.outline import corners_and_edges
+from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch
 from eitsim.simulation.edge_effects import rim_effect
 from touchcal.jit import cpu_s
 
-RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
-STRIP = Body(outline="rectangle", width_m=0.2, height_m=0.03)
-HOLED = Body(outline="polygon", points_m=((0, 0), (0.2, 0), (0.2, 0.06), (0.08, 0.06), (0.08, 0.15), (0, 0.15)),
-             holes_m=((0.04, 0.1, 0.012),))
+RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
+STRIP = Body(Outline("rectangle", width_m=0.2, height_m=0.03))
+HOLED = Body(Outline("polygon", points_m=((0, 0), (0.2, 0), (0.2, 0.06), (0.08, 0.06), (0.08, 0.15), (0, 0.15)),
+    holes_m=((0.04, 0.1, 0.012),)))
 
 
 def corner(gap_m: float, force_N: float = 1.0) -> tuple[Body, Punch]:
@@ -61,9 +63,9 @@ def signals_off(body: Body, punch: Punch, one: Touch, other: Touch) -> float:
     """Relative difference of the nominal sensor's signals by two touches, of the skin alone."""
     assert one.rim is not None
     assert other.rim is not None
-    edge, place = nearest_edge(body.shape, (punch.x_m, punch.y_m)), np.array([punch.x_m, punch.y_m])
-    start, end = corners_and_edges(body.shape)
-    disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
+    edge, place = nearest_edge(body.outline, (punch.x_m, punch.y_m)), np.array([punch.x_m, punch.y_m])
+    start, end = corners_and_edges(body.outline)
+    disc = Body(Disc(body.radius_m), body.thickness_m)
     x, y = ((disc.radius_m - edge.distance_m) * edge.towards).tolist()
     moved = Punch(x, y, punch.diameter_m, force_N=punch.force_N)
     off = signal_differences(disc, moved, other, one.rim, other.rim, (start - place, end - place))
@@ -93,7 +95,7 @@ def edges(right: float, left: float, up: float) -> OffsetOutline:
 
 
 def added() -> Iterator[dict[str, object]]:
-    disc = Body(0.1, 0.01)
+    disc = Body(Disc(0.1), 0.01)
     for force, (kind, first, second) in itertools.product(FORCES_N, PAIRS):
         punch = Punch(diameter_m=0.014, force_N=force)
         touch = solve_touch(TABLE_1, disc, punch)

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from eitsim.electrics.interop.solve_file import solve_sheet_model
     from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
     from eitsim.scene.drive import Drive
+    from eitsim.scene.edges.disc import Disc
+    from eitsim.scene.edges.outline import Outline
     from eitsim.scene.electrodes import Electrodes
     from eitsim.scene.results import Result
     from eitsim.scene.scene import Accuracy, Body, Hold, Punch, Scene, Skin, read_scene
@@ -38,10 +40,12 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "CurvedSkin": "eitsim.scene.curved_skin",
     "Dataset": "eitsim.sweeps.dataset.parquet",
     "Design": "eitsim.sweeps.design.design",
+    "Disc": "eitsim.scene.edges.disc",
     "Drive": "eitsim.scene.drive",
     "Electrodes": "eitsim.scene.electrodes",
     "Hold": "eitsim.scene.scene",
     "Inspection": "eitsim.sensors.inspection",
+    "Outline": "eitsim.scene.edges.outline",
     "Punch": "eitsim.scene.scene",
     "Recording": "eitsim.sensors.recording",
     "Result": "eitsim.scene.results",

@@ -23,6 +23,9 @@ HOUSE = {
     "reports": ("document", "calibration", "touch", "sensor", "sweep", "surrogate", "benchmarks", "paper", ""),
 }
 MOST_ROOMS, MOST_FLOORS, MOST_FILES = 10, 6, 20
+# Methods by which a text is searched, taken apart or compared.
+SEARCHES = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "index", "count", "split", "rsplit",
+            "partition", "rpartition", "contains", "match", "fullmatch", "search"}
 DRAWING = {"matplotlib", "typst", "corner", "pyvista"}
 
 
@@ -145,6 +148,70 @@ def test_a_command_imports_what_it_needs(work: str, may: set[str]) -> None:
                             text=True, check=True, cwd=ROOT).stdout
     heavy = {"emcee", "torch", "skfem", "matplotlib", "scipy", "pandas", "numba", "arviz", "lmfit", "pint"}
     assert heavy & set(loaded.split()) <= may
+
+
+def is_sentence(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str | bytes) and len(node.value.split()) > 1
+
+
+def sentences_of(tree: ast.Module) -> set[str]:
+    """Names at the top of a module that hold a sentence, or several."""
+    named: set[str] = set()
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            held = [node.value, *(node.value.elts if isinstance(node.value, ast.Tuple | ast.List | ast.Set) else [])]
+            named |= {target.id for target in targets if isinstance(target, ast.Name) and any(map(is_sentence, held))}
+    return named
+
+
+def operands(node: ast.AST) -> list[ast.AST]:
+    """What a comparison takes: the parts of a sequence, of a pattern and of a choice, else the node itself."""
+    if isinstance(node, ast.Tuple | ast.List | ast.Set | ast.IfExp | ast.BinOp | ast.JoinedStr | ast.pattern):
+        return [part for child in ast.iter_child_nodes(node) for part in operands(child)]
+    return [node]
+
+
+def compared(tree: ast.Module, known: set[str]) -> list[int]:
+    """Lines where code compares or searches a sentence, by its text or by a name that holds one."""
+    found: list[int] = []
+    for node in ast.walk(tree):
+        parts: list[ast.AST] = []
+        if isinstance(node, ast.Compare):
+            parts = [node.left, *node.comparators]
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in SEARCHES:
+            parts = [*node.args]
+        elif isinstance(node, ast.match_case):
+            parts = [node.pattern]
+        inner = [part for one in parts for part in operands(one)]
+        if any(is_sentence(part) or (isinstance(part, ast.Name) and part.id in known)
+               or (isinstance(part, ast.Attribute) and part.attr in known) for part in inner):
+            found.append(getattr(node, "lineno", 0))
+    return found
+
+
+def test_code_compares_kinds_and_no_sentences() -> None:
+    """What is decided, or wrong, is a kind; its words are for people alone."""
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in modules()
+             if path.relative_to(ROOT).parts[0] in ("eitsim", "reports")}
+    own = {name_of(path): sentences_of(tree) for path, tree in trees.items()}
+    wrong = []
+    for path, tree in trees.items():
+        known = own[name_of(path)] | {
+            alias.asname or alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
+            for alias in node.names if alias.name in own.get(node.module or "", set())}
+        known |= {name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
+                  for name in own.get(f"{node.module}.{alias.name}", set())}
+        wrong += [f"{path.relative_to(ROOT)}:{line}" for line in compared(tree, known)]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("code", ["a == 'two words'", "'two words' in a", "a.startswith('two words')",
+                                  "SAID = 'two words'\na != SAID", "SAID = ('one', 'two words')\na in SAID",
+                                  "match a:\n    case 'two words':\n        pass"])
+def test_a_comparison_of_a_sentence_is_found(code: str) -> None:
+    tree = ast.parse(code)
+    assert compared(tree, sentences_of(tree))
 
 
 def test_no_module_is_named_after_nothing() -> None:

@@ -11,7 +11,7 @@ import pytest
 import eitsim
 import matcal
 from eitsim.simulation.edge_effects import least_gap_m
-from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N
+from eitsim.simulation.words import DIPOLE, DIPOLE_FORCES_N
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import design_from, read_design
 from eitsim.sweeps.run.rows import blank_row
@@ -107,7 +107,7 @@ def test_the_skin_of_its_page_is_planned(tmp_path: Path) -> None:
 
 def test_the_distances_to_keep_on_that_page_are_the_plans() -> None:
     text = (ROOT / "docs" / "how-to" / "any-flat-skin.md").read_text(encoding="utf-8")
-    body = eitsim.Body(outline="rectangle", width_m=0.1, height_m=0.1)
+    body = eitsim.Body(eitsim.Outline("rectangle", width_m=0.1, height_m=0.1))
     kept = [least_gap_m(eitsim.Scene(body, accuracy=eitsim.Accuracy(signal))) / 0.01 for signal in (0.01, 0.02, 0.1)]
     found = re.search(r"default accuracy ([0-9.]+) thicknesses, ([0-9.]+) with\s`signal = 0.02`, ([0-9.]+) with", text)
     assert found is not None

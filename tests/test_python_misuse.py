@@ -22,7 +22,7 @@ BASELINE = np.ones((16, 13))
     (lambda: matcal.fit([]), "no test was given"),
     (lambda: eitsim.plan(eitsim.Scene(), {"name": "foam"}), "a card is a MaterialCard or the path of one, got dict"),
     (lambda: eitsim.plan(eitsim.Scene(punches=[eitsim.Punch(x_m=np.nan)]), CARD), r"x_mm in .*, got nan"),
-    (lambda: eitsim.plan(eitsim.Scene(body=eitsim.Body(radius_m=np.inf)), CARD), r"radius_mm in .*, got inf"),
+    (lambda: eitsim.plan(eitsim.Scene(body=eitsim.Body(eitsim.Disc(np.inf))), CARD), r"radius_mm in .*, got inf"),
     (lambda: eitsim.reconstruct(BASELINE.T, BASELINE), r"frames_V has the shape \(13, 16\)"),
     (lambda: eitsim.reconstruct(np.ones((2, 104)), BASELINE), r"frames_V has the shape \(2, 104\)")])
 def test_wrong_values_are_named(call: Callable[[], Any], words: str) -> None:

@@ -12,7 +12,7 @@ import multiprocessing
 import sys
 import time
 from collections.abc import Callable, Iterator
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 Result = TypeVar("Result")
 
 _WITH_LOOPS: set[str] = set()  # Modules with functions that are compiled.
+_COMPILABLE: set[Callable[..., Any]] = set()
 COMPILING = "compiling, once after an installation or a change of the code: some 10 CPU seconds"
 
 
@@ -29,10 +30,14 @@ def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.flo
     return np.where(condition, yes, no)
 
 
-def compiled(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Compile a loop over arrays; kept on disk where there is a place to write, else compiled by each process."""
+def compiled(function: Callable[..., Result], module: str = "") -> Callable[..., Result]:
+    """Compile a loop over arrays; kept on disk where there is a place to write, else compiled by each process. `module`
+    has the functions that a loop made anew for each such module calls: each is kept by itself."""
     from numba import njit
 
+    if module:
+        function.__qualname__ = f"{function.__name__}_{module.replace('.', '_')}"
+    module = module or function.__module__
     _register_where()
     _compilation()
     try:
@@ -42,17 +47,24 @@ def compiled(function: Callable[..., Result]) -> Callable[..., Result]:
     _WITH_LOOPS.add(function.__module__)
     if hasattr(kernel, "_cache"):
         index = kernel._cache._cache_file  # pyright: ignore[reportAttributeAccessIssue]
-        index._source_stamp = (index._source_stamp, imported_sources(function.__module__))
+        own = _source(module) if module != function.__module__ else ""
+        index._source_stamp = (index._source_stamp, own + imported_sources(module))
     return kernel
 
 
 def compilable(*functions: Callable[..., Any]) -> None:
-    """Let compiled loops call functions of arrays, which stay as they are, on single numbers."""
+    """Let compiled loops call functions of arrays, which stay as they are, on single numbers, with those that they
+    call."""
     from numba.extending import register_jitable
 
     for function in functions:
-        register_jitable(function)
+        if function in _COMPILABLE or function is where:
+            continue
+        _COMPILABLE.add(function)
         _WITH_LOOPS.add(function.__module__)
+        register_jitable(function)
+        named = (function.__globals__.get(name) for name in function.__code__.co_names)
+        compilable(*(other for other in named if isinstance(other, FunctionType)))
 
 
 def cpu_s() -> float:
@@ -123,4 +135,7 @@ def _imported(module: str) -> Iterator[str]:
 
 @functools.cache
 def _source(module: str) -> str:
-    return inspect.getsource(sys.modules[module])
+    try:
+        return inspect.getsource(sys.modules[module])
+    except OSError:  # what is typed has no file; numba then tells functions by their content
+        return ""

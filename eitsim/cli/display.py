@@ -192,7 +192,7 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
         print(f"{presses['count']} labelled presses: ln of the moment in mm2 {one['value']:.3g} +- {one['sd']:.2g}; "
               f"{_percent(left['size']['held_out'])} of presses that were not fitted stay unexplained"
               + (f", with a gain for each reading {_percent(left['gains']['held_out'])}"
-                 if document["kind"] == "changes only" else ""))
+                 if document["absolute_model"] != "usable" else ""))
     if (skin := document["skin"]) is not None:
         left = skin["unexplained"]
         print(f"skin of {skin['count']} presses: {', '.join(skin['kept']) or 'no group'} kept; "

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from eitsim.scene.outline import Outline, corners_and_edges, edge_distance_m, inside, loops, squared_distance
+from eitsim.scene.polygons import Looped, corners_and_edges, edge_distance_m, inside, squared_distance
 from touchcal.arrays import Array
 
 STRAIGHT_M = 100.0  # Radius of the disc whose rim stands for a straight edge, m.
@@ -29,7 +29,7 @@ class NearestEdge:
         return self.disc_m - self.offset_m
 
 
-def quarter_distances_m(outline: Outline, point_m: ArrayLike) -> Array:
+def quarter_distances_m(outline: Looped, point_m: ArrayLike) -> Array:
     """Distances (4,), m, of a point (2,) on the skin to the edges and holes in the four quarters of all directions, the
     first about that to the nearest edge; infinite where a quarter has none. Edges count as points 1/400 of the outline
     from each other."""
@@ -38,7 +38,7 @@ def quarter_distances_m(outline: Outline, point_m: ArrayLike) -> Array:
     return found
 
 
-def nearest_edge(outline: Outline, point_m: ArrayLike) -> NearestEdge:
+def nearest_edge(outline: Looped, point_m: ArrayLike) -> NearestEdge:
     """Of a point (2,) on the skin, m: the straight edge, or the rim through the nearest point of the outline and those
     as far on either side as the point is away, whichever leaves the others further away."""
     point = np.asarray(point_m, dtype=float)
@@ -60,16 +60,16 @@ def nearest_edge(outline: Outline, point_m: ArrayLike) -> NearestEdge:
     return max(found, key=lambda edge: edge.others_m.min())
 
 
-def _as_rim(outline: Outline, point: Array, centre: Array, radius: float, towards: Array) -> NearestEdge:
+def _as_rim(outline: Looped, point: Array, centre: Array, radius: float, towards: Array) -> NearestEdge:
     at = _edge_points(outline)
     off = np.abs(np.linalg.norm(at - centre, axis=1) - radius) > _ON * np.linalg.norm(at - point, axis=1)
     return NearestEdge(radius, float(np.linalg.norm(point - centre)), towards, _by_quarter((at - point)[off], towards))
 
 
-def _edge_points(outline: Outline) -> Array:
+def _edge_points(outline: Looped) -> Array:
     """Points (n, 2) along all edges, m."""
     start, end = corners_and_edges(outline)
-    step = float(np.ptp(loops(outline)[0], axis=0).max()) / _STEPS
+    step = float(np.ptp(outline.loops[0], axis=0).max()) / _STEPS
     pieces = np.ceil(np.linalg.norm(end - start, axis=1) / step).astype(int)
     edge = np.repeat(np.arange(len(start)), pieces)
     way = (np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[edge]
@@ -85,9 +85,9 @@ def _by_quarter(offset: Array, towards: Array | None = None) -> Array:
     return np.array([np.min(away[quarter == k], initial=np.inf) for k in range(4)])
 
 
-def _on_either_side(outline: Outline, edge: int, way: float, length: float) -> tuple[Array, Array]:
+def _on_either_side(outline: Looped, edge: int, way: float, length: float) -> tuple[Array, Array]:
     """Points of the loop of an edge, a length before and after a place on it, at most a sixth of the loop, m."""
-    parts = loops(outline)
+    parts = outline.loops
     ends = np.cumsum([len(part) for part in parts])
     which = int(np.searchsorted(ends, edge, side="right"))
     loop, edge = parts[which], edge - (0 if which == 0 else int(ends[which - 1]))
@@ -108,7 +108,7 @@ def _centre(a: Array, b: Array, c: Array) -> Array | None:
     return b + np.array([q[1] * (p @ p) - p[1] * (q @ q), p[0] * (q @ q) - q[0] * (p @ p)]) / twice
 
 
-def straight_edges(outline: Outline, point_m: ArrayLike, reach_m: float) -> list[tuple[Array, float]]:
+def straight_edges(outline: Looped, point_m: ArrayLike, reach_m: float) -> list[tuple[Array, float]]:
     """Directions (2,) towards the straight edges nearer to a place on the skin than a reach, and their distances, m,
     where they alone bound the skin that near, as whole lines that meet at right or acute angles; none where they do
     not: near re-entrant, obtuse and round corners and holes."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from eitsim.scene.mesh_file import read_mesh
-from eitsim.scene.outline import MOST_POINTS, signed_area
+from eitsim.scene.polygons import MOST_POINTS, signed_area
 from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.scene.choices import Kind
 from eitsim.scene.scene import STRAINS
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 
 
@@ -15,7 +16,8 @@ from touchcal.arrays import Array
 class Decision:
     """One choice of the plan."""
 
-    decision: str  # what was decided, for instance "axisymmetric about the punch"
+    kind: Kind  # what was decided, by which code compares
+    decision: str  # the same in words, for instance "axisymmetric about the punch"
     reason: str  # why
     error_bound: float  # relative error of the touch signal dV that it may cost, at most; 0 where it costs none
     unbounded: bool = False  # whether it leaves something out whose cost is unknown
@@ -81,7 +83,7 @@ class Section:
     elements: NDArray[np.int64]
     # (nodes, 2) displacement (u_r, u_z), m
     displacement_m: Array
-    law: Hyperfoam
+    law: Law
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +107,7 @@ class Volume:
     punch_m: float
     # angle of the direction that angles count from, from the x axis, rad
     bearing_rad: float
-    law: Hyperfoam
+    law: Law
     axis_m: Array  # (2,) x and y of the punch's axis, m
     # (edges, 2, 2) starts and ends of the edges of an outline, from the punch's axis, m; None on a disc
     edges_m: Array | None = None

@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eitsim.scene.channels import Channels, sinks
-from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, as_tuples, protocol
-from eitsim.scene.electrodes import IMPEDANCES, PLACES, Electrodes, check, unread
-from eitsim.scene.outline import OUTLINES, Outline, area_m2, check_outline, edge_distance_m
-from eitsim.scene.outline_electrodes import check_on_outline
+from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, protocol
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.edges.edge import Edge
+from eitsim.scene.edges.outline import Loop, Outline, Point, check_keys
+from eitsim.scene.electrodes import IMPEDANCES, Electrodes, unread
+from eitsim.scene.polygons import KINDS
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import profiles
 from eitsim.scene.scene_files import with_files
@@ -38,28 +40,30 @@ MOST_TOUCHES = 100
 
 
 @dataclass(frozen=True)
-class Body(Outline):
-    """Foam of one thickness, bottom fixed: a disc, unless the outline is another. ValueError for one that is none."""
+class Body:
+    """Foam of one thickness, bottom fixed."""
 
-    radius_m: float = 0.1  # of the disc; of another outline, that of the disc of its area
+    edge: Edge = field(default_factory=Disc)  # where it ends, and its coating with it
     thickness_m: float = 0.01  # of the foam, m
-
-    def __post_init__(self) -> None:
-        for name in ("points_m", "holes_m"):
-            object.__setattr__(self, name, as_tuples(getattr(self, name)))
-        check_outline(self.shape)
-        if self.has_outline:
-            object.__setattr__(self, "radius_m", math.sqrt(area_m2(self.shape) / math.pi))
 
     @property
     def has_outline(self) -> bool:
         """Whether it is no disc."""
-        return self.outline != "disc"
+        return not self.edge.is_round
 
     @property
-    def shape(self) -> Outline:
-        """Its outline alone, whatever the foam's thickness."""
-        return Outline(**{part.name: getattr(self, part.name) for part in fields(Outline)})
+    def radius_m(self) -> float:
+        """Radius of a disc, m; ValueError for another edge."""
+        if not isinstance(self.edge, Disc):
+            raise ValueError("the body is no disc, and has no radius.")
+        return self.edge.radius_m
+
+    @property
+    def outline(self) -> Outline:
+        """The outline of a skin that is no disc; ValueError for a disc."""
+        if not isinstance(self.edge, Outline):
+            raise ValueError("the body is a disc, and has no outline.")
+        return self.edge
 
 
 @dataclass(frozen=True)
@@ -134,11 +138,31 @@ class Scene:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "punches", tuple(self.punches))
-        own = self.electrodes
-        if self.body.has_outline and own.kind == "line" and not own.angles_rad and not any(
-                getattr(own, name) for name in PLACES):
-            even = tuple((-k if own.clockwise else k) % own.count / own.count for k in range(own.count))
-            object.__setattr__(self, "electrodes", replace(own, shares=even, clockwise=False))
+        object.__setattr__(self, "electrodes", self.body.edge.placed(self.electrodes))
+
+
+@dataclass(frozen=True)
+class _BodyKeys:
+    """The table [body] of a scene file: of a disc, a rectangle or a polygon; None for what is not written there."""
+
+    radius_m: float | None = None  # of a disc, m; that of `Disc` unless given
+    thickness_m: float = Body.thickness_m
+    outline: str | None = "disc"
+    width_m: float | None = None
+    height_m: float | None = None
+    corner_radius_m: float | None = None
+    points_m: Loop = ()
+    holes_m: tuple[Point | Loop, ...] = ()
+
+    def body(self) -> Body:
+        names = ("width_m", "height_m", "corner_radius_m", "points_m", "holes_m")
+        sizes = {name: getattr(self, name) for name in names}
+        if self.outline not in (None, "disc"):
+            if self.radius_m is not None:
+                raise ValueError("radius_mm in [body] has no effect with an outline; leave it out.")
+            return Body(Outline(self.outline, **sizes), self.thickness_m)
+        check_keys("disc", sizes)
+        return Body(Disc() if self.radius_m is None else Disc(self.radius_m), self.thickness_m)
 
 
 # table -> scene-file key -> (field, its units per SI unit); the one place where units of a scene file are converted
@@ -176,13 +200,13 @@ EACH = ("width_mm", "length_mm", "turn_deg", "shape", "contact_impedance_Ohm_m",
 LISTS = {"drive": MATRICES, "electrodes": ("angles_deg", "missing", "positions_mm", "shares", "x_mm", "y_mm"),
           "body": ("points_mm", "holes_mm")}
 _IN_FILES = {"drive": ("pairs",)}  # keys of files alone, which `with_files` replaces
-_CLASSES = {"body": Body, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive, "channels": Channels,
-            "hold": Hold, "accuracy": Accuracy}
+_CLASSES = {"body": _BodyKeys, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive,
+            "channels": Channels, "hold": Hold, "accuracy": Accuracy}
 
 
 def _words() -> dict[tuple[str, str], Collection[str]]:
     """The keys that hold one of a few words."""
-    return {("body", "outline"): OUTLINES, ("punch", "profile"): profiles(), ("punch", "friction"): FRICTIONS,
+    return {("body", "outline"): ("disc", *KINDS), ("punch", "profile"): profiles(), ("punch", "friction"): FRICTIONS,
             ("skin", "strain"): STRAINS, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
 
 
@@ -218,9 +242,7 @@ def rim_gap_m(body: Body, punch: Punch) -> float:
 def from_edge_m(body: Body, points_m: Array) -> Array:
     """Distance (...) of points (..., 2) to the rim, or to the nearest edge or hole of an outline, m; negative
     outside."""
-    if body.has_outline:
-        return edge_distance_m(body, points_m)
-    return body.radius_m - np.hypot(points_m[..., 0], points_m[..., 1])
+    return body.edge.gap_m(points_m)
 
 
 def scene_keys() -> dict[str, tuple[str, ...]]:
@@ -232,7 +254,7 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
     """The scene as the tables of a scene file, every default that has an effect filled in, units as the keys say."""
     out: dict[str, Any] = {}
     for table, keys in _KEYS.items():
-        parts = scene.punches if table == "punch" else (getattr(scene, table),)
+        parts = _parts(scene, table)
         blocks = [{key: _unconverted(getattr(part, name), per) for key, (name, per) in keys.items()
                    if getattr(part, name) is not None} for part in parts]
         out[table] = blocks if table == "punch" else blocks[0]
@@ -247,17 +269,22 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
     return out
 
 
+def _parts(scene: Scene, table: str) -> tuple[Any, ...]:
+    """What a table of a scene file holds, as objects whose fields its keys name."""
+    if table == "body":
+        return (_BodyKeys(thickness_m=scene.body.thickness_m, **scene.body.edge.keys),)
+    return scene.punches if table == "punch" else (getattr(scene, table),)
+
+
 def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
     """Take out of a scene's tables what outlines alone have, or what they leave without effect."""
-    outlined, surface = scene.body.has_outline, scene.electrodes.kind == "surface"
-    idle = {"body": ("radius_mm",) if outlined else ("outline",),
-            "electrodes": ("first_angle_deg",) if surface else ("shape", "turn_deg", "opening_deg")}
-    if outlined and not surface:
-        idle["electrodes"] += ("length_mm",)
+    outlined, surface = not scene.body.edge.is_round, scene.electrodes.kind == "surface"
+    idle = ("first_angle_deg",) if surface else ("shape", "turn_deg", "opening_deg")
+    idle += ("length_mm",) if outlined and not surface else ()
     empty = {"body": LISTS["body"], "electrodes": ("positions_mm", "shares", "x_mm", "y_mm") + (
         ("angles_deg",) if outlined else ())}
-    for table, keys in idle.items():
-        for key in (*keys, *(key for key in empty[table] if tables[table].get(key) == [])):
+    for table, keys in empty.items():
+        for key in (*(idle if table == "electrodes" else ()), *(key for key in keys if tables[table].get(key) == [])):
             tables[table].pop(key, None)
 
 
@@ -304,8 +331,8 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
     for table in _KEYS:
         if table in raw and table != "punch":
             parts[table] = _electrodes(raw[table]) if table == "electrodes" else _table(table, raw[table])
-    if "body" in parts and parts["body"].outline != "disc" and "radius_mm" in raw["body"]:
-        raise ValueError("radius_mm in [body] has no effect with an outline; leave it out.")
+    if "body" in parts:
+        parts["body"] = parts["body"].body()
     touches = raw.get("punch", {})
     touches = touches if isinstance(touches, list) else [touches]
     if len(touches) > MOST_TOUCHES:
@@ -387,17 +414,13 @@ def _check(scene: Scene) -> None:
     for punch in scene.punches:
         _check_punch(punch, body)
     for table, keys in _KEYS.items():
-        for part in scene.punches if table == "punch" else (getattr(scene, table),):
+        for part in _parts(scene, table):
             for key, (name, per) in keys.items():
                 _check_limits(table, key, getattr(part, name), per)
-    parts = {"body": body, "skin": scene.skin, "hold": scene.hold}
     for (table, key), words in _words().items():
-        for part in scene.punches if table == "punch" else (parts[table],):
+        for part in _parts(scene, table) if table != "body" else ():
             _choice(f"{key} in [{table}]", getattr(part, key), words)
-    if body.has_outline:
-        check_on_outline(body, electrodes)
-    else:
-        check(body.radius_m, electrodes)
+    body.edge.check(electrodes)
     _require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
     _require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",
              "has no effect without time_s; give time_s, or leave it out", scene.hold.loading_s)

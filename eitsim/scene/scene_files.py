@@ -10,10 +10,11 @@ import numpy as np
 from eitsim.scene.calibrated_electrodes import with_calibrated
 from eitsim.scene.drive import with_matrices
 from eitsim.scene.drive_pairs import with_pairs
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_edge import arc_at, arcs_of, edge_starts
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
-from eitsim.scene.outline import OUTLINES, Outline
-from eitsim.scene.outline_edge import arc_at, arcs_of, edge_starts
 from eitsim.scene.outline_files import Corners, line_groups, outline_of_file
+from eitsim.scene.polygons import KINDS
 from touchcal.arrays import Array
 from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number
@@ -60,7 +61,7 @@ def _with_outline(body: Mapping[str, Any], electrodes: Any, folder: Path) -> dic
         raise ValueError("mesh in [body]: a scene is a flat skin under a punch; mechanics on curved bodies is left "
                          "out. `eitsim solve-mesh` reads this table in the file of a curved skin.")
     name = body.get("outline")
-    if isinstance(name, str) and name not in OUTLINES and "." in name:
+    if isinstance(name, str) and name not in ("disc", *KINDS) and "." in name:
         if "points_mm" in body:
             raise ValueError(f"points_mm in [body] has no effect with outline = \"{name}\"; leave it out.")
         outer, holes = _corners(folder / name, body, electrodes)
@@ -101,7 +102,7 @@ def _from_lines(electrodes: Mapping[str, Any], body: Mapping[str, Any], read: Ma
     if len(chosen) < FEWEST:
         raise InputFileError(path, f"groups in [electrodes]: at least {FEWEST} groups of lines must be named "
                                    f"{electrodes['groups']} and a number; it has {', '.join(found) or 'none'}.")
-    outline = Outline(outline="polygon", points_m=tuple(map(tuple, 1e-3 * np.array(read["points_mm"]))))
+    outline = Outline("polygon", points_m=tuple(map(tuple, 1e-3 * np.array(read["points_mm"]))))
     places = [_along(path, name, 1e-3 * found[name], outline) for name in chosen]
     kept = {key: value for key, value in electrodes.items() if key != "groups"}
     made = {"positions_mm": [1e3 * middle for middle, _ in places], "width_mm": [1e3 * width for _, width in places]}

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from eitsim.scene.drive import Drive
+from eitsim.scene.edges.outline_electrodes import along_edge
 from eitsim.scene.electrodes import Electrodes, identical
-from eitsim.scene.outline_electrodes import along_edge
 from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.companions import FEWEST
 from eitsim.sensors.conventions import MEAN, counts_for, pattern_name
@@ -215,9 +215,10 @@ def _renumbered(found: Inspection) -> str:
     way, turn = max(found.placements, key=lambda one: one[0])  # the likeliest, of the same way round where there is one
     if electrodes.kind != "line":
         return "List x_mm and y_mm in [electrodes] in the order of the readings, or correct the outline."
-    if not body.has_outline:
+    if not _outlined(found):
         return "List their angles_deg in [electrodes] in the order of the readings."
-    places_mm = 1e3 * along_edge(body, electrodes)[(way * np.arange(electrodes.count) + turn) % electrodes.count]
+    order = (way * np.arange(electrodes.count) + turn) % electrodes.count
+    places_mm = 1e3 * along_edge(body.outline, electrodes)[order]
     first = ", ".join(f"{place:.6g}" for place in places_mm[:_MOST_NAMED])
     return (f"List their places in [electrodes] in the order of the readings, positions_mm = [{first}, ...], or "
             "correct the outline.")

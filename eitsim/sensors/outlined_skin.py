@@ -10,8 +10,8 @@ import numpy as np
 
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.outline.edge_admittance import edge_admittance, sliding_mesh
+from eitsim.scene.edges.outline_edge import edge_starts
 from eitsim.scene.electrodes import IMPEDANCES, contact_impedances, there
-from eitsim.scene.outline_edge import edge_starts
 from eitsim.scene.scene import Body, Electrodes
 from touchcal.arrays import Array, Index
 
@@ -48,7 +48,7 @@ def outlined_skin(body: Body, electrodes: Electrodes) -> OutlinedSkin:
         electrodes = _on_unit_sheet(electrodes)
         edge = edge_admittance(sliding_mesh(body, electrodes, _SHEET_S), electrodes, _SHEET_S)
         z = np.linalg.pinv(edge.admittance_S, hermitian=True)
-        spacing = edge_starts(body)[-1] / count / body.radius_m
+        spacing = edge_starts(body.outline)[-1] / count / body.edge.size_m
         by_width, by_place, by_sheet = (-z @ one @ z for one in (edge.by_width.sum(axis=0)[None],
                                                                  spacing * edge.by_angle, edge.by_sheet))
     else:

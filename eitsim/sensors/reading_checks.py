@@ -3,6 +3,7 @@
 Two lists of numbers that should be the same, a and later b, are |a - b| / |a| from each other, 2-norms.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -81,12 +82,15 @@ def mean_frame(frames: Array) -> Array:
 
 
 def noise(untouched: Array) -> float | None:
-    """Standard deviation of one reading by the differences of successive untouched frames (frames, readings), over the
-    frames' r.m.s.; empty frames do not count; None of fewer than three."""
+    """Standard deviation of one reading by the third differences of successive untouched frames (frames, readings),
+    which leave out ramps and slow waves, over the frames' r.m.s.; empty frames do not count; None of fewer than three.
+    """
     untouched = _not_empty(untouched)
     if len(untouched) < _FEWEST:
         return None
-    return float(np.sqrt(np.nanmean(np.diff(untouched, axis=0) ** 2) / 2 / np.nanmean(untouched**2)))
+    order = min(3, len(untouched) - 1)
+    squares = np.nanmean(np.diff(untouched, order, axis=0) ** 2) / math.comb(2 * order, order)
+    return float(np.sqrt(squares / np.nanmean(untouched**2)))
 
 
 def drift(untouched: Array) -> float | None:

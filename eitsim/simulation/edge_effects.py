@@ -1,4 +1,4 @@
-"""How much the rim of a disc, or the edges of an outline, change a touch, and which of them it must count."""
+"""How much the rim of a disc, or the edges of an outline, change a touch."""
 
 import itertools
 import math
@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.nearest_edge import nearest_edge, quarter_distances_m
-from eitsim.scene.outline import Outline
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 
 # Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
@@ -18,8 +18,8 @@ _GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
 _RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.031, 0.008]),
                "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
                "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
-# Part of the requested signal error that neglecting the rim may use up.
-RIM_SHARE = 0.5
+# Part of the requested signal error that neglecting edges may use up.
+EDGE_SHARE = 0.5
 # What one edge changes of another's change, over the product of both as tabulated (benchmarks/several_edges.py): above
 # all that was measured by the normal and by the largest strain in plane.
 _INTERPLAY = 6.0
@@ -37,15 +37,10 @@ def rim_effect(gap_m: float, thickness_m: float, strain: str) -> float:
     return float(effect[-1] * math.exp(-rate * (gap - _GAP[-1])))
 
 
-def near_rim(scene: Scene, punch: Punch) -> bool:
-    """Whether neglecting the rim may cost more of the signal than its share of the requested error."""
-    return rim_gap_m(scene.body, punch) <= 0 or effect_of_edges(scene, punch) > RIM_SHARE * scene.accuracy.signal
-
-
 def effect_of_edges(scene: Scene, punch: Punch) -> float:
     """What neglecting the rim may cost; with an outline what all its edges and holes may change."""
     if scene.body.has_outline:
-        return _edges_effect(scene, scene.body.shape, punch)
+        return _edges_effect(scene, scene.body.outline, punch)
     return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
 
 
@@ -59,22 +54,15 @@ def _edges_effect(scene: Scene, outline: Outline, punch: Punch) -> float:
 def stiffening(scene: Scene, punch: Punch) -> float:
     """What electrodes that do not give way may change: as much as the edges that may carry them, which of a skin with
     electrodes along its outer edge is that one alone."""
-    if scene.electrodes.kind == "line" and scene.body.holes_m:
-        return _edges_effect(scene, replace(scene.body.shape, holes_m=()), punch)
+    if scene.electrodes.kind == "line" and len(scene.body.edge.loops) > 1:
+        return _edges_effect(scene, replace(scene.body.outline, holes_m=()), punch)
     return effect_of_edges(scene, punch)
-
-
-def several_edges(scene: Scene, punch: Punch) -> bool:
-    """Whether a touch near an edge of an outline must be solved with all edges: in corners, next to holes, in strips,
-    where the others may cost more of the signal than their share of the requested error."""
-    return (scene.body.has_outline and near_rim(scene, punch)
-            and other_edges_effect(scene, punch) > RIM_SHARE * scene.accuracy.signal)
 
 
 def other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -> float:
     """What the edges but the nearest may cost: the sum of what the rim of a disc would, as near as the nearest of them
     in each quarter about the punch; outside: of those further from its edge than so many thicknesses."""
-    others = nearest_edge(scene.body.shape, (punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
+    others = nearest_edge(scene.body.outline, (punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in others.tolist()
                if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
 
@@ -83,7 +71,7 @@ def added_edges_cost(scene: Scene, punch: Punch, reach: float) -> float:
     """What adding up the changes by several edges, each found by itself, may cost of the signal: products of two of
     them, and those of edges further from the punch's edge than a reach, thicknesses."""
     effects = [rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in (
-        quarter_distances_m(scene.body, (punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()]
+        scene.body.edge.quarters_m((punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()]
     products = sum(one * other for one, other in itertools.combinations(effects, 2))
     return _INTERPLAY * products + other_edges_effect(scene, punch, reach)
 
@@ -94,5 +82,5 @@ def least_gap_m(scene: Scene) -> float:
     thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
     ways = (1.0, 1.0, math.sqrt(2), math.sqrt(2)) if scene.body.has_outline else (1.0,)
     near = np.array([sum(rim_effect(way * gap * thickness, thickness, scene.skin.strain) for way in ways)
-                     for gap in gaps]) > RIM_SHARE * scene.accuracy.signal
+                     for gap in gaps]) > EDGE_SHARE * scene.accuracy.signal
     return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from eitsim.scene.scene import Scene
 from matcal.card import MaterialCard, require, with_moduli
 from matcal.laws.conductivity import Conductivity
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 
 
@@ -15,7 +15,7 @@ class Material:
 
     card: MaterialCard  # the card they are from
     # the foam's law: with the moduli that the scene asks for, or instantaneous ones where there is a hold
-    law: Hyperfoam
+    law: Law
     c0_S_per_m: float | None = None  # conductivity of the untouched skin by a calibrated sensor; None: the card's
 
     @property

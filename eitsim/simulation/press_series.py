@@ -16,15 +16,16 @@ from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_disp
 from eitsim.electrics.sheet.sheet_conductance import driving_strain, surface_metric
 from eitsim.mechanics.rim.displacement_field import Places, displacement, gradient, widening
 from eitsim.mechanics.rim.half_disc_fields import INWARDS, Lattice, lattice_of, turn
+from eitsim.scene.edges.outline_edge import edge_starts, places_along
+from eitsim.scene.edges.outline_electrodes import patch_loops, stretches_along
 from eitsim.scene.electrodes import arcs, lengths
 from eitsim.scene.nearest_edge import nearest_edge
-from eitsim.scene.outline import corners_and_edges, loops
-from eitsim.scene.outline_edge import edge_starts, places_along
-from eitsim.scene.outline_electrodes import patch_loops, stretches_along
+from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import Array, Touch, Volume
 from eitsim.scene.scene import Body, Punch, Scene, as_scene, profile_of
+from eitsim.simulation.choose import choose
 from eitsim.simulation.material import material_of
-from eitsim.simulation.touches import solved_touches
+from eitsim.simulation.words import refusal
 from matcal.card import MaterialCard, as_card
 from touchcal.whole_file import written
 
@@ -97,7 +98,7 @@ def press_of(scene: Scene | Path | str, card: MaterialCard | Path | str, last: T
     Raises
     ------
     ValueError
-        Where the scene has no such series.
+        Where the scene has no such series, or cannot be solved.
     NotConverged
         Where a touch does not converge.
 
@@ -113,14 +114,17 @@ def press_of(scene: Scene | Path | str, card: MaterialCard | Path | str, last: T
     """
     scene = as_scene(scene)
     check_press(scene, steps)
-    law, (punch,) = material_of(scene, as_card(card)).law, scene.punches
+    material, (punch,) = material_of(scene, as_card(card)), scene.punches
     touches = []
     for k in range(1, steps + 1):
         if k == steps and last is not None:
             touches.append(last)
         else:
             part = replace(scene, punches=(loaded(punch, k / steps),))
-            touches += solved_touches(law, part, [None], (), exact)
+            chosen = choose(part, material, exact=exact)
+            if chosen.why is not None:
+                raise ValueError(refusal(chosen.why))
+            touches += chosen.touches()
         progress(k)
     return tuple(touches)
 
@@ -202,14 +206,14 @@ def volume_of(body: Body, punch: Punch, touch: Touch) -> Volume:
         raise ValueError("this touch keeps no displacements inside the foam: it comes from a table, or lies near an "
                          "edge where they are not built. Solve it without one.")
     section, place = touch.section, np.array([punch.x_m, punch.y_m])
-    edges = np.stack(corners_and_edges(body.shape), axis=1) - place if body.has_outline else None
+    edges = np.stack(corners_and_edges(body.outline), axis=1) - place if body.has_outline else None
     rows = int(np.argmax(np.diff(section.nodes_m[:, 1]) < 0)) + 1  # nodes go column by column, upwards
     radius, height = section.nodes_m[::rows, 0], section.nodes_m[:rows, 1]
     moved = np.zeros((len(radius), rows, 3, 1))
     moved[..., [0, 2], 0] = section.displacement_m.reshape(-1, rows, 2)
     none = np.zeros(2)
     order = math.isqrt(section.elements.shape[1]) - 1
-    return Volume(radius, height - height[-1], order, moved, none, none, np.zeros((2, 2)), body.radius_m,
+    return Volume(radius, height - height[-1], order, moved, none, none, np.zeros((2, 2)), body.edge.size_m,
                   math.hypot(punch.x_m, punch.y_m), punch.diameter_m / 2, math.atan2(punch.y_m, punch.x_m), section.law,
                   place, edges)
 
@@ -245,7 +249,7 @@ def _cut_rad(body: Body, punch: Punch) -> float | None:
     """Direction to the nearest edge of an outline, rad; None on a disc."""
     if not body.has_outline:
         return None
-    towards = nearest_edge(body.shape, (punch.x_m, punch.y_m)).towards
+    towards = nearest_edge(body.outline, (punch.x_m, punch.y_m)).towards
     return math.atan2(towards[1], towards[0])
 
 
@@ -341,7 +345,7 @@ def _on_disc(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
 
 def _on_outline(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
     """As `_on_disc`: lines along the outer edge, or patches on the surface, then all edges."""
-    shape = scene.body.shape
+    shape = scene.body.outline
     if scene.electrodes.kind == "line":
         starts = edge_starts(shape)
         corners = np.concatenate([starts[:-1] + turn * starts[-1] for turn in (-1, 0, 1, 2)])
@@ -353,7 +357,7 @@ def _on_outline(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
         for place, loop in zip(own, patch_loops(scene.electrodes), strict=True):
             fan = np.column_stack([_chain(len(loop)), np.full(len(loop), len(loop))])
             yield "triangle", np.vstack([loop, place]), fan
-    for loop in loops(shape):
+    for loop in shape.loops:
         yield "line", loop, _chain(len(loop))
 
 

@@ -73,7 +73,8 @@ def _rows(values: Array) -> list[list[float | None]]:
 
 def decisions(plan: Plan) -> list[dict[str, Any]]:
     """The decisions of a plan as plain JSON values; strain_bound only where it is not the error_bound."""
-    return [{"decision": d.decision, "reason": d.reason, "error_bound": d.error_bound}
+    return [{"kind": d.kind.value, "decision": d.decision, "reason": d.reason, "error_bound": d.error_bound,
+             "unbounded": d.unbounded}
             | ({} if d.strain_bound is None else {"strain_bound": d.strain_bound}) for d in plan.decisions]
 
 
@@ -127,7 +128,7 @@ def mechanical(touch: Touch) -> dict[str, float]:
 
 def profile(touch: Touch, scene: Scene) -> dict[str, list[float]]:
     """Surface fields of a touch along the reference radius, out to the disc's radius, units in their names."""
-    inside = touch.radius_m <= scene.body.radius_m
+    inside = touch.radius_m <= scene.body.edge.size_m
     fields = {"radius_mm": touch.radius_m * 1e3, "u_r_mm": touch.u_r_m * 1e3, "u_z_mm": touch.u_z_m * 1e3,
               "pressure_kPa": touch.pressure_Pa / 1e3, "stretch_normal": touch.stretch_normal,
               "stretch_meridian": touch.stretch_meridian, "stretch_hoop": touch.stretch_hoop}

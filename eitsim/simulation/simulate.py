@@ -10,21 +10,19 @@ from pathlib import Path
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.sheet.sheet_conductance import FoldedSkin
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
-from eitsim.mechanics.load_paths.law_family import Family, table_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strain
 from eitsim.scene.scene import Scene, as_scene
+from eitsim.simulation.choose import Chosen, choose
 from eitsim.simulation.contact_end import with_conductors
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
-from eitsim.simulation.plan import make_plan, together
-from eitsim.simulation.reuse import decision, scene_shape, served, table_for
-from eitsim.simulation.touches import fine_enough, held_touch, solved_touches
+from eitsim.simulation.plan import make_plan, plan_of
+from eitsim.simulation.reuse import scene_shape, table_for
 from eitsim.simulation.validity import check_positive
 from matcal.card import MaterialCard, as_card, lacking
 from matcal.laws.conductivity import Conductivity
-from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.errors import NotConverged
 from touchcal.jit import compilation_s, cpu_s
 
@@ -117,52 +115,38 @@ def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: b
 
 
 def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
-                table: Table | Family | None = None) -> Result:
+                table: Table | None = None) -> Result:
     """Solve a scene with a card or its material; a refusal or a failure of a solver is the result's outcome, which its
     message explains.
 
     exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan says; table: load
-    paths, or a family of them, that serve the touches they hold to the requested error (reuse.served), not with exact.
+    paths that serve the touches they hold to the requested error (choose.served), not with exact.
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu, compiling = time.perf_counter(), cpu_s(), compilation_s()
     material = material_of(scene, card)
-    skin_law = material.skin
-    paths = None if exact else table_of(table, material.law)
-    stored = _stored(paths, material.law, scene)
-    made = make_plan(scene, material, exact=exact, reused=[
-        decision(paths, touch, scene) if paths is not None and touch is not None else None
-        for touch in stored])
-    result = Result("refused", made, message=made.refusal) if made.refusal else _solved(
-        made, material, skin_law, scene, stored, exact, keep=paths is not None)
+    _ = material.skin  # ValueError where the card lacks it
+    chosen = choose(scene, material, exact=exact, table=table)
+    made = plan_of(chosen)
+    result = _solved(chosen, made) if chosen.why is None else Result("refused", made, message=made.refusal)
     return replace(result, cost={
         "cpu_s": cpu_s() - cpu, "compilation_cpu_s": compilation_s() - compiling, "wall_s": time.perf_counter() - wall,
         "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})
-
-
-def _stored(table: Table | None, law: Hyperfoam, scene: Scene) -> list[Touch | None]:
-    """The touches that a table serves finely enough, with what each cost, changes by the rim too; None for each that is
-    to be solved."""
-    begun = cpu_s()
-    found = [touch if touch is not None and (touch.rim is not None or fine_enough([touch], scene)) else None
-             for touch in served(table, law, scene)]
-    each = (cpu_s() - begun) / max(sum(touch is not None for touch in found), 1)
-    return [touch and replace(touch, cpu_s=each) for touch in found]
 
 
 class _Refused(ValueError):
     """What only the solved touch shows."""
 
 
-def _solved(plan: Plan, material: Material, skin_law: Conductivity, scene: Scene, stored: list[Touch | None],
-            exact: bool, *, keep: bool) -> Result:
+def _solved(chosen: Chosen, plan: Plan) -> Result:
     """A planned scene, solved; without a cost yet."""
     try:
-        if scene.hold.time_s:
-            moments = _moments(material, skin_law, scene, exact)
-            return _result(scene, plan, (moments[-1].touch,), moments[-1].readings, moments, exact)
-        touches = solved_touches(material.law, scene, stored, together(scene, exact=exact), exact, keep=keep)
-        return _result(scene, plan, touches, readings_of(scene, touches, skin_law, exact), (), exact)
+        if chosen.scene.hold.time_s:
+            moments = _moments(chosen)
+            return _result(chosen, plan, (moments[-1].touch,), moments[-1].readings, moments)
+        touches = chosen.touches()
+        return _result(chosen, plan, touches, readings_of(chosen.scene, touches, chosen.material.skin, chosen.exact),
+                       ())
     except _Refused as error:
         return Result("refused", plan, message=str(error))
     except NotConverged as error:
@@ -170,10 +154,11 @@ def _solved(plan: Plan, material: Material, skin_law: Conductivity, scene: Scene
                       residuals=error.residuals, load_fraction=error.load_fraction)
 
 
-def _result(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Readings, moments: tuple[Moment, ...],
-            exact: bool) -> Result:
+def _result(chosen: Chosen, plan: Plan, touches: tuple[Touch, ...], readings: Readings,
+            moments: tuple[Moment, ...]) -> Result:
     """What was solved, with its errors, and what is wrong with it."""
-    neighbours, unplanned = _neighbours(scene, touches, exact)
+    scene = chosen.scene
+    neighbours, unplanned = _neighbours(chosen, touches)
     numerical = numerical_errors(touches, readings, scene.skin.strain)
     error_estimate = error_budget(plan, numerical, unplanned, readings)
     deepest, too_deep = max(touch.depth_m for touch in touches), ""
@@ -185,13 +170,13 @@ def _result(scene: Scene, plan: Plan, touches: tuple[Touch, ...], readings: Read
                   error_estimate=error_estimate, numerical_error=numerical)
 
 
-def _neighbours(scene: Scene, touches: tuple[Touch, ...], exact: bool) -> tuple[dict[str, float], dict[str, float]]:
+def _neighbours(chosen: Chosen, touches: tuple[Touch, ...]) -> tuple[dict[str, float], dict[str, float]]:
     """What neighbours may change of the solved touches, and what of that the plan did not count."""
     if len(touches) < 2:
         return {}, {}
-    groups = together(scene, exact=exact)
-    found = interaction(tuple(zip(scene.punches, touches, strict=True)), groups)
-    planned = expected(scene.body, scene.punches, groups)
+    punches = chosen.scene.punches
+    found = interaction(tuple(zip(punches, touches, strict=True)), chosen.groups)
+    planned = expected(chosen.scene.body, punches, chosen.groups)
     return found, {key: max(value - planned, 0.0) for key, value in found.items()}
 
 
@@ -211,10 +196,10 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
         raise _Refused(str(error)) from None
 
 
-def _moments(material: Material, skin_law: Conductivity, scene: Scene, exact: bool) -> tuple[Moment, ...]:
+def _moments(chosen: Chosen) -> tuple[Moment, ...]:
     """A held touch with its readings; one solve serves all times where the strains stay as they were loaded."""
-    (punch,) = scene.punches
-    held = held_touch(material.law, material.series, scene, punch, exact)
+    held, scene = chosen.held(), chosen.scene
+    skin_law, exact = chosen.material.skin, chosen.exact
     if scene.hold.keeps_deformation:
         readings = [readings_of(scene, (held[0][1],), skin_law, exact)] * len(held)
     else:

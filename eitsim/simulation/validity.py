@@ -1,6 +1,5 @@
 """What a scene and a card may ask of numbers: forces, depths and conductivities that rounding does not hide."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -9,11 +8,13 @@ import numpy as np
 
 from eitsim.electrics.sheet.sheet_conductance import driving_strain
 from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene, profile_of
 from eitsim.simulation.material import Material
 from matcal.laws.conductivity import Conductivity, conductivity
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
+from touchcal.choice import Choice
 
 # Force over the foam's modulus times the square of the thickness or of the diameter, the larger, and depth over the
 # thickness, below which a touch is lost in rounding; a hundredth of either was still solved (Table 1, 14 mm).
@@ -25,10 +26,10 @@ _MOST_ELEMENTS, _WIDEST = 2000, 0.08
 _FLAT = -0.97  # Strain that touches of a foam come near to: flat.
 
 
-def unresolvable(scene: Scene, material: Material) -> str:
-    """Why a touch or the card's conductivity is more than numbers resolve, with the remedy; empty where none is."""
+def unresolvable(scene: Scene, material: Material) -> Choice | None:
+    """Why a touch or the card's conductivity is more than numbers resolve; None where none is."""
     problems = (_too_thin(scene.body, punch) or _too_light(scene.body, punch, material.law) for punch in scene.punches)
-    return _conductivity_problem(material) or next((problem for problem in problems if problem), "")
+    return _conductivity_problem(material) or next((problem for problem in problems if problem), None)
 
 
 def positive_from(law: Conductivity) -> float | None:
@@ -55,36 +56,28 @@ def check_positive(law: Conductivity, strain: str, touches: Sequence[Touch]) -> 
                          f"tells. Press less, or fix the card: {error}") from None
 
 
-def _conductivity_problem(material: Material) -> str:
-    card, law = material.card, None if material.card.conductivity is None else material.skin
+def _conductivity_problem(material: Material) -> Choice | None:
+    law = None if material.card.conductivity is None else material.skin
     if law is None or _LEAST_S_PER_M <= law.c0_S_per_m <= _LARGEST_S_PER_M:
-        return ""
-    return (f"c0_S_per_m = {law.c0_S_per_m:g} in the conductivity of card '{card.name}': {_LEAST_S_PER_M:g} to "
-            f"{_LARGEST_S_PER_M:g} S/m is solved; check its unit, or fit the conductivity again.")
+        return None
+    return Choice(Why.CONDUCTIVITY_UNIT, {"c0_S_per_m": law.c0_S_per_m, "card": material.card.name,
+                                          "least": _LEAST_S_PER_M, "most": _LARGEST_S_PER_M})
 
 
-def _too_thin(body: Body, punch: Punch) -> str:
+def _too_thin(body: Body, punch: Punch) -> Choice | None:
     """Whether the foam is so thin under the punch that its mesh takes too long: counted before it is built."""
     profile = profile_of(punch)
     rounded, inner = profile.edge_radius, punch.diameter_m / 2 - profile.edge_radius
     count = rounded / default_element_m(body, replace(punch, fillet_m=rounded)) + inner / (_WIDEST * body.thickness_m)
-    if count <= _MOST_ELEMENTS:
-        return ""
-    return (f"thickness_mm = {body.thickness_m * 1e3:g} in [body] is so little under a punch of diameter_mm = "
-            f"{punch.diameter_m * 1e3:g} that the foam's mesh needs {count:.2g} elements across, at most "
-            f"{_MOST_ELEMENTS} are solved; give a thickness of {body.thickness_m * count / _MOST_ELEMENTS * 1e3:.2g} "
-            "mm or more, or a smaller punch.")
+    return None if count <= _MOST_ELEMENTS else Choice(Why.TOO_THIN, {
+        "thickness_m": body.thickness_m, "diameter_m": punch.diameter_m, "count": count, "most": _MOST_ELEMENTS})
 
 
-def _too_light(body: Body, punch: Punch, law: Hyperfoam) -> str:
+def _too_light(body: Body, punch: Punch, law: Law) -> Choice | None:
     if punch.depth_m is not None:
         least_m = _LEAST_DEPTH * body.thickness_m
-        return "" if punch.depth_m >= least_m else (
-            f"depth_mm = {punch.depth_m * 1e3:g} in [punch] is so little that rounding hides the touch; give at least "
-            f"{least_m * 1e3:g}.")
+        return None if punch.depth_m >= least_m else Choice(Why.TOO_SHALLOW, {
+            "depth_m": punch.depth_m, "least_m": least_m})
     least_N = _LEAST_FORCE * law.mu_0_Pa * max(body.thickness_m, punch.diameter_m) ** 2
-    if punch.force_N is None or punch.force_N >= least_N:
-        return ""
-    digits = 10.0 ** (math.floor(math.log10(least_N)) - 1)
-    return (f"force_N = {punch.force_N:g} in [punch] is so little that rounding hides the touch; this foam needs at "
-            f"least {math.ceil(least_N / digits) * digits:.2g}.")
+    return None if punch.force_N is None or punch.force_N >= least_N else Choice(Why.TOO_LIGHT, {
+        "force_N": punch.force_N, "least_N": least_N})

@@ -1,4 +1,4 @@
-"""Strong ellipticity of the hyperfoam law at any principal stretches, in closed form.
+"""Strong ellipticity of a law at any principal stretches, in closed form.
 
 With w(l) the energy in principal stretches, W is strongly elliptic where all (tau_i - tau_j)/(x_i - x_j) > 0 and, for
 every choice of signs e, the matrix with w_ii on and e_i e_j w_ij + (w_i - e_i e_j w_j)/(l_i - e_i e_j l_j) off its
@@ -10,19 +10,19 @@ matrices: Hadeler, Linear Algebra Appl. 49 (1983) 79, DOI 10.1016/0024-3795(83)9
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from matcal.laws.hyperfoam import Hyperfoam, kirchhoff, kirchhoff_difference, kirchhoff_tangent, sinh_ratio
+from matcal.laws.law import Law, sinh_ratio
 from touchcal.arrays import Array
 
 _FIRST, _SECOND = np.array([0, 0, 1]), np.array([1, 2, 2])
 _SIGNS = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))  # Signs e_i e_j of the pairs (1, 2), (1, 3), (2, 3).
 
 
-def strongly_elliptic(law: Hyperfoam, x: ArrayLike) -> NDArray[np.bool_]:
+def strongly_elliptic(law: Law, x: ArrayLike) -> NDArray[np.bool_]:
     """Whether the law is strongly elliptic, (...), at logarithmic principal stretches x (..., 3)."""
     x = np.asarray(x, dtype=float)
-    tau, tangent = kirchhoff(law, x), kirchhoff_tangent(law, x)
+    tau, tangent = law.kirchhoff(x), law.tangent(x)
     half = (x[..., _FIRST] - x[..., _SECOND]) / 2
-    slope = kirchhoff_difference(law, (x[..., _FIRST] + x[..., _SECOND]) / 2, half)
+    slope = law.difference((x[..., _FIRST] + x[..., _SECOND]) / 2, half, x[..., ::-1])
     middle, cross = (tau[..., _FIRST] + tau[..., _SECOND]) / 2, tangent[..., _FIRST, _SECOND]
     same = cross + slope * np.cosh(half) / sinh_ratio(half) - middle
     opposite = middle - slope * half * np.tanh(half) - cross

@@ -9,64 +9,15 @@ Source: Abaqus Theory Guide, "Hyperelastic material behavior"; Storakers, J. Mec
 DOI 10.1016/0022-5096(86)90033-5.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from matcal.laws.law import Law, Parameter, Ranges, Real, check
 from touchcal.arrays import Array
 from touchcal.jit import where
-
-Real = Array | float  # an array, or a number inside a compiled loop
-MODULI = ("instantaneous", "longterm")
-
-
-@dataclass(frozen=True)
-class Hyperfoam:
-    """Parameters of the law."""
-
-    mu_Pa: Array  # (N,) shear moduli, Pa; any sign, their sum (mu_0) must be positive
-    alpha: Array  # (N,) exponents, non-zero
-    nu: Array  # (N,) Poisson-like ratios, -1 < nu < 1/2
-    moduli: str = "longterm"  # whether mu_Pa are the moduli before or after relaxation
-    # mode -> (lowest, highest) fitted nominal strain (gamma for shear, J for volumetric)
-    strain_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for name in ("mu_Pa", "alpha", "nu"):
-            value = np.array(getattr(self, name), dtype=float, ndmin=1)
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
-        if not (self.mu_Pa.shape == self.alpha.shape == self.nu.shape) or self.mu_Pa.ndim != 1:
-            raise ValueError(f"hyperfoam: mu_Pa, alpha and nu must have one length, got {self.mu_Pa.size}, "
-                             f"{self.alpha.size} and {self.nu.size}.")
-        if not np.all(np.isfinite(np.concatenate([self.mu_Pa, self.alpha, self.nu]))):
-            raise ValueError("hyperfoam: mu_Pa, alpha and nu must be finite numbers.")
-        if np.any(self.alpha == 0):
-            raise ValueError("hyperfoam: alpha must not be 0; its limit is not part of this law.")
-        if np.any(self.nu >= 0.5) or np.any(self.nu <= -1):
-            raise ValueError(f"hyperfoam: nu must lie between -1 and 0.5, got {self.nu.tolist()}.")
-        if self.mu_Pa.sum() <= 0:
-            raise ValueError(f"hyperfoam: mu_0 = sum of mu_Pa must be positive, got {self.mu_Pa.sum():g} Pa.")
-        if self.moduli not in MODULI:
-            raise ValueError(f"hyperfoam: moduli '{self.moduli}' is unknown; known: {', '.join(MODULI)}.")
-
-    @property
-    def beta(self) -> Array:
-        """(N,) beta_i = nu_i/(1 - 2 nu_i)."""
-        return self.nu / (1 - 2 * self.nu)
-
-    @property
-    def mu_0_Pa(self) -> float:
-        """Initial shear modulus mu_0 = sum mu_i, Pa."""
-        return float(self.mu_Pa.sum())
-
-    @property
-    def E_0_Pa(self) -> float:
-        """Initial Young's modulus, Pa: 2 mu_0 (1 + nu_0) with the bulk modulus sum 2 mu_i (1/3 + beta_i)."""
-        bulk = float(np.sum(2 * self.mu_Pa * (1 / 3 + self.beta)))
-        return 9 * bulk * self.mu_0_Pa / (3 * bulk + self.mu_0_Pa)
 
 
 def energy_term(mu: float, alpha: float, beta: float, x_1: Real, x_2: Real, x_3: Real) -> Real:
@@ -116,26 +67,28 @@ def exp_remainder(z: Real) -> Real:
     series = z * z * (1 / 2 + z * (1 / 6 + z * (1 / 24 + z * (1 / 120 + z * (1 / 720 + z / 5040)))))
     return where(np.abs(z) < 0.05, series, np.expm1(z) - z)
 
-
-def sinh_ratio(z: Real) -> Real:
-    """sinh(z)/z without cancellation, 1 at 0."""
-    small = np.abs(z) < 1e-4
-    return where(small, 1 + z * z / 6, np.sinh(z) / where(small, 1.0, z))
-
-
-# What compiled loops may call.
-TERMS = (energy_term, stretch_growth, volume_growth, kirchhoff_term, stretch_tangent_term, volume_tangent_term,
-         divided_difference_term, exp_remainder, sinh_ratio)
-
-
-def energy(law: Hyperfoam, x: ArrayLike) -> Array:
-    """Strain energy per reference volume, Pa, at logarithmic stretches x (..., 3)."""
-    x_1, x_2, x_3 = np.moveaxis(np.asarray(x, dtype=float), -1, 0)
-    total = np.zeros(x_1.shape)
-    with np.errstate(over="ignore", invalid="ignore"):
-        for mu, a, b in zip(law.mu_Pa, law.alpha, law.beta, strict=True):
-            total = total + energy_term(mu, a, b, x_1, x_2, x_3)
-    return total
+def respond(p, x, mean, half, tau, tangent, slope):
+    """As `matcal.laws.compiled_response.responses`: each power of a stretch is worked out once."""
+    growth = np.empty(3)
+    tau[:] = 0.0
+    tangent[:] = 0.0
+    slope[:] = 0.0
+    for n in range(x.shape[0]):
+        for i in range(p.shape[1]):
+            mu, alpha, beta = p[0, i], p[1, i], p[2, i]
+            volume, bulk = 0.0, 0.0
+            if beta != 0:
+                volume = volume_growth(alpha, beta, x[n, 0] + x[n, 1] + x[n, 2])
+                bulk = volume_tangent_term(mu, beta, volume)
+            for k in range(3):
+                growth[k] = stretch_growth(alpha, x[n, k])
+                tau[n, k] += kirchhoff_term(mu, alpha, growth[k], volume)
+                tangent[n, k, k] += stretch_tangent_term(mu, growth[k])
+                for m in range(3):
+                    tangent[n, k, m] += bulk
+            for pair in range(half.shape[1]):
+                first, second = pair // 2, 1 + (pair + 1) // 2
+                slope[n, pair] += divided_difference_term(mu, alpha, half[n, pair], growth[first], growth[second])
 
 
 def kirchhoff_per_modulus(alpha: ArrayLike, beta: ArrayLike, x: ArrayLike) -> Array:
@@ -148,27 +101,89 @@ def kirchhoff_per_modulus(alpha: ArrayLike, beta: ArrayLike, x: ArrayLike) -> Ar
     return np.asarray(kirchhoff_term(1.0, a, stretch_growth(a, x), volume))
 
 
-def kirchhoff(law: Hyperfoam, x: ArrayLike) -> Array:
-    """Principal Kirchhoff stresses tau_k = dU/dx_k, Pa, (..., 3), at logarithmic stretches x (..., 3)."""
-    return np.tensordot(law.mu_Pa, kirchhoff_per_modulus(law.alpha, law.beta, x), axes=1)
+@dataclass(frozen=True)
+class Hyperfoam(Law):
+    """Parameters of the law."""
 
+    name: ClassVar[str] = "hyperfoam"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("mu_Pa", (-np.inf, np.inf), 1.0, True), Parameter("alpha", (-50.0, 50.0), 2.0, True),
+        Parameter("nu", (-0.9, 0.495), 0.0, True, varied=False))
+    linear_parameters: ClassVar[tuple[str, ...]] = ("mu_Pa",)
+    respond = staticmethod(respond)
+    mu_Pa: Array  # (N,) shear moduli, Pa; any sign, their sum (mu_0) must be positive
+    alpha: Array  # (N,) exponents, non-zero
+    nu: Array  # (N,) Poisson-like ratios, -1 < nu < 1/2
+    moduli: str = "longterm"  # whether mu_Pa are the moduli before or after relaxation
+    # mode -> (lowest, highest) fitted nominal strain (gamma for shear, J for volumetric)
+    strain_range: Ranges = field(default_factory=dict)
 
-def kirchhoff_tangent(law: Hyperfoam, x: ArrayLike) -> Array:
-    """d tau_k / d x_l = d2U/dx_k dx_l, Pa, (..., 3, 3), symmetric, at logarithmic stretches x (..., 3)."""
-    x = np.asarray(x, dtype=float)
-    s = x.sum(axis=-1)[..., None, None]
-    tangent = np.zeros((*x.shape, 3))
-    for mu, a, b in zip(law.mu_Pa, law.alpha, law.beta, strict=True):
-        own = np.asarray(stretch_tangent_term(mu, stretch_growth(a, x)))
-        tangent = tangent + (own[..., None] * np.eye(3) + volume_tangent_term(mu, b, volume_growth(a, b, s)))
-    return tangent
+    def __post_init__(self) -> None:
+        for name in ("mu_Pa", "alpha", "nu"):
+            value = np.array(getattr(self, name), dtype=float, ndmin=1)
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if not (self.mu_Pa.shape == self.alpha.shape == self.nu.shape) or self.mu_Pa.ndim != 1:
+            raise ValueError(f"hyperfoam: mu_Pa, alpha and nu must have one length, got {self.mu_Pa.size}, "
+                             f"{self.alpha.size} and {self.nu.size}.")
+        if np.any(self.alpha == 0):
+            raise ValueError("hyperfoam: alpha must not be 0; its limit is not part of this law.")
+        if np.any(self.nu >= 0.5) or np.any(self.nu <= -1):
+            raise ValueError(f"hyperfoam: nu must lie between -1 and 0.5, got {self.nu.tolist()}.")
+        check(self)
 
+    @property
+    def beta(self) -> Array:
+        """(N,) beta_i = nu_i/(1 - 2 nu_i)."""
+        return self.nu / (1 - 2 * self.nu)
 
-def kirchhoff_difference(law: Hyperfoam, mean: ArrayLike, half: ArrayLike) -> Array:
-    """Divided difference (tau_1 - tau_2)/(x_1 - x_2), Pa, at x_1, x_2 = mean +- half, of any one shape."""
-    mean, half = np.asarray(mean, dtype=float), np.asarray(half, dtype=float)
-    difference = np.zeros(np.broadcast_shapes(mean.shape, half.shape))
-    for mu, a in zip(law.mu_Pa, law.alpha, strict=True):
-        ends = stretch_growth(a, mean + half), stretch_growth(a, mean - half)
-        difference = difference + divided_difference_term(mu, a, half, *ends)
-    return difference
+    @property
+    def numbers(self) -> Array:
+        """(3, N) mu, alpha and beta."""
+        return np.stack([self.mu_Pa, self.alpha, self.beta])
+
+    @property
+    def mu_0_Pa(self) -> float:
+        """Initial shear modulus mu_0 = sum mu_i, Pa."""
+        return float(self.mu_Pa.sum())
+
+    @property
+    def kappa_0_Pa(self) -> float:
+        """Initial bulk modulus sum 2 mu_i (1/3 + beta_i), Pa."""
+        return float(np.sum(2 * self.mu_Pa * (1 / 3 + self.beta)))
+
+    @property
+    def hencky_ratio(self) -> tuple[float, bool]:
+        """nu where it is one for all terms, at every strain; else the mean."""
+        return float(self.nu.mean()), bool(np.ptp(self.nu) == 0)
+
+    @staticmethod
+    def energy_at(p, x_1, x_2, x_3):
+        """As `Law.energy_at`, of p (3, N)."""
+        total = 0.0
+        for i in range(p.shape[1]):
+            total = total + energy_term(p[0, i], p[1, i], p[2, i], x_1, x_2, x_3)
+        return total
+
+    def kirchhoff(self, x: ArrayLike) -> Array:
+        """As `Law.kirchhoff`, of all terms at once."""
+        return np.tensordot(self.mu_Pa, kirchhoff_per_modulus(self.alpha, self.beta, x), axes=1)
+
+    def tangent(self, x: ArrayLike) -> Array:
+        """As `Law.tangent`."""
+        x = np.asarray(x, dtype=float)
+        s = x.sum(axis=-1)[..., None, None]
+        tangent = np.zeros((*x.shape, 3))
+        for mu, a, b in zip(self.mu_Pa, self.alpha, self.beta, strict=True):
+            own = np.asarray(stretch_tangent_term(mu, stretch_growth(a, x)))
+            tangent = tangent + (own[..., None] * np.eye(3) + volume_tangent_term(mu, b, volume_growth(a, b, s)))
+        return tangent
+
+    def difference(self, mean: ArrayLike, half: ArrayLike, third: ArrayLike = 0.0) -> Array:
+        """As `Law.difference`, whatever x_3."""
+        mean, half = np.asarray(mean, dtype=float), np.asarray(half, dtype=float)
+        difference = np.zeros(np.broadcast_shapes(mean.shape, half.shape))
+        for mu, a in zip(self.mu_Pa, self.alpha, strict=True):
+            ends = stretch_growth(a, mean + half), stretch_growth(a, mean - half)
+            difference = difference + divided_difference_term(mu, a, half, *ends)
+        return difference

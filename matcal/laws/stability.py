@@ -1,7 +1,7 @@
-"""Where along each test mode a hyperfoam law loses Drucker stability or strong ellipticity.
+"""Where along each test mode a law loses Drucker stability or strong ellipticity.
 
 - drucker: the Kirchhoff stress works positively on every increment of logarithmic strain, d tau : d ln V > 0. For
-  principal stretches that is positive definiteness of `hyperfoam.kirchhoff_tangent`; with beta = 0 it is
+  principal stretches that is positive definiteness of its tangent; of a hyperfoam with beta = 0 it is
   sum mu_i lambda^alpha_i > 0 at each stretch. (The twist of the axes adds (tau_i - tau_j)/(x_i - x_j) > 0, which
   follows from it along these paths.)
 - elliptic: the acoustic tensor Q(n) is positive definite for every direction n, so that waves of every polarisation
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from matcal.laws.deformation_modes import MODES, log_stretches
 from matcal.laws.ellipticity import strongly_elliptic
-from matcal.laws.hyperfoam import Hyperfoam, kirchhoff, kirchhoff_tangent
+from matcal.laws.law import Law, moduli_of
 from touchcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -35,14 +35,14 @@ _STIFFEST = 1e10
 _END = 1e-7
 
 
-def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
+def stability(law: Law) -> dict[str, dict[str, dict[str, object]]]:
     """Where along each mode a law is not Drucker stable or loses ellipticity, over the strains SCANNED, as far as its
     moduli are finite there.
 
     Parameters
     ----------
     law
-        Hyperfoam law; `matcal.check` takes a card.
+        Any law; `matcal.check` takes a card.
 
     Returns
     -------
@@ -58,20 +58,20 @@ def stability(law: Hyperfoam) -> dict[str, dict[str, dict[str, object]]]:
     return {criterion: {mode: _scan(law, criterion, mode) for mode in MODES} for criterion in CRITERIA}
 
 
-def is_stable(law: Hyperfoam, criterion: str, mode: str, strain: ArrayLike) -> NDArray[np.bool_]:
+def is_stable(law: Law, criterion: str, mode: str, strain: ArrayLike) -> NDArray[np.bool_]:
     """Whether the law keeps a criterion, (n,), at strains (n,) of a mode.
 
     It does not where the free faces find no stress-free stretch (unequal nu): such a state does not exist.
     """
     x, exists = _states(law, mode, np.atleast_1d(strain))
     if criterion == "drucker":
-        return exists & (np.linalg.eigvalsh(kirchhoff_tangent(law, x))[..., 0] > 0)
+        return exists & (np.linalg.eigvalsh(law.tangent(x))[..., 0] > 0)
     if criterion == "elliptic":
         return exists & strongly_elliptic(law, x)
     raise ValueError(f"criterion '{criterion}' is unknown; known: {', '.join(CRITERIA)}.")
 
 
-def _states(law: Hyperfoam, mode: str, strain: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _states(law: Law, mode: str, strain: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Logarithmic stretches (n, 3), 0 where there are none, and whether there are."""
     try:
         return log_stretches(law, mode, strain), np.ones(strain.size, dtype=bool)
@@ -80,7 +80,7 @@ def _states(law: Hyperfoam, mode: str, strain: Array) -> tuple[Array, NDArray[np
         return np.where(exists[:, None], error.estimate, 0.0), exists
 
 
-def unstable_ranges(law: Hyperfoam, criterion: str, mode: str, strain: Array) -> list[list[float]]:
+def unstable_ranges(law: Law, criterion: str, mode: str, strain: Array) -> list[list[float]]:
     """[[lo, hi], ...] where the law loses a criterion, scanned at increasing strains (n,); ends found by bisection."""
     stable = is_stable(law, criterion, mode, strain)
     edges = np.flatnonzero(stable[1:] != stable[:-1])
@@ -93,23 +93,23 @@ def unstable_ranges(law: Hyperfoam, criterion: str, mode: str, strain: Array) ->
     return [[float(lo), float(hi)] for lo, hi in zip(ends[::2], ends[1::2], strict=True)]
 
 
-def _scan(law: Hyperfoam, criterion: str, mode: str) -> dict[str, object]:
+def _scan(law: Law, criterion: str, mode: str) -> dict[str, object]:
     strain = np.linspace(*SCANNED[mode], _POINTS)
     with np.errstate(over="ignore", invalid="ignore"):
-        stiffness = np.abs(kirchhoff_tangent(law, _states(law, mode, strain)[0])).max(axis=(1, 2))
-    strain = strain[stiffness < _STIFFEST * np.abs(law.mu_Pa).sum()]
+        stiffness = np.abs(law.tangent(_states(law, mode, strain)[0])).max(axis=(1, 2))
+    strain = strain[stiffness < _STIFFEST * sum(np.abs(getattr(law, name)).sum() for name in moduli_of(law))]
     ranges = unstable_ranges(law, criterion, mode, strain)
     return {"stable": not ranges, "unstable_strain": ranges, "scanned": [float(strain[0]), float(strain[-1])]}
 
 
-def acoustic_form(law: Hyperfoam, x: Array, n: Array, m: Array) -> Array:
+def acoustic_form(law: Law, x: Array, n: Array, m: Array) -> Array:
     """m . J Q(n) m, Pa, (k,), of unit directions n, m (k, 3) in principal axes at logarithmic stretches x (k, 3)."""
     normal, shear, cross = _instantaneous_moduli(law, x)
     on_axis = normal * n**2 + np.einsum("kpi,kp->ki", shear, n**2)
     return np.sum(on_axis * m**2, axis=1) + np.einsum("kij,ki,kj->k", cross, n * m, n * m)
 
 
-def worst_acoustic_directions(law: Hyperfoam, x: Array) -> tuple[Array, Array, Array]:
+def worst_acoustic_directions(law: Law, x: Array) -> tuple[Array, Array, Array]:
     """(least eigenvalue of J Q(n) over n, (k,), Pa; that n (k, 3); its polarisation m (k, 3)) at x (k, 3)."""
     squares = _worst_squares(law, x)
     n = np.sqrt(squares)
@@ -117,7 +117,7 @@ def worst_acoustic_directions(law: Hyperfoam, x: Array) -> tuple[Array, Array, A
     return value[:, 0, 0], n, vectors[:, 0, :, 0]
 
 
-def _worst_squares(law: Hyperfoam, x: Array) -> Array:
+def _worst_squares(law: Law, x: Array) -> Array:
     """Squared direction cosines (n, 3) of the worst direction, from a grid refined twice about its worst point."""
     moduli = _instantaneous_moduli(law, x)
     each = np.arange(x.shape[0])
@@ -128,9 +128,9 @@ def _worst_squares(law: Hyperfoam, x: Array) -> Array:
     return squares
 
 
-def _instantaneous_moduli(law: Hyperfoam, x: Array) -> tuple[Array, Array, Array]:
+def _instantaneous_moduli(law: Law, x: Array) -> tuple[Array, Array, Array]:
     """J A_iiii (n, 3); J A_pipi (n, 3, 3) indexed [p, i]; J (A_iijj + A_jiij) (n, 3, 3), zero where i = j."""
-    tau, tangent = kirchhoff(law, x), kirchhoff_tangent(law, x)
+    tau, tangent = law.kirchhoff(x), law.tangent(x)
     diagonal = np.einsum("nii->ni", tangent)
     gap = x[:, :, None] - x[:, None, :]
     separation = np.abs(gap) > 1e-6

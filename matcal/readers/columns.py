@@ -39,6 +39,7 @@ from touchcal.errors import InputFileError
 
 _LOOKED = 100  # rows that show how numbers are written
 _SAME = 1e-3  # two columns of one quantity that differ by no more than this share of their range are one
+_ANOTHER = 2.0  # ratio of two measures of one thing from which on they are of two things, as along and across
 _OTHER_UNIT = 4.0  # ratio of the ranges of two columns of one quantity from which on they have two units
 _INVERSE = {"a conductance": "a resistance", "a resistivity": "a conductivity"}
 _TOGETHER = 0.95  # correlation from which on two columns run in the same way
@@ -325,11 +326,12 @@ def _relation(grid: Grid, header: Header, quantity: str, first: _Column, other: 
 
 def _measured_apart(grid: Grid, header: Header, quantity: str, first: _Column, other: _Column) -> str | None:
     """What is to be minded where the first choice was measured on the specimen alone and another column was not; None
-    where their names do not say so, or their ranges differ as those of two units do."""
+    where their names do not say so, or they differ as two units or two directions do."""
     if quantity not in HOLDS_MORE or preference(quantity, other.name) <= preference(quantity, first.name):
         return None
-    one, two = (float(np.abs(_in_si(grid, header, quantity, column)).max()) for column in (first, other))
-    if not 1 / _OTHER_UNIT < one / max(two, 1e-300) < _OTHER_UNIT:
+    a, b = (_in_si(grid, header, quantity, column) for column in (first, other))
+    one, two = float(np.abs(a).max()), float(np.abs(b).max())
+    if not 1 / _ANOTHER < one / max(two, 1e-300) < _ANOTHER or float((a - a[0]) @ (b - b[0])) <= 0:
         return None
     unit = f" {QUANTITIES[quantity]}" if QUANTITIES[quantity] else ""
     return (f"Two columns of {grid.path.name} are {quantity}: '{shown(first.name)}' is used, as measured on the "

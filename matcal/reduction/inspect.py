@@ -12,8 +12,9 @@ from matcal.readers.recording import QUANTITIES, SIZES, Recording
 from matcal.readers.specimens import specimens_of
 from matcal.readers.units import si_factor
 from matcal.reduction.hold_segments import find_holds
+from matcal.reduction.load_frame import sign_of_load
 from matcal.reduction.loading_doubts import ramp_speed
-from matcal.reduction.stroke_segments import Stroke, find_stroke
+from matcal.reduction.stroke_segments import Stroke, find_stroke, with_smaller
 from matcal.reduction.test_kind import decide_kind
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
@@ -100,6 +101,9 @@ def _motion(recording: Recording) -> dict[str, Any]:
         stroke = find_stroke(recording.columns["displacement"])
     except ValueError as error:
         return {"motion": f"{error}."}
+    if "force" in recording.columns:
+        force = recording.columns["force"]
+        stroke = with_smaller(stroke, sign_of_load(stroke, force) * force)
     out = {"largest_travel_mm": float(stroke.travel.max() * 1e3), "loadings": stroke.loadings}
     if "time" in recording.columns and stroke.end > stroke.start:
         seconds = recording.columns["time"][stroke.end] - recording.columns["time"][stroke.start]

@@ -100,8 +100,9 @@ def _cycles(record: Loading, spans: Sequence[tuple[int, int]]) -> dict[str, Arra
         e, p = side * record.strain[begin:until], side * record.stress_Pa[begin:until]
         if e.size < 3 or e[-1] > _UNLOADED * e.max():
             continue
-        work_in = float(np.trapezoid(p[:end - begin + 1], e[:end - begin + 1]))
-        returned = -float(np.trapezoid(p[end - begin:], e[end - begin:]))
+        pressed = np.clip(p, 0.0, None)  # a cycle that goes on through zero loads the other side
+        work_in = float(np.trapezoid(pressed[:end - begin + 1], e[:end - begin + 1]))
+        returned = -float(np.trapezoid(pressed[end - begin:], e[end - begin:]))
         falling = e[end - begin:][p[end - begin:] <= 4 * record.noise_Pa]
         rows.append((k + 1.0, side * float(p[:end - begin + 1].max()), work_in - returned, work_in,
                      side * float(np.clip(falling[0] if falling.size else e[-1], 0.0, None))))

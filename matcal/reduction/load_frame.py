@@ -14,7 +14,7 @@ from matcal.reduction.loading_direction import SIGNS, named_direction, words_abo
 from matcal.reduction.loading_doubts import collapse, collapse_sentence
 from matcal.reduction.size_checks import check_reach, check_sizes, fix_of_sizes
 from matcal.reduction.specimen import Block
-from matcal.reduction.stroke_segments import Stroke, find_stroke
+from matcal.reduction.stroke_segments import Stroke, find_stroke, with_smaller
 from matcal.statistics.block_means import block_means, sample_noise
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
@@ -34,7 +34,8 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     stroke = _stroke(recording)
     force, time = recording.columns["force"], recording.columns.get("time")
     noise = sample_noise(force)
-    load_sign = _load_sign(stroke, force)
+    load_sign = sign_of_load(stroke, force)
+    stroke = stroke if kind == "relaxation" else with_smaller(stroke, load_sign * force)
     stroke, broken = (stroke, ()) if kind == "relaxation" else _until_collapse(recording, stroke, load_sign * force)
     sign, why = _direction(kind, recording, block, stroke.sign, load_sign)
     notes = [*recording.notes, *block.notes, *why, _start_sentence(recording, stroke)]
@@ -85,7 +86,7 @@ def _stroke(recording: Recording) -> Stroke:
         raise InputFileError(path, f"{error}, so there is no test in it.") from None
 
 
-def _load_sign(stroke: Stroke, force: Array) -> float:
+def sign_of_load(stroke: Stroke, force: Array) -> float:
     """1 where the load grows in the loading, -1 where it falls, by its largest change."""
     change = force[stroke.start:stroke.end + 1] - np.median(force[:max(stroke.start, 1)])
     size = max(1, change.size // 50)

@@ -35,7 +35,7 @@ KEYS = {
                    "volume_mm3", "compliance_mm_per_N", "preload_N"},
     "shear": {"area_mm2", "faces", "length_mm", "width_mm", "thickness_mm", "compliance_mm_per_N"},
     "conductivity": {"length_mm", "width_mm", "thickness_mm", "coating_um", "area_mm2", "voltage_V", "direction",
-                     "rest_resistance_Ohm"},
+                     "rest_resistance_Ohm", "series_resistance_Ohm"},
 }
 
 
@@ -65,6 +65,8 @@ class Strip:
     direction: str | None = None  # one of DIRECTIONS, or None where the files must tell
     rest_resistance_Ohm: float | None = None  # resistance at rest, Ohm, that a relative one refers to
     coated: bool = True  # whether the area is that of a coating ring
+    # resistor in series with the specimen, Ohm; the applied voltage is then over both
+    series_resistance_Ohm: float | None = None
 
 
 def read_tables(path: Path) -> dict[str, Mapping[str, Any]]:
@@ -120,9 +122,10 @@ def _strip(table: Mapping[str, Any], size: Callable[..., float], path: Path) -> 
     area = (size("area_mm2") * 1e-6 if "area_mm2" in table else
             2 * (size("width_mm") + size("thickness_mm")) * 1e-3 * size("coating_um") * 1e-6)
     direction = known_direction(table["direction"], "conductivity", path) if "direction" in table else None
-    known = {key: size(key) for key in ("voltage_V", "rest_resistance_Ohm") if key in table}
+    known = {key: size(key) for key in ("voltage_V", "rest_resistance_Ohm", "series_resistance_Ohm")
+             if key in table}
     return Strip(size("length_mm") * 1e-3, area, known.get("voltage_V"), direction, known.get("rest_resistance_Ohm"),
-                 "area_mm2" not in table)
+                 "area_mm2" not in table, known.get("series_resistance_Ohm"))
 
 
 def known_direction(direction: Any, kind: str, path: Path) -> str:

@@ -7,6 +7,8 @@ import numpy as np
 from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 
+# share of the largest travel, and of the largest load, that a loading before the first has at least
+_LEAST, _LOADED = 0.05, 0.02
 _UPPER, _LOWER = 0.75, 0.60  # a loading passes the upper share of the largest travel after being below the lower
 
 
@@ -42,15 +44,49 @@ def find_stroke(displacement: Array) -> Stroke:
     margin = max(5 * noise, 1e-3 * largest)
     if largest <= 0 or np.count_nonzero(travel > margin) < 5:
         raise ValueError("the displacement never leaves its rest position")
-    rises, falls = _turns(travel, largest)
+    spans = _spans(travel, *_turns(travel, largest), margin)
+    start, end = spans[0]
+    return Stroke(travel, sign, start, end, spans, noise)
+
+
+def with_smaller(stroke: Stroke, load: Array) -> Stroke:
+    """The stroke with the loadings before its first that went less far, in which the load (n,), positive in loading,
+    rose as well: cycles of growing travel. A move without load, as to position the crosshead, is none."""
+    travel, margin = stroke.travel, max(5 * stroke.noise_m, 1e-3 * float(stroke.travel.max()))
+    rise = int(np.flatnonzero(travel > _UPPER * travel.max())[0])
+    rises, falls = _smaller(travel, rise, _LEAST * float(travel.max()))
+    if not rises:
+        return stroke
+    spans = _spans(travel, [*rises, rise], [*falls, travel.size], margin)
+    rest = float(np.median(load[:max(spans[0][0], 1)]))
+    least = max(_LOADED * float(load[stroke.end] - rest), 6 * sample_noise(load))
+    smaller = [span for span in spans[:-1] if np.median(load[max(span[1] - 2, 0):span[1] + 1]) - rest > least]
+    whole = (*smaller, (spans[-1][0], stroke.end), *stroke.spans[1:])
+    return Stroke(travel, stroke.sign, *whole[0], whole, stroke.noise_m)
+
+
+def _smaller(travel: Array, until: int, least: float) -> tuple[list[int], list[int]]:
+    """Rises and falls, as those of `_turns`, of the loadings before a sample that reached no further, of `least` travel
+    or more."""
+    top = np.maximum.accumulate(travel[:until])
+    fallen = np.flatnonzero((travel[:until] < _LOWER * top) & (top > least))
+    if not fallen.size:
+        return [], []
+    last = int(fallen[-1])
+    rises, falls = _turns(travel[:last + 1], float(top[last]))
+    before = _smaller(travel, rises[0], least)
+    return [*before[0], *rises], [*before[1], *falls]
+
+
+def _spans(travel: Array, rises: list[int], falls: list[int], margin: float) -> tuple[tuple[int, int], ...]:
+    """(first sample, first at the end) of each loading."""
     spans = []
     for k, (rise, fall) in enumerate(zip(rises, falls, strict=True)):
         begin = falls[k - 1] if k else 0
         lowest = float(travel[begin:rise].min()) if k else 0.0
         low = np.flatnonzero(travel[begin:rise] <= lowest + margin)
         spans.append((begin + int(low[-1]) + 1 if low.size else begin, _end(travel, rise, fall, margin)))
-    start, end = spans[0]
-    return Stroke(travel, sign, start, end, tuple(spans), noise)
+    return tuple(spans)
 
 
 def _at_rest(displacement: Array) -> int:

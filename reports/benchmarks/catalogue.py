@@ -87,8 +87,8 @@ def _electrics(row: Mapping[str, Any]) -> str:
 
 def _start(row: Mapping[str, Any]) -> str:
     """Method of a fit, with the place that a single start begins from."""
-    first, _, _ = row["setting"].rpartition(", tolerance")
-    return f"{row['method']}, {first}" if first.startswith("from") else row["method"]
+    *start, _ = row["setting"].split(", ")
+    return ", ".join([row["method"], *start]) if start and start[0].split()[0] == "from" else row["method"]
 
 
 def _place(row: Mapping[str, Any]) -> str:

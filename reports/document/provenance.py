@@ -52,7 +52,8 @@ def machine() -> str:
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.is_file():
         lines = cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines()
-        model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), model)
+        facts = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+        model = facts.get("model name", model)
     cores = os.cpu_count() or 1
     return f"{model}, {cores} core{'s' if cores > 1 else ''}"
 

@@ -13,12 +13,12 @@ from eitsim.mechanics.solid.grid import ELEMENTS, default_element_m, foam_grid
 from eitsim.scene.scene import Scene, read_scene
 from eitsim.simulation.material import material_of
 from matcal.card import read_card
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 
 SIZES = (8.0, 4.0, 2.0, 1.0, 0.5)  # Element sizes over the default one, each half of the one before.
 
 
-def table(law: Hyperfoam, scene: Scene) -> pd.DataFrame:
+def table(law: Law, scene: Scene) -> pd.DataFrame:
     """One row a mesh: order, element size (mm), elements and unknowns (of the half-plane through the punch's axis),
     depth (mm), mean contact pressure (kPa), CPU time (s). The touch is frictionless and far from the rim."""
     (punch,), default = scene.punches, default_element_m(scene.body, scene.punches[0])

@@ -1,6 +1,7 @@
 """All eight networks next to the paper's, and the tested cause where one misses by far, for the first pages."""
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,17 @@ OUTPUTS: dict[str, tuple[str, ...]] = {"13": ("x0", "y0"), "14": ("d",), "15": (
                                        "17": ("sigma_ave",), "18": ("delta_max",), "19": ("A_c",)}
 SYMBOLS = {"x0": "x₀", "y0": "y₀"}
 RADIUS_MM = paper_value("7", "radius of the disc")
-SENSOR = "the sensor"  # cause of an output that only another sensor brings to the paper's
 FAR = 1.5  # ratio to the paper's error above which a cause is asked for
 PAPER_R = ("The paper calls its R² the coefficient of determination, but training by Bayesian regularisation in MATLAB "
            "prints R, the correlation of target and value. Both stand here, for the paper may have printed R as R².")
+
+
+class Cause(StrEnum):
+    """What the search says of an output that is far off, in words."""
+
+    HERE = "touches or training"
+    SENSOR = "the sensor"  # only another one brings it to the paper's
+    NONE = "none of these sensors"
 
 
 def paper_rmse(figure: str, name: str, part: str) -> float:
@@ -72,16 +80,15 @@ def causes(scores: Mapping[str, Mapping[str, Any]], search: Rows, own: tuple[str
             rows.append([label(name), number(ratio, 2), "–" if there is None else number(there, 2),
                          variants.words(best["variant"]), number(best[variants.RATIO], 2),
                          cause(there, best[variants.RATIO])])
-    explained = sum(row[-1] == SENSOR for row in rows)
+    explained = sum(row[-1] is Cause.SENSOR for row in rows)
     caption = (f"Tested causes of ratios above {FAR:g}: of {len(rows)}, {explained} fall below it under another "
                f"sensor. “In the search” is this report's sensor ({mine}) on the search's touches.")
     return Table(caption, ["output", "ratio here", "in the search", "best sensor tried", "its ratio", "cause"], rows,
                  "lrrwrl")
 
 
-def cause(own: float | None, best: float) -> str:
-    """What the search says of an output that is far off: ratios of the own sensor there, None where it is not, and of
-    the best."""
+def cause(own: float | None, best: float) -> Cause:
+    """The cause by ratios of the own sensor in the search, None where it is not there, and of the best."""
     if own is not None and own <= FAR:
-        return "touches or training"
-    return SENSOR if best <= FAR else "none of these sensors"
+        return Cause.HERE
+    return Cause.SENSOR if best <= FAR else Cause.NONE

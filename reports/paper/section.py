@@ -90,13 +90,14 @@ def comparison(section: Section, full: pd.DataFrame | None) -> Table | None:
         return None
     methods = list(dict.fromkeys(n.method for n in section.numbers))
     own = found([section])
-    sides = [("this run", own), *([("full run", full[full["figure"] == section.figure])] if full is not None else [])]
+    sides = [(False, own), *([(True, full[full["figure"] == section.figure])] if full is not None else [])]
     rows = [[quantity, unit, _stated(section.figure, quantity, unit),
              *(_cell(pd.DataFrame(side), quantity, unit, method) for method in methods for _, side in sides)]
             for quantity, unit in dict.fromkeys((n.quantity, n.unit) for n in section.numbers)]
     # short heads: the quantities need the width
-    head = ["quantity", "unit", "paper", *(name if not method else method if name == "this run" else f"{method}, full"
-                                           for method in methods for name, _ in sides)]
+    head = ["quantity", "unit", "paper", *(
+        (f"{method}, full" if whole else method) if method else "full run" if whole else "this run"
+        for method in methods for whole, _ in sides)]
     known = sum(row[2] != "–" for row in rows)
     caption = f"{counted(len(rows), 'quantity', 'quantities')}, of which the paper gives {known or 'none'}."
     return Table(caption, head, rows, "wl" + "r" * (len(head) - 2))
@@ -118,7 +119,7 @@ def _cell(table: pd.DataFrame, quantity: str, unit: str, method: str) -> str:
 
 def shown(quantity: str, value: float) -> str:
     """A number of a comparison; whole ones in full, R² and R with what they lack to 1."""
-    if quantity.startswith(("R²", "R,", "R of")):
+    if quantity.split()[0].rstrip(",") in ("R²", "R"):
         return r_squared(value)
     return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else number(value)
 

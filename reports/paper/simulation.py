@@ -115,9 +115,9 @@ def convergence(run: Run) -> Section:
 
 def _convergence_differs(numbers: list[Number]) -> str:
     known = {n.quantity: n.value for n in numbers}
-    if "elements chosen" not in known:
+    if (elements := known.get("elements chosen")) is None:
         return "The table holds no mesh of the default size."
-    return (f"The paper's curves carry no error. Here {known['elements chosen']:.0f} quadratic elements of a "
+    return (f"The paper's curves carry no error. Here {elements:.0f} quadratic elements of a "
             f"half-plane leave {number(known['depth there against the finest mesh'], 2)} % in the depth; the counts "
             "cannot be compared, for the paper's mesh fills the disc in three dimensions.")
 

@@ -13,15 +13,12 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from eitsim.electrics.cem.uneven_sheet import sheet_modes
-from eitsim.scene.electrodes import arcs, contact_impedances
-from eitsim.scene.outline import loops
-from eitsim.scene.outline_edge import places_along
-from eitsim.scene.outline_electrodes import stretches_along
-from eitsim.scene.scene import Body, Scene, from_edge_m
+from eitsim.scene.electrodes import contact_impedances
+from eitsim.scene.scene import Scene, from_edge_m
 from reports.document import style
 from reports.document.numerals import number, percent
 from reports.document.page import ReportFigure
-from reports.touch.outline_figure import edge_path_mm, outlined_skin, outwards
+from reports.touch.sensor_drawing import draw_skin
 from touchcal.arrays import Array
 
 
@@ -45,7 +42,7 @@ def channels(sensor: Scene, offset_mm: Array) -> ReportFigure:
     gains, leaks = 100 * (np.array(sensor.channels.gains) - 1), 1e6 * np.array(sensor.channels.leaks_S)
     most = max(float(np.abs(gains).max()), 1e-3)
     figure = _ring(sensor, offset_mm, gains, Normalize(-most, most), style.DIVERGING, "Gain less the mean (%)")
-    axes, radius, largest = figure.axes[0], sensor.body.radius_m * 1e3, max(float(np.abs(leaks).max()), 1e-9)
+    axes, radius, largest = figure.axes[0], sensor.body.edge.size_m * 1e3, max(float(np.abs(leaks).max()), 1e-9)
     for (x, y), leak in zip(_middles_mm(sensor, -0.2, np.zeros(len(leaks))).tolist(), leaks, strict=True):
         axes.add_patch(Circle((x, y), 0.06 * radius * np.sqrt(abs(leak) / largest), lw=0.8, edgecolor=style.INK,
                               facecolor=style.GREY if leak < 0 else "none"))
@@ -99,10 +96,7 @@ def _draw_sheet(axes: Axes, sensor: Scene) -> str:
     body, modes = sensor.body, sensor.channels.sheet_modes
     if not any(modes):
         return "The sheet is taken as even."
-    low, high = np.array([[-1.0, -1.0], [1.0, 1.0]]) * body.radius_m
-    if body.has_outline:
-        low, high = loops(body)[0].min(axis=0), loops(body)[0].max(axis=0)
-    x, y = np.linspace(low, high, 101).T
+    x, y = np.linspace(*body.edge.box_m, 101).T
     points = np.stack(np.meshgrid(x, y), axis=-1)
     change = 100 * np.tensordot(np.array(modes), sheet_modes(body, points), 1)
     change[from_edge_m(body, points) < 0] = np.nan
@@ -116,10 +110,9 @@ def _ring(sensor: Scene, offset_mm: Array, value: Array, norm: Normalize, colour
     figure = style.sheet(76, style.HALF_WIDTH_MM)
     axes = figure.subplots()
     axes.grid(False)
-    mean = 0.0 if sensor.body.has_outline else np.mean(offset_mm)
     palette = matplotlib.colormaps[colours]
-    _draw_skin(axes, sensor.body)
-    shift = 9 * (offset_mm - mean)
+    draw_skin(axes, sensor.body.edge)
+    shift = 9 * offset_mm
     for path, each in zip(_paths_mm(sensor, shift), value, strict=True):
         axes.plot(*path.T, solid_capstyle="butt", lw=5, color=palette(norm(each)))
     for k, (x, y) in enumerate(_middles_mm(sensor, 0.13, shift).tolist()):
@@ -128,35 +121,15 @@ def _ring(sensor: Scene, offset_mm: Array, value: Array, norm: Normalize, colour
     return figure
 
 
-def _draw_skin(axes: Axes, body: Body) -> None:
-    """The skin from above, to scale."""
-    if body.has_outline:
-        outlined_skin(axes, body)
-        return
-    radius = body.radius_m * 1e3
-    axes.add_patch(Circle((0, 0), radius, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
-    axes.set_aspect("equal")
-    axes.set_xlim(-1.22 * radius, 1.22 * radius)
-    axes.set_ylim(-1.22 * radius, 1.22 * radius)
-    style.label(axes, "x (mm)", "y (mm)")
-
-
 def _paths_mm(sensor: Scene, shift_mm: Array) -> list[Array]:
     """(n, 2) the stretch of the edge under each electrode, shifted along it."""
-    body = sensor.body
-    if body.has_outline:
-        ends = stretches_along(body, sensor.electrodes) + 1e-3 * shift_mm[:, None]
-        return [edge_path_mm(body, first, last) for first, last in ends.tolist()]
-    angles = [np.linspace(start, stop, 9) for start, stop in
-              arcs(body.radius_m, sensor.electrodes) + 1e-3 * shift_mm[:, None] / body.radius_m]
-    return [1e3 * body.radius_m * np.column_stack([np.cos(one), np.sin(one)]) for one in angles]
+    edge = sensor.body.edge
+    ends = edge.stretches_m(sensor.electrodes) + 1e-3 * shift_mm[:, None]
+    return [1e3 * edge.path_m(first, last) for first, last in ends.tolist()]
 
 
 def _middles_mm(sensor: Scene, out: float, shift_mm: Array) -> Array:
-    """(N, 2) the electrodes' middles shifted along the edge, and outwards by so much of the body's radius."""
-    body = sensor.body
-    if body.has_outline:
-        ends = stretches_along(body, sensor.electrodes) + 1e-3 * shift_mm[:, None]
-        return 1e3 * (places_along(body, ends.mean(axis=1)) + out * body.radius_m * outwards(body, ends))
-    angle = arcs(body.radius_m, sensor.electrodes).mean(axis=1) + 1e-3 * shift_mm / body.radius_m
-    return 1e3 * (1 + out) * body.radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+    """(N, 2) the electrodes' middles shifted along the edge, and outwards by so much of its size."""
+    edge = sensor.body.edge
+    ends = edge.stretches_m(sensor.electrodes) + 1e-3 * shift_mm[:, None]
+    return 1e3 * (edge.along_m(ends.mean(axis=1)) + out * edge.size_m * edge.outwards(ends))

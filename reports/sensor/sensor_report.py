@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from eitsim.scene.calibrated_electrodes import NAMES, calibrated_tables, read_fitted
-from eitsim.scene.outline import area_m2
 from eitsim.scene.scene import scene_from
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent
@@ -53,8 +52,7 @@ def report(path: Path) -> Report:
                if name not in tables}
     sensor = document["sensor"]
     body = scene_from({"body": sensor["body"]}).body
-    skin = (f"along the edge of a skin of {number(1e6 * area_m2(body))} mm²" if body.has_outline else
-            f"on a disc of radius {number(sensor['body']['radius_mm'])} mm")
+    skin = f"along the edge of a skin of {number(1e6 * body.edge.area_m2)} mm²"
     subtitle = (f"{sensor['electrodes']['count']} electrodes {skin}; "
                 f"{counted(document['untouched_frames'], 'untouched frame')}")
     footer = provenance.footer([provenance.source(path)], "seed 0: halves of the drives and starts")

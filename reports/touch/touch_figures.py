@@ -9,12 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from eitsim.scene.electrodes import arcs
 from eitsim.scene.scene import Punch, rim_gap_m, scene_from
 from reports.document import style
 from reports.document.numerals import number
 from reports.document.page import ReportFigure
-from reports.touch.outline_figure import outlined_sensor
+from reports.touch.sensor_drawing import draw_sensor
 
 Array = NDArray[np.float64]
 
@@ -22,22 +21,7 @@ Array = NDArray[np.float64]
 def sensor(axes: Axes, body: Mapping[str, Any], electrodes: Mapping[str, Any]) -> None:
     """Skin and electrodes from above, to scale, electrode numbers from 0; missing ones in grey. Tables as in a scene
     file."""
-    drawn = scene_from({"body": body, "electrodes": electrodes})
-    if drawn.body.has_outline:
-        outlined_sensor(axes, drawn)
-        return
-    radius_mm, ring = drawn.body.radius_m * 1e3, drawn.electrodes
-    axes.add_patch(Circle((0, 0), radius_mm, facecolor="#f7f7f7", edgecolor=style.GREY, lw=0.6))
-    for k, (start, stop) in enumerate(arcs(radius_mm / 1e3, ring)):
-        arc, middle = np.linspace(start, stop, 9), (start + stop) / 2
-        axes.plot(radius_mm * np.cos(arc), radius_mm * np.sin(arc), solid_capstyle="butt", lw=2.2,
-                  color=style.GREY if k in ring.missing else style.INK)
-        axes.text(1.1 * radius_mm * np.cos(middle), 1.1 * radius_mm * np.sin(middle), str(k), ha="center", va="center",
-                  fontsize=7)
-    axes.set_aspect("equal")
-    axes.set_xlim(-1.19 * radius_mm, 1.19 * radius_mm)
-    axes.set_ylim(-1.19 * radius_mm, 1.19 * radius_mm)
-    style.label(axes, "x (mm)", "y (mm)")
+    draw_sensor(axes, scene_from({"body": body, "electrodes": electrodes}))
 
 
 def scene(tables: Mapping[str, Any]) -> ReportFigure:
@@ -55,8 +39,8 @@ def scene(tables: Mapping[str, Any]) -> ReportFigure:
             axes.text(punch["x_mm"], punch["y_mm"], str(len(gaps)), ha="center", va="center", fontsize=7)
     count = tables["electrodes"]["count"]
     caption = (f"The sensor from above, to scale, with {count} numbered electrodes and {_punches(tables['punch'])}; "
-               f"{'its edge' if len(gaps) == 1 else 'the nearest edge'} is {number(min(gaps))} mm from the "
-               f"{'nearest edge of the skin' if body.has_outline else 'rim'}.")
+               f"{'its edge' if len(gaps) == 1 else 'the nearest edge'} is {number(min(gaps))} mm from "
+               f"{body.edge.name}.")
     return ReportFigure("scene", figure, caption, {"scene": pd.DataFrame(tables["punch"])})
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.scene.choices import Kind
 from eitsim.simulation.result_json import ERRORS, MECHANICS
 from reports.document import provenance
 from reports.document.numerals import counted, interval, number, percent, typeset, volts
@@ -16,6 +17,8 @@ from reports.touch.drive_sentence import drive_sentence
 from touchcal.document import Keys
 from touchcal.json_file import read_json
 
+# Kinds of decisions by which edges or a neighbour change the touch.
+CHANGED = {Kind.NEAREST_EDGE, Kind.ALL_EDGES, Kind.WHOLE_DISC, Kind.PAIR}
 RUN_AGAIN = "Run `eitsim run` again with --skin."
 NO_MAPS = ("No maps of the skin: the result names no file of them. `eitsim run --skin skin.vtu --out result.json` "
            "writes one.")
@@ -90,7 +93,7 @@ def _verdict(result: Mapping[str, Any]) -> list[Verdict]:
 def _cautions(result: Mapping[str, Any]) -> list[str]:
     """What the run itself says, and decisions whose cost is in no error estimate."""
     said = [result["message"]] if result["outcome"] == "ok" and result.get("message") else []
-    unknown = [d["decision"] for d in result["plan"] if "unknown" in d["reason"]]
+    unknown = [d["decision"] for d in result["plan"] if d.get("unbounded")]
     said += [f"At a cost that is unknown and in no error: {'; '.join(unknown)}."] if unknown else []
     return [*map(typeset, said)]
 
@@ -127,8 +130,7 @@ def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFig
         plates.append(touch_figures.scene(result["scene"]))
     if profiles := result.get("profile", []):
         # where the rim or a neighbour changes the surface outside the profile, that is of the touch alone
-        alone = any(words in decision["decision"] for decision in result["plan"]
-                    for words in ("mechanics in three dimensions", "solved together"))
+        alone = any(decision.get("kind") in CHANGED for decision in result["plan"])
         plates += [touch_figures.profile(block, i, len(profiles), alone) for i, block in enumerate(profiles)]
     else:
         absent["profile"] = "No surface profile: the result holds none."

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from eitsim.scene.electrodes import identical
-from eitsim.scene.outline import centroid_m
+from eitsim.scene.polygons import centroid_m
 from eitsim.scene.scene import Punch, Scene
 from eitsim.sensors.layout.touch_slopes import outline_places_m
 from eitsim.sweeps.measurement.instrument import below
@@ -52,7 +52,7 @@ def places(scene: Scene, radii: int = RADII, angles: int = ANGLES) -> list[tuple
         raise ValueError(f"a map is that of one punch; the scene has {len(scene.punches)}. Give one [punch].")
     if scene.body.has_outline:
         x, y = 1e3 * outline_places_m(scene, OUTLINED).T
-        order = np.argsort(np.hypot(*(np.column_stack([x, y]) - 1e3 * centroid_m(scene.body.shape)).T))
+        order = np.argsort(np.hypot(*(np.column_stack([x, y]) - 1e3 * centroid_m(scene.body.outline)).T))
         return list(zip(np.hypot(x, y)[order].tolist(), np.arctan2(y, x)[order].tolist(), strict=True))
     if not _turns(scene):
         raise ValueError("the sensor does not look the same from each electrode to the next, and a map is solved in "
@@ -94,7 +94,7 @@ def over_disc(scene: Scene, card: MaterialCard, spreads: Mapping[str, MaterialSp
     """
     where = places(scene)
     found = list(solved(scene, card, (where[k] for k in each(range(len(where)))), rim=rim))
-    count = 1 if scene.body.has_outline else scene.electrodes.count
+    count = scene.body.edge.turns(scene.electrodes)
     return pd.DataFrame([row for level in noise_db for name, spread in spreads.items() for one in found
                          for row in _turned_rows(scene.punches[0], one, spread, level, name, count)])
 

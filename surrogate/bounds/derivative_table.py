@@ -16,7 +16,7 @@ from eitsim.scene.scene import Punch, Scene, scene_tables
 from eitsim.simulation.material import material_of
 from matcal.card import MaterialCard
 from matcal.laws.deformation_modes import nominal_stress
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from surrogate.bounds.fisher_information import Prior
 from surrogate.bounds.reading_derivatives import MESH_HALVINGS, Derivatives, derivatives_of
 from touchcal import cache
@@ -97,7 +97,7 @@ def _punch(scene: Scene, prior: Prior, place: tuple[float, float], d_mm: float, 
                    diameter_m=d_mm / 1e3, force_N=float(force_N), depth_m=None)
 
 
-def _axes(law: Hyperfoam, prior: Prior, nodes: Nodes) -> tuple[Array, Array, Callable[[Array], Array]]:
+def _axes(law: Law, prior: Prior, nodes: Nodes) -> tuple[Array, Array, Callable[[Array], Array]]:
     """Diameters, pressures and their scale: even in log p where the foam answers in proportion, and in the strain of
     its own compression where that runs ahead."""
     (small, large), (light, heavy) = prior.d_mm, prior.force_N

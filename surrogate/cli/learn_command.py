@@ -89,7 +89,7 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
     if known is None:
         model = replace(model, left_out=(*model.left_out, NO_SENSOR))
     elif expectation is None:
-        model = replace(model, left_out=(*model.left_out, NO_DISC), skin=skin_of(known.body.shape, known.electrodes))
+        model = replace(model, left_out=(*model.left_out, NO_DISC), skin=skin_of(known.body.outline, known.electrodes))
     model.save(out)
     _write_suggested(ahead, out)
     if as_json:
@@ -117,13 +117,14 @@ def _expected(sensor: Path, given: Labels | None, labels: Path | None, simulated
     from surrogate.recordings.suggestion.next_presses import next_presses
 
     known, file_kind = read_described_sensor(sensor)
-    if known.body.has_outline and (suggest, simulated) != (None, None):
+    is_disc = known.body.edge.is_round
+    if not is_disc and (suggest, simulated) != (None, None):
         raise ValueError(f"--suggest and --simulated are for discs, and the body of {sensor} has the outline "
-                         f"'{known.body.outline}'. Leave them out.")
+                         f"'{known.body.outline.kind}'. Leave them out.")
     if simulated is not None and given is not None and not {*PLACE} <= {*given.names}:
         raise ValueError(f"--simulated says how patterns depend on the place, and {labels} lacks {' or '.join(PLACE)}. "
                          "Add them, or leave it out.")
-    expectation = None if known.body.has_outline else expectation_of(known, simulated)
+    expectation = expectation_of(known, simulated) if is_disc else None
     ahead = None if suggest is None else next_presses(
         known.body.radius_m * 1e3, np.empty((0, 2)) if given is None else places_of(given), suggest)
     return known, file_kind, expectation, ahead

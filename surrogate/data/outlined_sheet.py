@@ -13,9 +13,10 @@ import numpy as np
 
 from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.electrics.outline.edge_response import EdgeResponse, arriving, edge_responses
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_electrodes import middles_m
 from eitsim.scene.electrodes import contact_impedances, widths
-from eitsim.scene.outline import Outline, corners_and_edges, edge_distance_m, inside, squared_distance
-from eitsim.scene.outline_electrodes import middles_m
+from eitsim.scene.polygons import corners_and_edges, edge_distance_m, inside, squared_distance
 from eitsim.scene.scene import Electrodes
 from touchcal.arrays import Array, Complex
 

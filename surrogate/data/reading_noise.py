@@ -55,6 +55,14 @@ class ReadingNoise:
             return self
         return _split(self.covariance * np.outer(gain, gain), self.energy_sd)
 
+    @property
+    def largest(self) -> ReadingNoise:
+        """With the directions alone in which it is more than twice as large as white; the rest counts as white."""
+        axes, size, _ = np.linalg.svd(self.root, full_matrices=False)
+        kept = size > self.white_V
+        rest = float(np.sum(size[~kept] ** 2)) / len(self.root)
+        return replace(self, white_V=float(np.sqrt(self.white_V**2 + rest)), root=axes[:, kept] * size[kept])
+
     def draws(self, count: int, rng: np.random.Generator) -> Array:
         """(count, readings) frames of it, V."""
         white = self.white_V * rng.normal(size=(count, len(self.root)))

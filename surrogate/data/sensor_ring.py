@@ -110,7 +110,7 @@ def ring_of(scene: Scene, baseline_V: Array | None = None, places_mm: Array | No
     readings = (np.repeat(source, each), np.repeat(sink, each), read, ground)
     if not scene.body.has_outline:
         return Ring(scene.body.radius_m * 1e3, middles(scene.electrodes), *readings, _modes(scene))
-    sheet, reach_mm = outlined_sheet.sheet_of(scene.body.shape, scene.electrodes, _conductance_S(scene, baseline_V),
+    sheet, reach_mm = outlined_sheet.sheet_of(scene.body.outline, scene.electrodes, _conductance_S(scene, baseline_V),
                                               None if places_mm is None else places_mm / 1e3)
     x, y = (sheet.electrode[:, :2] - sheet.origin_mm).T
     return Ring(reach_mm, np.arctan2(y, x), *readings, np.zeros(0), sheet)

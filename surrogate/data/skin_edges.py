@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from eitsim.scene.outline import inside, squared_distance
+from eitsim.scene.polygons import inside, squared_distance
 from touchcal.arrays import Array, Mask
 
 Place = tuple[float, float]  # x, y, mm

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eitsim.scene.outline import Outline, loops
-from eitsim.scene.outline_electrodes import patch_loops, stretches_along
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_electrodes import patch_loops, stretches_along
 from eitsim.scene.scene import Electrodes
 from surrogate.data.outlined_sheet import Sheet
 from touchcal.arrays import Array
@@ -26,7 +26,7 @@ class SkinFromAbove:
 
 def skin_of(outline: Outline, electrodes: Electrodes) -> SkinFromAbove:
     """A skin with an outline, and its electrodes of either kind."""
-    edges = tuple(1e3 * loop for loop in loops(outline))
+    edges = tuple(1e3 * loop for loop in outline.loops)
     if electrodes.kind != "line":
         return SkinFromAbove(edges, tuple(1e3 * np.vstack([patch, patch[:1]]) for patch in patch_loops(electrodes)))
     return SkinFromAbove(edges, tuple(_stretch(edges[0], first, last)

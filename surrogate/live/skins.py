@@ -16,8 +16,9 @@ from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene, read_scene
+from eitsim.simulation.choose import served
 from eitsim.simulation.material import Material, material_of
-from eitsim.simulation.reuse import served, shape_for, table_for
+from eitsim.simulation.reuse import shape_for, table_for
 from eitsim.simulation.simulate import readings_of
 from matcal.card import read_card
 from matcal.laws.conductivity import conductivity
@@ -93,9 +94,8 @@ class SimulatedSkin:
         nothing = np.zeros_like(self.baseline_V)
         (touch,) = served(self.table, self.material.law, scene)
         if touch is None:
-            edge = "an edge" if scene.body.has_outline else "the rim"
-            return Pressed(nothing, {}, f"no stored load path serves this press: it is too close to {edge}, too light "
-                                        "or too deep")
+            return Pressed(nothing, {}, "no stored load path serves this press: it is too close to "
+                                        f"{scene.body.edge.name}, too light or too deep")
         try:
             readings = readings_of(scene, (touch,), self.material.skin, exact=False)
         except ValueError as error:

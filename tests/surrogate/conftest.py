@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import surrogate
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.scene.drive import voltage_columns
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Electrodes, Scene
 from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
@@ -26,7 +27,7 @@ Array = NDArray[np.float64]
 
 RADIUS_MM, SHEET_S, CURRENT_A, TERMS = 100.0, 6e-4, 5e-3, 200
 RING = ring_of_design({})
-RECTANGLE = Scene(Body(outline="rectangle", width_m=0.15, height_m=0.1, thickness_m=0.005),
+RECTANGLE = Scene(Body(Outline("rectangle", width_m=0.15, height_m=0.1), 0.005),
                   electrodes=Electrodes(count=16, width_m=0.008))
 # Rows on the rectangle, and those that teach its edges; radius from which an edge counts as near.
 RECTANGLE_ROWS, EDGE_ROWS, NEAR = 90, 600, 0.65

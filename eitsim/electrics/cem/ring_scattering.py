@@ -14,7 +14,6 @@ from scipy.special import gammaln, xlogy
 from eitsim.electrics.cem.boundary_integral import Array, Complex, Rim
 from eitsim.electrics.cem.floating_electrodes import shunt, shunt_ends
 from eitsim.electrics.sheet import sheet_conductance as sheet
-from eitsim.scene.outline import edge_distance_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
@@ -51,9 +50,8 @@ def reaches(body: Body, touches: Sequence[tuple[Punch, Touch]]) -> list[float]:
     out = [admissible_radius(body, punch) for punch, _ in touches]
     for own, (_, touch) in zip(out, touches, strict=True):
         if own <= touch.contact_radius_m:
-            edge = "the nearest edge" if body.has_outline else "the rim of the disc"
-            raise ValueError(f"the contact reaches {(touch.contact_radius_m - own) * 1e3:.1f} mm outside {edge}; move "
-                             "the punch inwards.")
+            raise ValueError(f"the contact reaches {(touch.contact_radius_m - own) * 1e3:.1f} mm outside "
+                             f"{body.edge.name}; move the punch inwards.")
     for (i, (one, a)), (j, (other, b)) in itertools.combinations(enumerate(touches), 2):
         gap = abs(position(one) - position(other)) - a.contact_radius_m - b.contact_radius_m
         if gap <= 0:
@@ -70,9 +68,7 @@ def position(punch: Punch) -> complex:
 
 def admissible_radius(body: Body, punch: Punch) -> float:
     """Radius, m, of the largest circle about a punch that lies on the skin."""
-    if body.has_outline:
-        return float(edge_distance_m(body, (punch.x_m, punch.y_m)))
-    return body.radius_m - abs(position(punch))
+    return float(body.edge.gap_m((punch.x_m, punch.y_m)))
 
 
 def scattering(punch: Punch, touch: Touch, skin: Skin, law: Conductivity, reach_m: float, orders: int,

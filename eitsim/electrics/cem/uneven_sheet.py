@@ -12,7 +12,6 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse import csr_array
 
-from eitsim.scene.outline import moments_m
 from eitsim.scene.scene import Body
 from touchcal.arrays import Array
 
@@ -21,13 +20,10 @@ MODES = ((1, 1, False), (1, 1, True), (2, 2, False), (2, 2, True), (2, 0, False)
 
 
 def sheet_modes(body: Body, points_m: Array) -> Array:
-    """(modes, ...) psi at points (..., 2), m, of a skin; with an outline r is from its centroid, over the radius of the
-    disc of its area, and the means are its own."""
-    points, means = points_m / body.radius_m, [_mean(p, q) for p, q, _ in MODES]
-    if body.has_outline:
-        middle, second = moments_m(body)
-        (xx, xy), (_, yy) = second / body.radius_m**2
-        points, means = (points_m - middle) / body.radius_m, [0.0, 0.0, xx - yy, 2 * xy, xx + yy]
+    """(modes, ...) psi at points (..., 2), m, of a skin; r is from its centroid, over the edge's size."""
+    middle, second = body.edge.moments_m
+    (xx, xy), (_, yy) = second / body.edge.size_m**2
+    points, means = (points_m - middle) / body.edge.size_m, [0.0, 0.0, xx - yy, 2 * xy, xx + yy]
     r, angle = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
     return np.stack([r**p * (np.sin if sine else np.cos)(q * angle) - mean
                      for (p, q, sine), mean in zip(MODES, means, strict=True)])

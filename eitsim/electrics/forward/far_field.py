@@ -9,8 +9,7 @@ import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
-from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
-from eitsim.electrics.outline.touch_mesh import fields_mesh
+from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.sheet.sheet_conductance import (
     principal_conductances,
     sheet_conductance,
@@ -18,15 +17,10 @@ from eitsim.electrics.sheet.sheet_conductance import (
     touched_conductance,
 )
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.outline import area_m2
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
-# Level of the rim's angles, rings of the fixed mesh and the width of the outermost one over the radius.
-_LEVEL, _RINGS, _LAST = 2, 16, 4e-3
-# Triangles of a skin with an outline, about; cells near touches are sampled as the foam's thickness asks.
-TRIANGLES = 2000
 # Degree of exactness of the quadrature where cells are not cut: that of products of their gradients; where touches meet
 # strains vary within a cell too, and it is the element's own.
 DEGREE = 2
@@ -70,7 +64,7 @@ class Fields:
 def untouched_fields(body: Body, electrodes: Electrodes, conductance_S: float, degree: int | None = DEGREE) -> Fields:
     """The potentials, on a mesh on which the readings of a skin with an outline are known to FIELDS, and their
     gradients by a quadrature."""
-    mesh = _mesh(body, electrodes, conductance_S)
+    mesh = skin_of(body, electrodes, conductance_S).fields_mesh()
     potential = potentials(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
     return fields_of(mesh, potential[:len(mesh.nodes_m)], degree)
 
@@ -79,14 +73,6 @@ def fields_of(mesh: SkinMesh, potential: Array, degree: int | None = DEGREE) -> 
     """The fields of potentials of the nodes (nodes, N), Ohm, by a quadrature."""
     gradient, area = gradients(mesh, potential, degree=degree)
     return Fields(mesh, potential, quadrature_points(mesh, degree=degree), area, gradient)
-
-
-def _mesh(body: Body, electrodes: Electrodes, conductance_S: float) -> SkinMesh:
-    if body.has_outline:
-        return fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / TRIANGLES)
-    angles, electrode = rim_angles(body, electrodes, _LEVEL)
-    radii = body.radius_m * np.append(1 - np.geomspace(1, _LAST, _RINGS), 1.0)
-    return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count)
 
 
 def _sampled(fields: Fields, thickness_m: float, places_m: Array, inner_m: Array, contact_m: Array,

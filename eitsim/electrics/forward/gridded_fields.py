@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_displacement
 from eitsim.electrics.sheet.sheet_conductance import added_metric, driving_strain, touched_conductance
-from eitsim.scene.outline import edge_distance_m, loops
 from eitsim.scene.results import Array, Touch
 from eitsim.scene.scene import Body, Punch, Scene
 from matcal.laws.conductivity import Conductivity, conductivity
@@ -121,7 +120,7 @@ def check_one_grid(drawn: Sequence[tuple[str, str]]) -> None:
 
 def check_on_skin(stored: StoredFields, body: Body) -> None:
     """ValueError where the grid does not lie on such a skin."""
-    if stored.grid == "polar" and body.has_outline:
+    if stored.grid == "polar" and not body.edge.is_round:
         raise ValueError(f"grid = \"polar\" in [{TABLE}] lies on discs alone; leave it out on a skin with an outline.")
 
 
@@ -138,9 +137,7 @@ def coordinates(stored: StoredFields, body: Body) -> dict[str, Array]:
 
 def _square(body: Body) -> tuple[tuple[float, float], float]:
     """Middle and half the side of the square about the skin, mm."""
-    if not body.has_outline:
-        return (0.0, 0.0), body.radius_m * 1e3
-    low, high = loops(body)[0].min(axis=0), loops(body)[0].max(axis=0)
+    low, high = body.edge.box_m
     x, y = ((low + high) / 2 * 1e3).tolist()
     return (x, y), float((high - low).max()) / 2 * 1e3
 
@@ -156,9 +153,7 @@ def places(stored: StoredFields, body: Body) -> Array:
 
 def inside(stored: StoredFields, body: Body) -> NDArray[np.bool_]:
     """(*shape,) which points of the grid lie on the skin."""
-    if body.has_outline:
-        return edge_distance_m(body, places(stored, body)) >= 0
-    return np.linalg.norm(places(stored, body), axis=-1) <= body.radius_m
+    return body.edge.contains(places(stored, body))
 
 
 def values(stored: StoredFields, scene: Scene, touches: Sequence[Touch],

@@ -17,7 +17,7 @@ from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.sheet.sheet_conductance import driving_strains, surface_metric
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import Electrodes, contact_impedances
-from eitsim.scene.outline import inside
+from eitsim.scene.polygons import inside
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Punch
 from touchcal.errors import NotConverged

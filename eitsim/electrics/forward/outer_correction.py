@@ -14,14 +14,14 @@ from scipy.sparse import csr_array
 
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, quadrature_points, slopes
 from eitsim.electrics.cem.ring_scattering import FULL, Circle, Scattered, outgoing_gradient, position, ring_share
-from eitsim.electrics.forward.far_field import DEGREE, TRIANGLES, Fields, fields_of, first_order
+from eitsim.electrics.forward.far_field import DEGREE, Fields, fields_of, first_order
+from eitsim.electrics.forward.outlined_skin import TRIANGLES
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.outline.edge_response import Edges, edge_loads, edges_of, outgoing_waves
 from eitsim.electrics.outline.touch_mesh import fields_mesh
 from eitsim.electrics.sheet.sheet_conductance import sheet_conductance
 from eitsim.numerics.conductor_elimination import Elimination, solve_between
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.outline import area_m2
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
@@ -61,7 +61,7 @@ class _Samples:
 
 @lru_cache(maxsize=4)
 def _uniform_skin(body: Body, electrodes: Electrodes, conductance_S: float) -> _UniformSkin:
-    mesh = fields_mesh(body, electrodes, conductance_S, area_m2(body.shape) / TRIANGLES, READINGS)
+    mesh = fields_mesh(body, electrodes, conductance_S, body.edge.area_m2 / TRIANGLES, READINGS)
     z, count = contact_impedances(electrodes), mesh.count
     response = eliminated(mesh, np.full(len(mesh.cells), conductance_S), z)
     nodes = np.arange(len(mesh.nodes_m))

@@ -13,8 +13,7 @@ from skfem import ElementQuad2, ElementTriP1, ElementTriP2
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, centred, potentials, quadrature_points
 from eitsim.electrics.cem.floating_electrodes import floating, shunts
-from eitsim.electrics.forward.solve_forward import following_mesh
-from eitsim.electrics.outline.touch_mesh import touch_mesh
+from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.drive import protocol
@@ -27,7 +26,6 @@ Touches = tuple[tuple[Punch, Touch], ...]
 
 # Name of the cell in VTK, whose order of nodes is the same, and the element, by the mesh's element.
 _CELLS = {"P1": ("triangle", ElementTriP1), "P2": ("triangle6", ElementTriP2), "Q2": ("quad9", ElementQuad2)}
-LEVEL = 2  # Refinement of the mesh that follows the touches.
 # An element's area at one of its nodes, over its mean, below which that node takes the gradient of the whole.
 _COLLAPSED = 1e-6
 _INWARDS = 1e-3  # Part of the way to an element's middle at which its nodes are taken to lie under a punch or not.
@@ -64,8 +62,7 @@ def skin_fields(scene: Scene, touches: Sequence[Touch], law: Conductivity, patte
     pairs = tuple(zip(scene.punches, touches, strict=True))
     electrodes = present(scene.electrodes)
     free = sheet.untouched_conductance(law, scene.skin)
-    mesh = touch_mesh(scene.body, electrodes, free, pairs) if scene.body.has_outline else following_mesh(
-        scene.body, electrodes, pairs, LEVEL)
+    mesh = skin_of(scene.body, electrodes, free).touched_mesh(pairs)
     sheets = (touched_conductance(quadrature_points(mesh), pairs, scene.skin, law),
               np.full(len(mesh.cells), sheet.untouched_conductance(law, scene.skin)))
     driven = np.stack(list(currents.values()))[:, there(scene.electrodes)]

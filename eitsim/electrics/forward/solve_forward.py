@@ -10,19 +10,16 @@ import numpy as np
 
 from eitsim.electrics.cem import ring_scattering as rings
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
-from eitsim.electrics.cem.boundary_integral import HARMONICS, solve_rim
 from eitsim.electrics.cem.coupled_scattering import coupled_scattering
 from eitsim.electrics.cem.floating_electrodes import floating
 from eitsim.electrics.cem.ring_scattering import Coupling, position
+from eitsim.electrics.forward.disc_skin import DiscSkin
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.outer_correction import outer_correction
+from eitsim.electrics.forward.outlined_skin import OutlinedSkin
+from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.forward.untouched import untouched_impedance
-from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
-from eitsim.electrics.mesh.ring_mesh import template
-from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.outline.edge_response import couplings as edge_couplings
-from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.channels import Channels, channel_changes
 from eitsim.scene.drive import protocol, read_out
@@ -37,16 +34,9 @@ Touches = tuple[tuple[Punch, Touch], ...]
 METHODS = ("auto", "multipole", "mesh")
 # Harmonics about a punch, and the parts that the gaps between the touch's samples are cut into, until it suffices.
 ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
-# Relative errors of dV: by "multipole", what no variation shows; by "mesh", what halvings do not show, and what is left
-# over the change by the last halving, where the rim cuts the contact or electrodes lie on an outline, and elsewhere.
-MISSED, UNHALVED, LEFT_CUT, LEFT = 3e-5, 1.8e-4, 0.5, 0.1
-# With an outline, by "multipole": what no variation shows, and what is left over the change by rings half as many, both
-# extrapolated.
-MISSED_OUTLINE, LEFT_RINGS = 2.5e-5, 1 / 3
-# The coarser mesh of a touch on an outline: error of the untouched readings outside its rings, and how much thinner
-# these are than those of a mesh of quadrilaterals; the power of the number of nodes by which errors fall from there
-# (quadratic elements whose sizes follow the solution), and what is left over the change by halving (second order).
-ROUGHLY, ROUGH, RATE, LEFT_OUTLINE = 5e-3, 1, 2, 1 / 3
+# Relative error of dV by "mesh" that halvings do not show, and the power of the number of nodes by which errors fall
+# from a rough mesh (quadratic elements whose sizes follow the solution).
+UNHALVED, RATE = 1.8e-4, 2
 # How many times the estimate must stay below the requested error where an edge changes a touch, and of a mesh not to be
 # halved again.
 MARGIN = 2
@@ -66,6 +56,10 @@ class _Sensor:
     @cached_property
     def conductance_S(self) -> float:
         return sheet.untouched_conductance(self.law, self.skin)
+
+    @cached_property
+    def solver(self) -> DiscSkin | OutlinedSkin:
+        return skin_of(self.body, self.electrodes, self.conductance_S)
 
     def changes(self, before_Ohm: Array, change_Ohm: Array) -> Array:
         """Changes of readings, V, by one of the impedance matrix of the electrodes that have contact; NaN where another
@@ -153,9 +147,7 @@ def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> I
     lines, changed = sensor.electrodes.kind == "line", any(touch.rim is not None for _, touch in touches)
     if method == "multipole" and not lines:
         raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
-    clipped = changed and (not sensor.body.has_outline or any(
-        (touch.rim is not None and touch.rim.neighbour)
-        or rings.admissible_radius(sensor.body, punch) <= touch.contact_radius_m for punch, touch in touches))
+    clipped = sensor.solver.needs_mesh(touches)
     if method == "multipole" and clipped:
         raise ValueError("method 'multipole' needs a contact that ends before the edge, no neighbour that changes "
                          "it, and near the rim of a disc an axisymmetric one; use 'mesh' or 'auto'.")
@@ -190,26 +182,21 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
             break
         own = _scatterings(sensor, circles, parts)
         coarse, fine, last = fine, _changed(sensor, circles, own), parts
-    whole, cut = fine + (fine - coarse) / 3, _difference(sensor, fine, coarse) / 15
-    if sensor.body.has_outline:
-        finest = _changed(sensor, circles, _scatterings(sensor, circles, 2 * last))
-        before, whole = whole, finest + (finest - fine) / 3
-        cut = LEFT_RINGS * _difference(sensor, whole, before)
+    whole, cut = sensor.solver.extrapolated(
+        lambda parts: _changed(sensor, circles, _scatterings(sensor, circles, parts)), last, fine, coarse,
+        partial(_difference, sensor))
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
     outside, unsure = _outside(sensor, touches, rooms, circles, own, float(np.linalg.norm(fine)))
     strain = _difference(sensor, fine, fine + unsure)
-    if sensor.body.has_outline:
-        error = math.hypot(MISSED_OUTLINE, cut, strain, *_varied(sensor, circles, own, fine),
-                           _series_left(sensor, circles, own, fine))
-    else:
-        error = MISSED + cut + sum(_varied(sensor, circles, own, fine, 3 * ORDERS // 4)) + strain
+    error = sensor.solver.multipole_error(cut, strain, partial(_varied, sensor, circles, own, fine),
+                                          partial(_series_left, sensor, circles, own, fine), ORDERS)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
     return _Change(whole + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 
 
 def _varied(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequence[Array], change: Array,
-            orders: int = ORDERS) -> list[float]:
+            orders: int) -> list[float]:
     """What is left of each change by what is known more roughly of the edges or the rim, and by fewer harmonics."""
     found = []
     for k, (_, left) in enumerate(circles[0].varied):
@@ -253,21 +240,10 @@ def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float]) -> list[
     for touch, own, room in zip(touches, inner, rooms, strict=True):
         if room > own:
             found += [((touch,), [room], 1.0), ((touch,), [own], -1.0)]
-    return [_Circles(some, reach, *_couplings(sensor, some, reach), [
+    return [_Circles(some, reach, *sensor.solver.couplings(
+        [(position(punch), radius) for (punch, _), radius in zip(some, reach, strict=True)], ORDERS), [
         None if touch.rim is None else coupled_scattering(punch, touch, sensor.skin, sensor.law, own, ORDERS)
         for (punch, touch), own in zip(some, reach, strict=True)], sign) for some, reach, sign in found]
-
-
-def _couplings(sensor: _Sensor, touches: Touches,
-               radii: Sequence[float]) -> tuple[Coupling, list[tuple[Coupling, float]]]:
-    """What couples circles on the skin, and that with fewer harmonics around the rim, or edges known more roughly."""
-    circles = [(position(punch), radius) for (punch, _), radius in zip(touches, radii, strict=True)]
-    if sensor.body.has_outline:
-        return edge_couplings(sensor.body.shape, sensor.electrodes, sensor.conductance_S, circles, ORDERS)
-    rim = solve_rim(sensor.body, sensor.electrodes, sensor.conductance_S)
-    whole, fewer = (rings.on_disc(rim, sensor.body, sensor.electrodes, circles, ORDERS, harmonics)
-                    for harmonics in (HARMONICS, 3 * HARMONICS // 4))
-    return whole, [(fewer, 1.0)]
 
 
 def _changed(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequence[Array],
@@ -300,26 +276,17 @@ def _overlap(sensor: _Sensor, touches: Touches) -> float:
 
 
 def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
-    """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells. With an outline, and
-    electrodes along it, a coarser mesh may show that no halving is needed."""
-    body, electrodes = sensor.body, sensor.electrodes
-    cut = any(rings.admissible_radius(body, punch) < touch.contact_radius_m for punch, touch in touches)
-    if not body.has_outline:
-        mesh = alike_mesh(body, electrodes, touches)
-        return _halved(sensor, touches, mesh, _on_mesh(sensor, touches, mesh), signal,
-                       LEFT_CUT if cut else LEFT)
-    meshes = partial(outlined_mesh, body, electrodes, sensor.conductance_S, touches)
-    mesh = meshes()
+    """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells. A rough mesh, where
+    there is one, may show that no halving is needed."""
+    cut = any(rings.admissible_radius(sensor.body, punch) < touch.contact_radius_m for punch, touch in touches)
+    mesh, rough = sensor.solver.touch_mesh(touches), sensor.solver.rough_mesh(touches, cut)
     change = _on_mesh(sensor, touches, mesh)
-    if electrodes.kind != "line" or cut:
-        return _halved(sensor, touches, mesh, change, signal, LEFT if electrodes.kind == "line" else LEFT_CUT)
-    rough = meshes(ROUGHLY, ROUGH)
-    share = (len(rough.nodes_m) / len(mesh.nodes_m)) ** RATE
-    if share < 1:
+    share = 1.0 if rough is None else (len(rough.nodes_m) / len(mesh.nodes_m)) ** RATE
+    if rough is not None and share < 1:
         error = UNHALVED + share / (1 - share) * _difference(sensor, change, _on_mesh(sensor, touches, rough))
         if MARGIN * error <= signal:
             return _Change(change, error, _unknowns(mesh), "mesh")
-    return _halved(sensor, touches, mesh, change, signal, LEFT_OUTLINE)
+    return _halved(sensor, touches, mesh, change, signal, sensor.solver.left(cut))
 
 
 def _halved(sensor: _Sensor, touches: Touches, mesh: SkinMesh, change: Array, signal: float,
@@ -347,13 +314,6 @@ def _on_mesh(sensor: _Sensor, touches: Touches, mesh: SkinMesh) -> Array:
     shunted = order if conductors is None else dissection(mesh, conductors)
     return (impedance(mesh, touched, z, order=shunted, floating=conductors)
             - impedance(mesh, untouched, z, order=order))
-
-
-def following_mesh(body: Body, electrodes: Electrodes, touches: Touches, level: int) -> SkinMesh:
-    """The mesh that follows one touch (`template`) or several (`triangulation`), on a level."""
-    if len(touches) == 1:
-        return template(body, electrodes, *touches[0], level)
-    return triangulation(body, electrodes, touches, level)
 
 
 def _difference(sensor: _Sensor, change: Array, other: Array) -> float:

@@ -1,29 +1,21 @@
 """The sensor of a data set: its disc, electrodes and drive, and the sheet conductance that its frames imply."""
 
 from collections.abc import Mapping
-from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from eitsim.electrics.cem.assembly import Array, impedance
-from eitsim.electrics.cem.boundary_integral import solve_rim
-from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
-from eitsim.electrics.outline.adapted_mesh import READINGS, impedance_by_log_contact, solve_untouched
+from eitsim.electrics.forward.skins import skin_of
 from eitsim.scene.channels import channel_readings
 from eitsim.scene.drive import protocol, read_out
-from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, identical, present, there
+from eitsim.scene.electrodes import among_all, present, there
 from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
+from touchcal.arrays import Array
 
 TABLES = ("body", "electrodes", "drive", "channels")
 # Sheet conductance, S, that the search starts from, its steps and where it ends; readings are nearly its reciprocal.
 _START_S, _STEPS, _CLOSE = 1e-3, 40, 1e-8
 _OTHER = 1e-5  # Relative difference, 2-norm, above which readings are not those of a sensor.
-# Step of the logarithm of a contact impedance; the central difference is off by some step^2, over the derivative.
-_STEP = 1e-3
-# Level of the mesh for patches, its rings inside them, and the width of the outermost of these over their inner radius.
-_LEVEL, _RINGS, _LAST = 6, 36, 4e-3
 
 
 def sensor_of(tables: Mapping[str, Any]) -> Scene:
@@ -73,14 +65,7 @@ def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: 
     """
     kept = np.flatnonzero(there(electrodes))
     own = present(electrodes)
-    count = own.count
-    if body.has_outline:
-        slopes = list(impedance_by_log_contact(body.shape, own, conductance_S))
-    elif identical(own):
-        first = _impedance_by(body, own, conductance_S, 0)
-        slopes = [np.roll(first, (k, k), axis=(0, 1)) for k in range(count)]
-    else:
-        slopes = [_impedance_by(body, own, conductance_S, k) for k in range(count)]
+    slopes = skin_of(body, own, conductance_S).by_log_contact()
     columns = [read_out(drive, among_all(electrodes, slope)).ravel() for slope in slopes]
     out = np.zeros((len(columns[0]), electrodes.count))
     out[np.isnan(columns[0])] = np.nan
@@ -88,34 +73,7 @@ def by_contact(body: Body, electrodes: Electrodes, drive: Drive, conductance_S: 
     return out
 
 
-def _impedance_by(body: Body, electrodes: Electrodes, conductance_S: float, k: int) -> Array:
-    """dZ/dlog z_k (N, N), Ohm."""
-    sides = []
-    for step in (_STEP, -_STEP):
-        z = contact_impedances(electrodes)
-        z[k] *= np.exp(step)
-        scaled = replace(electrodes, **{IMPEDANCES[electrodes.kind]: tuple(z.tolist())})
-        sides.append(untouched_impedance(body, scaled, conductance_S))
-    return (sides[0] - sides[1]) / (2 * _STEP)
-
-
 def untouched_impedance(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
     """Impedance matrix (N, N), Ohm, of electrodes that all have contact, on a skin of sheet conductance S, S;
     read-only."""
-    if body.has_outline:
-        return solve_untouched(body.shape, electrodes, conductance_S, READINGS).impedance_Ohm
-    if electrodes.kind == "line":
-        return solve_rim(body, electrodes, conductance_S).impedance_Ohm
-    return _with_patches(body, electrodes, conductance_S)
-
-
-@lru_cache(maxsize=8)
-def _with_patches(body: Body, electrodes: Electrodes, conductance_S: float) -> Array:
-    angles, electrode = rim_angles(body, electrodes, _LEVEL)
-    patches = patch_radii(body, electrodes, _LEVEL)
-    inside = 1 - np.geomspace(1, _LAST, _RINGS)
-    radii = np.concatenate([patches[0] * inside, patches])
-    mesh = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
-    z = impedance(mesh, np.full(len(mesh.cells), conductance_S), contact_impedances(electrodes))
-    z.flags.writeable = False
-    return z
+    return skin_of(body, electrodes, conductance_S).impedance_Ohm()

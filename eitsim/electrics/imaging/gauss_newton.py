@@ -21,21 +21,17 @@ from scipy.spatial import Delaunay, KDTree
 from eitsim.electrics.cem.adjoint import impedance_by_conductance, impedance_by_field
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, centred, potentials, quadrature_points
 from eitsim.electrics.cem.uneven_sheet import MODES, sheet_modes
-from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh
-from eitsim.electrics.outline.touch_mesh import fields_mesh
+from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.outline.triangles import refined, triangulated
 from eitsim.scene.channels import Channels, channel_changes, channel_readings
 from eitsim.scene.drive import Drive, protocol
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.electrodes import among_all, contact_impedances, present
-from eitsim.scene.outline import area_m2, edge_distance_m
 from eitsim.scene.scene import Body, Electrodes
 
 PRIORS = ("noser", "laplace")
 NOISE_FIGURE = 0.5
 RINGS = 12  # Rings of the coarse mesh; it has 6 n^2 triangles.
-# Level of the fine mesh's angles, its even rings, and those that narrow towards the rim, with the width of the last
-# over the radius.
-_LEVEL, _EVEN, _NARROWING, _LAST = 2, 28, 8, 2e-3
 # Largest pixel of an outline over its mean, and the least number of triangles of the fine mesh in one.
 _LARGEST, _FINER = 2.2, 4
 _SIDE = 64  # Squares along a side of the grid of `on_grid`.
@@ -94,15 +90,15 @@ def pixels(radius_m: float, rings: int = RINGS) -> Pixels:
     first, second = (nodes[triangles[:, i]] - nodes[triangles[:, 0]] for i in (1, 2))
     area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
     triangles = np.where((area < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
-    return Pixels(nodes, triangles, nodes[triangles].mean(axis=1), np.abs(area), Body(radius_m=radius_m))
+    return Pixels(nodes, triangles, nodes[triangles].mean(axis=1), np.abs(area), Body(Disc(radius_m)))
 
 
 def pixels_of(body: Body, rings: int = RINGS) -> Pixels:
     """A skin in some 6 rings^2 triangles of nearly one size."""
     if not body.has_outline:
         return pixels(body.radius_m, rings)
-    even = area_m2(body) / (6 * rings**2) * _LARGEST
-    found = refined(triangulated(body), lambda mesh: np.full(len(mesh.cells), even))
+    even = body.edge.area_m2 / (6 * rings**2) * _LARGEST
+    found = refined(triangulated(body.outline), lambda mesh: np.full(len(mesh.cells), even))
     return Pixels(found.corners_m, found.cells, found.centres_m, found.area_m2, body)
 
 
@@ -213,40 +209,24 @@ def imager(untouched: Untouched, *, prior: str = "laplace", noise_figure: float 
 
 def on_grid(mosaic: Pixels, images: Array) -> tuple[Array, Array, Array]:
     """Points (n, 2), m, areas (n,), m^2, and images (..., n) on the squares of a grid inside the skin."""
-    if mosaic.body.has_outline:
-        low, high = mosaic.nodes_m.min(axis=0), mosaic.nodes_m.max(axis=0)
-        side = float((high - low).max()) / _SIDE
-        counts = np.maximum(np.round((high - low) / side), 1).astype(int)
-        axes = [start + (np.arange(n) + 0.5) * side for start, n in zip(low, counts, strict=True)]
-        points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-        points = points[edge_distance_m(mosaic.body, points) > 0]
-        return points, np.full(len(points), side**2), images[..., _places(points, mosaic)]
-    radius = _radius(mosaic)
-    middle = radius * ((2 * np.arange(_SIDE) + 1) / _SIDE - 1)
-    points = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
-    points = points[np.hypot(*points.T) < radius]
-    return points, np.full(len(points), (2 * radius / _SIDE)**2), images[..., _places(points, mosaic)]
+    low, high = mosaic.nodes_m.min(axis=0), mosaic.nodes_m.max(axis=0)
+    side = float((high - low).max()) / _SIDE
+    counts = np.maximum(np.round((high - low) / side), 1).astype(int)
+    axes = [start + (np.arange(n) + 0.5) * side for start, n in zip(low, counts, strict=True)]
+    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    points = points[mosaic.body.edge.gap_m(points) > 0]
+    return points, np.full(len(points), side**2), images[..., _places(points, mosaic)]
 
 
 def _target(mosaic: Pixels) -> NDArray[np.bool_]:
     """(t,) the pixels of the noise figure's target: about the disc's middle, or the pixel farthest from all edges."""
-    if not mosaic.body.has_outline:
-        return np.hypot(*mosaic.centre_m.T) < _TARGET * _radius(mosaic)
-    middle = mosaic.centre_m[np.argmax(edge_distance_m(mosaic.body, mosaic.centre_m))]
-    return np.hypot(*(mosaic.centre_m - middle).T) < _TARGET * mosaic.body.radius_m
+    gap = mosaic.body.edge.gap_m(mosaic.centre_m)
+    middle = np.zeros(2) if mosaic.body.edge.is_round else mosaic.centre_m[np.argmax(gap)]
+    return np.hypot(*(mosaic.centre_m - middle).T) < _TARGET * mosaic.body.edge.size_m
 
 
 def _fine(body: Body, electrodes: Electrodes) -> SkinMesh:
-    """Rings about the middle, fine enough for pixels inside and for the electrodes' edges; with an outline, triangles.
-    """
-    if body.has_outline:
-        return fields_mesh(body, electrodes, _FIRST_S, area_m2(body) / (6 * RINGS**2) / _FINER)
-    angles, electrode = rim_angles(body, electrodes, _LEVEL)
-    patches = patch_radii(body, electrodes, _LEVEL)
-    inner = np.linspace(0, 1, _EVEN + 1)[:-1]
-    narrowing = 1 - np.geomspace(1 - inner[-1], _LAST, _NARROWING + 1)[1:]
-    radii = np.concatenate([patches[0] * inner, patches[0] * narrowing, patches])
-    return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
+    return skin_of(body, electrodes, _FIRST_S).image_mesh(6 * RINGS**2 * _FINER)
 
 
 def _places(points: Array, mosaic: Pixels) -> Indices:
@@ -313,7 +293,3 @@ def _noise_figure(matrix: Array, target_V: Array, area_m2: Array) -> float:
     weighted = matrix * area_m2[:, None]
     noise = np.sqrt(np.mean(np.sum(weighted**2, axis=1)))
     return float(np.mean(np.abs(target_V[target_V != 0])) / (np.mean(np.abs(weighted @ target_V)) / noise))
-
-
-def _radius(mosaic: Pixels) -> float:
-    return float(np.hypot(*mosaic.nodes_m.T).max())

@@ -10,6 +10,7 @@ from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.cem.ring_scattering import position
 from eitsim.electrics.mesh.p2_triangles import sides, straight, untangled
 from eitsim.electrics.mesh.ring_mesh import centred_radii, inside_rim, patch_radii, rim_angles
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 from touchcal.errors import NotConverged
@@ -80,7 +81,7 @@ def triangulation(body: Body, electrodes: Electrodes, touches: Touches,
                for (punch, touch), gap in zip(touches, gaps, strict=True)]
     angles, electrode = _rim(body, electrodes, circles, level, grading)
     spoke = np.column_stack([np.cos(angles), np.sin(angles)])
-    body, rim = replace(body, radius_m=float(patches[0])), patches[0] * spoke
+    body, rim = replace(body, edge=Disc(float(patches[0]))), patches[0] * spoke
     parts = [_rings(circle) for circle in circles]
     ends = np.cumsum([0, *(len(nodes) for nodes, _ in parts)])
     outlines = [end - circle.sectors + np.arange(circle.sectors) for circle, end in zip(circles, ends[1:], strict=True)]

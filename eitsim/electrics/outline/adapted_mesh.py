@@ -11,8 +11,9 @@ from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.triangles import Triangles, cut, refined, skin_mesh, triangulated
 from eitsim.numerics.nested_dissection import Dissection
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.outline import Outline, area_m2
+from eitsim.scene.polygons import area_m2
 from eitsim.scene.scene import Electrodes
 from touchcal.errors import NotConverged
 

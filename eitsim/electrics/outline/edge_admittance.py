@@ -31,9 +31,9 @@ from eitsim.electrics.outline.edge_response import edge_sides
 from eitsim.electrics.outline.touch_mesh import EVEN
 from eitsim.electrics.outline.triangles import refined, skin_mesh
 from eitsim.numerics.nested_dissection import Dissection
+from eitsim.scene.edges.outline_edge import arcs_of, edge_starts, places_along
+from eitsim.scene.edges.outline_electrodes import stretches_along
 from eitsim.scene.electrodes import contact_impedances, widths
-from eitsim.scene.outline_edge import arcs_of, edge_starts, places_along
-from eitsim.scene.outline_electrodes import stretches_along
 from eitsim.scene.scene import Body, Electrodes
 
 # How far an electrode's ends may move from their places in the mesh, m and over its width, and how much longer its
@@ -117,7 +117,7 @@ class EdgeAdmittance:
 
     @property
     def _radius_m(self) -> float:
-        return self.sliding.body.radius_m
+        return self.sliding.body.edge.size_m
 
     @cached_property
     def _by_ends(self) -> tuple[Array, Array]:
@@ -145,19 +145,19 @@ def sliding_mesh(body: Body, electrodes: Electrodes, conductance_S: float,
     """The mesh, ROUGHLY or CLOSELY, for electrodes near given ones on a skin of about sheet conductance S, S;
     NotConverged as `solve_untouched`."""
     error, fineness = kind
-    known = next(mesh for mesh, left in solve_untouched(body.shape, electrodes, conductance_S, error).history
+    known = next(mesh for mesh, left in solve_untouched(body.outline, electrodes, conductance_S, error).history
                  if left <= error)
-    length, middle = edge_starts(body)[-1], stretches_along(body, electrodes).mean(axis=1)
+    length, middle = edge_starts(body.outline)[-1], stretches_along(body.outline, electrodes).mean(axis=1)
     width = widths(electrodes)
     moves, fine = _SLIDES_M + _WIDENS * width, fineness * float(width.min())
-    ends = KDTree(places_along(body, np.concatenate([
+    ends = KDTree(places_along(body.outline, np.concatenate([
         np.arange(at + side * half - move, at + side * half + move, fine / 2)
         for at, half, move in zip(middle, width / 2, np.minimum(moves, width), strict=True) for side in (-1, 1)])))
     triangles = refined(known, lambda mesh: EVEN * (fine + _GROWTH * ends.query(mesh.centres_m)[0]) ** 2)
     mesh = skin_mesh(triangles, electrodes)
     sides = edge_sides(mesh)
-    sides = sides[arcs_of(body, mesh.nodes_m[sides[:, 2]])[1] < _ON_EDGE * length]
-    start, stop = (arcs_of(body, mesh.nodes_m[sides[:, k]])[0] for k in (0, 1))
+    sides = sides[arcs_of(body.outline, mesh.nodes_m[sides[:, 2]])[1] < _ON_EDGE * length]
+    start, stop = (arcs_of(body.outline, mesh.nodes_m[sides[:, k]])[0] for k in (0, 1))
     half = np.mod(stop - start, length) / 2
     reach = width / 2 + moves
     from_middle = np.mod(start + half - middle[:, None] + length / 2, length) - length / 2
@@ -188,7 +188,7 @@ def edge_admittance(sliding: SlidingMesh, electrodes: Electrodes, conductance_S:
 
 def _ends(sliding: SlidingMesh, electrodes: Electrodes) -> Array:
     """(N, 2) arc lengths of the electrodes' ends, m, as `part_m` of the mesh."""
-    found, length = stretches_along(sliding.body, electrodes), sliding.length_m
+    found, length = stretches_along(sliding.body.outline, electrodes), sliding.length_m
     middle = np.mod(found.mean(axis=1) - sliding.middle_m + length / 2, length) - length / 2
     ends = middle[:, None] + np.diff(found, axis=1) / 2 * np.array([-1.0, 1.0])
     away = np.abs(ends).max(axis=1)

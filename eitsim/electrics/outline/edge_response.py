@@ -24,8 +24,9 @@ from eitsim.electrics.outline.touch_mesh import EVEN
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh
 from eitsim.numerics.conductor_elimination import solve_between
 from eitsim.numerics.nested_dissection import Dissection
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.outline import Outline, corners_and_edges, loops
+from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.scene import Electrodes
 
 _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
@@ -97,7 +98,7 @@ def order_of_halving(outline: Outline) -> float:
     """Power of the size of even triangles by which errors of a smooth functional of the potential fall: 2, or twice
     pi/w of the largest angle w of the skin at its corners, about which the potential goes as r^(pi/w)."""
     largest = np.pi
-    for corners in loops(outline):
+    for corners in outline.loops:
         edge = np.roll(corners, -1, axis=0) - corners
         along = edge[:, 0] + 1j * edge[:, 1]
         largest = max(largest, np.pi - float(np.angle(along / np.roll(along, 1)).min()))

@@ -11,8 +11,8 @@ from eitsim.electrics.mesh.p2_triangles import EDGES, straight, untangled, with_
 from eitsim.electrics.mesh.ring_mesh import centred_radii, contact_lines
 from eitsim.electrics.outline.touch_mesh import EVEN, FIELDS, base_triangles, touch_mesh, within_edges
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh, triangulated
-from eitsim.scene.outline import inside, squared_distance
-from eitsim.scene.outline_electrodes import patch_loops
+from eitsim.scene.edges.outline_electrodes import patch_loops
+from eitsim.scene.polygons import inside, squared_distance
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
@@ -82,7 +82,7 @@ def outlined_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touc
             out = np.minimum(out, EVEN * size**2)
         return out
 
-    around = refined(triangulated(body, electrodes, left_out=[circle.loop_m for circle in circles]), limit)
+    around = refined(triangulated(body.outline, electrodes, left_out=[circle.loop_m for circle in circles]), limit)
     whole, ringed = _with_rings(around, circles)
     mesh = skin_mesh(whole, electrodes)
     return with_quarter_points(untangled(_curved(mesh, circles, ringed), straight(mesh)))

@@ -10,7 +10,7 @@ from eitsim.electrics.mesh.graded_mesh import LEAN, Touches
 from eitsim.electrics.mesh.ring_mesh import FARTHEST, centred_radii, contact_lines
 from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh, triangulated
-from eitsim.scene.outline import circle, edge_distance_m
+from eitsim.scene.polygons import circle
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
@@ -42,7 +42,7 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
 
     lines = [circle((punch.x_m, punch.y_m), mark, _chords(mark, *own))
              for (punch, touch, _), own in zip(within, sizes, strict=True) for mark in contact_lines(punch, touch)]
-    return skin_mesh(refined(triangulated(body, electrodes, lines), limit), electrodes)
+    return skin_mesh(refined(triangulated(body.outline, electrodes, lines), limit), electrodes)
 
 
 def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m2: float,
@@ -55,7 +55,7 @@ def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m
 
 def base_triangles(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS) -> Triangles:
     """Triangles on which the readings of the untouched skin are known to such a relative error."""
-    history = solve_untouched(body.shape, electrodes, conductance_S, min(known_to, READINGS)).history
+    history = solve_untouched(body.outline, electrodes, conductance_S, min(known_to, READINGS)).history
     return next(mesh for mesh, error in history if error <= known_to)
 
 
@@ -64,7 +64,7 @@ def within_edges(body: Body, touches: Touches) -> list[tuple[Punch, Touch, float
     nearest edge or to the middle of the way to another; ValueError where a punch reaches an edge, or contacts meet."""
     place = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
     inner = np.array([punch.diameter_m / 2 for punch, _ in touches])
-    room = edge_distance_m(body, place) - inner
+    room = body.edge.gap_m(place) - inner
     reach = np.maximum(inner, [touch.contact_radius_m for _, touch in touches])
     separation = np.linalg.norm(place[:, None] - place, axis=-1) - np.add.outer(reach, reach)
     np.fill_diagonal(separation, np.inf)

@@ -13,10 +13,11 @@ import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.mesh.p2_triangles import EDGES, sides
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_edge import edge_starts, places_along
+from eitsim.scene.edges.outline_electrodes import patch_loops, stretches_along
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline import Outline, inside, loops
-from eitsim.scene.outline_edge import edge_starts, places_along
-from eitsim.scene.outline_electrodes import patch_loops, stretches_along
+from eitsim.scene.polygons import inside
 from touchcal.errors import NotConverged
 
 _SAME = 1e-9  # Points of an edge closer than this share of its length are one.
@@ -55,7 +56,7 @@ def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: 
                  left_out: Sequence[Array] = ()) -> Triangles:
     """The skin in triangles, as large as its lines allow: its edges, cut where line electrodes end, the edges of
     electrodes on the surface, and further closed lines (n, 2), m; without what lies inside those left out."""
-    outer, *holes = loops(outline)
+    outer, *holes = outline.loops
     marker, patches = np.full(len(outer), _BARE), []
     if electrodes is not None and electrodes.kind == "line":
         outer, marker = _outer(outline, electrodes)

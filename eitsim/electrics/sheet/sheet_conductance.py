@@ -254,14 +254,13 @@ def _stretch_cubics(touch: Touch) -> PchipInterpolator:
 
 def extrapolated_fraction(body: Body, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> float:
     """Fraction of the skin whose driving strain lies outside the fitted range by more than NEAR_RANGE; with an outline,
-    of the disc of its area about the punch, as if no edge were near."""
+    as if no edge were near."""
     edges = np.union1d(np.linspace(0, touch.radius_m[-1], 4001), touch.radius_m)
     radius, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
     strain = driving_strain(skin.strain, *stretches(touch, radius))
     far = np.abs(strain - np.clip(strain, *law.strain_range)) > NEAR_RANGE
-    offset = 0.0 if body.has_outline else math.hypot(punch.x_m, punch.y_m)
-    area = _angle_inside(radius, offset, body.radius_m) * radius * width
-    return float(np.sum(area[far]) / (np.pi * body.radius_m**2))
+    area = body.edge.covered_rad((punch.x_m, punch.y_m), radius) * radius * width
+    return float(np.sum(area[far]) / (np.pi * body.edge.size_m**2))
 
 
 def extrapolated_share(touches: Sequence[Touch], skin: Skin, law: Conductivity) -> float:
@@ -299,14 +298,6 @@ def _outwards(core, k, h):
         for j in range(len(k)):
             out[j + 1, m] = k[j, m] * (out[j, m] + k[j, m] * h[j, m]) / (k[j, m] + out[j, m] * h[j, m])
     return out
-
-
-def _angle_inside(radius: Array, distance: float, disc: float) -> Array:
-    """Angle, rad, of circles about a point at some distance from the centre of a disc that lies inside the disc."""
-    if distance == 0:
-        return np.where(radius <= disc, 2 * np.pi, 0.0)
-    cosine = (radius**2 + distance**2 - disc**2) / (2 * radius * distance)
-    return 2 * np.pi - 2 * np.arccos(np.clip(-cosine, -1, 1))
 
 
 def admittance(core: Array, stationary: Array, meridian: Array, radii_m: Array) -> Array:

@@ -19,7 +19,7 @@ from eitsim.mechanics.axisymmetric.viscoelastic import Memory, loaded_at_once, r
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Hold, Punch
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, scaled
 from matcal.laws.prony import Prony, relaxation
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
@@ -50,7 +50,7 @@ class Step:
     depth: float | None  # depth over H; None where the force is given
 
 
-def solve_hold(law: Hyperfoam, series: Prony, body: Body, punch: Punch, hold: Hold, *, element_m: float | None = None,
+def solve_hold(law: Law, series: Prony, body: Body, punch: Punch, hold: Hold, *, element_m: float | None = None,
                per_decade: int = PER_DECADE) -> list[tuple[float, Touch]]:
     """(time, s, touch) at the end of loading, where the time is 0, and at each of the hold's times, increasing. law:
     instantaneous moduli; per_decade: steps in time; the rest as in axisymmetric.solve_touch. ValueError for other
@@ -89,16 +89,14 @@ def relaxed(touch: Touch, share: float) -> Touch:
     """The touch with its deformation kept and every stress times share."""
     section, volume = touch.section, touch.volume
     if section is not None:
-        section = replace(section, law=_softened(section.law, share))
+        section = replace(section, law=scaled(section.law, share))
     if volume is not None:
-        volume = replace(volume, law=_softened(volume.law, share), pressure_Pa=volume.pressure_Pa * share)
+        volume = replace(volume, law=scaled(volume.law, share), pressure_Pa=volume.pressure_Pa * share)
     return replace(touch, section=section, volume=volume, pressure_Pa=touch.pressure_Pa * share,
                    force_N=touch.force_N * share, sigma_max_Pa=touch.sigma_max_Pa * share,
                    sigma_ave_Pa=touch.sigma_ave_Pa * share)
 
 
-def _softened(law: Hyperfoam, share: float) -> Hyperfoam:
-    return replace(law, mu_Pa=law.mu_Pa * share)
 
 
 def _loaded_at_once(levels: list[IndentationProblem], course: HoldHistory) -> list[Equilibrium]:

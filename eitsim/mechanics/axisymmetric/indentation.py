@@ -20,7 +20,7 @@ from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
 from eitsim.numerics.newton import System, minimise
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, over
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -44,7 +44,7 @@ class IndentationProblem:
     """Foam under a punch, discretised."""
 
     # moduli over mu_0
-    law: Hyperfoam
+    law: Law
     grid: Grid
     punch: RigidPunch
     facets: Facets
@@ -65,7 +65,7 @@ class Equilibrium:
     residuals: tuple[float, ...]  # relative residual after each iteration
 
 
-def indentation_problem(law: Hyperfoam, body: Body, punch: Punch, element_m: float, penalty: float,
+def indentation_problem(law: Law, body: Body, punch: Punch, element_m: float, penalty: float,
                         order: int = 2, even: float = 0.0) -> IndentationProblem:
     """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over grid.feature_m; order and even as
     of grid.foam_grid."""
@@ -74,7 +74,7 @@ def indentation_problem(law: Hyperfoam, body: Body, punch: Punch, element_m: flo
     feature = feature_m(body, punch)
     rigid = RigidPunch(profile, penalty * unit / feature, _FIRM * feature / unit)
     facets = contact.top_facets(grid, profile.radius + _REACH)
-    return IndentationProblem(replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa), grid, rigid, facets,
+    return IndentationProblem(over(law, law.mu_0_Pa), grid, rigid, facets,
                               element_m / default_element_m(body, punch))
 
 

@@ -32,7 +32,7 @@ from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
 from eitsim.scene.scene import FRICTIONS, STRAINS, Body, Punch, profile_of
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
@@ -55,7 +55,7 @@ _DEPTH_TOLERANCE, _DEPTH_STEPS = 1e-9, 60
 FACTORISATIONS, UNKNOWNS = 300, 50_000
 
 
-def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | None = None,
+def solve_touch(law: Law, body: Body, punch: Punch, *, element_m: float | None = None,
                 penalty: float | None = None, order: int = 2) -> Touch:
     """Equilibrium of the foam under the punch's force, or at its depth where the force is None.
 
@@ -77,7 +77,7 @@ def solve_touch(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | 
     return _rubbed(law, body, levels, course, started)
 
 
-def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
+def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
                penalty: float | None = None, order: int = 2) -> list[Touch]:
     """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch. With
     friction the order is the way the punch was loaded, and the equilibria depend on it."""
@@ -99,12 +99,12 @@ def solve_path(law: Hyperfoam, body: Body, punch: Punch, forces_N: Sequence[floa
     return touches
 
 
-def force_unit(law: Hyperfoam, body: Body) -> float:
+def force_unit(law: Law, body: Body) -> float:
     """Force, N, of one unit of a problem: mu_0 H^2."""
     return law.mu_0_Pa * body.thickness_m**2
 
 
-def mesh_hierarchy(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None,
+def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
                    penalty: float | None, order: int = 2, even: float = 0.0) -> list[IndentationProblem]:
     """Frictionless problems from coarse to fine, halving; the coarsest has _COARSEST default element sizes or more;
     even as of grid.foam_grid."""
@@ -123,7 +123,7 @@ def mesh_hierarchy(law: Hyperfoam, body: Body, punch: Punch, element_m: float | 
     return [indentation.indentation_problem(law, body, punch, size, penalty, order, even) for size in sizes]
 
 
-def _rubbing(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, penalty: float | None,
+def _rubbing(law: Law, body: Body, punch: Punch, element_m: float | None, penalty: float | None,
              order: int) -> tuple[list[IndentationProblem], float]:
     """Problems as without friction, and the largest shear over pressure."""
     if punch.friction not in FRICTIONS:
@@ -132,7 +132,7 @@ def _rubbing(law: Hyperfoam, body: Body, punch: Punch, element_m: float | None, 
     return mesh_hierarchy(law, body, smooth, element_m, penalty, order), friction.coefficient(punch)
 
 
-def _rubbed(law: Hyperfoam, body: Body, levels: list[IndentationProblem], course: FrictionHistory,
+def _rubbed(law: Law, body: Body, levels: list[IndentationProblem], course: FrictionHistory,
             started: float) -> Touch:
     """A touch with friction; what half as many increments change, and the last pass did, adds to its errors."""
     touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], started)
@@ -199,7 +199,7 @@ class Unresolved(NotConverged):
     """An equilibrium whose surface a mesh is too coarse to show; a finer one may do."""
 
 
-def touch_of(law: Hyperfoam, body: Body, levels: list[IndentationProblem], states: list[Equilibrium],
+def touch_of(law: Law, body: Body, levels: list[IndentationProblem], states: list[Equilibrium],
              started: float) -> Touch:
     """The finest level's equilibrium as a touch, its errors from the two finest; `law` gives the units."""
     model, state, unit = levels[-1], states[-1], body.thickness_m

@@ -13,6 +13,7 @@ import numpy as np
 
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem
 from eitsim.mechanics.solid import axisymmetric_assembly
+from matcal.laws.law import scaled
 from matcal.laws.prony import Prony, decaying, relaxation
 from touchcal.arrays import Array
 
@@ -48,7 +49,7 @@ def stepped(model: IndentationProblem, series: Prony, memory: Memory, step_s: fl
     share = series.g_infinity + float(series.g @ weight)
     kept = np.tensordot(series.g * decay, memory.decaying, axes=1)
     past = kept - float(series.g @ weight) * memory.instantaneous
-    return replace(model, law=replace(model.law, mu_Pa=model.law.mu_Pa * share), prestress=past)
+    return replace(model, law=scaled(model.law, share), prestress=past)
 
 
 def remembered(model: IndentationProblem, series: Prony, memory: Memory, step_s: float, x: Array) -> Memory:

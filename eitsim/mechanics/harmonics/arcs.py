@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.scene.outline import inside
+from eitsim.scene.polygons import inside
 from touchcal.arrays import Array
 
 # Parts of a circle shorter than this, rad, are none.
@@ -56,7 +56,7 @@ class OffsetDisc:
 class OffsetOutline:
     """Any outline with its holes seen from the punch; lengths in any one unit."""
 
-    start: Array  # (edges, 2) ends of its edges, as in `eitsim.scene.outline.corners_and_edges`
+    start: Array  # (edges, 2) ends of its edges, as in `eitsim.scene.edges.outline.corners_and_edges`
     end: Array
     whole_turn: ClassVar[bool] = True
 

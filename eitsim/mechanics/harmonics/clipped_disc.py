@@ -19,7 +19,7 @@ from eitsim.mechanics.contact.stick_springs import StickSprings, stick_springs
 from eitsim.mechanics.harmonics.arcs import AngularQuadrature, OffsetDisc, OffsetOutline, circles, odd
 from eitsim.mechanics.harmonics.fourier_fields import Points
 from eitsim.mechanics.solid.axisymmetric_assembly import nodal
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
@@ -54,7 +54,7 @@ class ClippedDisc:
     """The discretised problem."""
 
     # moduli over mu_0
-    law: Hyperfoam
+    law: Law
     punch: RigidPunch
     outline: OffsetDisc | OffsetOutline
     foam: Points

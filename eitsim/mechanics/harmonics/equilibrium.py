@@ -11,10 +11,9 @@ from eitsim.mechanics.contact import stick_springs
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, SurfaceQuadrature, amplitudes, unknowns_of
 from eitsim.mechanics.harmonics.fourier_fields import apply_isotropic_stiffness, apply_tangent, forces, gradients
 from eitsim.mechanics.harmonics.preconditioner import preconditioner
-from eitsim.mechanics.solid import hyperfoam_3d
+from eitsim.mechanics.solid import spatial_response
 from eitsim.numerics.linear_solvers import Solve, conjugate_gradients
 from eitsim.numerics.newton import Minimum, System, minimise
-from matcal.laws import hyperfoam
 from matcal.laws.ellipticity import strongly_elliptic
 from touchcal.arrays import Array
 
@@ -39,7 +38,7 @@ class Contact:
 class Tangents:
     """Second derivatives of the energy at points, with their weights."""
 
-    foam: Array  # (points, 45, angles) of the foam, as in `eitsim.mechanics.solid.hyperfoam_3d`
+    foam: Array  # (points, 45, angles) of the foam, as in `eitsim.mechanics.solid.spatial_response`
     bearing: Array  # (facets points, 3, 3, angles) of the contact
 
 
@@ -48,10 +47,10 @@ def energy(disc: ClippedDisc, x: Array) -> float:
     work of a neighbour's own stress; infinite where the foam is turned inside out."""
     added = amplitudes(disc, x[:-1])
     grad_u = displacement_gradient(disc, added)
-    if not hyperfoam_3d.upright(grad_u):
+    if not spatial_response.upright(grad_u):
         return np.inf
     with np.errstate(over="ignore", invalid="ignore"):
-        stored = float(np.sum(disc.weight * hyperfoam.energy(disc.law, hyperfoam_3d.principal(grad_u).log)))
+        stored = float(np.sum(disc.weight * disc.law.energy(spatial_response.principal(grad_u).log)))
     if not np.isfinite(stored):
         return np.inf
     at = contact_state(disc, x)
@@ -113,8 +112,8 @@ def from_surface(facing: SurfaceQuadrature, force: Array, amplitude: Array) -> A
 def linearised(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.0) -> tuple[Array, Tangents]:
     """Gradient (unknowns + 1,) of the energy at x and the tangents there, their negative parts scaled."""
     added = amplitudes(disc, x[:-1])
-    at = hyperfoam_3d.principal(displacement_gradient(disc, added))
-    stress, tangent = hyperfoam_3d.stress_and_tangent(disc.law, at, disc.weight, negative_curvature_scale)
+    at = spatial_response.principal(displacement_gradient(disc, added))
+    stress, tangent = spatial_response.stress_and_tangent(disc.law, at, disc.weight, negative_curvature_scale)
     stress = stress if disc.outside is None else stress - disc.outside.stress
     touch = contact_state(disc, x)
     push = disc.facing.weight * contact.pressure(disc.punch, touch.penetration)
@@ -174,4 +173,4 @@ def reaction(disc: ClippedDisc, x: Array) -> float:
 def fraction_non_elliptic(disc: ClippedDisc, x: Array) -> float:
     """Fraction of the quadrature points at which the law is not strongly elliptic."""
     grad_u = displacement_gradient(disc, amplitudes(disc, x[:-1]))
-    return float(1 - np.mean(strongly_elliptic(disc.law, hyperfoam_3d.principal(grad_u).log)[disc.weight > 0]))
+    return float(1 - np.mean(strongly_elliptic(disc.law, spatial_response.principal(grad_u).log)[disc.weight > 0]))

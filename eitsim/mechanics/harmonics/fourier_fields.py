@@ -53,7 +53,7 @@ def forces(at: Points, stress: Array, amplitude: Array) -> Array:
 
 def apply_tangent(at: Points, tangent: Array, amplitude: Array) -> Array:
     """The forces of stress = tangent : gradient, tangent (points, 45, angles) as in
-    `eitsim.mechanics.solid.hyperfoam_3d`, with weights."""
+    `eitsim.mechanics.solid.spatial_response`, with weights."""
     out = np.zeros_like(amplitude)
     _stiffened(at.shape, at.nodes, at.circle, at.circles.cosine, at.circles.sine, _last(at.circles.cosine),
                _last(at.circles.sine), at.circles.orders, tangent, amplitude, out)

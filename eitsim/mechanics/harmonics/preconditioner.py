@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eitsim.mechanics.harmonics.arcs import circles
 from eitsim.mechanics.harmonics.clipped_disc import TIE, ClippedDisc, turned
 from eitsim.mechanics.harmonics.fourier_fields import operators
-from eitsim.mechanics.solid.hyperfoam_3d import UPPER
+from eitsim.mechanics.solid.spatial_response import UPPER
 from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
 from touchcal.arrays import Array
 

@@ -19,7 +19,7 @@ from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationPr
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, touch_of, under_force
 from eitsim.scene.results import of_strain
 from eitsim.scene.scene import STRAINS, Body, Punch
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -51,7 +51,7 @@ _CANCELLING = 0.1
 class LoadPath:
     """One punch, discretised, and the radii at which its surface is kept."""
 
-    law: Hyperfoam
+    law: Law
     body: Body
     levels: tuple[IndentationProblem, ...]
     radius: Array  # (r,) reference radii
@@ -103,7 +103,7 @@ class Deviation:
                          max(self.strain, other.strain))
 
 
-def course_of(law: Hyperfoam, body: Body, punch: Punch, radius: Array | None = None) -> LoadPath:
+def course_of(law: Law, body: Body, punch: Punch, radius: Array | None = None) -> LoadPath:
     """A punch and a law without units, kept at these reference radii, by default at those of the surface's samples."""
     levels = tuple(mesh_hierarchy(law, body, punch, None, None, even=_EVEN))
     if radius is None:
@@ -145,27 +145,6 @@ def traced(course: LoadPath, depths: Sequence[float]) -> Iterator[Node]:
             return
         nodes.append(node)
         yield node
-
-
-def alongside(course: LoadPath, depths: Sequence[float], pressures: Sequence[float]) -> Iterator[Node]:
-    """Nodes near the given depths, which increase, where the path of a law much like this has these mean pressures;
-    each is started from the one before it. It ends as `traced` does."""
-    before, ratio, last = None, 1.0, 0.0
-    for depth, pressure in zip(depths, pressures, strict=True):
-        try:
-            node = _node(course, ratio * pressure, before)
-        except NotConverged:
-            return
-        if abs(node.depth - depth) > _NEAR * (depth - last):
-            return
-        yield node
-        before, last = node, depth
-        ratio = (node.mean_pressure + node.stiffness * (depth - node.depth)) / pressure
-
-
-def first_node(course: LoadPath, mean_pressure: float) -> Node:
-    """The equilibrium under a mean pressure, from rest, without its states; NotConverged where there is none."""
-    return replace(_node(course, mean_pressure, None), states=())
 
 
 def interpolated(left: Node, right: Node, mean_pressure: float) -> tuple[float, Array]:

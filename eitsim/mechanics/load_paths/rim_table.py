@@ -15,7 +15,7 @@ from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.table import carried_over, edge_of, lagrange_weights
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.mechanics.rim.correction import RimCorrection, apply_correction, within_face
-from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
+from eitsim.scene.nearest_edge import STRAIGHT_M, NearestEdge
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, rim_gap_m
 from touchcal.arrays import Array
@@ -157,7 +157,8 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
     """An axisymmetric touch with the rim's change from a table; None where the table does not reach, or is of straight
     edges and the nearest one is not."""
     unit = body.thickness_m
-    if table.rim is None or punch.force_N is None or table.shape.straight != body.has_outline:
+    edge = served_edge(table.shape, body, punch)
+    if table.rim is None or punch.force_N is None or edge is None:
         return None
     gap = rim_gap_m(body, punch)
     found = change_from(table.shape, table.rim, punch.diameter_m / unit, gap / unit, touch.depth_m / unit)
@@ -165,15 +166,16 @@ def near_rim_from(table: Table, touch: Touch, body: Body, punch: Punch) -> Touch
         return None
     field = found.change.field
     field = replace(field, radius_m=field.radius_m * unit, displacement_m=field.displacement_m * unit,
-                    disc_m=body.radius_m, offset_m=float(np.hypot(punch.x_m, punch.y_m)))
-    if body.has_outline:
-        edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
-        if edge.disc_m != STRAIGHT_M:
-            return None
-        field = replace(field, disc_m=edge.disc_m, offset_m=edge.offset_m, towards=edge.towards)
+                    disc_m=edge.disc_m, offset_m=edge.offset_m, towards=edge.towards if table.shape.straight else None)
     with_rim = apply_correction(touch, replace(found.change, field=field, depth_m=found.change.depth_m * unit))
     return replace(within_face(with_rim, punch), depth_error=touch.depth_error + found.depth_error,
                    signal_errors=touch.signal_errors + found.signal_errors)
+
+
+def served_edge(shape: DimensionlessProblem, body: Body, punch: Punch) -> NearestEdge | None:
+    """The edge next to a punch where a table is made for such: the rim of its disc, or a straight one."""
+    edge = body.edge.nearest((punch.x_m, punch.y_m))
+    return edge if shape.straight == (edge.disc_m == STRAIGHT_M) else None
 
 
 def cells_of(rim: RimTable) -> list[Cell]:
@@ -194,8 +196,8 @@ def middles_of(rim: RimTable, cells: Sequence[Cell], diameters: Sequence[float])
 
 def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) -> RimTable:
     """The table with its deviation at least the largest of the checked cells next to each, itself among them, or of the
-    nearest where these are farther away; cells at which None was found are not served. What was measured before counts
-    at least as much, cell by cell. NotConverged where more than half were not found, which leaves the error unknown."""
+    nearest where these are farther away; cells at which None was found are not served. NotConverged where more than
+    half were not found, which leaves the error unknown."""
     found = {cell: off for cell, off in checked.items() if off is not None}
     if 2 * len(found) < len(checked) or not found:
         raise NotConverged(f"{len(checked) - len(found)} of {len(checked)} changes by the rim that give the error of "
@@ -203,10 +205,7 @@ def with_cell_errors(rim: RimTable, checked: Mapping[Cell, Deviation | None]) ->
                            estimate=rim.gaps)
     places, off = np.array(list(found)), np.array([[one.depth, *one.signals] for one in found.values()])
     error_estimate, measured = rim.error_estimate.copy(), rim.measured.copy()
-    for i, j in np.argwhere(np.isfinite(rim.measured).all(axis=-1)).tolist():
-        if (i, j) not in found:
-            measured[i, j] = np.maximum(measured[i, j], off[_about(places, (i, j))].max(axis=0))
-    measured[tuple(places.T)] = np.fmax(measured[tuple(places.T)], off)
+    measured[tuple(places.T)] = off
     for cell in cells_of(rim):
         near = off[_about(places, cell)].max(axis=0)
         error_estimate[cell] = np.inf if checked.get(cell, near) is None else np.maximum(error_estimate[cell], near)

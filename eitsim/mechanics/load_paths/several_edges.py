@@ -28,7 +28,7 @@ def near_edges_from(table: Table, touch: Touch, body: Body, punch: Punch, left_o
     if table.rim is None or punch.force_N is None or not table.shape.straight:
         return None
     size = punch.diameter_m / unit
-    lines = straight_edges(body.shape, (punch.x_m, punch.y_m), (size / 2 + float(table.rim.gaps[-1])) * unit)
+    lines = straight_edges(body.outline, (punch.x_m, punch.y_m), (size / 2 + float(table.rim.gaps[-1])) * unit)
     parts = [change_from(table.shape, table.rim, size, away / unit - size / 2, touch.depth_m / unit)
              for _, away in lines]
     found = [part for part in parts if part is not None]

@@ -8,6 +8,7 @@ from one punch to another with the edge and the start of the fillet in place, an
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, profile_of
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, over, values_of
+from matcal.laws.registry import law_of
 from touchcal.arrays import Array
 from touchcal.jit import cpu_s
 
@@ -32,14 +35,14 @@ _DIGITS, _EQUAL = 12, 1e-10
 _FREE, _STRAIGHT = 10.0, 1e4
 
 
-def shape_of(law: Hyperfoam, body: Body, punch: Punch, diameters_m: Iterable[float] = (), *,
+def shape_of(law: Law, body: Body, punch: Punch, diameters_m: Iterable[float] = (), *,
              spans: bool = False) -> DimensionlessProblem:
     """The shape of a flat punch's touch, for its own diameter or for others; all moduli times a factor have the same
     shape, and all outlines but the disc."""
     unit = body.thickness_m
     diameters = _rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]])
-    disc, fillet = _rounded([body.radius_m / unit, punch.fillet_m / unit])
-    shape = DimensionlessProblem(*_moduli(law), disc, fillet, diameters, spans, body.has_outline)
+    disc, fillet = _rounded([body.edge.size_m / unit, punch.fillet_m / unit])
+    shape = DimensionlessProblem(law.name, _parameters(law), disc, fillet, diameters, spans, body.has_outline)
     return with_diameters(shape, diameters, spans=spans)
 
 
@@ -49,30 +52,18 @@ def with_diameters(shape: DimensionlessProblem, diameters: tuple[float, ...], *,
     return replace(shape, disc=disc, diameters=diameters, spans=spans)
 
 
-def of_law(shape: DimensionlessProblem, law: Hyperfoam) -> DimensionlessProblem:
-    """The shape of the same touches of another law."""
-    mu, alpha, nu = _moduli(law)
-    return replace(shape, mu=mu, alpha=alpha, nu=nu)
-
-
-def as_deep_as(table: Table, count: int) -> Table:
-    """The table with its first so many depths alone."""
-    return replace(table, depths=table.depths[:count], values=table.values[:, :count], slopes=table.slopes[:, :count],
-                   error_estimate=table.error_estimate[:, :count])
-
-
-def _moduli(law: Hyperfoam) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
-    return _rounded(law.mu_Pa / law.mu_0_Pa), _rounded(law.alpha), _rounded(law.nu)
+def _parameters(law: Law) -> tuple[tuple[float, ...], ...]:
+    return tuple(_rounded(values) for values in values_of(over(law, law.mu_0_Pa)))
 
 
 def _rounded(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(float(f"{value:.{_DIGITS}g}") for value in values)
 
 
-def parts_of(shape: DimensionlessProblem, diameter: float) -> tuple[Hyperfoam, Body, Punch]:
+def parts_of(shape: DimensionlessProblem, diameter: float) -> tuple[Law, Body, Punch]:
     """Law, body and punch of a shape, without units; the force is yet to be set."""
-    law = Hyperfoam(np.array(shape.mu), np.array(shape.alpha), np.array(shape.nu))
-    return law, Body(shape.disc, 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
+    law = law_of(shape.law, shape.parameters)
+    return law, Body(Disc(shape.disc), 1.0), Punch(diameter_m=diameter, fillet_m=shape.fillet)
 
 
 def edge_of(shape: DimensionlessProblem, diameter: float, gap: float) -> OffsetDisc:
@@ -163,12 +154,12 @@ def _neighbours(shape: DimensionlessProblem, diameter: float) -> Array:
 
 def _same_but_diameters(own: DimensionlessProblem, shape: DimensionlessProblem) -> bool:
     """Whether two shapes are one but for their diameters, the disc that these give to outlines, and rounding."""
-    numbers = [[*s.mu, *s.alpha, *s.nu, 0.0 if own.straight else s.disc, s.fillet] for s in (own, shape)]
-    return (len(own.mu) == len(shape.mu) and own.straight <= shape.straight
+    numbers = [[*chain(*s.parameters), 0.0 if own.straight else s.disc, s.fillet] for s in (own, shape)]
+    return (own.law == shape.law and len(numbers[0]) == len(numbers[1]) and own.straight <= shape.straight
             and np.allclose(*numbers, rtol=_EQUAL, atol=_EQUAL))
 
 
-def touch_from(table: Table, law: Hyperfoam, body: Body, punch: Punch) -> Touch | None:
+def touch_from(table: Table, law: Law, body: Body, punch: Punch) -> Touch | None:
     """The touch under the punch's force or at its depth; None where the table does not hold it."""
     shape, unit = table.shape, body.thickness_m
     own = shape_of(law, body, punch)

@@ -13,9 +13,8 @@ from touchcal.arrays import Array
 class DimensionlessProblem:
     """What a table is made for: lengths over the thickness, moduli over mu_0."""
 
-    mu: tuple[float, ...]
-    alpha: tuple[float, ...]
-    nu: tuple[float, ...]
+    law: str  # its name
+    parameters: tuple[tuple[float, ...], ...]  # of the law
     disc: float  # radius of the disc
     fillet: float
     diameters: tuple[float, ...]  # increasing diameters: the ends of a range, or all there are
@@ -95,7 +94,6 @@ class Table:
     error: Deviation  # largest deviation from touches solved anew at held-out depths and diameters
     checks: int  # how many those were
     cpu_s: float  # CPU time that it took, s
-    laws: int = 0  # laws of which the paths are weighted means, the central one included; 0 where they are solved
     rim: RimTable | None = None  # what the rim changes of these touches; None where that is solved anew
 
     @property

@@ -12,7 +12,7 @@ from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc
 from eitsim.mechanics.harmonics.equilibrium import contact_state
 from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
 from eitsim.mechanics.solid.grid import lagrange
-from eitsim.scene.outline import inside, squared_distance
+from eitsim.scene.polygons import inside, squared_distance
 from eitsim.scene.results import RimField
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged

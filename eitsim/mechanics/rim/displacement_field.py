@@ -15,7 +15,7 @@ from eitsim.mechanics.harmonics.fourier_fields import Points, gradients
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.scene.results import Volume
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
@@ -37,7 +37,7 @@ class Places:
 
 
 def volume_of(disc: ClippedDisc, outline: OffsetDisc | OffsetOutline, model: IndentationProblem, state: Equilibrium,
-              x: Array, law: Hyperfoam, unit: float, axis_m: Array, bearing_rad: float) -> Volume:
+              x: Array, law: Law, unit: float, axis_m: Array, bearing_rad: float) -> Volume:
     """What a touch keeps of a clipped disc's solution x; outside what it reaches, that of the axisymmetric state."""
     radius, height = model.grid.lines
     moved = np.zeros((len(model.grid.nodes), 3, len(disc.fixed)))

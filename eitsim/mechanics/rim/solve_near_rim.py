@@ -22,7 +22,6 @@ from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.axisymmetric import friction_increments, solve_axisymmetric
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
-from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact.punch_contact import top_facets
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
@@ -32,11 +31,11 @@ from eitsim.mechanics.rim.correction import UNCONVERGED, RimCorrection, no_corre
 from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
-from eitsim.scene.nearest_edge import nearest_edge
-from eitsim.scene.outline import circle, corners_and_edges
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, rim_gap_m
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
@@ -53,7 +52,6 @@ LEAST_GAP = 1e-5
 # and 1 N and 5 mm, 8 for 3 N and 5 mm; the added depth differs by 2 % at most.
 _WAY = 0.1
 # Chords of a polygon that stands for a disc where a neighbour is near, too.
-_CHORDS = 400
 # How often the force is halved for a start where the solution is not found from the axisymmetric state.
 _HALVINGS = 3
 # Iterations on the coarse mesh above which the finer one is not tried: ten times the work of the coarse one, mostly in
@@ -134,61 +132,39 @@ class Load:
         return Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
 
 
-def rim_problem(body: Body, punch: Punch) -> str:
-    """Why a touch cannot be solved near the rim, without a full stop; empty where it can."""
-    gap = rim_gap_m(body, punch)
-    least = LEAST_GAP * body.radius_m
-    if gap < least:
-        edge, off, onto = (("the nearest edge of the skin", "reaches {:.1f} mm past", "onto the skin")
-                           if body.has_outline else ("the rim of the disc", "lies {:.1f} mm outside", "inwards"))
-        where = off.format(-gap * 1e3) if gap <= -5e-5 else "lies on"
-        further = (math.floor((least - gap) * 1e5) + 1) / 100
-        return (f"the punch's edge {where} {edge}; change x_mm and y_mm so that the punch lies "
-                f"{further:.2f} mm further {onto}")
-    if 0 < friction.coefficient(punch) < np.inf:
-        return "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")"
-    return ""
-
-
-def solve_near_rim(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
+def solve_near_rim(law: Law, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
     """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the
     axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
     (see `eitsim.scene.nearest_edge`), on a finer mesh than a rim; or with all_edges the whole of it, corners and holes
-    too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. ValueError where
-    `rim_problem` names one, NotConverged where no equilibrium is found."""
-    if problem := rim_problem(body, punch):
-        raise ValueError(f"{problem}.")
-    edge = edges_from(body, punch) if all_edges and body.has_outline else None
-    one_edge = body.has_outline and not all_edges
+    too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. The punch's edge lies on
+    the skin, and the punch slips freely or sticks. NotConverged where no equilibrium is found."""
+    outlined = not body.edge.is_round
+    edge, one_edge = edges_from(body, punch) if all_edges and outlined else None, outlined and not all_edges
     if not whole:
         return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge,
                          fine=ONE_EDGE if one_edge else FINE, rough=None if edge else ROUGH)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
-    fine = replace(FULL_DISC, out_to=FINE.out_to) if body.has_outline else FULL_DISC
+    fine = replace(FULL_DISC, out_to=FINE.out_to) if outlined else FULL_DISC
     return corrected(touch, law, body, punch, coarse=FINE, edge=edge, fine=ONE_EDGE_FINER if one_edge else fine)
 
 
 def edges_from(body: Body, punch: Punch) -> OffsetOutline:
     """All edges of an outline seen from a punch, m; those of a polygon in place of a disc."""
-    place = np.array([punch.x_m, punch.y_m])
-    if not body.has_outline:
-        corners = circle(np.zeros(2), body.radius_m, _CHORDS)
-        return OffsetOutline(corners - place, np.roll(corners, -1, axis=0) - place)
-    start, end = corners_and_edges(body.shape)
+    place, (start, end) = np.array([punch.x_m, punch.y_m]), corners_and_edges(body.edge)
     return OffsetOutline(start - place, end - place)
 
 
 def on_a_disc(body: Body, punch: Punch) -> tuple[Body, Punch]:
-    """The disc of an outline's area, and the punch on it as far from its rim, in the same direction, as from the
-    nearest edge; a disc as it is."""
-    if not body.has_outline:
+    """A disc of an outline's area, and the punch on it as far from its rim, in the same direction, as from the nearest
+    edge; a disc as it is."""
+    if body.edge.is_round:
         return body, punch
-    edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
-    x, y = ((body.radius_m - edge.distance_m) * edge.towards).tolist()
-    return Body(radius_m=body.radius_m, thickness_m=body.thickness_m), replace(punch, x_m=x, y_m=y)
+    edge = body.edge.nearest((punch.x_m, punch.y_m))
+    x, y = ((body.edge.size_m - edge.distance_m) * edge.towards).tolist()
+    return Body(Disc(body.edge.size_m), body.thickness_m), replace(punch, x_m=x, y_m=y)
 
 
-def corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
+def corrected(touch: Touch, law: Law, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
               fine: Resolution = FINE, rough: Resolution | None = None,
               edge: OffsetDisc | OffsetOutline | None = None) -> Touch:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference gives the error; NotConverged, with
@@ -209,11 +185,11 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
             "deep, and squeezes the foam's free side out; move it inwards or press less.")
 
 
-def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, finenesses: Finenesses,
+def _corrected(touch: Touch, law: Law, body: Body, punch: Punch, finenesses: Finenesses,
                given: OffsetDisc | OffsetOutline | None) -> Touch:
     started = cpu_s()
     if body.has_outline:
-        edge = nearest_edge(body.shape, (punch.x_m, punch.y_m))
+        edge = body.edge.nearest((punch.x_m, punch.y_m))
         found = _added(touch, law, *on_a_disc(body, punch), given or OffsetDisc(edge.disc_m, edge.offset_m), finenesses)
         assert found.rim is not None
         assert found.volume is not None
@@ -227,7 +203,7 @@ def _corrected(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, finenesse
     return replace(_added(touch, law, body, punch, outline, finenesses), cpu_s=touch.cpu_s + cpu_s() - started)
 
 
-def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline,
+def _added(touch: Touch, law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline,
            finenesses: Finenesses) -> Touch:
     """The touch with what the rim of an outline, m, adds; its error is of signals on the body, a disc."""
     before, after, left = _pair(law, body, punch, outline, *finenesses)
@@ -242,7 +218,7 @@ def _added(touch: Touch, law: Hyperfoam, body: Body, punch: Punch, outline: Offs
         body, punch, touch, no_correction(change.field), change.field, edges)))
 
 
-def _pair(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, rough: Resolution | None,
+def _pair(law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, rough: Resolution | None,
           coarse: Resolution, fine: Resolution) -> tuple[Solution, Solution, float]:
     """Solutions of neighbouring finenesses, the finer one last, and its error over their difference. The rough one is
     found on its own, since there are several equilibria where the foam folds, and the difference shows that too."""
@@ -255,7 +231,7 @@ def _pair(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | Offset
     return _found(law, body, punch, outline, rough), found, _ROUGHLY
 
 
-def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = FINE,
+def rim_change(law: Law, body: Body, punch: Punch, fineness: Resolution = FINE,
                edge: OffsetDisc | OffsetOutline | None = None) -> RimCorrection:
     """What the rim changes of the touch under the punch's force or at its depth; edge: the rim of another disc, m, in
     place of the body's, or all edges of an outline. Radii and angles of the field depend on the body, the punch's size
@@ -264,7 +240,7 @@ def rim_change(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution = 
     return next(rim_changes(law, body, punch, (fineness,), edge))
 
 
-def rim_changes(law: Hyperfoam, body: Body, punch: Punch, finenesses: Iterable[Resolution],
+def rim_changes(law: Law, body: Body, punch: Punch, finenesses: Iterable[Resolution],
                 edge: OffsetDisc | OffsetOutline | None = None) -> Iterator[RimCorrection]:
     """As `rim_change`, on meshes one after the other, each from the solution on the one before."""
     outline = edge or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
@@ -297,7 +273,7 @@ def _force_ratio(solution: Solution) -> float:
     return ratio - (1 - ratio) * penetration / float(state.by_force[-1] * state.force)
 
 
-def _found(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, fineness: Resolution,
+def _found(law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, fineness: Resolution,
            before: Solution | None = None) -> Solution:
     """The solution in an outline, m, from the axisymmetric state, or from one on another mesh; else by way of half the
     load."""
@@ -306,7 +282,7 @@ def _found(law: Hyperfoam, body: Body, punch: Punch, outline: OffsetDisc | Offse
                   _HALVINGS)
 
 
-def set_up(law: Hyperfoam, body: Body, punch: Punch, fineness: Resolution) -> tuple[IndentationProblem, Load]:
+def set_up(law: Law, body: Body, punch: Punch, fineness: Resolution) -> tuple[IndentationProblem, Load]:
     """The discretised foam under a punch, without friction, and what is given."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
     model = mesh_hierarchy(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]

@@ -34,19 +34,18 @@ from eitsim.mechanics.rim.solve_near_rim import (
     on_a_disc,
     set_up,
 )
-from eitsim.mechanics.solid import hyperfoam_3d
+from eitsim.mechanics.solid import spatial_response
 from eitsim.numerics.newton import Minimum
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
 
 # Least gap between the edges, thicknesses, at which pairs were solved.
 LEAST_GAP = 0.3
-# Gaps closer than this are one, thicknesses.
-_NEAR = 1e-9
 # Relative change of depths and forces at which the passes end, and the most passes.
 _SETTLED, _PASSES = 1e-4, 20
 # Least part of the other's field by which it is added where all of it at once leads nowhere.
@@ -95,24 +94,11 @@ class _Pair:
     residuals: tuple[float, ...]
 
 
-def pair_problem(body: Body, punches: Sequence[Punch]) -> str:
-    """Why touches cannot be solved together, without a full stop; empty where they can."""
-    if len(punches) != 2:
-        return "two touches, not more, are solved together"
-    if any(punch.friction != "none" for punch in punches):
-        return "only frictionless punches are solved together"
-    if edge_gap_m(*punches) < (LEAST_GAP - _NEAR) * body.thickness_m:
-        return f"two touches are solved together from a gap of {LEAST_GAP * body.thickness_m * 1e3:.1f} mm on"
-    return ""
-
-
-def solved_together(touches: Sequence[Touch], law: Hyperfoam, body: Body, punches: Sequence[Punch], *,
+def solved_together(touches: Sequence[Touch], law: Law, body: Body, punches: Sequence[Punch], *,
                     coarse: Resolution = COARSE, fine: Resolution = FINE, edges: bool = False) -> tuple[Touch, Touch]:
     """Two axisymmetric touches with what each changes of the other, far from the rim, symmetric about the line through
     both axes; or with what all edges change, too, at several times the cost. Two finenesses and the last pass give the
-    errors. ValueError where `pair_problem` names one, NotConverged where no equilibrium is found."""
-    if problem := pair_problem(body, punches):
-        raise ValueError(f"{problem}.")
+    errors. Both punches slip freely, LEAST_GAP or more from each other. NotConverged where no equilibrium is found."""
     started = cpu_s()
     rough = _settled(_frames(law, body, punches, coarse, edges))
     found = _settled(_frames(law, body, punches, fine, edges), rough)
@@ -132,11 +118,11 @@ def _on_discs(body: Body, punches: Sequence[Punch], edges: bool) -> list[tuple[B
     if edges or not body.has_outline:
         return [on_a_disc(body, punch) for punch in punches]
     x, y = (sum(getattr(punch, axis) for punch in punches) / len(punches) for axis in ("x_m", "y_m"))
-    disc = Body(radius_m=body.radius_m, thickness_m=body.thickness_m)
+    disc = Body(Disc(body.edge.size_m), body.thickness_m)
     return [(disc, replace(punch, x_m=punch.x_m - x, y_m=punch.y_m - y)) for punch in punches]
 
 
-def _frames(law: Hyperfoam, body: Body, punches: Sequence[Punch], fineness: Resolution,
+def _frames(law: Law, body: Body, punches: Sequence[Punch], fineness: Resolution,
             edges: bool) -> tuple[_Frame, ...]:
     unit = body.thickness_m
     gap = edge_gap_m(*punches) / unit
@@ -213,7 +199,7 @@ def _outside(frame: _Frame, field: Array) -> CutVolumeQuadrature:
 
 
 def _stressed(disc: ClippedDisc, grad_u: Array, shift: Array) -> CutVolumeQuadrature:
-    stress, _ = hyperfoam_3d.stress_and_tangent(disc.law, hyperfoam_3d.principal(grad_u), disc.weight)
+    stress, _ = spatial_response.stress_and_tangent(disc.law, spatial_response.principal(grad_u), disc.weight)
     return CutVolumeQuadrature(grad_u, stress, shift)
 
 

@@ -1,4 +1,4 @@
-"""Large-strain foam on a grid: energy, residual and consistent tangent of the hyperfoam law.
+"""Large-strain foam on a grid: energy, residual and consistent tangent of a law.
 
 Displacement gradients grad_u = F - 1 have the parts rr, rz, zr, zz and hoop.
 """
@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid
-from eitsim.mechanics.solid.hyperfoam_axisymmetric import energy_density, first_piola_and_tangent
-from matcal.laws.hyperfoam import Hyperfoam
+from eitsim.mechanics.solid.meridian_response import energy_density, first_piola_and_tangent
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.jit import compiled
 
@@ -48,7 +48,7 @@ def log_stretches(grad_u: Array) -> Array:
     return np.stack([mean + half, mean - half, np.log1p(hoop)], axis=-1)
 
 
-def second_piola(law: Hyperfoam, grad_u: Array) -> Array:
+def second_piola(law: Law, grad_u: Array) -> Array:
     """Second Piola-Kirchhoff stress (..., 4), parts rr, rz, zz and hoop, F^-1 P, at F = 1 + grad_u (..., 5)."""
     rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
     p, _ = first_piola_and_tangent(law, grad_u)
@@ -86,7 +86,7 @@ def geometric_stiffness(prestress: Array, negative_curvature_scale: float) -> Ar
     return out
 
 
-def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None) -> float:
+def energy(law: Law, grid: Grid, u: Array, prestress: Array | None = None) -> float:
     """Stored energy; infinite where the foam would be turned inside out or squeezed out of the range of numbers. A
     prestress S (elements, points, 4), constant on the reference body, adds its potential S : E."""
     grad_u = deformation(grid, u)
@@ -100,7 +100,7 @@ def energy(law: Hyperfoam, grid: Grid, u: Array, prestress: Array | None = None)
     return stored if np.isfinite(stored) else np.inf
 
 
-def residual_and_tangent(law: Hyperfoam, grid: Grid, u: Array, negative_curvature_scale: float = 1.0,
+def residual_and_tangent(law: Law, grid: Grid, u: Array, negative_curvature_scale: float = 1.0,
                          prestress: Array | None = None) -> tuple[Array, Array]:
     """Gradient (unknowns,) and Hessian of the stored energy, its negative curvatures at points scaled. The Hessian is
     the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth."""

@@ -90,11 +90,11 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2, even: 
     unit = body.thickness_m
     if not 0 < element_m < unit:
         raise ValueError(f"element_m must lie between 0 and the thickness of {unit} m, got {element_m}.")
-    rim, profile = body.radius_m / unit, profile_of(punch, unit)
+    rim, profile = body.edge.size_m / unit, profile_of(punch, unit)
     edge, tip = profile.radius, profile.sharp_tip
     if edge >= rim:
         raise ValueError(f"the punch (diameter {punch.diameter_m} m) must be smaller than the disc (radius "
-                         f"{body.radius_m} m).")
+                         f"{body.edge.size_m} m).")
     size, feature = element_m / unit, feature_m(body, punch) / unit
     widest = (_WIDEST_UNDER_TIP if tip else _WIDEST) * size / (_ELEMENT * feature)
     start = max(edge - profile.edge_radius, 0.0)

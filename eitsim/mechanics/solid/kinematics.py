@@ -3,18 +3,18 @@
 import numpy as np
 
 from matcal.laws.ellipticity import strongly_elliptic
-from matcal.laws.hyperfoam import Hyperfoam, kirchhoff
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 
 
-def tensors(law: Hyperfoam, gradient: Array) -> dict[str, Array]:
+def tensors(law: Law, gradient: Array) -> dict[str, Array]:
     """Tensors (n, 9), row by row, J and ellipticity (n,) of deformation gradients (n, 3, 3) of positive determinant.
     Green-Lagrange strain is (F'F - 1)/2, nominal strain V - 1 with V^2 = FF'; Kirchhoff stress is J times Cauchy's.
     elliptic is 1 where the law is strongly elliptic, else 0."""
     volume = np.linalg.det(gradient)
     square, axes = np.linalg.eigh(gradient @ np.swapaxes(gradient, 1, 2))
     stretch = np.sqrt(square)
-    stress = _from_axes(kirchhoff(law, np.log(stretch)), axes)
+    stress = _from_axes(law.kirchhoff(np.log(stretch)), axes)
     found = {"deformation_gradient": gradient,
              "green_lagrange_strain": (np.swapaxes(gradient, 1, 2) @ gradient - np.eye(3)) / 2,
              "nominal_strain": _from_axes(stretch - 1, axes), "kirchhoff_stress_Pa": stress,

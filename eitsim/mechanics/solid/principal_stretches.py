@@ -9,52 +9,27 @@ Goes, Kim, ACM Trans. Graph. 38 (2019) 12, DOI 10.1145/3241041.
 
 import math
 
-from matcal.laws.hyperfoam import (
-    TERMS,
-    divided_difference_term,
-    kirchhoff_term,
-    sinh_ratio,
-    stretch_growth,
-    stretch_tangent_term,
-    volume_growth,
-    volume_tangent_term,
-)
+from matcal.laws.law import sinh_ratio
 from touchcal.jit import compilable, compiled
 
-compilable(*TERMS)
+compilable(sinh_ratio)
 # Sweeps of Jacobi's method over a matrix of three rows, more than rounding leaves any use for; and the off-diagonal
 # part that is rounding.
 _SWEEPS, _ROUNDING = 12, 1e-16
 
 
 @compiled
-def differentiate(x, mean, half, mu, alpha, beta, scale, force, block, rest, work):
-    """Fill first derivatives (3,), second ones (3, 3) and those along flips, then twists, (2 pairs,) at x (3,). mean,
-    half (pairs,) belong to the first of the pairs (1, 2), (1, 3), (2, 3); scale multiplies negative curvatures; work is
-    (3, 3, 3)."""
-    pairs, growth, inverse = len(half), work[0, 0], work[0, 1]
-    force[:] = 0.0
-    block[:] = 0.0
-    rest[:] = 0.0
-    for i in range(mu.size):
-        volume, bulk = 0.0, 0.0
-        if beta[i] != 0:
-            volume = volume_growth(alpha[i], beta[i], x[0] + x[1] + x[2])
-            bulk = volume_tangent_term(mu[i], beta[i], volume)
-        for k in range(3):
-            growth[k] = stretch_growth(alpha[i], x[k])
-            force[k] += kirchhoff_term(mu[i], alpha[i], growth[k], volume)
-            block[k, k] += stretch_tangent_term(mu[i], growth[k])
-            for m in range(3):
-                block[k, m] += bulk
-        for pair in range(pairs):
-            first, second = pair // 2, 1 + (pair + 1) // 2
-            rest[pair] += divided_difference_term(mu[i], alpha[i], half[pair], growth[first], growth[second])
+def differentiate(x, mean, half, slope, scale, force, block, rest, work):
+    """Turn the Kirchhoff stresses in force (3,) and their derivatives in block (3, 3) at x (3,) into first and second
+    derivatives by the stretches, and divided differences slope (pairs,) into those along flips, then twists, in rest
+    (2 pairs,). mean, half (pairs,) belong to the first of the pairs (1, 2), (1, 3), (2, 3); scale multiplies negative
+    curvatures; work is (3, 3, 3)."""
+    pairs, inverse = len(half), work[0, 1]
     for pair in range(pairs):
-        h, slope, middle = half[pair], rest[pair], (force[pair // 2] + force[1 + (pair + 1) // 2]) / 2
+        h, middle = half[pair], (force[pair // 2] + force[1 + (pair + 1) // 2]) / 2
         shrink = math.exp(-2 * mean[pair])
-        rest[pair] = shrink * (slope * math.cosh(h) / sinh_ratio(h) - middle)
-        rest[pairs + pair] = shrink * (middle - slope * h * math.tanh(h))
+        rest[pair] = shrink * (slope[pair] * math.cosh(h) / sinh_ratio(h) - middle)
+        rest[pairs + pair] = shrink * (middle - slope[pair] * h * math.tanh(h))
     for k in range(3):
         inverse[k] = math.exp(-x[k])
         block[k, k] -= force[k]

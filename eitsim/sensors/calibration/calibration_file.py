@@ -9,7 +9,6 @@ import numpy as np
 
 from eitsim.scene.calibrated_electrodes import SCHEMA, read_fitted
 from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
-from eitsim.scene.outline_electrodes import with_positions
 from eitsim.scene.scene import scene_tables
 from eitsim.sensors.calibration.calibrate import Calibration, FittedSkin, check_electrodes, untouched_readings
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
@@ -174,8 +173,6 @@ def _with_state(sensor: Sensor, parameters: Mapping[str, Mapping[str, float]], m
 
 
 def _sensor_tables(sensor: Sensor) -> dict[str, Any]:
-    scene = sensor.scene
-    if sensor.body.has_outline and sensor.electrodes.kind == "line":  # offsets of single ones are added to these
-        scene = replace(scene, electrodes=with_positions(sensor.body, sensor.electrodes))
-    tables = scene_tables(scene)
+    # offsets of single electrodes are added to these
+    tables = scene_tables(replace(sensor.scene, electrodes=sensor.body.edge.by_arc(sensor.electrodes)))
     return {name: tables[name] for name in TABLES if name in tables} | {"readings": {"kind": sensor.kind}}

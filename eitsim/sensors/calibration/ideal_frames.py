@@ -65,7 +65,7 @@ def ideal_signals(calibrated: CalibratedSensor) -> Array:
 
 def _signals(sensor: Sensor, electrodes: Electrodes, channels: Channels) -> Array:
     mosaic = pixels_of(sensor.body, _RINGS)
-    inside = from_edge_m(sensor.body, mosaic.centre_m) > _FROM_EDGE * sensor.body.radius_m
+    inside = from_edge_m(sensor.body, mosaic.centre_m) > _FROM_EDGE * sensor.body.edge.size_m
     return pixel_signals(sensor.body, electrodes, sensor.drive, channels, mosaic)[:, inside]
 
 

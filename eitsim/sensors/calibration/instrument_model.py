@@ -12,14 +12,14 @@ from functools import cached_property
 
 import numpy as np
 
-from eitsim.electrics.cem.boundary_integral import RimAdmittance, rim_admittance
+from eitsim.electrics.cem.boundary_integral import RimAdmittance
 from eitsim.electrics.cem.uneven_sheet import MODES
-from eitsim.electrics.outline.edge_admittance import CLOSELY, ROUGHLY, EdgeAdmittance, edge_admittance, sliding_mesh
+from eitsim.electrics.forward.skins import skin_of
+from eitsim.electrics.outline.edge_admittance import EdgeAdmittance
 from eitsim.scene.calibrated_electrodes import NAMES
 from eitsim.scene.channels import Channels, sinks
 from eitsim.scene.drive import Protocol
-from eitsim.scene.electrodes import contact_impedances, middles, widths
-from eitsim.scene.outline_electrodes import with_positions
+from eitsim.scene.electrodes import contact_impedances, widths
 from eitsim.scene.scene import Body, Electrodes
 from touchcal.arrays import Array
 
@@ -109,7 +109,7 @@ class Instrument:
         or current."""
         out = np.array(change)
         for group in (name for name, one in GROUPS.items() if one.gauge):
-            if group == "positions" and self.body.has_outline:
+            if group == "positions" and not self.body.edge.is_round:
                 continue
             own = self.places[group]
             out[..., own] -= out[..., own].mean(axis=-1, keepdims=True)
@@ -119,16 +119,12 @@ class Instrument:
         """The electrodes of a state."""
         design, wider = self.electrodes, state[self.places["width"]] + state[self.places["widths"]]
         offset = state[self.places["positions"]]
-        if self.body.has_outline:
-            design = with_positions(self.body, design, offset)
-        else:
-            design = replace(design, angles_rad=tuple(middles(design) + offset / self.body.radius_m))
-        return replace(design, width_m=tuple(widths(design) * np.exp(wider)),
+        return replace(self.body.edge.moved(design, offset), width_m=tuple(widths(design) * np.exp(wider)),
                        contact_impedance_Ohm_m=tuple(np.exp(state[self.places["contacts"]])))
 
     def around(self, state: Array) -> "Instrument":
-        """The same, its mesh made closely for the electrodes of a state; on a disc, which has none, itself."""
-        return replace(self, meshed_for=self.built(state)) if self.body.has_outline else self
+        """The same, its mesh, where it has one, made closely for the electrodes of a state."""
+        return replace(self, meshed_for=self.built(state))
 
     def channels(self, state: Array) -> Channels:
         """The channels of a state, its sheet conductance among them."""
@@ -182,10 +178,10 @@ def _by_group(instrument: Instrument, state: Array, edge: RimAdmittance | EdgeAd
     """(parameters, N, N) derivatives of the admittance by those of one group of the body."""
     if group in ("conductance", "contacts"):
         layer = np.exp(state[instrument.places["conductance"]] + state[instrument.places["contacts"]])
-        by_contact = layer[:, None, None] / instrument.body.radius_m * edge.by_layer
+        by_contact = layer[:, None, None] / instrument.body.edge.size_m * edge.by_layer
         return by_contact if group == "contacts" else (edge.admittance_S + by_contact.sum(axis=0))[None]
     if group == "positions":
-        return edge.by_angle / instrument.body.radius_m
+        return edge.by_angle / instrument.body.edge.size_m
     if group == "sheet":
         return edge.by_sheet
     return edge.by_width if group == "widths" else edge.by_width.sum(axis=0)[None]
@@ -195,11 +191,8 @@ def _edge(instrument: Instrument, state: Array) -> RimAdmittance | EdgeAdmittanc
     """The admittance of a state's electrodes, by an integral along the rim of a disc, else by a mesh of the skin."""
     body, electrodes, places = instrument.body, instrument.built(state), instrument.places
     conductance, modes = float(np.exp(state[places["conductance"]][0])), state[places["sheet"]]
-    if not body.has_outline:
-        return rim_admittance(body, electrodes, conductance, modes)
-    made_for, kind = (instrument.meshed_for, CLOSELY) if instrument.meshed_for else (instrument.electrodes, ROUGHLY)
-    return edge_admittance(sliding_mesh(body, made_for, instrument.start_conductance_S, kind), electrodes,
-                           conductance, modes)
+    solver = skin_of(body, electrodes, conductance)
+    return solver.admittance(modes, instrument.start_conductance_S, instrument.electrodes, instrument.meshed_for)
 
 
 def _grounded(instrument: Instrument, asked: Protocol, state: Array, admittance: Array) -> tuple[Array, Array]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from eitsim.scene.outline import loops
 from eitsim.scene.scene import Body, from_edge_m
 from touchcal.arrays import Array
 
@@ -39,11 +38,12 @@ def placement(places_m: Array, signal: Array, shape_of: Callable[[Array], Array]
     The labels' own frame is kept where all places lie on the skin and no other explains the signals clearly better.
     ValueError where the places do not fit on the skin.
     """
-    rows, radius_m = np.unique(np.linspace(0, len(places_m) - 1, _MOST).astype(int)), body.radius_m
+    rows, radius_m = np.unique(np.linspace(0, len(places_m) - 1, _MOST).astype(int)), body.edge.size_m
     places, seen = places_m[rows], signal[rows]
-    middle, target = _middle(places_m), _middle(loops(body)[0]) if body.has_outline else np.zeros(2)
+    middle, target = _middle(places_m), _middle(np.array(body.edge.box_m))
     reach = float(np.hypot(*(places_m - middle).T).max())
-    if not body.has_outline and reach > (1 - _FROM_EDGE) * radius_m:
+    is_disc = body.edge.is_round
+    if is_disc and reach > (1 - _FROM_EDGE) * radius_m:
         raise ValueError(f"places reach {reach * 1e3:.3g} mm from the middle of their range, and radius_mm in [body] "
                          f"is {radius_m * 1e3:g}; correct one of them.")
 
@@ -58,7 +58,7 @@ def placement(places_m: Array, signal: Array, shape_of: Callable[[Array], Array]
     turned = [_about(middle, target, 2 * np.pi * k / _TURNS, mirrored) for mirrored in (False, True)
               for k in range(_TURNS)]
     own = Placement()
-    best = min([*turned, own] if body.has_outline else turned, key=left)
+    best = min(turned if is_disc else [*turned, own], key=left)
     if not np.isfinite(left(best)):
         raise ValueError("the labelled places do not fit on the skin, however they are turned; correct them, or the "
                          "outline in [body].")
@@ -70,7 +70,7 @@ def placement(places_m: Array, signal: Array, shape_of: Callable[[Array], Array]
     found = moved(minimize(lambda change: left(moved(change)), np.zeros(3), method="Nelder-Mead",
                            options={"initial_simplex": np.vstack([np.zeros(3), np.eye(3)]), "xatol": 1e-2,
                                     "fatol": 1e-6, "maxfev": 200}).x)
-    inside = from_edge_m(body, own.placed(places_m)).min() >= (0 if body.has_outline else _FROM_EDGE * radius_m)
+    inside = from_edge_m(body, own.placed(places_m)).min() >= (_FROM_EDGE * radius_m if is_disc else 0)
     if inside and left(found) > _CLEARLY * left(own):
         return own
     within = from_edge_m(body, found.placed(places_m))

@@ -15,8 +15,9 @@ from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Punch, Scene
 from eitsim.sensors.labels import PLACE, Labels, unit_of
+from eitsim.simulation.choose import served
 from eitsim.simulation.material import material_of
-from eitsim.simulation.reuse import served, shape_for, table_for
+from eitsim.simulation.reuse import shape_for, table_for
 from eitsim.simulation.simulate import readings_of
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity

@@ -12,9 +12,9 @@ import numpy as np
 
 from eitsim.electrics.mesh.p2_triangles import HALVINGS
 from eitsim.scene.drive import Drive
-from eitsim.scene.electrodes import identical, there
-from eitsim.scene.outline import centroid_m, edge_distance_m, inside, loops, squared_distance
-from eitsim.scene.outline_electrodes import patch_loops
+from eitsim.scene.edges.outline_electrodes import patch_loops
+from eitsim.scene.electrodes import there
+from eitsim.scene.polygons import centroid_m, edge_distance_m, inside, squared_distance
 from eitsim.scene.scene import Accuracy, Scene
 from eitsim.simulation.derivatives.readings import scene_sensitivity
 from matcal.card import MaterialCard
@@ -68,7 +68,7 @@ def touch_slopes(scene: Scene, card: MaterialCard, *, within_m: float | None = N
         by[k, 1:, 1:] = found.signal_by[:, columns].reshape(count - 1, count - 1, -1)
         untouched[1:, 1:] = (found.touched_V - found.signal_V).reshape(count - 1, count - 1)
     solved = TouchSlopes(place_m * 1e3, by, untouched)
-    if scene.body.has_outline or not identical(scene.electrodes):
+    if scene.body.edge.turns(scene.electrodes) == 1:
         return solved
     return _turned(solved, -1 if scene.electrodes.clockwise else 1)
 
@@ -89,8 +89,8 @@ def _on_disc_m(scene: Scene, places: int, within_m: float | None) -> Array:
 def outline_places_m(scene: Scene, places: int, within_m: float | None = None) -> Array:
     """Places (n, 2), m, evenly over an outline where the punch lies on the skin and on no electrode, within a distance
     of the centroid where that is given; ValueError where there are none."""
-    outline, reach = scene.body.shape, scene.punches[0].diameter_m / 2 + _EDGE * scene.body.thickness_m
-    low, high = loops(outline)[0].min(axis=0), loops(outline)[0].max(axis=0)
+    outline, reach = scene.body.outline, scene.punches[0].diameter_m / 2 + _EDGE * scene.body.thickness_m
+    low, high = outline.loops[0].min(axis=0), outline.loops[0].max(axis=0)
     number = np.arange(200 * places)[:, None]
     at = low + (0.5 + number / _PLASTIC ** np.array([1, 2])) % 1 * (high - low)
     free = edge_distance_m(outline, at) >= reach

@@ -16,8 +16,9 @@ from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, quadrature
 from eitsim.electrics.cem.ring_scattering import reaches
 from eitsim.electrics.mesh.ring_mesh import patch_radii
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
-from eitsim.scene.outline import inside, squared_distance
-from eitsim.scene.outline_electrodes import patch_loops
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.edges.outline_electrodes import patch_loops
+from eitsim.scene.polygons import inside, squared_distance
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from eitsim.simulation.derivatives.tangent import Settled, shifted, varied
@@ -44,7 +45,7 @@ def rooms_m(body: Body, electrodes: Electrodes, touches: Touches) -> list[float]
     """Radii, m, of the circles about the punches in which nodes of a mesh may move, free of edges and electrodes;
     ValueError where a contact leaves them."""
     if not body.has_outline:
-        return reaches(Body(float(patch_radii(body, electrodes)[0])), touches)
+        return reaches(Body(Disc(float(patch_radii(body, electrodes)[0]))), touches)
     out = reaches(body, touches)
     if electrodes.kind == "surface":
         for k, loop in enumerate(patch_loops(electrodes)):

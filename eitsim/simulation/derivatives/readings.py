@@ -23,11 +23,11 @@ from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouc
 from eitsim.scene.drive import read_out, voltage_columns
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
 from eitsim.scene.scene import Scene
+from eitsim.simulation.choose import choose, choose_ways
 from eitsim.simulation.derivatives.conductance_variation import conductance_change, rooms_m, variations
 from eitsim.simulation.derivatives.tangent import settled
-from eitsim.simulation.edge_effects import near_rim
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import make_plan, together
+from eitsim.simulation.words import refusal
 from matcal.card import MaterialCard
 from touchcal.csv_numbers import cells
 
@@ -66,11 +66,12 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
     where the mechanics does not converge.
     """
     material = material_of(scene, card)
-    if problem := make_plan(scene, material).refusal:
-        raise ValueError(problem)
+    chosen = choose(scene, material)
+    if chosen.why is not None:
+        raise ValueError(refusal(chosen.why))
     check_differentiable(scene)
     law, skin_law = material.law, material.skin
-    bases = [settled(law, scene.body, punch, near_rim=near_rim(scene, punch)) for punch in scene.punches]
+    bases = [settled(law, scene.body, way.case.punch, near_rim=way.near) for way in chosen.ways]
     touches = tuple((base.punch, base.touch) for base in bases)
     electrodes = present(scene.electrodes)
     rooms = rooms_m(scene.body, electrodes, touches)
@@ -120,13 +121,14 @@ def check_differentiable(scene: Scene) -> None:
 
 
 def _problem(scene: Scene) -> str:
-    if scene.body.has_outline and any(near_rim(scene, punch) for punch in scene.punches):
+    ways, pairs = choose_ways(scene)
+    if scene.body.has_outline and any(way.near for way in ways):
         return ("a touch near the edge of an outline, where their meshes do not resolve what the edge changes: of a "
                 "punch 12 mm from one those by place were 4 and 13 % off. Move the punch inwards, or ask for less "
                 "accuracy (a larger signal in [accuracy]), which leaves edges out.")
     if scene.hold.time_s:
         return "a hold; leave out time_s in [hold]."
-    if together(scene):
+    if pairs:
         return "touches solved together; give one [punch], or move them further from each other."
     if scene.channels.there:
         return "calibrated channels; give [electrodes] without calibrated, or leave out [channels]."

@@ -22,7 +22,7 @@ from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, rim_ch
 from eitsim.mechanics.solid.grid import tensor_grid
 from eitsim.scene.results import Array, RimField, Touch
 from eitsim.scene.scene import Body, Punch, profile_of
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law, differentiable, over, vector, with_vector
 
 STEP = 1e-5  # Step of the differences, over the parameter.
 # That of what the rim changes, over the parameter, and of the distance to the rim, in thicknesses.
@@ -33,7 +33,7 @@ _RIM_STEP, _RIM_PLACE = 0.01, 0.02
 class Settled:
     """A touch and what it was solved from; all that its tangent needs."""
 
-    law: Hyperfoam
+    law: Law
     body: Body
     punch: Punch
     model: IndentationProblem
@@ -59,11 +59,11 @@ class Varied:
 class _Parameter:
     name: str
     step: float  # in the unit that ends the name
-    at: Callable[[float], tuple[Hyperfoam, Punch]]  # law and punch with that many units more than given
+    at: Callable[[float], tuple[Law, Punch]]  # law and punch with that many units more than given
     shared: bool = False  # whether it is the foam's
 
 
-def settled(law: Hyperfoam, body: Body, punch: Punch, *, element_m: float | None = None,
+def settled(law: Law, body: Body, punch: Punch, *, element_m: float | None = None,
             near_rim: bool = False) -> Settled:
     """A touch without friction, as axisymmetric.solve_touch or near_rim.solve_near_rim finds it; NotConverged as there.
     """
@@ -83,7 +83,7 @@ def _beside_rim(base: Settled) -> Settled:
     field, place = rim_change(base.law, base.body, base.punch).field, np.array([base.punch.x_m, base.punch.y_m])
     outwards = place / np.linalg.norm(place)
 
-    def at(by_m: float) -> tuple[Hyperfoam, Punch]:
+    def at(by_m: float) -> tuple[Law, Punch]:
         x_m, y_m = place + by_m * outwards
         return base.law, replace(base.punch, x_m=float(x_m), y_m=float(y_m))
 
@@ -141,12 +141,10 @@ def _parameters(base: Settled) -> Iterator[_Parameter]:
     law, punch = base.law, base.punch
     yield _Parameter("d_mm", STEP * punch.diameter_m * 1e3,
                      lambda more: (law, replace(punch, diameter_m=punch.diameter_m + more / 1e3)))
-    for i, one in enumerate(np.eye(len(law.mu_Pa))):
-        yield _Parameter(f"mu_{i + 1}_Pa", STEP * law.mu_0_Pa,
-                         lambda more, one=one: (replace(law, mu_Pa=law.mu_Pa + more * one), punch), True)
-    for i, one in enumerate(np.eye(len(law.alpha))):
-        yield _Parameter(f"alpha_{i + 1}", STEP * abs(float(law.alpha[i])),
-                         lambda more, one=one: (replace(law, alpha=law.alpha + more * one), punch), True)
+    at = vector(law)
+    for name, one in differentiable(law):
+        size = law.mu_0_Pa if name.endswith("_Pa") else abs(float(one @ at)) or 1.0
+        yield _Parameter(name, STEP * size, lambda more, one=one: (with_vector(law, at + more * one), punch), True)
 
 
 def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[IndentationProblem, Array]]) -> Varied:
@@ -160,12 +158,12 @@ def _sides(base: Settled, parameter: _Parameter, ends: Sequence[tuple[Indentatio
                   (base.punch, more))
 
 
-def changed(base: Settled, law: Hyperfoam, punch: Punch) -> tuple[IndentationProblem, float]:
+def changed(base: Settled, law: Law, punch: Punch) -> tuple[IndentationProblem, float]:
     """The problem with another law and diameter, on the same mesh carried along, and its force without units."""
     unit, model = base.body.thickness_m, base.model
     before, after = model.punch.profile, profile_of(punch, unit)
     force = base.state.force * force_unit(base.law, base.body) / force_unit(law, base.body)
-    law = replace(law, mu_Pa=law.mu_Pa / law.mu_0_Pa)
+    law = over(law, law.mu_0_Pa)
     if after == before:
         return replace(model, law=law), force
     lines, rows = (line[::model.grid.order] for line in model.grid.lines)
@@ -200,7 +198,7 @@ class RimLine:
                        normal=field.normal + by * self.normal, offset_m=field.offset_m + by * self.offset_m)
 
 
-def rim_line(field: RimField, body: Body, punch: Punch, at: Callable[[float], tuple[Hyperfoam, Punch]], step: float,
+def rim_line(field: RimField, body: Body, punch: Punch, at: Callable[[float], tuple[Law, Punch]], step: float,
              fineness: Resolution = FINE) -> RimLine:
     """The line through a punch's field with the slope between `step` units less and more of a parameter, where the law
     and the punch are those of `at`; NotConverged as near_rim.rim_change."""

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.scene.outline import Outline, edge_distance_m, loops
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.scene import Scene, scene_from
 from eitsim.simulation.edge_effects import least_gap_m
 from touchcal.arrays import Array, Mask
@@ -20,7 +21,7 @@ _TABLES = ("body", "skin", "electrodes", "drive", "channels", "accuracy")
 def _cells(outline: Outline) -> tuple[Array, Array, float, Array]:
     """Middles (nx,) and (ny,) of square cells about an outline, m, their side, m, and their distance (ny, nx) to the
     nearest edge or hole, m."""
-    outer = loops(outline)[0]
+    outer = outline.loops[0]
     low, high = outer.min(axis=0), outer.max(axis=0)
     side = float((high - low).max()) / _CELLS
     x, y = (start + side * (np.arange(math.ceil(reach / side)) + 0.5)
@@ -41,7 +42,7 @@ def on_outline(u: float, v: float, scene: Scene, diameter_mm: float, gap_mm: flo
     """A place, mm, from two uniform numbers: uniform, by squares of 1/256 of the skin, where the punch's edge keeps
     `gap_mm` from all edges, or where the plan solves it, and lies `within_mm` of the origin; ValueError where there is
     none."""
-    x, y, side, distance = _cells(scene.body.shape)
+    x, y, side, distance = _cells(scene.body.outline)
     gap_m = least_gap_m(scene) if gap_mm is None else gap_mm / 1e3
     corner, fits = side / math.sqrt(2), _fitting(scene, diameter_mm, gap_m, within_mm)
     columns = np.cumsum(fits.sum(axis=0), dtype=float)
@@ -60,12 +61,12 @@ def reached(scene: Scene, diameter_mm: float, within_mm: float) -> tuple[float, 
     """How far a punch keeps from all edges where the plan solves it, mm, and the part of the skin where it does."""
     gap_m = least_gap_m(scene)
     fits = _fitting(scene, diameter_mm, gap_m, within_mm)
-    return 1e3 * gap_m, float(fits.sum() / np.sum(_cells(scene.body.shape)[3] > 0))
+    return 1e3 * gap_m, float(fits.sum() / np.sum(_cells(scene.body.outline)[3] > 0))
 
 
 def _fitting(scene: Scene, diameter_mm: float, gap_m: float, within_mm: float) -> Mask:
     """(ny, nx) squares of the skin in which a punch finds room."""
-    x, y, side, distance = _cells(scene.body.shape)
+    x, y, side, distance = _cells(scene.body.outline)
     corner = side / math.sqrt(2)
     return (distance >= diameter_mm / 2e3 + gap_m + corner) & (np.hypot(x, y[:, None]) + corner <= within_mm / 1e3)
 

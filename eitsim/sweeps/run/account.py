@@ -1,7 +1,8 @@
 """The account of a data set: outcomes, errors of signals, and what each stage of its making cost."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from enum import StrEnum, auto
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from eitsim.sweeps.dataset.hdf5_fields import SUFFIX
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.dataset.sweep_record import Run, runs_of
 from eitsim.sweeps.run.omissions import Omission, omissions_of
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 from touchcal.number_words import counted
 
@@ -22,10 +24,23 @@ _COLUMNS = ["scene", "outcome", "message", "signal_error", _WANTED, parquet.EXTR
             *parquet.METHODS]
 
 
+class Work(StrEnum):
+    """Kinds of stages, in the order of the work."""
+
+    TABLE = auto()
+    TOUCHES = auto()
+    READINGS = auto()
+    FIELDS = auto()
+    PLANNING = auto()
+    UNSOLVED = auto()
+    PARTS = auto()
+
+
 @dataclass(frozen=True)
 class Stage:
     """One stage of making a data set."""
 
+    kind: Work
     name: str  # what was done, in words
     count: int  # how often: paths, places on the rim, or rows
     cpu_s: float  # CPU time, s
@@ -72,7 +87,7 @@ class Accounted:
     @property
     def rows_per_core_hour(self) -> float | None:
         """Rows over the CPU time of all stages but tables, which are made once; None where rows tell no time."""
-        spent = sum(stage.cpu_s for stage in self.stages if not stage.name.startswith("table"))
+        spent = sum(stage.cpu_s for stage in self.stages if stage.kind is not Work.TABLE)
         return 3600 * self.rows / spent if spent else None
 
 
@@ -82,13 +97,14 @@ def account_of(folder: Path) -> Accounted:
     manifest, parts = parquet.read_manifest(folder), parquet.parts(folder)
     if not parts:
         raise InputFileError(folder, "the data set has no rows yet. Run `eitsim sweep` on it.")
-    counts, stages = OutcomeCounts(), pd.DataFrame()
+    counts, stages = OutcomeCounts(), list[pd.DataFrame]()
     found, shares, above = [], [], 0
     asked = manifest["design"]["tables"].get("accuracy", {}).get("signal", Accuracy().signal)
     asked = float(asked) if isinstance(asked, int | float) else None
     for path in parts:
         table = parquet.read_part(path, _COLUMNS, manifest).reindex(columns=_COLUMNS)
-        counts, stages = counts + count_outcomes(table), stages.add(_by_stage(table), fill_value=0.0)
+        counts = counts + count_outcomes(table)
+        stages.append(_by_stage(table))
         ok = table.loc[table["outcome"] == "ok"]
         errors = ok["signal_error"].to_numpy(dtype=float)
         above += int((errors > (ok[_WANTED].to_numpy(dtype=float) if asked is None else asked)).sum())
@@ -114,36 +130,41 @@ def _by_stage(table: pd.DataFrame) -> pd.DataFrame:
     """Rows and CPU time (count, cpu_s) of one part, by stage."""
     named = table["electrics_cpu_s"].notna() | (table["outcome"] == "ok")
     how = table[list(parquet.METHODS)].astype(object).fillna("not recorded").replace("", "not recorded")
-    parts = [("touches: " + how["mechanics_method"], table["mechanics_cpu_s"]),
-             ("readings: " + how["electrics_method"], table["electrics_cpu_s"]),
-             ("fields on the skin", table["fields_cpu_s"]),
-             ("planning and the rest of rows", table["cpu_s"] - table[list(parquet.COST[1:])].fillna(0.0).sum(axis=1))]
-    parts = [(name, cost.where(named)) for name, cost in parts]
-    parts.append(("rows that were not solved", table["cpu_s"].where(~named)))
-    whole = pd.concat([pd.DataFrame({"stage": name, "count": 1.0, "cpu_s": cost}) for name, cost in parts])
-    return whole.loc[whole["cpu_s"].notna()].groupby("stage", sort=False).sum()
+    rest = table["cpu_s"] - table[list(parquet.COST[1:])].fillna(0.0).sum(axis=1)
+    parts = [(Work.TOUCHES, "touches: " + how["mechanics_method"], table["mechanics_cpu_s"]),
+             (Work.READINGS, "readings: " + how["electrics_method"], table["electrics_cpu_s"]),
+             (Work.FIELDS, "fields on the skin", table["fields_cpu_s"]),
+             (Work.PLANNING, "planning and the rest of rows", rest)]
+    parts = [(kind, name, cost.where(named)) for kind, name, cost in parts]
+    parts.append((Work.UNSOLVED, "rows that were not solved", table["cpu_s"].where(~named)))
+    whole = pd.concat([pd.DataFrame({"kind": kind.value, "stage": name, "count": 1.0, "cpu_s": cost})
+                       for kind, name, cost in parts])
+    return whole.loc[whole["cpu_s"].notna()].groupby(["kind", "stage"], sort=False).sum()
 
 
 def _of_tables(runs: tuple[Run, ...]) -> list[Stage]:
     last = next((run for run in reversed(runs) if run.paths), None)
     if last is None:
         return []
-    return [Stage("table: load paths", last.paths, last.paths_cpu_s)] + (
-        [Stage("table: what the rim changes", last.rim, last.rim_cpu_s)] if last.rim else [])
+    return [Stage(Work.TABLE, "table: load paths", last.paths, last.paths_cpu_s)] + (
+        [Stage(Work.TABLE, "table: what the rim changes", last.rim, last.rim_cpu_s)] if last.rim else [])
 
 
-def _of_rows(stages: pd.DataFrame) -> list[Stage]:
-    order = ("touches", "readings", "fields", "planning", "rows")
-    names = sorted(stages.index, key=lambda name: (next(i for i, o in enumerate(order) if name.startswith(o)), name))
-    return [Stage(name, int(stages.at[name, "count"]), float(stages.at[name, "cpu_s"])) for name in names]
+def _of_rows(parts: Sequence[pd.DataFrame]) -> list[Stage]:
+    spent: dict[tuple[str, str], Array] = {}
+    for part in parts:
+        for at, numbers in zip(part.index, part[["count", "cpu_s"]].to_numpy(dtype=float), strict=True):
+            spent[at] = spent.get(at, 0.0) + numbers
+    rows = [Stage(Work(kind), name, int(count), float(cpu_s)) for (kind, name), (count, cpu_s) in spent.items()]
+    return sorted(rows, key=lambda stage: ([*Work].index(stage.kind), stage.name))
 
 
 def _of_parts(runs: tuple[Run, ...]) -> list[Stage]:
     if not runs:
         return []
     rows = sum(run.rows for run in runs)
-    return [Stage("encoding parts", rows, sum(run.encoding_cpu_s for run in runs)),
-            Stage("writing parts", rows, sum(run.writing_cpu_s for run in runs))]
+    return [Stage(Work.PARTS, "encoding parts", rows, sum(run.encoding_cpu_s for run in runs)),
+            Stage(Work.PARTS, "writing parts", rows, sum(run.writing_cpu_s for run in runs))]
 
 
 def document(account: Accounted) -> dict[str, Any]:

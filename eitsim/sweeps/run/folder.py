@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.load_paths.law_family import Family, central_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.code_history import by_this_code, check_columns
@@ -199,11 +198,11 @@ def missing(there: NDArray[np.bool_], rows_per_part: int) -> list[range]:
     return out
 
 
-def keep_to_table(folder: Path, manifest: Mapping[str, Any], table: Table | Family | None,
+def keep_to_table(folder: Path, manifest: Mapping[str, Any], table: Table | None,
                   note: str) -> Mapping[str, Any]:
     """Write to the manifest what came of the table of load paths that touches are to be taken from, so that rows to
     come are solved as these; returns it. ValueError where rows were solved with more than what came of it now."""
-    method, central = manifest["method"], central_of(table)
+    method, central = manifest["method"], table
     came = {"used": central is not None, "rim": central is not None and central.rim is not None}
     if (before := method.get("table")) is None:
         less = not came["used"] or came["rim"] != method["rim"]

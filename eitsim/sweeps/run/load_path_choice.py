@@ -1,36 +1,25 @@
-"""How the touches of a sweep are solved: each from rest, or from a table of load paths that is solved before its rows,
-or a family of tables where rows have laws of their own; and when these are worth their cost."""
+"""How the touches of a sweep are solved: each from rest, or from a table of load paths that is solved before its rows;
+and when that is worth its cost."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, replace
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from eitsim.mechanics.load_paths.build_law_family import build_family, with_rim
 from eitsim.mechanics.load_paths.build_rim_table import GRID
-from eitsim.mechanics.load_paths.build_table import Run
-from eitsim.mechanics.load_paths.law_family import Family, central_of, places_among
-from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis, reduced_basis
 from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
-from eitsim.mechanics.load_paths.table import as_deep_as, of_law, with_diameters
+from eitsim.mechanics.load_paths.table import with_diameters
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
-from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
-from eitsim.scene.scene import Punch, Scene
-from eitsim.simulation import reuse
-from eitsim.simulation.edge_effects import added_edges_cost, near_rim, several_edges
+from eitsim.scene.scene import Punch
+from eitsim.simulation.choose import TABLE_SHARE, tabled_near_edge
 from eitsim.simulation.material import material_of
-from eitsim.simulation.plan import rim_refusal
-from eitsim.simulation.reuse import RIM_SHARE, TABLE_SHARE, deviation_of, numbers_of, shape_for, table_for
+from eitsim.simulation.reuse import shape_for, table_for
+from eitsim.simulation.routes import RIM_SHARE
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
 from matcal.card import MaterialCard
-from matcal.laws.hyperfoam import Hyperfoam
-from matcal.posterior.draws import card_of
-from touchcal import cache
-from touchcal.code_version import MECHANICS
 from touchcal.errors import NotConverged
 from touchcal.parallel.checkpoint import CheckpointedMap
 from touchcal.parallel.pool import WorkerPool
@@ -42,13 +31,8 @@ _SERVED = {("punch", "x_mm"), ("punch", "y_mm"), ("punch", "force_N"), ("punch",
            ("punch", "contact_impedance_Ohm_m2"), ("punch", "diameter_mm"), ("skin", "thickness_um"),
            ("accuracy", "signal")}
 _NEUTRAL = ("electrodes", "drive")  # Tables whose keys change no touch.
-_RIM_ERROR = ("error_estimate", "measured")  # Arrays of a table of changes that are kept of a family's.
 # Touches near the rim from which on a table of changes repays its cost, and rows by which their part is found.
 RIM_REPAYS, _ROWS = 25, 200
-
-# Touches from which on the paths of another law repay their cost, for each of its diameters, and of each law that tells
-# the error.
-LAW_REPAYS, CHECK_REPAYS = 35, 30
 
 
 def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) -> dict[str, Any]:
@@ -59,16 +43,12 @@ def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) ->
     if exact or reuse is False:
         return {"exact": exact, "reuse": False, "rim": False, "reason": "as asked for"}
     try:
-        if foam_varies(cards):
-            shape, span = span_for(design, cards)
-            repaid = family_repays(design, shape, span)
-        else:
-            shape = design_shape(design, cards.card)
-            repaid = repays(design, shape)
+        shape = _shape_of(design, cards)
     except ValueError as error:
         if reuse:
             raise ValueError(f"{error} Leave out --reuse: every touch is then solved directly.") from None
         return {"exact": False, "reuse": False, "rim": False, "reason": str(error)}
+    repaid = repays(design, shape)
     used = bool(reuse or repaid)
     why = ("as asked for" if reuse else "a table of load paths repays its cost" if repaid else
            "a table of load paths costs more than so few touches (--reuse makes one)")
@@ -77,46 +57,43 @@ def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) ->
 
 
 def table_of(design: Design, cards: Cards, pool: WorkerPool,
-             method: Mapping[str, Any]) -> tuple[Table | Family | None, str]:
-    """The table of a design, or the family of its drawn laws, and a note; none where paths are not found or too rough,
-    or were not when the folder was started; PoolUnavailable where workers were lost on it again and again."""
+             method: Mapping[str, Any]) -> tuple[Table | None, str]:
+    """The table of a design, and a note; none where paths are not found or too rough, or were not when the folder was
+    started; PoolUnavailable where workers were lost on it again and again."""
     before = method.get("table", {"used": True, "rim": method["rim"], "note": ""})
     if not before["used"]:
         return None, before["note"]
-    kept = method.get("shape")
-    if foam_varies(cards):
-        shape, span = span_for(design, cards)
-        make = partial(family_for, as_kept(shape, kept), span)
-    else:
-        make = partial(table_for, as_kept(design_shape(design, cards.card), kept))
+    shape = as_kept(_shape_of(design, cards), method.get("shape"))
     checkpointed = CheckpointedMap(pool)
-    found, note = _made(make, checkpointed, before["rim"])
+    table, note = _made(shape, checkpointed, before["rim"])
     checkpointed.forget()
-    table = central_of(found)
     if table is None:
         return None, note
     fine, rough = fine_enough_for(design, table)
-    note = "; ".join(part for part in (before["note"], note, rough) if part)
-    return (replace(found, table=fine) if isinstance(found, Family) and fine is not None else fine), note
+    return fine, "; ".join(part for part in (before["note"], note, rough) if part)
 
 
-def _made(make: Callable[..., tuple[Table | Family, str]], run: CheckpointedMap,
-          rim: bool) -> tuple[Table | Family | None, str]:
+def _shape_of(design: Design, cards: Cards) -> DimensionlessProblem:
+    if foam_varies(cards):
+        raise ValueError("[material] draws a law of the foam for each row, and a table of load paths holds one.")
+    return design_shape(design, cards.card)
+
+
+def _made(shape: DimensionlessProblem, run: CheckpointedMap, rim: bool) -> tuple[Table | None, str]:
     try:
-        found, note = make(run)
+        table, note = table_for(shape, run)
     except NotConverged as error:
         return None, f"no table: {error}"
     if not rim:
-        return found, note
+        return table, note
     try:
-        return make(run, rim=True)
+        return table_for(shape, run, rim=True)
     except NotConverged as error:
-        return found, f"no table of what the rim changes: {error}"
+        return table, f"no table of what the rim changes: {error}"
 
 
-def describe_method(method: Mapping[str, Any], found: Table | Family | None, note: str, strain: str) -> str:
+def describe_method(method: Mapping[str, Any], table: Table | None, note: str, strain: str) -> str:
     """How touches are solved, in words, with what a table of load paths may be off under a skin driven by a strain."""
-    table = central_of(found)
     if table is None:
         how = "exactly" if method["exact"] else "directly"
         return f"every touch solved {how}: {note or method['reason']}"
@@ -125,10 +102,8 @@ def describe_method(method: Mapping[str, Any], found: Table | Family | None, not
         off = table.rim.error
         rim = (f"near the rim another {off.depth:.1e} and {off.signal(strain):.1e}; those outside the tables are "
                "solved anew")
-    paths = f"{len(table.shape.solved)} load paths"
-    if isinstance(found, Family) and found.span.chosen:
-        paths += f" of a central law and what {len(found.span.chosen)} other drawn laws change of them"
-    return (f"touches from a table of {paths} ({table.whole_cpu_s:.0f} CPU s, once, not counted in the rows' cpu_s), "
+    return (f"touches from a table of {len(table.shape.solved)} load paths ({table.whole_cpu_s:.0f} CPU s, once, "
+            "not counted in the rows' cpu_s), "
             f"at most {error.depth:.1e} off in depth and {error.signal(strain):.1e} in signal; {rim}"
             + (f"; {note}" if note else ""))
 
@@ -184,18 +159,8 @@ def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
     """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes; with an
     outline, near straight edges."""
     rows = list(valid_scenes(design, _ROWS))
-    near = sum(_tabled(s, p) for s in rows for p in s.punches if near_rim(s, p))
+    near = sum(tabled_near_edge(scene, GRID.gaps[-1]) for scene in rows)
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
-
-
-def _tabled(scene: Scene, punch: Punch) -> bool:
-    """Whether a touch near the rim, or an edge, is one that a table of changes can serve."""
-    straight = not scene.body.has_outline or nearest_edge(
-        scene.body.shape, (punch.x_m, punch.y_m)).disc_m == STRAIGHT_M
-    if not straight or rim_refusal(scene, punch):
-        return False
-    return not several_edges(scene, punch) or (
-        added_edges_cost(scene, punch, GRID.gaps[-1]) <= RIM_SHARE * scene.accuracy.signal)
 
 
 def fine_enough_for(design: Design, table: Table) -> tuple[Table | None, str]:
@@ -229,67 +194,3 @@ def _rim_fine_enough(table: Table, allowed: float, strain: str) -> tuple[Table, 
                        "touches solved anew state")
     return replace(table, rim=kept), (f"touches in {left} of {after.size} cells of gap and depth near the rim are "
                                       f"solved anew, {' and '.join(reasons)}")
-
-
-def span_for(design: Design, cards: Cards) -> tuple[DimensionlessProblem, ReducedBasis]:
-    """The shape of the central one of a design's laws, and the laws that span them, whatever the number of rows;
-    ValueError where no load paths serve the design."""
-    span = reduced_basis(list(_laws(design, cards)))
-    return of_law(design_shape(design, cards.card), span.central), span
-
-
-def _laws(design: Design, cards: Cards) -> Iterator[Hyperfoam]:
-    """Laws of all cards that make a material, moduli as the scenes ask for."""
-    scene, draws = representative_scene(design), cards.draws
-    for k in range(len(cards.samples)):
-        try:
-            yield material_of(scene, card_of(draws, cards.card, k) if draws is not None else cards.card).law
-        except ValueError:  # the rows of this card tell why
-            continue
-
-
-def family_repays(design: Design, shape: DimensionlessProblem, span: ReducedBasis) -> bool:
-    """Whether solving a design's touches directly costs more than tables for its laws."""
-    solved = len(shape.solved)
-    cost = REPAYS * solved + LAW_REPAYS * len(span.chosen) * len(places_among(solved))
-    cost += CHECK_REPAYS * len(span.held_out)
-    return design.scenes * len(representative_scene(design).punches) >= cost
-
-
-def family_for(shape: DimensionlessProblem, span: ReducedBasis, run: Run = map, *,
-               rim: bool = False) -> tuple[Family, str]:
-    """The family of a span's laws, from the cache or solved and put there; as reuse.table_for."""
-    table, note = table_for(shape, run, rim=rim)
-    key = {"shape": asdict(shape), "depths": reuse.DEPTHS,
-           "laws": [_plain(law) for law in (span.central, *span.chosen)],
-           "held_out": [_plain(law) for law in span.held_out]}
-    alone = replace(table, rim=None)
-    arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _arrays(build_family(alone, span, run)))
-    note = note or words
-    deep = replace(as_deep_as(alone, int(arrays["count"])), error=deviation_of(arrays["error"]),
-                   checks=int(arrays["checks"]), cpu_s=float(arrays["cpu_s"]))
-    family = Family(deep, span, np.asarray(arrays["values"]), np.asarray(arrays["slopes"]))
-    if table.rim is None:
-        return family, note
-    key |= {"rim": asdict(reuse.GRID), "arrays": _RIM_ERROR}
-    arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _rim_error(with_rim(family, table, run)))
-    changes = replace(table.rim, cpu_s=float(arrays["cpu_s"]),
-                      **{name: np.asarray(arrays[name]) for name in _RIM_ERROR})
-    return replace(family, table=replace(family.table, rim=changes)), note or words
-
-
-def _plain(law: Hyperfoam) -> list[list[float]]:
-    """A law's parameters as JSON holds them, moduli over mu_0."""
-    return [(law.mu_Pa / law.mu_0_Pa).tolist(), law.alpha.tolist(), law.nu.tolist()]
-
-
-def _arrays(family: Family) -> dict[str, Any]:
-    table = family.table
-    return {"values": family.values, "slopes": family.slopes, "count": np.array(len(table.depths)),
-            "checks": np.array(table.checks), "error": numbers_of(table.error), "cpu_s": np.array(table.cpu_s)}
-
-
-def _rim_error(family: Family) -> dict[str, Any]:
-    rim = family.table.rim
-    assert rim is not None
-    return {name: getattr(rim, name) for name in _RIM_ERROR} | {"cpu_s": np.array(rim.cpu_s)}

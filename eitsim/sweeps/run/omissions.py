@@ -1,16 +1,19 @@
 """What the plans of a design's rows leave out, and the error that it may cost."""
 
+import itertools
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-from eitsim.mechanics.load_paths.law_family import Family
-from eitsim.mechanics.load_paths.types import Table
+from eitsim.scene.choices import Kind
 from eitsim.scene.results import Decision
-from eitsim.simulation.plan import ONE_CARD, make_plan
+from eitsim.simulation import words
+from eitsim.simulation.plan import make_plan
 from eitsim.sweeps.design.card_draws import Cards, card_at, count_in_use, held_by
-from eitsim.sweeps.design.design import Design, card_number, representative_scene, scene_at
+from eitsim.sweeps.design.design import Design, card_number, scene_at
 from matcal.card import MaterialCard
+from touchcal.choice import Choice
 from touchcal.number_words import counted
 
 # Rows whose plans are made.
@@ -21,32 +24,33 @@ _DRAWN_ROWS = 128  # Rows whose plans are made.
 
 @dataclass(frozen=True)
 class Omission:
-    """A decision of plans that may cost accuracy; a stored load path is none of them."""
+    """A kind of decision of plans that may cost accuracy; a stored load path is none of them."""
 
+    # in words, of the row where it may cost most
     decision: str
-    reason: str  # of the row where it may cost most
+    reason: str
     error_bound: float  # relative error of the signal that it may cost there
     unbounded: bool  # whether what it costs is unknown
     # rows that it is made in, of all that were looked at
     rows: int
     of: int
+    kind: str = ""  # its Kind; empty in data sets of earlier versions
 
 
-def omissions(design: Design, cards: Cards, *, exact: bool, table: Table | Family | None = None) -> list[Omission]:
-    """What the first rows leave out, each with its own card, the costliest first; table: what touches were taken
-    from."""
-    found: dict[str, Omission] = {}
+def omissions(design: Design, cards: Cards, *, exact: bool) -> list[Omission]:
+    """What the first rows leave out, each with its own card, the costliest first."""
     plans = list(_plans(design, cards, exact))
-    for decisions in plans:
-        for made in decisions:
-            if (made.error_bound > 0 or made.unbounded) and (cards.draws is None or made.decision != ONE_CARD):
-                one = Omission(made.decision, made.reason, made.error_bound, made.unbounded, 1, len(plans))
-                if (old := found.get(made.decision)) is not None:
-                    one = replace(one if one.error_bound > old.error_bound else old, rows=old.rows + 1)
-                found[made.decision] = one
-    whole = [Omission(made.decision, made.reason, made.error_bound, made.unbounded, len(plans), len(plans))
-             for made in _of_drawn_cards(design, cards, table)]
-    return sorted([*found.values(), *whole], key=lambda one: (-one.error_bound, one.decision))
+    costly = [[made for made in decisions if (made.error_bound > 0 or made.unbounded) and not (
+        cards.draws is not None and made.kind is Kind.ONE_CARD)] for decisions in plans]
+    rows = Counter(kind for decisions in costly for kind in {made.kind for made in decisions})
+    worst: dict[Kind, Decision] = {}
+    for made in itertools.chain.from_iterable(costly):
+        if made.kind not in worst or made.error_bound > worst[made.kind].error_bound:
+            worst[made.kind] = made
+    drawn = {made.kind: made for made in _of_drawn_cards(design, cards)}
+    return sorted((Omission(made.decision, made.reason, made.error_bound, made.unbounded, rows.get(kind, len(plans)),
+                            len(plans), kind) for kind, made in (worst | drawn).items()),
+                  key=lambda one: (-one.error_bound, one.decision))
 
 
 def _plans(design: Design, cards: Cards, exact: bool) -> Iterator[tuple[Decision, ...]]:
@@ -62,23 +66,13 @@ def _plans(design: Design, cards: Cards, exact: bool) -> Iterator[tuple[Decision
             yield ()
 
 
-def _of_drawn_cards(design: Design, cards: Cards, table: Table | Family | None) -> Iterator[Decision]:
-    """What drawing cards leaves out: of the material by their number, of the touches where load paths are means."""
+def _of_drawn_cards(design: Design, cards: Cards) -> Iterator[Decision]:
+    """What drawing cards leaves out of the material, by their number."""
     if cards.draws is None:
         return
     used = count_in_use(cards, card_number(design, design.scenes - 1) + 1)
     varying = " and ".join(held_by(cards.draws))
-    yield Decision(f"{used} cards drawn from the posterior", f"{varying} vary as its draws do, other parts are the "
-                   f"card's own and taken as exact; a mean over cards is off by 1/sqrt({used}) = {used**-0.5:.2g} of "
-                   "their spread, what the posterior does not hold by what is unknown; not in the bound", 0.0,
-                   unbounded=True)
-    if isinstance(table, Family) and table.span.chosen:
-        error = table.table.error
-        signal = error.signal(representative_scene(design).skin.strain)
-        yield Decision("load paths of drawn cards emulated", "those of each card's law are weighted means of those of "
-                       f"{len(table.span.chosen) + 1} drawn laws; at others, solved anew, they were at most "
-                       f"{error.depth:.1e} off in depth and {signal:.1e} in signal, the larger is given here and "
-                       "counted, with a margin, in the rows' signal_error", max(error.depth, signal))
+    yield words.decision(Choice(Kind.DRAWN_CARDS, {"count": used, "varying": varying, "spread": used**-0.5}, None))
 
 
 def omissions_of(manifest: Mapping[str, Any]) -> list[Omission]:

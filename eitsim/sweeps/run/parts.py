@@ -8,7 +8,6 @@ from typing import Any
 
 import pandas as pd
 
-from eitsim.mechanics.load_paths.law_family import Family
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.sweeps.dataset import hdf5_fields, parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
@@ -33,7 +32,7 @@ class Part:
 
 
 def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[range], *, exact: bool,
-                 table: Table | Family | None, identity: str | None = None) -> Iterator[Part]:
+                 table: Table | None, identity: str | None = None) -> Iterator[Part]:
     """Solve the scenes of each range into a part of the set of this identity, as workers become free.
 
     A part that raises, or is lost with its worker again and again, is solved at the end row by row: a row for which

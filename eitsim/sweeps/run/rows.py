@@ -8,7 +8,6 @@ import numpy as np
 
 from eitsim.electrics.forward.gridded_fields import values
 from eitsim.electrics.sheet.sheet_conductance import extrapolated_share
-from eitsim.mechanics.load_paths.law_family import Family
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.drive import protocol, voltage_columns
 from eitsim.scene.results import Result, Touch
@@ -24,7 +23,7 @@ from touchcal.jit import cpu_s
 
 
 def solve_rows(design: Design, cards: Cards, indices: list[int], *, exact: bool = False,
-               table: Table | Family | None = None) -> list[dict[str, Any]]:
+               table: Table | None = None) -> list[dict[str, Any]]:
     """Rows of these scenes, solved as by `solve_scene`; one that cannot be made is "refused", what it raises is
     raised. Where the design asks for fields, those of a solved scene are its row's "fields"."""
     blank = blank_row(design, cards)
@@ -39,7 +38,7 @@ def crashed_row(design: Design, cards: Cards, index: int, reason: str) -> dict[s
     return blank_row(design, cards) | {"scene": index} | keys | {"outcome": "crashed", "message": reason}
 
 
-def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | Family | None) -> dict[str, Any]:
+def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | None) -> dict[str, Any]:
     number = card_number(design, index)
     keys: dict[str, Any] = recorded(cards, number)
     try:

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.mechanics.load_paths.law_family import Family, central_of
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.simulation.material import material_of
 from eitsim.sweeps.dataset import code_history, hdf5_fields, parquet
@@ -32,7 +31,6 @@ from touchcal.parallel.processes import processes
 # Rows of a part: files cost as much as some dozen rows from a table, and little next to rows that are solved directly.
 ROWS_FROM_TABLE, ROWS_AFRESH = 64, 16
 
-Loads = Table | Family | None
 # the address of a dask scheduler, workers, or a context that connects to them
 Pool = str | WorkerPool | AbstractContextManager[WorkerPool]
 
@@ -107,7 +105,7 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
     >>> import tempfile, eitsim
     >>> from matcal.card import MaterialCard
     >>> from matcal.laws.conductivity import Conductivity
-    >>> from matcal.laws.hyperfoam import Hyperfoam
+    >>> from matcal.laws.law import Law
     >>> from eitsim.sweeps.design.design import design_from
     >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
     >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
@@ -203,8 +201,8 @@ def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Account:
     if work.todo:
         kept = work.before.counts
         run = spent.run(_how(work, table, note), counts.rows - kept.rows, counts.cpu_s - kept.cpu_s,
-                        count if lent is None else None, central_of(table))
-        left_out = omissions(work.design, work.cards, exact=work.method["exact"], table=table)
+                        count if lent is None else None, table)
+        left_out = omissions(work.design, work.cards, exact=work.method["exact"])
         parquet.write_manifest(work.folder, {key: value for key, value in work.manifest.items() if key != "schema"} | {
             ROWS: counts.rows, RUNS: [*work.manifest.get(RUNS, []), asdict(run)],
             LEFT_OUT: [asdict(one) for one in left_out]})
@@ -212,7 +210,7 @@ def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Account:
     return _account(work, counts, run)
 
 
-def _with_table(work: _Work, pool: WorkerPool, spent: Spent) -> tuple[_Work, Loads, str]:
+def _with_table(work: _Work, pool: WorkerPool, spent: Spent) -> tuple[_Work, Table | None, str]:
     """The load paths where touches are taken from them, which the manifest then tells, and a note on them."""
     if not work.method["reuse"] or not work.todo:
         return work, None, ""
@@ -222,7 +220,7 @@ def _with_table(work: _Work, pool: WorkerPool, spent: Spent) -> tuple[_Work, Loa
     return replace(work, manifest=keep_to_table(work.folder, work.manifest, table, note)), table, note
 
 
-def _rows(work: _Work, pool: WorkerPool, table: Loads, spent: Spent) -> OutcomeCounts:
+def _rows(work: _Work, pool: WorkerPool, table: Table | None, spent: Spent) -> OutcomeCounts:
     """Solve and keep the parts that are missing; the counts of all rows."""
     counts = work.before.counts
     work.tell(counts)
@@ -236,7 +234,7 @@ def _rows(work: _Work, pool: WorkerPool, table: Loads, spent: Spent) -> OutcomeC
     return counts
 
 
-def _how(work: _Work, table: Loads, note: str) -> str:
+def _how(work: _Work, table: Table | None, note: str) -> str:
     """How the rows of this call were solved, in words."""
     crashed, lost = work.before.crashed, work.before.lost
     return (describe_method(work.method, table, note, representative_scene(work.design).skin.strain)

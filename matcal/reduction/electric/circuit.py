@@ -38,6 +38,8 @@ def circuit_of(recording: Recording, strip: Strip) -> Circuit:
         return _while_whole(recording, current, np.divide(current, voltage), notes, "current")
     if "relative_resistance" in recording.columns:
         return _relative(recording, strip)
+    if "potential" in recording.columns and strip.series_resistance_Ohm is not None:
+        return _divided(recording, strip.series_resistance_Ohm, strip.voltage_V)
     raise no_resistance(recording)
 
 
@@ -46,8 +48,9 @@ def no_resistance(recording: Recording) -> InputFileError:
     found = ", ".join(recording.names.values())
     if "potential" in recording.columns:
         return InputFileError(recording.paths[0], f"its voltage alone gives no resistance (found: {found}). Of a "
-                              "divider, whose known resistor is in series with the specimen, write a column of "
-                              "resistance: known resistor x specimen voltage/(supply voltage - specimen voltage).")
+                              "divider, whose known resistor is in series with the specimen, write "
+                              "series_resistance_Ohm and voltage_V, the supply's, below [conductivity] of the specimen "
+                              "file; the column is the specimen's voltage.")
     return InputFileError(recording.paths[0], f"no resistance, and no current, stands in it; found: {found}. Name a "
                                               "column resistance, or give it with --columns resistance=COLUMN:ohm.")
 
@@ -103,6 +106,23 @@ def _relative(recording: Recording, strip: Strip) -> Circuit:
     conductance = 1 / (ratio * strip.rest_resistance_Ohm)
     return _while_whole(recording, conductance, conductance,
                         (f"Resistance by column '{name}' times {strip.rest_resistance_Ohm:g} Ohm at rest.",), name)
+
+
+def _divided(recording: Recording, series_Ohm: float, supply_V: float | None) -> Circuit:
+    """R = R_s V / (V_s - V) of the specimen's voltage V in a divider, V_s the supply's."""
+    voltage, name = recording.columns["potential"], recording.names["potential"]
+    if supply_V is None:
+        raise InputFileError(recording.paths[0], "series_resistance_Ohm is of a divider: write voltage_V, the supply's "
+                                                 "voltage over both resistors, below [conductivity] too.")
+    odd = np.flatnonzero((voltage <= 0) | (voltage >= supply_V))
+    if odd.size:
+        raise InputFileError(recording.paths[0], f"column '{name}' is {voltage[odd[0]]:.4g} V in sample {odd[0] + 1}, "
+                                                 "and the specimen's voltage in a divider is between 0 and voltage_V "
+                                                 f"= {supply_V:g}. Correct voltage_V, or delete the row.")
+    conductance = (supply_V - voltage) / (series_Ohm * voltage)
+    note = (f"Resistance by column '{name}', the specimen's voltage in a divider of {supply_V:g} V with {series_Ohm:g} "
+            "Ohm.")
+    return _while_whole(recording, conductance, conductance, (note,), name)
 
 
 def _voltage(recording: Recording, strip: Strip, size: int) -> tuple[Array, tuple[str, ...]]:

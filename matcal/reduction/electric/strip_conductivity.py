@@ -37,7 +37,7 @@ def reduce_stretch(recordings: Sequence[Recording], strip: Strip) -> Experiment:
     meter's (time with resistance, or current and perhaps potential), in any order, or both in one. The strip is taken
     to be gripped without slack, so that the strain is the travel over its length. InputFileError where one is missing.
     """
-    frame, pot = _frame_and_meter(recordings)
+    frame, pot = _frame_and_meter(recordings, strip)
     moved, chosen, cautions = with_travel(frame, strip)
     try:
         stroke = find_stroke(moved.columns["displacement"])
@@ -112,13 +112,15 @@ def reduce_rows(recording: Recording, strip: Strip) -> Experiment:
                       decisions=(*recording.notes, *said, *notes), cautions=(*cautions, *more))
 
 
-def _frame_and_meter(recordings: Sequence[Recording]) -> tuple[Recording, Recording]:
+def _frame_and_meter(recordings: Sequence[Recording], strip: Strip) -> tuple[Recording, Recording]:
     moving = [r for r in recordings if {"displacement", "strain", "stretch"} & set(r.columns)]
-    electric = [r for r in recordings if set(ELECTRIC) & set(r.columns)]
+    measures = ELECTRIC if strip.series_resistance_Ohm is None else (*ELECTRIC, "potential")
+    electric = [r for r in recordings if set(measures) & set(r.columns)]
     for found, what in ((moving, "displacement"), (electric, "current")):
         files = ", ".join(r.label for r in recordings)
-        if not found and what == "current" and len(recordings) > 1:
-            raise no_resistance(next(r for r in recordings if r not in moving[:1]))
+        other = [r for r in recordings if r not in moving[:1] or "potential" in r.columns]
+        if not found and what == "current" and other:
+            raise no_resistance(other[0])
         if not found or not (timed := [r for r in found if "time" in r.columns]):
             missing = "time with it" if found else what + (" or resistance" if what == "current" else "")
             raise InputFileError(recordings[0].paths[0], f"a conductivity test needs time with displacement and time "

@@ -62,9 +62,12 @@ class Unsure:
 
     noise_V: float  # standard deviation of white noise, new in each frame
     rest_V: float  # of the error of the untouched frame, a reading
-    drift: Array  # (k, readings) root of the covariance of its drift since it was seen, V
+    # (k, readings) root of the covariance of its drift since it was seen, V; the last `fresh` rows are noise that
+    # readings share, new in each frame
+    drift: Array
     kept: Mask  # (readings,) channels that are alive
     axes: Array  # (kept, m) orthonormal readings that span all signals
+    fresh: int = 0
 
 
 def best(touch: Followed) -> int:
@@ -110,6 +113,10 @@ def later(forward: ForwardMap, touch: Followed, step_s: float) -> Followed:
 def seen(forward: ForwardMap, before: Followed, signal: Array, unsure: Unsure, start: Array | None = None) -> Followed:
     """With one more frame of this signal (readings,), V; the search begins at the means, or with the place and force of
     `start` (4,), a touch (x, y, d, F)."""
+    if unsure.fresh:
+        shared = before.shared.copy()
+        shared[:, :, -unsure.fresh:] = 0.0
+        before = replace(before, shared=shared)
     state, kept = before.mean if start is None else _with_force(forward, before.mean, start), unsure.kept
     discrepancy = strength_discrepancy(forward, state)
     # one error for all filters: else those where it is said to be small are the likely ones, whatever they leave

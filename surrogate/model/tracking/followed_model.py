@@ -12,7 +12,7 @@ import numpy as np
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_drift import by_gain
-from surrogate.data.reading_noise import white_noise
+from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background, error_after
 from surrogate.forward_map.inversion.touch_filter import Unsure
@@ -75,6 +75,7 @@ class FollowedModel:
         self._model, self._scaling, self._held_s = model, scaling, held_s
         self._fewer: dict[bytes, _Fewer] = {}
         self._touch: Touch | None = None
+        self._noise = white_noise(1.0, self.readings)
         self._predictor = prepare(model, model.baseline_V, 0.0, held_s=held_s)
         # what a search keeps is made now, so that no frame waits for it
         across = np.argsort(np.linalg.norm(model.calibration.target[:, :2], axis=1))[[0, -1]]
@@ -91,6 +92,11 @@ class FollowedModel:
     def ended(self) -> None:
         """No touch is followed."""
         self._touch = None
+
+    def with_noise(self, noise: ReadingNoise) -> None:
+        """As `Following`."""
+        if noise.rms_V:
+            self._noise = noise.largest.times(1 / noise.rms_V)
 
     def ready(self, background: Background) -> tuple[Array, str]:
         """Compare the untouched frame; intervals of methods without a map are calibrated at its noise."""
@@ -109,17 +115,18 @@ class FollowedModel:
         """The touch with one more frame."""
         dead = np.isnan(volts)
         fewer = self._without(dead)
-        predictor = replace(fewer.predictor, baseline_V=background.volts[fewer.kept],
-                            noise=white_noise(background.noise_V, int(fewer.kept.sum())))
-        signal, noise = np.where(dead, 0.0, volts - background.volts), background.noise_V
-        if signal @ signal - (~dead).sum() * noise**2 < (WEAK * predictor.model.trained.weakest_V) ** 2:
+        noise = self._noise.times(background.noise_V)
+        predictor = replace(fewer.predictor, baseline_V=background.volts[fewer.kept], noise=noise.of(fewer.kept))
+        signal = np.where(dead, 0.0, volts - background.volts)
+        if signal @ signal - (~dead).sum() * background.noise_V**2 < (WEAK * predictor.model.trained.weakest_V) ** 2:
             self._touch = None
             return unread(TOUCH, TOO_WEAK)
         learner = self._model.learner
         if not isinstance(learner, TouchInversion):
             return self._told(TOUCH, predict(predictor, volts[None]), np.eye(outputs.TOUCH))
         variance, root = error_after(background, since_s)
-        unsure = Unsure(noise, math.sqrt(variance), root, ~dead, fewer.axes)
+        unsure = Unsure(noise.white_V, math.sqrt(variance), np.concatenate([root, noise.root.T]), ~dead, fewer.axes,
+                        noise.root.shape[1])
         self._touch, found = follow_by_map.follow(learner, fewer.learner, self._touch, signal, unsure, step_s)
         read = judged(predictor, volts[None, ~dead],
                       lambda _: follow_by_map.estimate(learner, found, predictor.scale, normal(COVERAGE)))

@@ -14,6 +14,7 @@ import numpy as np
 from surrogate.data.dead_readings import none, too_many
 from surrogate.data.outputs import TOUCH as PARTS
 from surrogate.data.outputs import lowest
+from surrogate.data.reading_noise import ReadingNoise
 from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background
 from surrogate.forward_map.inversion.touch_filter import WALK
@@ -87,6 +88,9 @@ class FollowedPresses:
     def ended(self) -> None:
         """No touch is followed."""
         self._place = None
+
+    def with_noise(self, noise: ReadingNoise) -> None:
+        """The noise of a place is that of its readings."""
 
     def ready(self, background: Background) -> tuple[Array, str]:
         """Readings are taken as they are."""

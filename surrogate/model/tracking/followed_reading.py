@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from surrogate.data.outputs import TOUCH
+from surrogate.data.reading_noise import ReadingNoise
 from surrogate.data.sensor_ring import Ring
 from surrogate.data.untouched_stream import Background
 from touchcal.arrays import Array, Mask
@@ -55,6 +56,10 @@ class Following(Protocol):
 
     def compared(self, background: Background) -> tuple[Array, str]:
         """Factors (readings,) of all readings that make the untouched frame the training's, and words on it."""
+        ...
+
+    def with_noise(self, noise: ReadingNoise) -> None:
+        """Count what readings of a frame share of its noise from now on, at the size of the background's."""
         ...
 
     def why_not(self, dead: Mask) -> str:

@@ -133,7 +133,9 @@ class Tracker:
                                                   self._following.foreseen)
         self._ready()
         if self._noise_V is None and found.noise is not None:
-            self._contact = contact.with_noise(self._contact, found.noise.scaled(self._gain))
+            shared = found.noise.scaled(self._gain)
+            self._contact = contact.with_noise(self._contact, shared)
+            self._following.with_noise(shared)
 
     def _ready(self) -> None:
         """Compare the untouched frame with that of the training, once its noise is known."""

@@ -99,8 +99,5 @@ class Expectation:
 def expectation_of(sensor: Sensor, simulated: Path | None = None) -> Expectation:
     """What the sensitivity of a uniform disc expects of a sensor's readings, or where a folder is given the touches
     that `eitsim sweep` simulated into it; ValueError where the body is no disc, and errors as read_simulated."""
-    if sensor.body.has_outline:
-        raise ValueError(f"the body has the outline '{sensor.body.outline}', and what is expected of readings is that "
-                         "of a disc.")
     return Expectation(read_simulated(simulated, sensor) if simulated else DiscSensitivity(sensor.protocol),
                        sensor.body.radius_m * 1e3)

@@ -67,7 +67,7 @@ def test_a_square_reads_and_a_circle_on_it_changes_that_as_the_disc_says(maps, o
     region, ends = outlines.MAPS["square"], outlines.electrode_ends("square")
     rest, touched = (maps.mapped_impedance(region, ends, 1.0, S, patch, degree=14, modes=4000)
                      for patch in (None, maps.Patch(0.01 + 0.005j, 0.01, SHARE)))
-    untouched = solve_untouched(body, electrodes, S, 1e-4)
+    untouched = solve_untouched(body.outline, electrodes, S, 1e-4)
     assert readings_difference(untouched.impedance_Ohm, rest) < untouched.error + 1e-5
     known = read_out(Drive(), touched - rest)
     found = solve(body, Skin(strain="normal"), electrodes, Drive(),

@@ -16,15 +16,16 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.scene.drive import read_out
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Scene, Skin
 from matcal.laws.conductivity import Conductivity
 
 LAW, SKIN, ORDERS = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal"), 12
-BODY = Body(outline="rectangle", width_m=0.12, height_m=0.08, thickness_m=0.005)
-L = Body(outline="polygon", thickness_m=0.005, points_m=(
-    (-0.06, -0.04), (0.06, -0.04), (0.06, 0.0), (0.02, 0.0), (0.02, 0.04), (-0.06, 0.04)))
+BODY = Body(Outline("rectangle", width_m=0.12, height_m=0.08), 0.005)
+L = Body(Outline("polygon", points_m=(
+    (-0.06, -0.04), (0.06, -0.04), (0.06, 0.0), (0.02, 0.0), (0.02, 0.04), (-0.06, 0.04))), 0.005)
 LINES = Electrodes(count=12, width_m=0.006)
 SHEET_S = untouched_conductance(LAW, SKIN)
 FAR_M = 1e3  # A straight edge is the rim of a disc so large.
@@ -114,8 +115,8 @@ def test_rings_and_a_mesh_agree_within_their_estimates_near_an_edge(conductor):
 @pytest.mark.parametrize("conductor", [False, True])
 @pytest.mark.parametrize(("body", "place_m", "towards", "bearings"), [
     (BODY, (0.045, 0.025), (0.0, 1.0), (0.0, -np.pi / 2)),
-    (replace(BODY, height_m=0.031), (0.01, 0.0005), (0.0, 1.0), (0.0, np.pi)),
-    (replace(BODY, holes_m=((0.01, 0.0, 0.01),)), (0.01, 0.025), (0.0, 1.0), (0.0, np.pi)),
+    (replace(BODY, edge=replace(BODY.outline, height_m=0.031)), (0.01, 0.0005), (0.0, 1.0), (0.0, np.pi)),
+    (replace(BODY, edge=replace(BODY.outline, holes_m=((0.01, 0.0, 0.01),))), (0.01, 0.025), (0.0, 1.0), (0.0, np.pi)),
     (L, (0.01, -0.01), (np.sqrt(0.5), np.sqrt(0.5)), (0.0,))],
     ids=["corner", "strip", "hole", "re-entrant corner"])
 def test_rings_near_several_edges_are_off_a_finer_mesh_as_they_say(body, place_m, towards, bearings, conductor):
@@ -143,7 +144,8 @@ def test_a_turned_skin_has_the_same_signal_near_an_edge():
     signals = []
     for body, punch, towards, first in (
             (BODY, Punch(0.01, 0.025, 0.01), (0.0, 1.0), 0.0),
-            (replace(BODY, width_m=0.08, height_m=0.12), Punch(-0.025, 0.01, 0.01), (-1.0, 0.0), np.pi / 2)):
+            (replace(BODY, edge=replace(BODY.outline, width_m=0.08, height_m=0.12)),
+             Punch(-0.025, 0.01, 0.01), (-1.0, 0.0), np.pi / 2)):
         lines = replace(LINES, first_angle_rad=first)
         signals.append(solve(body, SKIN, lines, Drive(), ((punch, near_an_edge(0.015, towards)),), LAW).signal_V)
     assert np.linalg.norm(signals[1] - signals[0]) < 5e-4 * np.linalg.norm(signals[0])

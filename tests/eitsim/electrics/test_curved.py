@@ -22,8 +22,9 @@ from eitsim.electrics.curved.solve_curved import facets_of, prepared, skin_mesh,
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_untouched
 from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.scene import Body, read_scene
+from eitsim.scene.scene import read_scene
 from eitsim.scene.triangle_files import TriangleMesh, read_triangles
 from touchcal.errors import InputFileError, NotConverged
 
@@ -74,7 +75,7 @@ def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated(skin
     skin = CurvedSkin(TriangleMesh("flat", nodes, cells, groups), S, groups=tuple(range(8)))  # type: ignore[arg-type]
     electrodes = Electrodes(kind="surface", count=8, shape="rectangle", width_m=0.01, length_m=0.01,
                             x_m=tuple(skins.PLACES[:, 0].tolist()), y_m=tuple(skins.PLACES[:, 1].tolist()))
-    known = solve_untouched(Body(outline="rectangle", width_m=0.12, height_m=0.08).shape, electrodes, S, 1e-6)
+    known = solve_untouched(Outline("rectangle", width_m=0.12, height_m=0.08), electrodes, S, 1e-6)
     coarse, fine = (solve_curved_skin(skin, readings=asked) for asked in (1e-3, 2e-6))
     for found in (coarse, fine):
         assert readings_difference(found.impedance_Ohm, known.impedance_Ohm) < found.readings_error + known.error

@@ -12,21 +12,23 @@ from eitsim.electrics.cem.uneven_sheet import MODES, sheet_modes
 from eitsim.electrics.forward.small_touch import impedance_by_touch
 from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_untouched
 from eitsim.electrics.outline.edge_admittance import CLOSELY, ROUGHLY, edge_admittance, sliding_mesh
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_edge import arcs_of, edge_starts, places_along
+from eitsim.scene.edges.outline_electrodes import along_edge
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline import circle, moments_m
-from eitsim.scene.outline_edge import arcs_of, edge_starts, places_along
-from eitsim.scene.outline_electrodes import along_edge
+from eitsim.scene.polygons import circle, moments_m
 from eitsim.scene.scene import Body, Scene
 
 SHEET_S, COUNT = 8e-4, 8
-RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.03, 0.01, 0.008),))
+RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.03, 0.01, 0.008),)))
 DESIGN = Scene(body=RECTANGLE, electrodes=Electrodes(count=COUNT)).electrodes
 
 
 def moved(seed: int = 0) -> Electrodes:
     """Electrodes displaced by 0.5 mm, 5 % wider or narrower, contacts off by 30 %; two lie around corners."""
     rng = np.random.default_rng(seed)
-    return replace(DESIGN, shares=(), positions_m=tuple(along_edge(RECTANGLE, DESIGN)
+    return replace(DESIGN, shares=(), positions_m=tuple(along_edge(RECTANGLE.outline, DESIGN)
                                                         + 5e-4 * rng.standard_normal(COUNT)),
                    width_m=tuple(0.01 * np.exp(0.05 * rng.standard_normal(COUNT))),
                    contact_impedance_Ohm_m=tuple(np.exp(0.3 * rng.standard_normal(COUNT))))
@@ -40,7 +42,7 @@ def impedance(electrodes: Electrodes, made_for: Electrodes, kind: tuple[float, f
 @pytest.mark.parametrize(("made_for", "kind", "off"), [(DESIGN, ROUGHLY, 4e-4), (moved(), CLOSELY, 3e-5)])
 def test_it_is_that_of_a_mesh_made_for_the_electrodes(made_for: Electrodes, kind: tuple[float, float],
                                                       off: float) -> None:
-    expected = solve_untouched(RECTANGLE.shape, moved(), SHEET_S, 5e-6).impedance_Ohm
+    expected = solve_untouched(RECTANGLE.outline, moved(), SHEET_S, 5e-6).impedance_Ohm
     found = readings_difference(impedance(moved(), made_for, kind), expected)
     print(f"off {found:.1e}")
     assert found < off
@@ -62,8 +64,8 @@ def test_its_derivatives_are_those_of_differences() -> None:
         return edge_admittance(sliding, replace(here, contact_impedance_Ohm_m=tuple(z), positions_m=tuple(place),
                                                 width_m=tuple(width)), SHEET_S, sheet).admittance_S
 
-    for found, unit, key in ((at.by_layer[k], SHEET_S / RECTANGLE.radius_m, "z"),
-                             (at.by_angle[k], 1 / RECTANGLE.radius_m, "place"), (at.by_width[k], 1.0, "width"),
+    for found, unit, key in ((at.by_layer[k], SHEET_S / RECTANGLE.edge.size_m, "z"),
+                             (at.by_angle[k], 1 / RECTANGLE.edge.size_m, "place"), (at.by_width[k], 1.0, "width"),
                              (at.by_sheet[4], 1.0, "mode")):
         size = step * (1e-2 if key == "place" else 1.0)
         expected = (changed(1.0, **{key: size}) - changed(-1.0, **{key: size})) / (2 * size)
@@ -71,8 +73,8 @@ def test_its_derivatives_are_those_of_differences() -> None:
 
 
 def test_a_disc_given_as_a_polygon_has_the_disc_s_admittance_and_derivatives() -> None:
-    disc, ring = Body(radius_m=0.05), Electrodes(count=COUNT)
-    body = Body(outline="polygon", points_m=tuple(map(tuple, circle((0, 0), 0.05, 360).tolist())))
+    disc, ring = Body(Disc(0.05)), Electrodes(count=COUNT)
+    body = Body(Outline("polygon", points_m=tuple(map(tuple, circle((0, 0), 0.05, 360).tolist()))))
     electrodes = Scene(body=body, electrodes=ring).electrodes
     modes = np.array([0.02, -0.03, 0.05, 0.01, -0.04])
     found = edge_admittance(sliding_mesh(body, electrodes, SHEET_S, CLOSELY), electrodes, SHEET_S, modes)
@@ -86,7 +88,7 @@ def test_a_disc_given_as_a_polygon_has_the_disc_s_admittance_and_derivatives() -
 
 def test_electrodes_that_left_the_fine_part_of_the_edge_are_refused_by_name() -> None:
     sliding = sliding_mesh(RECTANGLE, DESIGN, SHEET_S)
-    away = np.array(along_edge(RECTANGLE, DESIGN))
+    away = np.array(along_edge(RECTANGLE.outline, DESIGN))
     away[5] += 9e-3
     with pytest.raises(ValueError, match=r"electrode 5 \(from 0\) ends 14 mm"):
         edge_admittance(sliding, replace(DESIGN, shares=(), positions_m=tuple(away)), SHEET_S)
@@ -95,8 +97,8 @@ def test_electrodes_that_left_the_fine_part_of_the_edge_are_refused_by_name() ->
 
 
 def test_moments_of_an_outline_are_those_of_its_parts() -> None:
-    middle, second = moments_m(Body(outline="rectangle", width_m=0.12, height_m=0.06, holes_m=(((0.0, -0.03 + 1e-3),
-                               (0.06 - 1e-3, -0.03 + 1e-3), (0.06 - 1e-3, 0.03 - 1e-3), (0.0, 0.03 - 1e-3)),)))
+    middle, second = moments_m(Body(Outline("rectangle", width_m=0.12, height_m=0.06, holes_m=(((0.0, -0.03 + 1e-3),
+                               (0.06 - 1e-3, -0.03 + 1e-3), (0.06 - 1e-3, 0.03 - 1e-3), (0.0, 0.03 - 1e-3)),))))
     hole, whole = 0.059 * 0.058, 0.12 * 0.06
     assert middle[0] == pytest.approx(-hole * 0.0295 / (whole - hole))
     assert middle[1] == pytest.approx(0.0, abs=1e-12)
@@ -111,15 +113,15 @@ def test_modes_of_the_sheet_have_no_mean_on_an_outline() -> None:
 
 
 def test_points_of_the_edge_have_their_arc_lengths() -> None:
-    arcs = np.linspace(0, edge_starts(RECTANGLE)[-1], 57)[:-1]
-    found, away = arcs_of(RECTANGLE, places_along(RECTANGLE, arcs))
+    arcs = np.linspace(0, edge_starts(RECTANGLE.outline)[-1], 57)[:-1]
+    found, away = arcs_of(RECTANGLE.outline, places_along(RECTANGLE.outline, arcs))
     np.testing.assert_allclose(found, arcs, atol=1e-12)
     np.testing.assert_allclose(away, 0, atol=1e-12)
 
 
 def test_a_small_touch_on_a_disc_given_as_a_polygon_is_that_on_the_disc() -> None:
-    disc, ring = Body(radius_m=0.05), Electrodes(count=COUNT, first_angle_rad=0.3)
-    body = Body(outline="polygon", points_m=tuple(map(tuple, circle((0, 0), 0.05, 360).tolist())))
+    disc, ring = Body(Disc(0.05)), Electrodes(count=COUNT, first_angle_rad=0.3)
+    body = Body(Outline("polygon", points_m=tuple(map(tuple, circle((0, 0), 0.05, 360).tolist()))))
     electrodes = Scene(body=body, electrodes=ring).electrodes
     places = np.array([[0.0, 0.0], [0.02, -0.01], [-0.015, 0.03]])
     found, expected = (impedance_by_touch(*one, SHEET_S, places) for one in ((body, electrodes), (disc, ring)))

@@ -20,6 +20,7 @@ from eitsim.electrics.interop.eidors import read_eidors
 from eitsim.electrics.interop.solve_file import Solved, solve_model
 from eitsim.electrics.outline.triangles import refined, skin_mesh, triangulated
 from eitsim.scene.drive import Drive, protocol, read_out
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Electrodes, Scene
 from touchcal.errors import InputFileError
 
@@ -92,9 +93,9 @@ def test_a_model_from_a_matlab_file_reads_as_eidors_does(name: str, case: str, t
 def test_the_triangles_of_an_outline_go_through_a_matlab_file(
         tmp_path: Path, benchmark_module: Callable[[str], ModuleType]) -> None:
     """Written, read and solved: the matrix of the outline's own mesh, and that of EIDORS' formulas (not EIDORS)."""
-    body = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+    body = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
     lines = Scene(body, electrodes=Electrodes(count=8, width_m=0.01)).electrodes
-    triangles = refined(triangulated(body, lines), lambda mesh: np.full(len(mesh.cells), 2e-5))
+    triangles = refined(triangulated(body.outline, lines), lambda mesh: np.full(len(mesh.cells), 2e-5))
     mesh, z = skin_mesh(triangles, lines, "P1"), np.linspace(0.5, 2.0, 8)
     sheet = 6e-4 * (1 + np.arange(len(mesh.cells)) % 7)
     parts = structures([{"nodes": np.unique(mesh.under[mesh.electrode == k]) + 1.0, "z_contact": z[k]}

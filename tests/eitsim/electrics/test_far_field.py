@@ -11,20 +11,21 @@ import pytest
 from eitsim.electrics.cem.assembly import gradients, quadrature_points
 from eitsim.electrics.forward import far_field
 from eitsim.electrics.outline.triangles import refined, skin_mesh, triangulated
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Scene, Skin
 from matcal.laws.conductivity import Conductivity
 
 LAW, SKIN = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal")
 RADIUS = np.linspace(0, 0.05, 401)
-SHEET = Scene(Body(thickness_m=0.002, outline="rectangle", width_m=0.6, height_m=0.4),
+SHEET = Scene(Body(Outline("rectangle", width_m=0.6, height_m=0.4), 0.002),
               electrodes=Electrodes(count=8, width_m=0.02))
 
 
 def test_a_quadrature_in_parts_is_exact_and_converges():
-    body = Body(outline="rectangle", width_m=2.0, height_m=1.0)
+    body = Body(Outline("rectangle", width_m=2.0, height_m=1.0))
     lines = Scene(body, electrodes=Electrodes(count=8, width_m=0.1)).electrodes
-    mesh = skin_mesh(refined(triangulated(body, lines), lambda one: np.full(len(one.cells), 0.1)), lines)
+    mesh = skin_mesh(refined(triangulated(body.outline, lines), lambda one: np.full(len(one.cells), 0.1)), lines)
     known = 4 * np.sinh(5.0) * np.sin(2.5) / 25
     found = []
     for parts in (1, 2, 4):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.correction import RimCorrection, with_error
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Accuracy, Body, Punch, Scene
 from eitsim.simulation.simulate import ELECTRICS_SHARE, readings_of
@@ -59,7 +60,7 @@ def test_lengths_may_be_over_the_thickness(touch: Touch) -> None:
     one, other = (replace(f, radius_m=f.radius_m / unit, disc_m=f.disc_m / unit, offset_m=f.offset_m / unit)
                   for f in (field(0.0), field(0.05)))
     scaled = replace(touch, radius_m=touch.radius_m / unit, contact_radius_m=touch.contact_radius_m / unit)
-    found = signal_differences(Body(Body().radius_m / unit, 1.0),
+    found = signal_differences(Body(Disc(Body().radius_m / unit), 1.0),
                               replace(PUNCH, x_m=PUNCH.x_m / unit, diameter_m=PUNCH.diameter_m / unit,
                                       fillet_m=PUNCH.fillet_m / unit), scaled, one, other)
     assert found == pytest.approx(apart(touch, 0.0, 0.05), rel=0.02)

@@ -9,12 +9,13 @@ from eitsim.electrics.cem import coupled_scattering, ring_scattering
 from eitsim.electrics.forward import outer_correction, solve_forward
 from eitsim.electrics.forward.far_field import born_correction
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Scene, Skin
 from matcal.laws.conductivity import Conductivity
 
 LAW, SKIN = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal")
-SCENE = Scene(Body(outline="rectangle", width_m=0.12, height_m=0.08, thickness_m=0.005),
+SCENE = Scene(Body(Outline("rectangle", width_m=0.12, height_m=0.08), 0.005),
               electrodes=Electrodes(count=12, width_m=0.006))
 GAP_M, FAR_M = 0.01, 1e3  # From the axis to the edge, which is the rim of a disc so large.
 PUNCH = Punch(0.012, 0.04 - GAP_M, 0.01)
@@ -66,7 +67,7 @@ def test_what_the_circle_leaves_out_is_symmetric() -> None:
     """As an impedance matrix is, and its rows sum to zero."""
     body, lines, touch = SCENE.body, SCENE.electrodes, squeezed()
     circle = ring_scattering.position(PUNCH), GAP_M
-    coupling, _ = solve_forward.edge_couplings(body.shape, lines, 6e-4, [circle], 16)
+    coupling, _ = solve_forward.edge_couplings(body.outline, lines, 6e-4, [circle], 16)
     own = coupled_scattering.coupled_scattering(PUNCH, touch, SKIN, LAW, GAP_M, 16)
     change, unsure = outer_correction.outer_correction(
         body, lines, 6e-4, PUNCH, touch, SKIN, LAW, GAP_M, ring_scattering.scattered(coupling, 6e-4, own))

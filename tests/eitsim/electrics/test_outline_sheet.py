@@ -15,18 +15,19 @@ from eitsim.electrics.forward.untouched import by_contact, conductance_of, untou
 from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_untouched
 from eitsim.electrics.outline.triangles import refined, skin_mesh, triangulated
 from eitsim.scene.drive import Drive
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.scene import Body, Electrodes, Scene, Skin
 from touchcal.errors import NotConverged
 
 S = 6e-4
 TURN = 2 * np.pi * np.arange(400) / 400
-POLYGON = Body(outline="polygon", points_m=0.1 * np.column_stack([np.cos(TURN), np.sin(TURN)]))
+POLYGON = Body(Outline("polygon", points_m=0.1 * np.column_stack([np.cos(TURN), np.sin(TURN)])))
 EVEN = Scene(POLYGON).electrodes
-RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
 POSITIONS = 0.4 / 32 * (np.arange(32) + 0.5)
-L_SHAPE = Body(outline="polygon", points_m=((0, 0), (0.12, 0), (0.12, 0.05), (0.05, 0.05), (0.05, 0.12), (0, 0.12)),
-               holes_m=((0.025, 0.08, 0.01),))
+L_SHAPE = Body(Outline("polygon", points_m=((0, 0), (0.12, 0), (0.12, 0.05), (0.05, 0.05), (0.05, 0.12), (0, 0.12)),
+    holes_m=((0.025, 0.08, 0.01),)))
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +37,14 @@ def outlines(benchmark_module: Callable[[str], ModuleType]) -> ModuleType:
 
 
 def test_a_disc_given_as_a_polygon_is_the_disc():
-    found = solve_untouched(POLYGON, EVEN, S, 1e-5)
+    found = solve_untouched(POLYGON.outline, EVEN, S, 1e-5)
     assert readings_difference(found.impedance_Ohm, untouched_impedance(Body(), Electrodes(), S)) < 1e-5
 
 
 def test_a_disc_given_as_a_round_rectangle_is_the_disc():
     """Its 96 chords are 1.8e-4 longer than the circle, and electrodes along them wider by as little."""
-    body = Body(outline="rectangle", width_m=0.2, height_m=0.2, corner_radius_m=0.1)
-    found = solve_untouched(body, Scene(body).electrodes, S, 1e-5)
+    body = Body(Outline("rectangle", width_m=0.2, height_m=0.2, corner_radius_m=0.1))
+    found = solve_untouched(body.outline, Scene(body).electrodes, S, 1e-5)
     assert readings_difference(found.impedance_Ohm, untouched_impedance(Body(), Electrodes(), S)) < 1e-4
 
 
@@ -55,7 +56,7 @@ def test_the_rectangle_converges_to_a_cosine_series_and_knows_its_error(outlines
         for n, m in ((10, 2000), (14, 4000)))
     assert readings_difference(coarse, series) < 3e-6
     for asked in (1e-3, 1e-4):
-        found = solve_untouched(RECTANGLE, electrodes, S, asked)
+        found = solve_untouched(RECTANGLE.outline, electrodes, S, asked)
         off = readings_difference(found.impedance_Ohm, series)
         assert found.error <= asked
         assert found.error / 10 < off + 1e-6
@@ -64,16 +65,16 @@ def test_the_rectangle_converges_to_a_cosine_series_and_knows_its_error(outlines
 
 def test_corners_and_holes_need_no_hand_and_the_estimate_holds():
     electrodes = Scene(L_SHAPE, electrodes=Electrodes(count=16, width_m=0.006)).electrodes
-    fine = solve_untouched(L_SHAPE, electrodes, S, 1e-5)
+    fine = solve_untouched(L_SHAPE.outline, electrodes, S, 1e-5)
     for asked in (1e-3, 1e-4):
-        found = solve_untouched(L_SHAPE, electrodes, S, asked)
+        found = solve_untouched(L_SHAPE.outline, electrodes, S, asked)
         assert readings_difference(found.impedance_Ohm, fine.impedance_Ohm) < 1.5 * found.error
 
 
 def test_p1_triangles_give_what_eidors_assembles():
     """EIDORS's system_mat_1st_order and its complete electrode model, written out densely."""
     electrodes = Scene(L_SHAPE, electrodes=Electrodes(count=8, width_m=0.01)).electrodes
-    triangles = triangulated(L_SHAPE, electrodes)
+    triangles = triangulated(L_SHAPE.outline, electrodes)
     mesh = skin_mesh(triangles, electrodes, "P1")
     sheet = S * (1 + np.arange(len(mesh.cells)) % 7)
     nodes, count = len(mesh.nodes_m), mesh.count
@@ -98,8 +99,8 @@ def test_patches_on_the_surface_cover_their_areas_and_keep_the_symmetry():
     places = 0.02 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     electrodes = Electrodes(kind="surface", count=4, x_m=places[:, 0], y_m=places[:, 1], width_m=0.008,
                             contact_impedance_Ohm_m2=1e-5)
-    body = Body(outline="rectangle", width_m=0.1, height_m=0.1)
-    found = solve_untouched(body, electrodes, S, 1e-4)
+    body = Body(Outline("rectangle", width_m=0.1, height_m=0.1))
+    found = solve_untouched(body.outline, electrodes, S, 1e-4)
     mesh = skin_mesh(found.triangles, electrodes)
     area = found.triangles.area_m2
     assert area.sum() == pytest.approx(0.01, rel=1e-12)
@@ -108,19 +109,19 @@ def test_patches_on_the_surface_cover_their_areas_and_keep_the_symmetry():
     np.testing.assert_allclose([area[owner == k].sum() for k in range(4)], np.pi * 0.004**2, rtol=1e-12)
     z = found.impedance_Ohm
     np.testing.assert_allclose(np.roll(z, (1, 1), axis=(0, 1)), z, rtol=0, atol=3e-4 * np.ptp(z))
-    fine = solve_untouched(body, electrodes, S, 1e-5)
+    fine = solve_untouched(body.outline, electrodes, S, 1e-5)
     assert np.abs(z - fine.impedance_Ohm).max() < 3 * found.error * np.abs(fine.impedance_Ohm).max()
 
 
 def test_what_lies_under_a_perfect_contact_does_not_matter():
     """A patch of hardly any contact impedance is one conductor, whatever the skin under it is; under one of a large
     impedance the skin counts."""
-    body = Body(outline="rectangle", width_m=0.1, height_m=0.1)
+    body = Body(Outline("rectangle", width_m=0.1, height_m=0.1))
 
     def change(contact_Ohm_m2: float) -> float:
         patches = Electrodes(kind="surface", count=5, x_m=(0.0, 0.03, 0, -0.03, 0), y_m=(0.0, 0, 0.03, 0, -0.03),
                              width_m=0.012, contact_impedance_Ohm_m2=(contact_Ohm_m2, *[1e-5] * 4))
-        triangles = refined(triangulated(body, patches), lambda mesh: np.full(len(mesh.cells), 1e-6))
+        triangles = refined(triangulated(body.outline, patches), lambda mesh: np.full(len(mesh.cells), 1e-6))
         mesh, z = skin_mesh(triangles, patches), contact_impedances(patches)
         sheet = np.where(np.hypot(*triangles.centres_m.T) < 0.006, 2 * S, S)
         return readings_difference(impedance(mesh, sheet, z), impedance(mesh, np.full(len(sheet), S), z))
@@ -149,7 +150,7 @@ def test_missing_electrodes_draw_no_current():
 def test_what_cannot_be_reached_says_how_far_it_came(monkeypatch):
     monkeypatch.setattr("eitsim.electrics.outline.adapted_mesh._STEPS", 2)
     with pytest.raises(NotConverged, match=r"known to .* only, 1e-09 was asked for"):
-        solve_untouched(RECTANGLE, Scene(RECTANGLE).electrodes, 1.1 * S, 1e-9)
+        solve_untouched(RECTANGLE.outline, Scene(RECTANGLE).electrodes, 1.1 * S, 1e-9)
 
 
 def test_discs_are_solved_without_the_mesher_and_outlines_say_what_to_install():

@@ -12,6 +12,7 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.imaging.images import reconstruct
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.touch_mesh import touch_mesh
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Scene, Skin
 from matcal.laws.conductivity import Conductivity
@@ -19,10 +20,10 @@ from matcal.laws.conductivity import Conductivity
 LAW, SKIN = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal")
 TURN = 2 * np.pi * np.arange(400) / 400
 # The disc's area: corners as far outside its rim as chords lie inside.
-POLYGON = Body(outline="polygon", points_m=0.1 * np.sqrt(TURN[1] / np.sin(TURN[1])) * np.column_stack(
-    [np.cos(TURN), np.sin(TURN)]))
+POLYGON = Body(Outline("polygon", points_m=0.1 * np.sqrt(TURN[1] / np.sin(TURN[1])) * np.column_stack(
+    [np.cos(TURN), np.sin(TURN)])))
 EVEN = Scene(POLYGON).electrodes
-RECTANGLE = Body(outline="rectangle", width_m=0.2, height_m=0.14)
+RECTANGLE = Body(Outline("rectangle", width_m=0.2, height_m=0.14))
 GRID = Electrodes(kind="surface", count=6, x_m=(-0.04, 0, 0.04) * 2, y_m=(-0.02,) * 3 + (0.02,) * 3, width_m=0.01)
 
 
@@ -58,8 +59,8 @@ def test_two_touches_are_those_of_the_disc_together():
 @pytest.mark.parametrize(("x_m", "y_m", "conductor"), [(0.09, 0.045, False), (0.03, 0.02, True)])
 def test_rings_on_an_l_with_a_hole_and_a_mesh_agree_within_their_estimates(x_m, y_m, conductor):
     """Far from all edges, and, conducting, two punches away from two of them."""
-    body = Body(outline="polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
-        (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2)))
+    body = Body(Outline("polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
+        (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2))))
     touches, lines = ((Punch(x_m, y_m, conductor=conductor), pressed()),), Electrodes(count=24, width_m=0.008)
     rings, mesh = (solve(body, SKIN, lines, Drive(), touches, LAW, method=method, signal=4e-4)
                    for method in ("multipole", "mesh"))
@@ -89,7 +90,7 @@ def test_a_turned_skin_has_the_same_signal():
     hole, place = np.array([-0.05, 0.03]), np.array([0.02, 0.01])
     signals = []
     for q in (np.eye(2), turn):
-        body = Body(outline="polygon", points_m=corners @ q, holes_m=((*(hole @ q).tolist(), 0.01),))
+        body = Body(Outline("polygon", points_m=corners @ q, holes_m=((*(hole @ q).tolist(), 0.01),)))
         first = 0.0 if q is not turn else angle
         electrodes = Scene(body, electrodes=Electrodes(count=12, first_angle_rad=first)).electrodes
         punch = Punch(*(place @ q).tolist())
@@ -129,7 +130,8 @@ def test_fields_conserve_current_on_the_mesh_of_the_touch():
     kind="surface", count=20, x_m=np.tile(0.035 * np.arange(-2, 3), 4), y_m=np.repeat([-0.05, -0.017, 0.017, 0.05], 5),
     width_m=0.006)])
 def test_an_image_finds_the_touch_on_any_skin(electrodes):
-    scene = Scene(replace(RECTANGLE, holes_m=((-0.085, 0.03, 0.008),)), (Punch(0.02, 0.01),), SKIN, electrodes)
+    hole = replace(RECTANGLE.outline, holes_m=((-0.085, 0.03, 0.008),))
+    scene = Scene(replace(RECTANGLE, edge=hole), (Punch(0.02, 0.01),), SKIN, electrodes)
     solved = solve(scene.body, SKIN, scene.electrodes, Drive(), ((scene.punches[0], pressed()),), LAW)
     images = reconstruct(solved.touched_V, solved.baseline_V, scene=scene)
     (seen,) = images.seen

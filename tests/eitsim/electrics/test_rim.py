@@ -14,6 +14,7 @@ from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.ring_mesh import ring_mesh
 from eitsim.scene.drive import read_out
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.electrodes import arcs, contact_impedances, middles, present, widths
 from eitsim.scene.scene import Body, Drive, Electrodes
 
@@ -34,7 +35,7 @@ def test_readings_equal_the_mesh_free_reference():
 
 @pytest.mark.parametrize(("body", "electrodes"), [
     (Body(), Electrodes(contact_impedance_Ohm_m=1e-6)),
-    (Body(radius_m=0.05), Electrodes(count=7, width_m=0.02, first_angle_rad=0.4, contact_impedance_Ohm_m=30.0)),
+    (Body(Disc(0.05)), Electrodes(count=7, width_m=0.02, first_angle_rad=0.4, contact_impedance_Ohm_m=30.0)),
     (Body(), UNEQUAL)])
 def test_impedance_agrees_with_a_mesh(body, electrodes):
     mesh = graded_mesh(body, electrodes)

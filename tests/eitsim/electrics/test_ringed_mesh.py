@@ -15,16 +15,17 @@ from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.outline.touch_mesh import touch_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.drive import read_out
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
 LAW, SKIN = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal")
-RECTANGLE = Body(outline="rectangle", width_m=0.2, height_m=0.14)
+RECTANGLE = Body(Outline("rectangle", width_m=0.2, height_m=0.14))
 GRID = Electrodes(kind="surface", count=6, x_m=(-0.04, 0, 0.04) * 2, y_m=(-0.02,) * 3 + (0.02,) * 3, width_m=0.01)
-L = Body(outline="polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
-    (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2)))
+L = Body(Outline("polygon", holes_m=((0.035, 0.14, 0.01),), points_m=(
+    (0.0, 0.0), (0.2, 0.0), (0.2, 0.08), (0.08, 0.08), (0.08, 0.2), (0.0, 0.2))))
 LINES = Electrodes(count=24, width_m=0.008)
 
 

@@ -17,6 +17,7 @@ from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import RigidPunch
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Hold, Punch
 from matcal.laws.hyperfoam import Hyperfoam
@@ -139,7 +140,7 @@ def test_work_is_stored_or_lost_to_slip(coefficient):
 
 def test_a_flat_punch_that_sticks_to_a_half_space_is_stiffer_by_log_3():
     """Ratio of forces at a small depth, nu = 0; Spence, Proc. R. Soc. Lond. A 305 (1968) 55, after Mossakovskii."""
-    body = Body(radius_m=0.4, thickness_m=0.2)
+    body = Body(Disc(0.4), 0.2)
     punch = Punch(diameter_m=8e-3, force_N=1e-4, fillet_m=1e-4)
     free, stick = (solve_touch(TABLE_1, body, replace(punch, friction=f), element_m=2 * default_element_m(body, punch))
                    for f in ("none", "stick"))

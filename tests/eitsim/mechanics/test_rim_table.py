@@ -29,11 +29,16 @@ from eitsim.mechanics.load_paths.rim_table import (
 from eitsim.mechanics.load_paths.table import shape_of, state, touch_from, with_diameters
 from eitsim.mechanics.load_paths.types import RimTable, Table
 from eitsim.mechanics.rim.solve_near_rim import ROUGH, corrected, solve_near_rim
+from eitsim.scene.choices import Kind
 from eitsim.scene.drive import as_tuples
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, scene_from
-from eitsim.simulation.reuse import decision, scene_shape, served
+from eitsim.simulation.assumptions import stored_choice
+from eitsim.simulation.choose import served
+from eitsim.simulation.reuse import scene_shape
 from eitsim.simulation.simulate import solve_scene
+from eitsim.simulation.words import decision
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.load_path_choice import fine_enough_for, rim_repays
 from matcal.card import MaterialCard
@@ -94,7 +99,7 @@ def test_the_disc_may_be_turned(table) -> None:
     assert aslant.depth_m == pytest.approx(straight.depth_m, rel=1e-12)
 
 
-RECTANGLE = Body(outline="rectangle", width_m=0.2, height_m=0.15)
+RECTANGLE = Body(Outline("rectangle", width_m=0.2, height_m=0.15))
 
 
 @pytest.fixture(scope="module")
@@ -105,8 +110,8 @@ def straight():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("body", [RECTANGLE, Body(outline="polygon", points_m=(
-    (0.1, 0.1), (-0.1, 0.15), (-0.1, -0.15), (0.1, -0.1)))])
+@pytest.mark.parametrize("body", [RECTANGLE, Body(Outline("polygon", points_m=(
+    (0.1, 0.1), (-0.1, 0.15), (-0.1, -0.15), (0.1, -0.1))))])
 def test_one_table_serves_straight_edges_of_any_outline(straight, body: Body) -> None:
     """It is made on a disc whose rim is far; touches solved anew on the outline, on the table's mesh, are
     recovered. Single touches near one edge have a finer one, from which signals differ by up to four times the
@@ -140,7 +145,7 @@ def test_a_shape_with_fewer_diameters_is_that_of_these(body: Body) -> None:
 @pytest.mark.slow
 def test_a_table_of_straight_edges_serves_no_round_one_and_no_disc(straight) -> None:
     turn = 2 * np.pi * np.arange(200) / 200
-    polygon = Body(outline="polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(turn), np.sin(turn)])))
+    polygon = Body(Outline("polygon", points_m=as_tuples(0.1 * np.column_stack([np.cos(turn), np.sin(turn)]))))
     punch = pressed(straight, 8e-3, 0.09)
     alone = touch_from(straight, FOAM, polygon, punch)
     assert alone is not None
@@ -150,7 +155,8 @@ def test_a_table_of_straight_edges_serves_no_round_one_and_no_disc(straight) -> 
 
 
 def test_all_outlines_have_one_shape_and_discs_their_own() -> None:
-    shapes = {shape_of(FOAM, body, Punch()) for body in (RECTANGLE, replace(RECTANGLE, width_m=0.3), Body())}
+    wider = replace(RECTANGLE, edge=replace(RECTANGLE.outline, width_m=0.3))
+    shapes = {shape_of(FOAM, body, Punch()) for body in (RECTANGLE, wider, Body())}
     assert len(shapes) == 2
     assert shape_of(FOAM, RECTANGLE, Punch()).disc == pytest.approx(10.7)
 
@@ -177,11 +183,13 @@ def test_a_scene_near_the_rim_says_what_it_may_cost(table) -> None:
     scene = replace(scene_from({"accuracy": {"signal": 0.05}}), punches=(punch,))
     (touch,) = served(table, FOAM, scene)
     assert touch is not None
-    assert "what the rim changes" in decision(table, touch, scene_from({})).reason
+    assert "what the rim changes" in decision(stored_choice(table, touch, scene_from({}))).reason
     assert served(replace(table, rim=None), FOAM, scene) == (None,)
     result = solve_scene(scene, CARD, table=table)
     assert result.outcome == "ok"
-    (said,) = [d for d in result.plan.decisions if d.decision == "load path reused"]
+    (said,) = [d for d in result.plan.decisions if d.kind is Kind.STORED]
+    assert [d.decision for d in result.plan.decisions if d.kind is Kind.NEAREST_EDGE] == [
+        "what the rim changes of the axisymmetric touch, from a table"]
     assert said.error_bound > max(table.error.depth, table.error.signal(scene.skin.strain))
 
 
@@ -259,14 +267,6 @@ def test_cells_are_kept_up_to_twice_what_touches_solved_anew_are_off_there(own: 
     rim.numbers[:, 0, 2, 6] = own
     assert np.isfinite(within(rim, 15e-3, "normal").error_estimate[..., 1]).tolist() == served
     assert np.isfinite(within(rim, 20e-3, "normal").error_estimate).all()
-
-
-def test_what_other_laws_were_measured_off_counts_where_no_cell_of_theirs_is() -> None:
-    off = {(0, 0): Deviation(1e-3, np.full(3, 1e-3), 0.0), (2, 2): Deviation(2e-3, np.full(3, 2e-3), 0.0)}
-    own = with_cell_errors(replace(bare(np.zeros((3, 3, 4))), measured=np.full((3, 3, 4), np.nan)), off)
-    assert np.argwhere(np.isfinite(own.measured[..., 0])).tolist() == [[0, 0], [2, 2]]
-    both = with_cell_errors(own, {(2, 2): Deviation(5e-3, np.full(3, 5e-3), 0.0)})
-    assert [both.measured[0, 0, 0], both.measured[2, 2, 0], both.error_estimate[0, 0, 0]] == [5e-3, 5e-3, 5e-3]
 
 
 def test_cells_take_the_largest_error_of_the_checked_ones_next_to_them() -> None:

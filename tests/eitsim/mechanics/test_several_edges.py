@@ -17,6 +17,7 @@ from eitsim.mechanics.load_paths.several_edges import near_edges_from, summed_ch
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.rim.correction import RimCorrection
 from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change, solve_near_rim
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.nearest_edge import straight_edges
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.hyperfoam import Hyperfoam
@@ -135,23 +136,25 @@ def test_far_edges_add_up():
         assert np.linalg.norm(alone - known) > 0.15 * np.linalg.norm(known - np.eye(2))
 
 
-RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
 
 
 @pytest.mark.parametrize(("body", "place", "reach", "known"), [
     (RECTANGLE, (0.05, 0.03), 0.04, {(1, 0): 0.01, (0, 1): 0.01}),
     (RECTANGLE, (0.0, 0.0), 0.045, {(0, 1): 0.04, (0, -1): 0.04}),
     (RECTANGLE, (0.0, 0.0), 0.03, {}),
-    (replace(RECTANGLE, corner_radius_m=0.01), (0.05, 0.03), 0.04, {}),
-    (replace(RECTANGLE, corner_radius_m=0.01), (0.0, 0.03), 0.04, {(0, 1): 0.01}),
-    (replace(RECTANGLE, holes_m=((0.0, 0.0, 0.005),)), (0.0, 0.03), 0.02, {(0, 1): 0.01}),
-    (replace(RECTANGLE, holes_m=((0.0, 0.0, 0.005),)), (0.0, 0.03), 0.03, {}),
-    (Body(outline="polygon", points_m=((0, 0), (0.1, 0), (0.1, 0.04), (0.04, 0.04), (0.04, 0.1), (0, 0.1))),
+    (replace(RECTANGLE, edge=replace(RECTANGLE.outline, corner_radius_m=0.01)), (0.05, 0.03), 0.04, {}),
+    (replace(RECTANGLE, edge=replace(RECTANGLE.outline, corner_radius_m=0.01)), (0.0, 0.03), 0.04, {(0, 1): 0.01}),
+    (replace(RECTANGLE, edge=replace(RECTANGLE.outline, holes_m=((0.0, 0.0, 0.005),))),
+     (0.0, 0.03), 0.02, {(0, 1): 0.01}),
+    (replace(RECTANGLE, edge=replace(RECTANGLE.outline, holes_m=((0.0, 0.0, 0.005),))),
+     (0.0, 0.03), 0.03, {}),
+    (Body(Outline("polygon", points_m=((0, 0), (0.1, 0), (0.1, 0.04), (0.04, 0.04), (0.04, 0.1), (0, 0.1)))),
      (0.035, 0.035), 0.02, {}),
-    (Body(outline="polygon", points_m=((0, 0), (0.1, 0), (0.0, 0.1))), (0.02, 0.02), 0.025, {(-1, 0): 0.02,
+    (Body(Outline("polygon", points_m=((0, 0), (0.1, 0), (0.0, 0.1)))), (0.02, 0.02), 0.025, {(-1, 0): 0.02,
                                                                                           (0, -1): 0.02})])
 def test_straight_edges_are_those_that_alone_bound_the_skin_about_a_place(body, place, reach, known):
-    found = straight_edges(body.shape, place, reach)
+    found = straight_edges(body.outline, place, reach)
     assert {tuple(np.round(towards, 6).tolist()): pytest.approx(away) for towards, away in found} == known
 
 

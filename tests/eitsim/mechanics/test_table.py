@@ -12,10 +12,15 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, solve_t
 from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.load_path import ERRORS, course_of
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, shape_of, state, touch_from
+from eitsim.scene.choices import Kind
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.scene import STRAINS, Body, Punch, scene_from
+from eitsim.simulation.assumptions import stored_choice
+from eitsim.simulation.choose import served
 from eitsim.simulation.plan import make_plan
-from eitsim.simulation.reuse import decision, scene_shape, served
+from eitsim.simulation.reuse import scene_shape
 from eitsim.simulation.simulate import solve_scene
+from eitsim.simulation.words import decision
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.load_path_choice import REPAYS, design_shape, repays
 from matcal.card import MaterialCard
@@ -53,7 +58,7 @@ def test_a_table_serves_its_own_shape_whose_moduli_are_rounded(table) -> None:
     """Moduli of 12 digits over mu_0 need not add up to 1, and over their sum end in other digits."""
     shape = replace(table.shape, mu=(0.830199673203, -1.62819339387, 1.79799372067))
     law, body, punch = parts_of(shape, shape.base)
-    assert shape_of(law, body, punch).mu != shape.mu
+    assert shape_of(law, body, punch).parameters != shape.parameters
     punch, own = replace(punch, force_N=None, depth_m=0.07), replace(table, shape=shape)
     assert touch_from(own, law, body, punch) is not None
     assert touch_from(own, replace(law, mu_Pa=law.mu_Pa * [1, 1, 1 + 1e-8]), body, punch) is None
@@ -95,7 +100,8 @@ def test_all_moduli_times_a_factor_are_the_same_path(table) -> None:
     soft = touch_from(table, FOAM, Body(), punch)
     stiff = touch_from(table, replace(FOAM, mu_Pa=1e3 * FOAM.mu_Pa), Body(),
                        replace(punch, force_N=1e3 * punch.force_N))
-    thick = touch_from(table, FOAM, Body(0.2, 0.02), replace(punch, diameter_m=2 * punch.diameter_m, fillet_m=1e-3,
+    thick = touch_from(table, FOAM, Body(Disc(0.2), 0.02),
+        replace(punch, diameter_m=2 * punch.diameter_m, fillet_m=1e-3,
                                                              force_N=4 * punch.force_N))
     assert soft is not None
     assert stiff is not None
@@ -128,13 +134,13 @@ def test_what_a_table_does_not_hold_is_none(table, change: dict) -> None:
 @pytest.mark.slow
 def test_a_scene_from_a_table_says_so(table, scene) -> None:
     quick, fresh = solve_scene(scene, CARD, table=table), solve_scene(scene, CARD)
-    (said,) = [d for d in quick.plan.decisions if d.decision == "load path reused"]
+    (said,) = [d for d in quick.plan.decisions if d.kind is Kind.STORED]
     assert said.error_bound == 2 * max(table.error.depth, table.error.signal(scene.skin.strain))
-    assert "solved from rest" not in " ".join(d.decision for d in quick.plan.decisions)
+    assert Kind.FROM_REST not in [d.kind for d in quick.plan.decisions]
     missed = np.linalg.norm(quick.readings.signal_V - fresh.readings.signal_V)
     assert 0 < missed < (said.error_bound + fresh.readings.signal_error) * np.linalg.norm(fresh.readings.signal_V)
     exact = solve_scene(scene, CARD, exact=True, table=table)
-    assert "load path reused" not in [d.decision for d in exact.plan.decisions]
+    assert Kind.STORED not in [d.kind for d in exact.plan.decisions]
 
 
 def test_one_table_serves_every_skin_with_the_error_of_its_own_strain(table, scene) -> None:
@@ -142,8 +148,7 @@ def test_one_table_serves_every_skin_with_the_error_of_its_own_strain(table, sce
     for strain in STRAINS:
         own = replace(scene, skin=replace(scene.skin, strain=strain), accuracy=replace(scene.accuracy, signal=0.5))
         (touches[strain],) = served(table, FOAM, own)
-        assert decision(table, touches[strain], own).error_bound == 2 * max(table.error.depth,
-                                                                            table.error.signal(strain))
+        assert stored_choice(table, touches[strain], own).cost == 2 * max(table.error.depth, table.error.signal(strain))
     assert len({touch.depth_m for touch in touches.values()}) == 1
     normal = touches["normal"]
     fresh = solve_touch(FOAM, scene.body, scene.punches[0])
@@ -220,12 +225,12 @@ def test_a_table_is_made_where_it_repays_its_cost() -> None:
 def test_one_scene_has_the_path_of_its_punch() -> None:
     scene = scene_from({"punch": {"diameter_mm": 12}})
     assert scene_shape(scene, CARD) == shape_of(FOAM, Body(), scene.punches[0])
-    assert "solved from rest at the force itself" in [d.decision for d in make_plan(scene, CARD).decisions]
+    assert Kind.FROM_REST in [d.kind for d in make_plan(scene, CARD).decisions]
 
 
 def test_the_decision_names_the_measured_error(table) -> None:
     touch = touch_from(table, FOAM, Body(), pressed(table))
     assert touch is not None
-    made = decision(table, touch, scene_from({}))
+    made = decision(stored_choice(table, touch, scene_from({})))
     assert "13 to 14.5 mm" in made.reason
     assert f"{table.checks} touches" in made.reason

@@ -13,10 +13,14 @@ from eitsim.mechanics.rim.axis_transfer import cubics, view, view_all_around
 from eitsim.mechanics.rim.interaction import clusters, interaction
 from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution, corrected
 from eitsim.mechanics.rim.two_punches import solved_together
+from eitsim.scene.choices import Why
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Skin, scene_from
-from eitsim.simulation import touches as solving
-from eitsim.simulation.plan import make_plan, together
+from eitsim.simulation import routes as solving
+from eitsim.simulation.choose import choose_ways
+from eitsim.simulation.plan import make_plan
+from eitsim.simulation.routes import pair_problem
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
@@ -76,7 +80,7 @@ def test_an_equal_pair_is_symmetric_however_it_lies():
     assert touches[0].depth_m == pytest.approx(solved(*equal(30), TINIEST, TINY)[0].depth_m, rel=1e-8)
 
 
-SKIN = Body(thickness_m=0.01, outline="rectangle", width_m=0.6, height_m=0.6)
+SKIN = Body(Outline("rectangle", width_m=0.6, height_m=0.6), 0.01)
 
 
 @cache
@@ -180,12 +184,12 @@ def test_far_touches_are_those_alone_within_the_stated_bound():
 
 def test_what_neither_knows_is_refused():
     one, other = equal(10)
-    with pytest.raises(ValueError, match="frictionless"):
-        solved_together((alone(one),) * 2, FOAM, Body(), (one, Punch(other.x_m, friction="stick")))
-    with pytest.raises(ValueError, match=r"3\.0 mm on"):
-        solved_together((alone(one),) * 2, FOAM, Body(), equal(2.9))
-    with pytest.raises(ValueError, match="not more"):
-        solved_together((alone(one),) * 3, FOAM, Body(), (*equal(10), Punch(0.06)))
+    for punches, why in (((one, Punch(other.x_m, friction="stick")), Why.PAIR_FRICTION), (equal(2.9), Why.PAIR_GAP),
+                         ((*equal(10), Punch(0.06)), Why.MORE_THAN_TWO)):
+        problem = pair_problem(Body(), punches)
+        assert problem is not None
+        assert problem.kind is why
+    assert pair_problem(Body(), (one, other)) is None
 
 
 def test_clusters_hold_those_that_matter_to_each_other():
@@ -203,8 +207,8 @@ def test_the_plan_says_who_is_solved_together_and_who_cannot_be():
     assert next(d.decision for d in plan.decisions if "touches" in d.decision) == (
         "touches 1 and 2 solved together in three dimensions")
     loose = scene_from({"punch": close, "accuracy": {"signal": 0.9}})
-    assert together(loose) == ()
-    assert together(loose, exact=True) == ((0, 1),)
+    assert choose_ways(loose)[1] == ()
+    assert [pair.touches for pair in choose_ways(loose, exact=True)[1]] == [(0, 1)]
     for change, reason in (({"friction": "stick"}, "only frictionless"), ({"x_mm": 16}, "from a gap of 3.0 mm on")):
         refusal = make_plan(scene_from({"punch": [close[0], close[1] | change]}), CARD).refusal
         assert reason in refusal

@@ -13,7 +13,8 @@ from eitsim.mechanics.axisymmetric.hold import relaxed
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.half_disc_fields import volume_fields
 from eitsim.mechanics.rim.solve_near_rim import FINE, Resolution, corrected
-from eitsim.scene.outline import corners_and_edges
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import Section, Volume
 from eitsim.scene.scene import Body, Punch
 from eitsim.simulation.foam_fields import section_fields, write_vtu
@@ -211,7 +212,7 @@ def test_a_homogeneous_field_is_exact(touch):
     assert np.allclose(fields["displacement_m"], from_axis @ (turned - np.eye(3)), atol=1e-12)
 
 
-SQUARE = Body(thickness_m=0.01, outline="rectangle", width_m=0.2, height_m=0.2)
+SQUARE = Body(Outline("rectangle", width_m=0.2, height_m=0.2), 0.01)
 
 
 def outlined(gradient, body, axis_m, *, whole_turn):
@@ -220,7 +221,7 @@ def outlined(gradient, body, axis_m, *, whole_turn):
     amplitude = np.zeros((9, 5, 3, 8)) if whole_turn else kept.amplitude_m
     if whole_turn:
         amplitude[..., ::2] = kept.amplitude_m
-    edges = np.stack(corners_and_edges(body.shape), axis=1) - axis_m
+    edges = np.stack(corners_and_edges(body.outline), axis=1) - axis_m
     return replace(kept, amplitude_m=amplitude, axis_m=np.array(axis_m), edges_m=edges, whole_turn=whole_turn,
                    punch_m=0.005)
 
@@ -246,7 +247,7 @@ def test_cells_fill_an_outline_and_a_homogeneous_field_is_exact(touch, whole_tur
 def test_what_a_hole_hides_has_no_cells(touch):
     """Seen from a punch at x = -50 mm, a square hole at the origin hides a wedge up to the edge at 100 mm."""
     corners = ((-0.01, -0.01), (0.01, -0.01), (0.01, 0.01), (-0.01, 0.01))
-    body = replace(SQUARE, holes_m=(corners,))
+    body = replace(SQUARE, edge=replace(SQUARE.outline, holes_m=(corners,)))
     points, blocks, _ = volume_fields(replace(touch, volume=outlined(np.eye(3), body, (-0.05, 0.0), whole_turn=True)))
     cells = [meshio.CellBlock(name, numbers) for name, numbers in blocks]
     found = np.concatenate(list(volumes(points, cells)))

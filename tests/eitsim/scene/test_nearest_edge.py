@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.nearest_edge import STRAIGHT_M, nearest_edge
-from eitsim.scene.outline import Outline, circle
+from eitsim.scene.polygons import circle
 
-RECTANGLE = Outline(outline="rectangle", width_m=0.12, height_m=0.08)
-DISC = Outline(outline="polygon", points_m=tuple(map(tuple, circle((0.01, 0.0), 0.1, 400).tolist())))
-L = Outline(outline="polygon", points_m=((0, 0), (0.1, 0), (0.1, 0.04), (0.04, 0.04), (0.04, 0.1), (0, 0.1)))
+RECTANGLE = Outline("rectangle", width_m=0.12, height_m=0.08)
+DISC = Outline("polygon", points_m=tuple(map(tuple, circle((0.01, 0.0), 0.1, 400).tolist())))
+L = Outline("polygon", points_m=((0, 0), (0.1, 0), (0.1, 0.04), (0.04, 0.04), (0.04, 0.1), (0, 0.1)))
 
 
 def test_a_straight_edge_is_the_rim_of_a_wide_disc_and_the_others_are_the_rest():
@@ -52,14 +53,14 @@ def test_at_a_corner_that_points_inwards_no_edge_is_alone():
 
 
 def test_a_round_hole_is_no_straight_edge():
-    holed = Outline(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.0, 0.0, 0.006),))
+    holed = Outline("rectangle", width_m=0.12, height_m=0.08, holes_m=((0.0, 0.0, 0.006),))
     edge = nearest_edge(holed, (0.0, 0.012))
     assert edge.distance_m == pytest.approx(0.006, rel=0.01)
     assert edge.others_m.min() < 1.2 * edge.distance_m
 
 
 def test_a_rounded_corner_counts_where_it_leaves_the_straight_edge():
-    rounded = Outline(outline="rectangle", width_m=0.12, height_m=0.08, corner_radius_m=0.02)
+    rounded = Outline("rectangle", width_m=0.12, height_m=0.08, corner_radius_m=0.02)
     edge = nearest_edge(rounded, (0.0, 0.03))
     assert edge.disc_m == STRAIGHT_M
     assert 0.04 < edge.others_m.min() < 0.06

@@ -8,44 +8,46 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.nearest_edge import quarter_distances_m
-from eitsim.scene.outline import area_m2, centroid_m, edge_distance_m, loops
+from eitsim.scene.polygons import area_m2, centroid_m, edge_distance_m
 from eitsim.scene.scene import Body, Punch, Scene, rim_gap_m, scene_from, scene_tables
 
 SIZES = {"outline": "rectangle", "width_mm": 120, "height_mm": 80}
-RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
 # an L, clockwise and with its first corner repeated
-L_SHAPE = Body(outline="polygon", points_m=((0, 0), (0, 0.2), (0.08, 0.2), (0.08, 0.08), (0.2, 0.08), (0.2, 0), (0, 0)),
-               holes_m=((0.04, 0.15, 0.01), ((0.1, 0.02), (0.12, 0.02), (0.11, 0.05))))
+L_SHAPE = Body(Outline("polygon",
+    points_m=((0, 0), (0, 0.2), (0.08, 0.2), (0.08, 0.08), (0.2, 0.08), (0.2, 0), (0, 0)),
+                                  holes_m=((0.04, 0.15, 0.01), ((0.1, 0.02), (0.12, 0.02), (0.11, 0.05)))))
 
 
 def test_round_corners_and_round_holes_keep_the_area_of_their_arcs():
-    body = Body(outline="rectangle", width_m=0.12, height_m=0.08, corner_radius_m=0.02, holes_m=((0.01, 0.0, 0.015),))
-    assert area_m2(body) == pytest.approx(0.12 * 0.08 - (4 - math.pi) * 0.02**2 - math.pi * 0.015**2, rel=1e-12)
-    whole = Body(outline="rectangle", width_m=0.2, height_m=0.2, corner_radius_m=0.1)
-    assert whole.radius_m == pytest.approx(0.1, rel=1e-12)
-    away = np.hypot(*loops(whole)[0].T)
+    body = Body(Outline("rectangle", width_m=0.12, height_m=0.08, corner_radius_m=0.02, holes_m=((0.01, 0.0, 0.015),)))
+    assert area_m2(body.outline) == pytest.approx(0.12 * 0.08 - (4 - math.pi) * 0.02**2 - math.pi * 0.015**2, rel=1e-12)
+    whole = Body(Outline("rectangle", width_m=0.2, height_m=0.2, corner_radius_m=0.1))
+    assert whole.edge.size_m == pytest.approx(0.1, rel=1e-12)
+    away = np.hypot(*whole.outline.loops[0].T)
     assert np.abs(away - 0.1).max() < 5e-4 * 0.1
 
 
 def test_the_outer_edge_turns_counter_clockwise_and_holes_the_other_way():
-    outer, *holes = loops(L_SHAPE)
+    outer, *holes = L_SHAPE.outline.loops
     assert len(outer) == 6
-    assert area_m2(L_SHAPE) == pytest.approx(0.2**2 - 0.12**2 - math.pi * 0.01**2 - 0.02 * 0.03 / 2)
+    assert area_m2(L_SHAPE.outline) == pytest.approx(0.2**2 - 0.12**2 - math.pi * 0.01**2 - 0.02 * 0.03 / 2)
     turns = [np.sum(a[:, 0] * np.roll(a[:, 1], -1) - np.roll(a[:, 0], -1) * a[:, 1]) for a in (outer, *holes)]
     assert turns[0] > 0
     assert max(turns[1:]) < 0
-    np.testing.assert_allclose(centroid_m(RECTANGLE), 0, atol=1e-15)
+    np.testing.assert_allclose(centroid_m(RECTANGLE.outline), 0, atol=1e-15)
 
 
 def test_distances_to_edges_and_holes_are_those_of_many_points_on_them():
     rng = np.random.default_rng(3)
     points = rng.uniform(-0.02, 0.22, (200, 2))
     way = np.linspace(0, 1, 2001)[:, None]
-    edges = np.vstack([a + way * (b - a) for loop in loops(L_SHAPE)
+    edges = np.vstack([a + way * (b - a) for loop in L_SHAPE.outline.loops
                        for a, b in zip(loop, np.roll(loop, -1, axis=0), strict=True)])
     nearest = cKDTree(edges).query(points)[0]
-    found = edge_distance_m(L_SHAPE, points)
+    found = edge_distance_m(L_SHAPE.outline, points)
     assert np.all(nearest >= np.abs(found) - 1e-12)
     assert np.all(nearest**2 <= found**2 + (0.2 / 2000 / 2) ** 2 + 1e-12)
     x, y = points.T
@@ -56,9 +58,10 @@ def test_distances_to_edges_and_holes_are_those_of_many_points_on_them():
 
 def test_distances_by_quarters_are_those_to_the_four_sides():
     """Quarters part at 45 degrees to the nearest side, along which the same side may lie."""
-    np.testing.assert_allclose(quarter_distances_m(RECTANGLE, (0.0, 0.0)), [0.04, 0.04 * 2**0.5, 0.04, 0.04 * 2**0.5],
-                               rtol=1e-2)
-    np.testing.assert_allclose(np.sort(quarter_distances_m(RECTANGLE, (0.045, 0.026)))[:2], [0.014, 0.015], rtol=1e-3)
+    np.testing.assert_allclose(quarter_distances_m(RECTANGLE.outline, (0.0, 0.0)),
+                               [0.04, 0.04 * 2**0.5, 0.04, 0.04 * 2**0.5], rtol=1e-2)
+    np.testing.assert_allclose(np.sort(quarter_distances_m(RECTANGLE.outline, (0.045, 0.026)))[:2], [0.014, 0.015],
+                               rtol=1e-3)
 
 
 def test_the_gap_of_a_punch_is_that_to_the_nearest_edge():
@@ -116,8 +119,9 @@ def test_what_is_no_outline_is_refused_by_its_key(body, said):
 
 def test_an_outline_made_in_python_is_checked_and_takes_arrays():
     with pytest.raises(ValueError, match="cross or touch"):
-        Body(outline="polygon", points_m=((0, 0), (0.1, 0.1), (0.1, 0), (0, 0.1)))
+        Body(Outline("polygon", points_m=((0, 0), (0.1, 0.1), (0.1, 0), (0, 0.1))))
     with pytest.raises(ValueError, match="circles \\[x, y, radius\\]"):
-        Body(outline="rectangle", width_m=0.1, height_m=0.1, holes_m=[[0, 0]])
-    body = Body(outline="polygon", points_m=np.array([[0, 0], [0.1, 0], [0, 0.1]]), holes_m=[[0.02, 0.02, 0.005]])
-    assert hash(body) == hash(Body(outline="polygon", points_m=body.points_m, holes_m=body.holes_m))
+        Body(Outline("rectangle", width_m=0.1, height_m=0.1, holes_m=[[0, 0]]))
+    body = Body(Outline("polygon", points_m=np.array([[0, 0], [0.1, 0], [0, 0.1]]), holes_m=[[0.02, 0.02, 0.005]]))
+    assert hash(body) == hash(Body(Outline("polygon", points_m=body.outline.points_m,
+                                     holes_m=body.outline.holes_m)))

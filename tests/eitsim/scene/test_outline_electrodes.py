@@ -7,23 +7,24 @@ import math
 import numpy as np
 import pytest
 
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_electrodes import middles_m, patch_loops, stretches_along
 from eitsim.scene.electrodes import present
-from eitsim.scene.outline import signed_area
-from eitsim.scene.outline_electrodes import middles_m, patch_loops, stretches_along
+from eitsim.scene.polygons import signed_area
 from eitsim.scene.scene import Body, Electrodes, Scene, read_scene, scene_from
 from touchcal.errors import InputFileError
 
-RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
 TABLE = {"outline": "rectangle", "width_mm": 120, "height_mm": 80}
 FOUR = {"kind": "surface", "x_mm": [-30, 30, -30, 30], "y_mm": [-20, -20, 20, 20], "count": 4}
 
 
 def test_electrodes_are_even_along_the_edge_from_the_right_counter_clockwise():
     scene = Scene(RECTANGLE, electrodes=Electrodes(count=8))
-    np.testing.assert_allclose(middles_m(RECTANGLE, scene.electrodes), 1e-3 * np.array(
+    np.testing.assert_allclose(middles_m(RECTANGLE.outline, scene.electrodes), 1e-3 * np.array(
         [[60, 0], [50, 40], [0, 40], [-50, 40], [-60, 0], [-50, -40], [0, -40], [50, -40]]), atol=1e-12)
     turned = Scene(RECTANGLE, electrodes=Electrodes(count=8, first_angle_rad=math.pi / 2)).electrodes
-    np.testing.assert_allclose(middles_m(RECTANGLE, turned)[0], [0, 0.04], atol=1e-12)
+    np.testing.assert_allclose(middles_m(RECTANGLE.outline, turned)[0], [0, 0.04], atol=1e-12)
 
 
 def test_shares_positions_and_angles_name_the_same_places():
@@ -31,12 +32,12 @@ def test_shares_positions_and_angles_name_the_same_places():
     for given in ({"shares": [0, 0.25, 0.5, 0.75]}, {"positions_mm": [0, 100, 200, 300]},
                   {"angles_deg": [0, 90, 180, 270]}):
         scene = scene_from({"body": TABLE, "electrodes": {"count": 4, **given}})
-        np.testing.assert_allclose(middles_m(scene.body, scene.electrodes), expected, atol=1e-12)
+        np.testing.assert_allclose(middles_m(scene.body.outline, scene.electrodes), expected, atol=1e-12)
 
 
 def test_stretches_are_as_long_as_their_widths_around_corners_too():
     electrodes = Electrodes(count=4, width_m=(0.01, 0.03, 0.01, 0.02), positions_m=(0.04, 0.1, 0.2, 0.36))
-    np.testing.assert_allclose(np.diff(stretches_along(RECTANGLE, electrodes))[:, 0], electrodes.width_m)
+    np.testing.assert_allclose(np.diff(stretches_along(RECTANGLE.outline, electrodes))[:, 0], electrodes.width_m)
 
 
 def test_patches_have_their_areas_places_and_turns():
@@ -70,11 +71,12 @@ def test_grids_and_files_of_places_are_written_out(tmp_path):
 
 def test_missing_electrodes_leave_the_others_where_they_are():
     line = Scene(RECTANGLE, electrodes=Electrodes(count=8, missing=(2,))).electrodes
-    np.testing.assert_allclose(middles_m(RECTANGLE, present(line)), np.delete(middles_m(RECTANGLE, line), 2, axis=0))
+    there, every = (middles_m(RECTANGLE.outline, one) for one in (present(line), line))
+    np.testing.assert_allclose(there, np.delete(every, 2, axis=0))
     five = {**FOUR, "x_mm": [*FOUR["x_mm"], 0], "y_mm": [*FOUR["y_mm"], 0], "count": 5, "missing": [0],
             "shape": ["disc"] * 4 + ["rectangle"]}
     grid = scene_from({"body": TABLE, "electrodes": five}).electrodes
-    np.testing.assert_allclose(middles_m(RECTANGLE, present(grid)), middles_m(RECTANGLE, grid)[1:])
+    np.testing.assert_allclose(middles_m(RECTANGLE.outline, present(grid)), middles_m(RECTANGLE.outline, grid)[1:])
 
 
 @pytest.mark.parametrize(("electrodes", "said"), [

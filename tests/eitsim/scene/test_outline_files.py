@@ -10,8 +10,8 @@ import meshio
 import numpy as np
 import pytest
 
-from eitsim.scene.outline import area_m2, loops
-from eitsim.scene.outline_electrodes import middles_m
+from eitsim.scene.edges.outline_electrodes import middles_m
+from eitsim.scene.polygons import area_m2
 from eitsim.scene.scene import read_scene
 from touchcal.errors import InputFileError
 
@@ -25,10 +25,10 @@ def scene_of(tmp_path, name, more=""):
 def test_corners_of_a_csv_are_the_outline(tmp_path):
     (tmp_path / "skin.csv").write_text("x_mm,y_mm\n0,0\n60,0\n60,40\n0,40\n")
     body = scene_of(tmp_path, "skin.csv", "holes_mm = [[30, 20, 5]]\n").body
-    assert body.outline == "polygon"
-    assert area_m2(body) == pytest.approx(60e-3 * 40e-3 - math.pi * 5e-3**2)
+    assert body.outline.kind == "polygon"
+    assert area_m2(body.outline) == pytest.approx(60e-3 * 40e-3 - math.pi * 5e-3**2)
     (tmp_path / "a.toml").write_text('[body]\noutline = "polygon"\npoints_mm = "skin.csv"\n')
-    assert read_scene(tmp_path / "a.toml").body.points_m == body.points_m
+    assert read_scene(tmp_path / "a.toml").body.outline.points_m == body.outline.points_m
 
 
 def test_numbered_groups_of_lines_of_a_mesh_are_electrodes(tmp_path):
@@ -76,7 +76,7 @@ def test_lines_and_arcs_of_a_dxf_are_joined_and_its_circles_are_holes(tmp_path):
     space.add_circle((20, 20), 5)
     drawing.saveas(tmp_path / "skin.dxf")
     body = scene_of(tmp_path, "skin.dxf").body
-    assert area_m2(body) == pytest.approx((60 * 40 + math.pi * 20**2 / 2 - math.pi * 5**2) * 1e-6, rel=1e-3)
+    assert area_m2(body.outline) == pytest.approx((60 * 40 + math.pi * 20**2 / 2 - math.pi * 5**2) * 1e-6, rel=1e-3)
     space.add_line((100, 0), (120, 0))
     drawing.saveas(tmp_path / "skin.dxf")
     with pytest.raises(InputFileError, match="the outline is open at \\(120, 0\\) mm"):
@@ -88,14 +88,14 @@ def test_paths_of_an_svg_are_in_millimetres_and_point_upwards(tmp_path):
         '<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="60mm" viewBox="0 0 100 60">'
         '<path d="M 0 0 L 80 0 L 80 40 L 40 50 L 0 40 Z"/><circle cx="20" cy="20" r="6"/></svg>')
     body = scene_of(tmp_path, "skin.svg").body
-    assert area_m2(body) == pytest.approx((80 * 40 + 80 * 10 / 2 - math.pi * 6**2) * 1e-6, rel=1e-3)
-    np.testing.assert_allclose(loops(body)[0].min(axis=0), [0, -0.05], atol=1e-6)
+    assert area_m2(body.outline) == pytest.approx((80 * 40 + 80 * 10 / 2 - math.pi * 6**2) * 1e-6, rel=1e-3)
+    np.testing.assert_allclose(body.outline.loops[0].min(axis=0), [0, -0.05], atol=1e-6)
 
 
 def test_user_units_of_an_svg_are_96_an_inch(tmp_path):
     (tmp_path / "skin.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="480" height="480">'
                                        '<path d="M 0 0 L 384 0 L 384 192 L 0 192 Z"/></svg>')
-    assert area_m2(scene_of(tmp_path, "skin.svg").body) == pytest.approx(0.1016 * 0.0508, rel=1e-9)
+    assert area_m2(scene_of(tmp_path, "skin.svg").body.outline) == pytest.approx(0.1016 * 0.0508, rel=1e-9)
 
 
 @pytest.mark.parametrize(("unit", "said"), [(1, "inches"), (6, "meters"), (4, None), (0, None)])
@@ -104,7 +104,7 @@ def test_a_drawing_in_another_unit_than_mm_is_refused(tmp_path, unit, said):
     drawing.modelspace().add_lwpolyline([(0, 0), (120, 0), (120, 80), (0, 80)], close=True)
     drawing.saveas(tmp_path / "skin.dxf")
     if said is None:
-        assert area_m2(scene_of(tmp_path, "skin.dxf").body) == pytest.approx(0.12 * 0.08)
+        assert area_m2(scene_of(tmp_path, "skin.dxf").body.outline) == pytest.approx(0.12 * 0.08)
         return
     with pytest.raises(InputFileError, match=rf"it states {said} \(\$INSUNITS {unit}\).* Save it in mm"):
         scene_of(tmp_path, "skin.dxf")
@@ -119,8 +119,8 @@ def test_the_edge_of_a_mesh_is_the_outline(tmp_path):
     points = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
     meshio.Mesh(points, [("triangle", triangles)]).write(tmp_path / "skin.vtk")
     body = scene_of(tmp_path, "skin.vtk").body
-    assert len(body.holes_m) == 1
-    assert area_m2(body) == pytest.approx((60 * 40 - 100) * 1e-6)
+    assert len(body.outline.holes_m) == 1
+    assert area_m2(body.outline) == pytest.approx((60 * 40 - 100) * 1e-6)
     points[3, 2] = 5
     meshio.Mesh(points, [("triangle", triangles)]).write(tmp_path / "skin.vtk")
     with pytest.raises(InputFileError, match="curved skins are not solved; `eitsim solve-mesh`"):
@@ -150,7 +150,7 @@ def _square(size: float, kind: str) -> meshio.Mesh:
 def test_a_mesh_of_quadrilaterals_is_an_outline_as_one_of_triangles_is(tmp_path, kind):
     meshio.write(tmp_path / "skin.msh", _square(60, kind), file_format="gmsh22", binary=False)
     body = scene_of(tmp_path, "skin.msh").body
-    assert area_m2(body) == pytest.approx(60e-3**2)
+    assert area_m2(body.outline) == pytest.approx(60e-3**2)
 
 
 @pytest.mark.parametrize(("unit", "unit_mm"), [(1e-3, 1000), (0.1, 10), (1 / 25.4, 25.4)])
@@ -159,7 +159,7 @@ def test_a_file_in_another_unit_is_read_with_unit_mm_and_asked_for_without(tmp_p
     (tmp_path / "skin.csv").write_text("\n".join(f"{60 * x * unit!r},{60 * y * unit!r}"
                                                  for x, y in [(0, 0), (1, 0), (1, 1), (0, 1)]))
     for name in ("skin.msh", "skin.csv"):
-        assert area_m2(scene_of(tmp_path, name, f"unit_mm = {unit_mm}\n").body) == pytest.approx(60e-3**2)
+        assert area_m2(scene_of(tmp_path, name, f"unit_mm = {unit_mm}\n").body.outline) == pytest.approx(60e-3**2)
     if 4 * 60 * unit < 8 * 2:
         with pytest.raises(InputFileError, match=r"skin.csv: it is .* large if its lengths are mm.*unit_mm = 1000"):
             scene_of(tmp_path, "skin.csv")

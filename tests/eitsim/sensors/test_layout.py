@@ -15,8 +15,9 @@ import pytest
 
 from eitsim.electrics.mesh.p2_triangles import HALVINGS
 from eitsim.scene.drive import Drive
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline import edge_distance_m
+from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene
 from eitsim.sensors.layout.reading_choice import bounds, chosen
 from eitsim.sensors.layout.sensor_design import design_sensor
@@ -74,7 +75,7 @@ def test_a_turned_place_has_the_slopes_that_are_solved_there(slopes: TouchSlopes
     assert np.all(missed < 0.01 * np.linalg.norm(by, axis=0))
 
 
-SKIN = Body(thickness_m=0.005, outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.006),))
+SKIN = Body(Outline("rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.006),)), 0.005)
 OUTLINED = Scene(SKIN, (Punch(diameter_m=0.010, force_N=0.2),), electrodes=Electrodes(count=8, width_m=0.008),
                  drive=Drive(pattern="skip-1"))
 

@@ -11,8 +11,9 @@ import pytest
 
 from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.scene.drive import Drive, read_out
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_electrodes import along_edge
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline_electrodes import along_edge
 from eitsim.scene.scene import Body, Scene
 from eitsim.sensors.inspection import Inspection, inspect
 from eitsim.sensors.inspection_words import cautions, document, questions, rows
@@ -22,10 +23,10 @@ from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor, pairs_of
 
 COUNT, SHEET_S = 16, 8e-4
-RECTANGLE = Body(outline="rectangle", width_m=0.12, height_m=0.08)
+RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
 # an L whose hole is off its line of symmetry
-UNEVEN = Body(outline="polygon", points_m=((-0.06, -0.06), (0.06, -0.06), (0.06, 0.0), (0.0, 0.0), (0.0, 0.06),
-                                           (-0.06, 0.06)), holes_m=((-0.015, -0.04, 0.01),))
+UNEVEN = Body(Outline("polygon", points_m=((-0.06, -0.06), (0.06, -0.06), (0.06, 0.0), (0.0, 0.0), (0.0, 0.06),
+                                           (-0.06, 0.06)), holes_m=((-0.015, -0.04, 0.01),)))
 
 
 def described(body: Body, drive: Drive | None = None) -> Sensor:
@@ -37,9 +38,10 @@ def described(body: Body, drive: Drive | None = None) -> Sensor:
 def impedance(body: Body) -> np.ndarray:
     """Of electrodes displaced by 0.5 mm whose contacts are off by 30 %."""
     rng, design = np.random.default_rng(3), described(body).electrodes
-    real = replace(design, shares=(), positions_m=tuple(along_edge(body, design) + 5e-4 * rng.standard_normal(COUNT)),
+    positions = along_edge(body.outline, design) + 5e-4 * rng.standard_normal(COUNT)
+    real = replace(design, shares=(), positions_m=tuple(positions),
                    contact_impedance_Ohm_m=tuple(np.exp(0.3 * rng.standard_normal(COUNT))))
-    return solve_untouched(body.shape, real, SHEET_S, READINGS).impedance_Ohm
+    return solve_untouched(body.outline, real, SHEET_S, READINGS).impedance_Ohm
 
 
 def inspected(body: Body, numbered: np.ndarray | None = None, drive: Drive | None = None,
@@ -98,7 +100,7 @@ def test_a_mirrored_outline_is_named() -> None:
 def test_places_in_the_order_of_the_readings_repair_what_is_named(way: int) -> None:
     numbered = (3 + way * np.arange(COUNT)) % COUNT
     (said,) = cautions(inspected(UNEVEN, numbered))
-    described_mm = 1e3 * along_edge(UNEVEN, described(UNEVEN).electrodes)[numbered]
+    described_mm = 1e3 * along_edge(UNEVEN.outline, described(UNEVEN).electrodes)[numbered]
     assert f"positions_mm = [{', '.join(f'{one:.6g}' for one in described_mm[:4])}, ...]" in said
     listed = replace(described(UNEVEN).electrodes, positions_m=tuple(1e-3 * described_mm))
     found = inspected(UNEVEN, numbered, electrodes=listed)
@@ -161,7 +163,7 @@ def test_electrodes_on_the_surface_are_inspected_too() -> None:
     scene = Scene(body=RECTANGLE, electrodes=Electrodes(
         kind="surface", count=12, x_m=tuple(x), y_m=tuple(y), width_m=0.006, contact_impedance_Ohm_m2=1e-4))
     one = Sensor(scene.body, scene.skin, scene.electrodes, scene.drive)
-    rest = solve_untouched(RECTANGLE.shape, one.electrodes, SHEET_S, READINGS).impedance_Ohm
+    rest = solve_untouched(RECTANGLE.outline, one.electrodes, SHEET_S, READINGS).impedance_Ohm
     clean = read_out(one.drive, rest).ravel()
     found = inspect(Recording(clean[None], np.array([0]), None, np.array([""]), "voltage", Path("frames.csv")), one)
     assert found.agrees is True

@@ -7,27 +7,32 @@ from unittest.mock import patch
 
 import numpy as np
 
+from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Punch, Scene, Skin
-from eitsim.simulation import touches
-from eitsim.simulation.touches import solved_touches
+from eitsim.simulation import routes
+from eitsim.simulation.routes import AXISYMMETRIC, Case
 from matcal.laws.hyperfoam import Hyperfoam
 
 LAW = Hyperfoam(np.array([9530.0]), np.array([8.0]), np.array([0.0]), "longterm")
 SCENE = Scene(punches=(Punch(force_N=0.3),), accuracy=Accuracy(0.05))
 
 
+def solved(scene: Scene, *, keep: bool) -> Touch:
+    return AXISYMMETRIC.solve(Case(scene, scene.punches[0]), LAW, keep)
+
+
 def test_another_skin_and_a_conducting_punch_take_the_kept_touch(monkeypatch, tmp_path) -> None:
     """One solution serves another strain and a punch that conducts, bit for bit what was solved; another force none."""
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))
-    with patch.object(touches, "solve_touch", wraps=touches.solve_touch) as solve:
-        (direct,) = solved_touches(LAW, SCENE, (None,), (), exact=False)
-        (first,) = solved_touches(LAW, SCENE, (None,), (), exact=False, keep=True)
+    with patch.object(routes, "solve_touch", wraps=routes.solve_touch) as solve:
+        direct = solved(SCENE, keep=False)
+        first = solved(SCENE, keep=True)
         once = solve.call_count
         conducting = replace(SCENE, punches=(replace(SCENE.punches[0], conductor=True),), skin=Skin(strain="areal"))
-        (second,) = solved_touches(LAW, conducting, (None,), (), exact=False, keep=True)
+        second = solved(conducting, keep=True)
         assert solve.call_count == once
         heavier = replace(SCENE, punches=(replace(SCENE.punches[0], force_N=0.31),))
-        (other,) = solved_touches(LAW, heavier, (None,), (), exact=False, keep=True)
+        other = solved(heavier, keep=True)
         assert solve.call_count > once
     for name in ("radius_m", "u_z_m", "stretch_normal", "pressure_Pa", "depth_m", "signal_errors", "residuals"):
         assert np.array_equal(getattr(first, name), getattr(direct, name)), name

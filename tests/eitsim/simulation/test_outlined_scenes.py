@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import meshio
 import numpy as np
@@ -13,16 +14,20 @@ from eitsim.electrics.forward.sheet_fields import write_skin_vtu
 from eitsim.electrics.sheet.sheet_conductance import added_metric, touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
-from eitsim.scene.outline import edge_distance_m
-from eitsim.scene.outline_electrodes import middles_m
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.edges.outline_electrodes import middles_m
+from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.results import Decision, Readings
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Punch, Scene, rim_gap_m
+from eitsim.simulation.choose import near_edge
 from eitsim.simulation.derivatives.readings import check_differentiable
-from eitsim.simulation.edge_effects import least_gap_m, near_rim, rim_effect
+from eitsim.simulation.edge_effects import least_gap_m, rim_effect
 from eitsim.simulation.error_budget import explain_excess
 from eitsim.simulation.foam_fields import write_vtu
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.result_json import result_document
+from eitsim.simulation.routes import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
@@ -30,9 +35,13 @@ from matcal.laws.hyperfoam import Hyperfoam
 
 CARD = MaterialCard("one", Hyperfoam([9530.0], [8.0], [0.0], "longterm"), None,
                     Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
-SKIN = Body(thickness_m=0.005, outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.04, 0.0, 0.004),))
+SKIN = Body(Outline("rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.04, 0.0, 0.004),)), 0.005)
 SCENE = Scene(SKIN, (Punch(0.01, 0.0, 0.01, force_N=0.2),), electrodes=Electrodes(count=16, width_m=0.008),
               accuracy=Accuracy(0.02))
+
+
+def skin(**change: Any) -> Body:
+    return replace(SKIN, edge=replace(SKIN.outline, **change))
 
 
 def at(x_m: float, y_m: float, scene: Scene = SCENE) -> Scene:
@@ -52,7 +61,7 @@ def test_a_touch_far_from_edges_is_that_of_the_disc_of_the_area():
     assert "disc of the outline's area" in axisymmetric.reason
     alone = rim_effect(rim_gap_m(SKIN, SCENE.punches[0]), 0.005, "principal")
     assert 2 * alone < axisymmetric.error_bound < 3 * alone  # edges above and below, and askew
-    wide = simulate(Scene(Body(0.2, 0.005), SCENE.punches, accuracy=SCENE.accuracy), CARD)
+    wide = simulate(Scene(Body(Disc(0.2), 0.005), SCENE.punches, accuracy=SCENE.accuracy), CARD)
     own = found.touches[0].depth_error + axisymmetric.error_bound
     assert own < 5e-3
     assert found.touches[0].depth_m == pytest.approx(wide.touches[0].depth_m, rel=own)
@@ -89,7 +98,7 @@ def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
     (touch,) = found.touches
     assert touch.rim is not None
     np.testing.assert_allclose(touch.rim.towards, [0.0, 1.0], atol=1e-12)
-    wide = Body(2.0, 0.005)
+    wide = Body(Disc(2.0), 0.005)
     near = solve_near_rim(CARD.hyperfoam, wide, replace(scene.punches[0], x_m=1.99, y_m=0.0))
     assert touch.depth_m == pytest.approx(near.depth_m, rel=5e-4)
     added, by_rim = (one.depth_m - solve_touch(CARD.hyperfoam, body, scene.punches[0]).depth_m
@@ -119,7 +128,7 @@ def test_fields_near_edges_are_those_that_the_electrics_sampled(x_m, y_m, tmp_pa
     assert foam.point_data["displacement_m"][:, 2].min() == pytest.approx(-found.touches[0].depth_m, rel=0.01)
     top = np.abs(foam.points[:, 2]) < 1e-12
     plane = foam.points[top, :2]
-    assert edge_distance_m(SKIN, plane).min() > -1e-4  # chords of the round hole
+    assert edge_distance_m(SKIN.outline, plane).min() > -1e-4  # chords of the round hole
     gradient = foam.point_data["deformation_gradient"].reshape(-1, 3, 3)[top]
     own = (np.swapaxes(gradient, 1, 2) @ gradient)[:, :2, :2]
     metric, _ = added_metric(plane, pairs)
@@ -134,14 +143,14 @@ def test_fields_near_edges_are_those_that_the_electrics_sampled(x_m, y_m, tmp_pa
 
 def test_the_least_gap_is_solved_in_a_corner_without_three_dimensions():
     """There two edges are as near; along one edge a touch may lie nearer."""
-    scene = replace(SCENE, body=replace(SKIN, width_m=0.4, height_m=0.4, holes_m=()))
+    scene = replace(SCENE, body=skin(width_m=0.4, height_m=0.4, holes_m=()))
     gap, edge = least_gap_m(scene), 0.2 - 0.005
     assert 2 * rim_effect(gap, 0.005, "principal") <= 0.01
     for shift, alone in ((1e-4, True), (-1e-3, False)):
         scene_at = at(edge - gap - shift, edge - gap - shift, scene)
         assert make_plan(scene_at, CARD).refusal == ""
-        assert near_rim(scene_at, scene_at.punches[0]) is not alone
-    assert not near_rim(scene, at(0.0, edge - gap + 1e-3, scene).punches[0])
+        assert near_edge(Case(scene_at, scene_at.punches[0])) is not alone
+    assert not near_edge(Case(scene, at(0.0, edge - gap + 1e-3, scene).punches[0]))
     deep = edge - gap + 6e-3
     assert make_plan(at(0.0, deep, scene), CARD).refusal == ""
     corner = make_plan(at(deep, deep, scene), CARD)
@@ -156,10 +165,11 @@ def stiffening(scene: Scene) -> Decision:
 
 def test_a_hole_carries_no_electrodes_along_the_outer_edge():
     """Next to it and far from that edge these change little, and what the foam does there counts all edges."""
-    hole = replace(SCENE, body=replace(SKIN, width_m=0.2, height_m=0.2, holes_m=((0.0, 0.0, 0.005),)))
-    at_hole, without = at(0.013, 0.0, hole), replace(hole, body=replace(hole.body, holes_m=()))
+    hole = replace(SCENE, body=skin(width_m=0.2, height_m=0.2, holes_m=((0.0, 0.0, 0.005),)))
+    at_hole = at(0.013, 0.0, hole)
+    without = replace(hole, body=replace(hole.body, edge=replace(hole.body.outline, holes_m=())))
     assert rim_gap_m(hole.body, at_hole.punches[0]) == pytest.approx(0.003, abs=1e-4)
-    assert near_rim(at_hole, at_hole.punches[0])
+    assert near_edge(Case(at_hole, at_hole.punches[0]))
     bound = stiffening(at_hole)
     assert "holes carry none" in bound.reason
     assert bound.error_bound == stiffening(at(0.013, 0.0, without)).error_bound < 1e-4
@@ -191,7 +201,7 @@ def test_a_punch_over_the_edge_is_refused(y_m):
 
 
 def test_a_punch_in_a_hole_is_sent_onto_the_skin():
-    refused = make_plan(at(0.0, 0.0, replace(SCENE, body=replace(SKIN, holes_m=((0.0, 0.0, 0.005),)))), CARD).refusal
+    refused = make_plan(at(0.0, 0.0, replace(SCENE, body=skin(holes_m=((0.0, 0.0, 0.005),)))), CARD).refusal
     assert refused.startswith("the punch's edge reaches 10.0 mm past the nearest edge of the skin; change x_mm")
     assert refused.endswith("so that the punch lies 10.00 mm further onto the skin.")
 
@@ -217,7 +227,7 @@ def test_touches_near_each_other_are_solved_together_and_next_to_an_edge_with_al
 def test_touches_near_each_other_and_an_edge_give_readings():
     """A pair along the upper edge, symmetric about x = 0, in what it does and what is read of opposite electrodes."""
     pair = tuple(Punch(x, 0.03, 0.008, force_N=0.1) for x in (-0.0065, 0.0065))
-    body = replace(SKIN, holes_m=())
+    body = skin(holes_m=())
     scene = replace(SCENE, body=body, punches=pair, electrodes=replace(SCENE.electrodes, soft=True))
     found = simulate(scene, CARD)
     assert found.outcome == "ok", found.message
@@ -228,7 +238,7 @@ def test_touches_near_each_other_and_an_edge_give_readings():
     assert 1e-4 < abs(one.depth_m / near - 1) < 0.05
     assert found.error_estimate["signal"] < 0.04
     z = found.readings.impedance_Ohm
-    middles = middles_m(body.shape, scene.electrodes)
+    middles = middles_m(body.outline, scene.electrodes)
     mirror = [int(np.argmin(np.linalg.norm(middles - at * [-1, 1], axis=1))) for at in middles]
     assert np.linalg.norm(z[np.ix_(mirror, mirror)] - z) < 1e-3 * np.linalg.norm(z)
 
@@ -238,9 +248,10 @@ def test_touches_near_each_other_on_a_polygon_of_400_corners_are_those_on_the_di
     turn = 2 * np.pi * (np.arange(400) + 0.5) / 400
     radius = 0.06 * np.sqrt(2 * np.pi / (400 * np.sin(2 * np.pi / 400)))
     corners = radius * np.column_stack([np.cos(turn), np.sin(turn)])
-    polygon = Body(thickness_m=0.005, outline="polygon", points_m=tuple((x, y) for x, y in corners.tolist()))
+    polygon = Body(Outline("polygon", points_m=tuple((x, y) for x, y in corners.tolist())), 0.005)
     pair = (PAIR[0], Punch(0.010, 0.006, 0.010, force_N=0.2))
-    scene = Scene(Body(0.06, 0.005), pair, electrodes=Electrodes(count=16, width_m=0.008), accuracy=Accuracy(0.02))
+    scene = Scene(Body(Disc(0.06), 0.005), pair, electrodes=Electrodes(count=16, width_m=0.008),
+                  accuracy=Accuracy(0.02))
     disc, outlined = (simulate(replace(scene, body=body), CARD) for body in (scene.body, polygon))
     for found in (disc, outlined):
         assert found.outcome == "ok", found.message

@@ -13,7 +13,8 @@ from eitsim.electrics.sheet.sheet_conductance import dipole, principal_conductan
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.scene import STRAINS, Body, Punch, Skin, scene_from
 from eitsim.simulation.edge_effects import rim_effect
-from eitsim.simulation.plan import DIPOLE, DIPOLE_FORCES_N, make_plan
+from eitsim.simulation.plan import make_plan
+from eitsim.simulation.words import DIPOLE, DIPOLE_FORCES_N
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam

@@ -137,7 +137,7 @@ def test_electrodes_lie_at_the_rim_as_wide_as_given(touches, tmp_path, kind, cel
     assert len(np.unique(found.point_data["electrode"])) == 16
 
 
-OUTLINED = eitsim.Body(outline="rectangle", width_m=0.2, height_m=0.12, holes_m=((-0.06, 0.0, 0.01),))
+OUTLINED = eitsim.Body(eitsim.Outline("rectangle", width_m=0.2, height_m=0.12, holes_m=((-0.06, 0.0, 0.01),)))
 
 
 @pytest.mark.parametrize(("electrodes", "cells"), [

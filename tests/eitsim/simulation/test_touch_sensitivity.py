@@ -20,6 +20,8 @@ from eitsim.mechanics.axisymmetric.indentation import equilibrium
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import reached
 from eitsim.mechanics.rim.solve_near_rim import COARSE as COARSE_RIM
 from eitsim.mechanics.rim.solve_near_rim import rim_change, solve_near_rim
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Hold, Punch, Scene, Skin
 from eitsim.simulation.derivatives.conductance_variation import Variation, conductance_change, moved, variations
@@ -52,7 +54,7 @@ def mesh(punch: Punch = PUNCH, electrodes: Electrodes = LINES) -> SkinMesh:
 @lru_cache(maxsize=4)
 def varied(punch: Punch = PUNCH, free_m: float = 0.1) -> dict[str, Variation]:
     return {v.name: v for v in variations(mesh(punch).nodes_m, [base(punch)], LAW,
-                                           reaches(Body(free_m), [(punch, base(punch).touch)]))}
+                                           reaches(Body(Disc(free_m)), [(punch, base(punch).touch)]))}
 
 
 def adjoint(variation: Variation, punch: Punch = PUNCH) -> np.ndarray:
@@ -107,7 +109,7 @@ def resolved(law: Hyperfoam, punch: Punch, by_load: float = 0.0) -> tuple:
 def test_patches_stay_where_they_are():
     at_rest, z = mesh(PUNCH, PATCHES), 1e-2
     found = {v.name: v for v in variations(
-        at_rest.nodes_m, [base()], LAW, reaches(Body(0.09), [(PUNCH, base().touch)]))}["x_mm"]
+        at_rest.nodes_m, [base()], LAW, reaches(Body(Disc(0.09)), [(PUNCH, base().touch)]))}["x_mm"]
 
     def at(by_mm: float) -> np.ndarray:
         on = moved(at_rest, found.velocity, by_mm)
@@ -328,7 +330,7 @@ def test_several_touches_have_their_own_derivatives_and_one_foam():
 def test_on_a_disc_given_as_400_corners_derivatives_are_the_discs():
     turn = 2 * np.pi * (np.arange(400) + 0.5) / 400
     corners = 0.1 * np.sqrt(2 * np.pi / (400 * np.sin(2 * np.pi / 400))) * np.column_stack([np.cos(turn), np.sin(turn)])
-    polygon = Body(outline="polygon", points_m=tuple((x, y) for x, y in corners.tolist()))
+    polygon = Body(Outline("polygon", points_m=tuple((x, y) for x, y in corners.tolist())))
     disc, found = (scene_sensitivity(Scene(body, (PUNCH,), electrodes=Electrodes(count=8)), CARD, halvings=1)
                    for body in (Body(), polygon))
     off = {name: distance(column(found, name), column(disc, name)) for name in disc.parameters}
@@ -337,7 +339,7 @@ def test_on_a_disc_given_as_400_corners_derivatives_are_the_discs():
     assert max(off.values()) < 0.1  # by contact impedances, on a mesh that is not halved
 
 
-GRID = Scene(Body(thickness_m=0.005, outline="rectangle", width_m=0.14, height_m=0.1),
+GRID = Scene(Body(Outline("rectangle", width_m=0.14, height_m=0.1), 0.005),
              (Punch(0.011, 0.012, 0.010, 0.2),), electrodes=Electrodes(
     kind="surface", count=8, x_m=(-0.045, -0.015, 0.025, 0.05) * 2, y_m=(-0.025,) * 4 + (0.03,) * 4,
     width_m=0.005, contact_impedance_Ohm_m2=1e-4, shape="disc", soft=True))

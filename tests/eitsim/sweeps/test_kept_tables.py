@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from eitsim.mechanics.load_paths.law_family import Family
 from eitsim.mechanics.load_paths.load_path import Deviation
-from eitsim.mechanics.load_paths.reduced_basis import ReducedBasis
 from eitsim.mechanics.load_paths.table import shape_of
 from eitsim.mechanics.load_paths.types import RimTable, Table
 from eitsim.scene.scene import Body, Punch
 from eitsim.simulation import reuse
-from eitsim.sweeps.run import load_path_choice
 from matcal.laws.hyperfoam import Hyperfoam
 
 FOAM = Hyperfoam(np.array([9530.0]), np.array([8.0]), np.array([0.0]), "longterm")
@@ -66,17 +63,3 @@ def test_a_table_with_what_the_rim_changes_comes_back() -> None:
         assert found.rim is not None
         assert_same(found.rim, made_changes())
         assert found.rim.cpu_s == 3.5
-
-
-def test_the_errors_of_a_family_near_the_rim_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    span = ReducedBasis(FOAM, (), (), 0.0, 0.0)
-    own = replace(made_changes(), error_estimate=5 + random(2, 4, 4), measured=6 + random(2, 4, 4), cpu_s=9.5)
-    family = Family(made_table(), span, random(0, 1, 3, 30), random(0, 1, 3, 30))
-    made_once(monkeypatch, load_path_choice, "build_family", family)
-    made_once(monkeypatch, load_path_choice, "with_rim", replace(family, table=replace(family.table, rim=own)))
-    for _ in range(2):
-        found, note = load_path_choice.family_for(SHAPE, span, rim=True)
-        assert note == ""
-        assert found.table.rim is not None
-        assert_same(found.table.rim, own)
-        assert found.table.rim.cpu_s == 9.5

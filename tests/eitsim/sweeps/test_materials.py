@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from eitsim.mechanics.load_paths import build_table
-from eitsim.mechanics.load_paths.law_family import Family
-from eitsim.mechanics.load_paths.load_path import Deviation
+from eitsim.scene.choices import Kind
 from eitsim.scene.drive import voltage_columns
 from eitsim.simulation import reuse
-from eitsim.simulation.plan import ONE_CARD
 from eitsim.simulation.simulate import simulate
 from eitsim.sweeps.dataset.parquet import COST, read_dataset, read_manifest
 from eitsim.sweeps.dataset.sweep_record import Account
@@ -33,7 +29,6 @@ from eitsim.sweeps.design.card_draws import (
 )
 from eitsim.sweeps.design.design import card_number, design_from, scene_at
 from eitsim.sweeps.run.account import account_of
-from eitsim.sweeps.run.omissions import omissions
 from eitsim.sweeps.run.rows import solve_rows
 from eitsim.sweeps.run.sweep import sweep
 from matcal.card import MaterialCard, read_card, write_card
@@ -46,7 +41,6 @@ COUNT = 40
 MU, ALPHA = np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741])
 RAW = {"seed": 7, "punch": {"x_mm": [-25, 25], "y_mm": [-25, 25], "diameter_mm": 14, "force_N": [0.15, 0.3]},
        "accuracy": {"signal": 0.05}, "material": {"draws": 5}}
-LAWS = [Hyperfoam(scale * MU, ALPHA, np.zeros(3), "longterm") for scale in (0.9, 1.1)]
 PARAMETERS = ["mu_1_Pa", "mu_2_Pa", "mu_3_Pa", "alpha_1", "alpha_2", "alpha_3", "nu_1", "nu_2", "nu_3", "g_1",
               "tau_1_s", "c0_S_per_m", "a_1", "a_2", "a_3"]
 
@@ -180,29 +174,16 @@ def test_rows_do_not_depend_on_workers_or_stops_and_the_count_may_grow(card: Pat
     a, b = (read_dataset(tmp_path / name).table.drop(columns=list(COST)) for name in "ab")
     pd.testing.assert_frame_equal(a, b)
     assert Counter(a["card_sample"]).most_common()[0][1] == 2
-    told = {one.decision: one for one in account_of(tmp_path / "b").left_out}
-    assert ONE_CARD not in told
-    drawn = told["5 cards drawn from the posterior"]
+    told = {one.kind: one for one in account_of(tmp_path / "b").left_out}
+    assert Kind.ONE_CARD not in told
+    drawn = told[Kind.DRAWN_CARDS]
     assert (drawn.unbounded, drawn.rows) == (True, drawn.of)
     assert "hyperfoam and prony and conductivity vary" in drawn.reason
     assert "1/sqrt(5) = 0.45" in drawn.reason
 
 
-@pytest.mark.parametrize(("strain", "cost"), [("normal", 3e-4), ("principal", 4e-4), ("areal", 5e-4)])
-def test_what_emulated_load_paths_cost_is_among_what_is_left_out(card: Path, strain: str, cost: float) -> None:
-    """By the strain that drives the skin."""
-    table: Any = SimpleNamespace(error=Deviation(2e-4, np.array([3e-4, 4e-4, 5e-4]), 1e-3))
-    span: Any = SimpleNamespace(chosen=LAWS)
-    design, none = design_from(RAW | {"skin": {"strain": strain}}, 3), np.empty(0)
-    told = [omissions(design, cards(card, draws=5), exact=False, table=found)
-            for found in (None, Family(table, span, none, none))]
-    without, emulated = ({one.decision: one.error_bound for one in one_set} for one_set in told)
-    assert emulated.items() - without.items() == {("load paths of drawn cards emulated", cost)}
-    assert "3 cards drawn from the posterior" in without
-
-
 @pytest.mark.slow
-def test_skins_drawn_for_one_foam_share_its_load_paths_and_so_do_foams_that_differ_in_stiffness_alone(
+def test_skins_drawn_for_one_foam_share_its_load_paths_and_drawn_foams_have_none(
         card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(reuse, "DEPTHS", (0.035, 0.05, 0.065))
@@ -212,10 +193,8 @@ def test_skins_drawn_for_one_foam_share_its_load_paths_and_so_do_foams_that_diff
     assert last is not None
     assert "a table of 1 load paths" in last.method
     assert read_dataset(tmp_path / "a").table["card_sample"].nunique() == 3
-    last = sweep(design_from(RAW, 3), card, tmp_path / "b", reuse=True).account
-    assert last is not None
-    assert "a table of 1 load paths (" in last.method
-    assert read_dataset(tmp_path / "b").table["mu_1_Pa"].nunique() == 3
+    with pytest.raises(ValueError, match="a law of the foam for each row"):
+        sweep(design_from(RAW, 3), card, tmp_path / "b", reuse=True)
 
 
 def test_another_posterior_or_material_is_refused(card: Path, tmp_path: Path) -> None:

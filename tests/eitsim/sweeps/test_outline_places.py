@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eitsim.electrics.forward.gridded_fields import StoredFields, blank, inside, places
-from eitsim.scene.outline import area_m2, edge_distance_m
+from eitsim.scene.polygons import area_m2, edge_distance_m
 from eitsim.scene.scene import Body, scene_from
 from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.sweeps.design.design import design_from, kept_from_edges, scene_at
@@ -21,7 +21,7 @@ DESIGN = {"scenes": 200, "seed": 3, "body": BODY, "electrodes": {"count": 16},
 def gaps_of(design: dict, rows: int = 200) -> np.ndarray:
     made = design_from(design)
     scenes = [scene_at(made, k) for k in range(rows)]
-    return np.array([edge_distance_m(s.body, (s.punches[0].x_m, s.punches[0].y_m)) - s.punches[0].diameter_m / 2
+    return np.array([edge_distance_m(s.body.outline, (s.punches[0].x_m, s.punches[0].y_m)) - s.punches[0].diameter_m / 2
                      for s in scenes])
 
 
@@ -68,8 +68,8 @@ def test_places_are_uniform_over_what_is_left():
     u = (np.arange(40) + 0.5) / 40
     found = np.array([on_outline(a, b, scene, 10.0, 5.0, np.inf) for a in u for b in u]) / 1e3
     at = np.stack(np.meshgrid(np.arange(0.00025, 0.2, 0.0005), np.arange(0.00025, 0.2, 0.0005)), axis=-1).reshape(-1, 2)
-    free = at[edge_distance_m(scene.body, at) >= 0.01]
-    assert edge_distance_m(scene.body, found).min() >= 0.01
+    free = at[edge_distance_m(scene.body.outline, at) >= 0.01]
+    assert edge_distance_m(scene.body.outline, found).min() >= 0.01
     for low, high in (((0, 0), (0.05, 0.05)), ((0, 0.1), (0.1, 0.2)), ((0.1, 0), (0.2, 0.05)),
                       ((0.03, 0), (0.08, 0.1))):
         shares = [np.mean(np.all((points > low) & (points < high), axis=1)) for points in (found, free)]
@@ -101,7 +101,7 @@ def test_what_is_laid_on_discs_alone_is_refused(change, said):
 def test_fields_lie_on_the_square_about_the_skin():
     body, stored = scene_from({"body": BODY}).body, StoredFields(("strain",), side=100)
     there = inside(stored, body)
-    assert there.mean() * 0.2**2 == pytest.approx(area_m2(body), rel=0.01)
+    assert there.mean() * 0.2**2 == pytest.approx(area_m2(body.outline), rel=0.01)
     np.testing.assert_allclose(places(stored, body)[[0, -1], [0, -1]], [[0.001, 0.001], [0.199, 0.199]])
     assert blank(stored, "strain").shape == there.shape
     disc = Body()

@@ -109,11 +109,21 @@ def test_resistance_next_to_voltage_and_current_counts_and_a_difference_is_said(
     assert [f"{off - 1:.0%}".rstrip("%") in caution for caution in got.cautions] == [True] * (off > 1)
 
 
-def test_a_dividers_voltages_are_refused_with_the_truth(tmp_path: Path) -> None:
+@pytest.mark.parametrize("files", [1, 2])
+def test_the_specimens_voltage_in_a_divider_gives_its_resistance(files: int, tmp_path: Path) -> None:
     time, strain = _record(-1)
-    with pytest.raises(InputFileError, match=r"voltage alone gives no resistance.*known resistor x specimen voltage"):
-        _experiment(tmp_path, BLOCK, compression={"time (s)": time, "displacement (mm)": -LENGTH_mm * strain},
-                    logger={"time (s)": time, "voltage (V)": 5 / (1 + 1e3 / _resistance(strain))})
+    frame = {"time (s)": time, "displacement (mm)": -LENGTH_mm * strain}
+    logger = {"time (s)": time, "voltage (V)": 5 / (1 + 1e3 / _resistance(strain))}
+    tables = {"compression": frame | logger} if files == 1 else {"compression": frame, "logger": logger}
+    with pytest.raises(InputFileError, match=r"voltage alone gives no resistance.*write series_resistance_Ohm and"):
+        _experiment(tmp_path, BLOCK, **tables)
+    with pytest.raises(InputFileError, match=r"is of a divider: write voltage_V"):
+        _experiment(tmp_path, BLOCK + "series_resistance_Ohm = 1000\n", **tables)
+    with pytest.raises(InputFileError, match=r"is between 0 and voltage_V = 0.1"):
+        _experiment(tmp_path, BLOCK + "series_resistance_Ohm = 1000\nvoltage_V = 0.1\n", **tables)
+    got = _experiment(tmp_path, BLOCK + "series_resistance_Ohm = 1000\nvoltage_V = 5\n", **tables)
+    assert got.strain.min() < -0.4
+    assert got.value == pytest.approx(_conductivity(got.strain), rel=2e-3)
 
 
 def test_a_table_of_conductivity_that_is_named_compression(tmp_path: Path) -> None:

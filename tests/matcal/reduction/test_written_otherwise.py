@@ -38,6 +38,8 @@ def test_of_two_strains_that_of_the_specimen_counts_and_the_other_is_said(own: s
     assert any("are strain" in said and "0.5 and 0.5" in said for said in got.cautions)
     with pytest.raises(InputFileError, match="Say which to use"):  # one of them in another unit
         read(_write(tmp_path, "b.csv", columns | {own: -100 * STRAIN}))
+    with pytest.raises(InputFileError, match="Say which to use"):  # one of them across the load
+        read(_write(tmp_path, "c.csv", columns | {own: 0.3 * STRAIN}))
 
 
 def test_of_two_resistances_that_of_four_wires_counts_and_leads_are_said(tmp_path: Path) -> None:

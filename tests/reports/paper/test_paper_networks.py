@@ -13,7 +13,7 @@ import pytest
 from eitsim.scene.scene import Punch, Skin
 from reports.document.style import house
 from reports.paper import choices, learning, networks_table, touches, variants
-from reports.paper.networks_table import OUTPUTS, SENSOR, paper_rmse
+from reports.paper.networks_table import OUTPUTS, Cause, paper_rmse
 from reports.paper.section import paper_value, shown
 from surrogate.statistics.metrics import score
 
@@ -64,7 +64,7 @@ def test_the_papers_errors_of_positions_are_those_over_the_radius() -> None:
     assert paper_rmse("19", "A_c", "training") == pytest.approx(np.sqrt(49.06))
 
 
-@pytest.mark.parametrize(("own", "other", "cause"), [(4.0, 1.2, SENSOR), (1.1, 0.9, "touches or training"),
+@pytest.mark.parametrize(("own", "other", "cause"), [(4.0, 1.2, Cause.SENSOR), (1.1, 0.9, Cause.HERE),
                                                      (4.0, 3.0, "none of these sensors")])
 def test_a_cause_is_what_the_search_over_sensors_shows(own: float, other: float, cause: str) -> None:
     table = networks_table.causes(scored(1.2)[0], searched(own, other), ("normal", 0))

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from eitsim.scene.choices import Kind
 from eitsim.sweeps.dataset.parquet import read_dataset
 from reports.document.style import house
 from reports.sweep import sweep_report
@@ -98,11 +99,12 @@ def test_a_failed_result_says_what_it_lacks(tmp_path: Path, write_result: Make, 
     assert not list((tmp_path / "t_files").glob("*.svg"))
 
 
-@pytest.mark.parametrize("decision", ["mechanics in three dimensions near the rim", "touches 1 and 2 solved together"])
-def test_a_profile_of_the_touch_alone_is_said(decision: str, write_result: Make) -> None:
+@pytest.mark.parametrize("kind", [Kind.NEAREST_EDGE, Kind.ALL_EDGES, Kind.WHOLE_DISC, Kind.PAIR])
+def test_a_profile_of_the_touch_alone_is_said(kind: Kind, write_result: Make) -> None:
     said = "The touch alone, without what edges or another touch change; the table holds that."
     assert said not in sentences(write_result())
-    assert said in sentences(write_result(plan=[{"decision": decision, "reason": "near", "error_bound": 0.0}]))
+    plan = [{"kind": kind.value, "decision": "any", "reason": "any", "error_bound": 0.0, "unbounded": False}]
+    assert said in sentences(write_result(plan=plan))
 
 
 def test_a_hold_says_its_time_and_shows_all_times(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
@@ -203,7 +205,8 @@ def test_a_touch_begins_with_its_verdict_and_says_the_share_of_the_signal(tmp_pa
     stability = {"elliptic": True, "fraction_non_elliptic": 0.0, "skin_fraction_extrapolated": 0.0063,
                  "signal_share_extrapolated": 0.89, "least_strain": -0.9, "fitted_foam_strain": [-0.8, 0.0],
                  "fitted_skin_strain": [0.0, 0.4]}
-    plan = [{"decision": "the skin carries no load", "reason": "its cost is unknown", "error_bound": 0.0}]
+    plan = [{"kind": "no_load_in_skin", "decision": "the skin carries no load", "reason": "a sprayed layer",
+             "error_bound": 0.0, "unbounded": True}]
     card = {"name": "Foam", "file": "card.json", "sha256": "ab" * 32, "synthetic": True}
     write(write_result(stability=stability, plan=plan, card=card), tmp_path / "t.pdf")
     first = " ".join(read_pdf(tmp_path / "t.pdf").pages[0].split())

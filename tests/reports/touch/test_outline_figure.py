@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.patches import Polygon
 
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Electrodes, Punch, Scene, scene_tables
 from reports.touch.touch_figures import scene
 
-BODY = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.04, 0.0, 0.004),))
+BODY = Body(Outline("rectangle", width_m=0.12, height_m=0.08, holes_m=((-0.04, 0.0, 0.004),)))
 GRID = Electrodes(kind="surface", count=6, x_m=(-0.02, 0, 0.02) * 2, y_m=(-0.02,) * 3 + (0.02,) * 3, width_m=0.01)
 
 

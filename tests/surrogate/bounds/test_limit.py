@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline import edge_distance_m
+from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.scene import Body, Punch, Scene
 from eitsim.sweeps.design.card_draws import Cards
 from matcal.card import MaterialCard
@@ -229,13 +230,13 @@ def test_a_map_of_an_outline_has_its_own_places_and_turns_none(monkeypatch: pyte
         return Derivatives(("x_mm", "y_mm", "d_mm", "F_N"), by, np.ones(8))
 
     monkeypatch.setattr(cramer_rao, "derivatives_of", of_scene)
-    body = Body(thickness_m=0.005, outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.03, 0.0, 0.004),))
+    body = Body(Outline("rectangle", width_m=0.12, height_m=0.08, holes_m=((0.03, 0.0, 0.004),)), 0.005)
     scene = Scene(body, (Punch(diameter_m=0.01, force_N=0.5),), electrodes=Electrodes(count=8, width_m=0.006))
     card = MaterialCard("synthetic", None, None, None)
     found = cramer_rao.over_disc(scene, card, {"known": known_material()}, [80.0])
     assert len(found) == cramer_rao.OUTLINED
     at = found[["x_mm", "y_mm"]].to_numpy(float)
-    assert edge_distance_m(body.shape, at / 1e3).min() >= 0.005 + 0.25 * 0.005
+    assert edge_distance_m(body.outline, at / 1e3).min() >= 0.005 + 0.25 * 0.005
     assert np.all(np.diff(np.linalg.norm(at, axis=1)) >= 0)
     assert found["sd_x0_mm"].to_numpy(float) * (1 + at[:, 0] / 1e3) == pytest.approx(1e-4, rel=1e-6)
     assert found["sd_y0_mm"].to_numpy(float) * (2 + at[:, 1] / 1e3) == pytest.approx(1e-4, rel=1e-6)

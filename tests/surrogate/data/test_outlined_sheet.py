@@ -10,7 +10,7 @@ import pytest
 
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.electrics.outline.edge_response import arriving, edge_responses
-from eitsim.scene.outline import Outline
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Electrodes, Scene
 from surrogate.data import outlined_sheet
 from surrogate.data.edge_frame import edge_frame
@@ -21,21 +21,21 @@ from surrogate.data.skin_from_above import skin_of_sheet
 from surrogate.learners.forward import TouchInversion
 
 S = 6e-4
-L_WITH_HOLE = Body(outline="polygon", thickness_m=0.005, holes_m=((0.03, 0.09, 0.006),), points_m=(
-    (0.0, 0.0), (0.12, 0.0), (0.12, 0.06), (0.06, 0.06), (0.06, 0.12), (0.0, 0.12)))
+L_WITH_HOLE = Body(Outline("polygon", holes_m=((0.03, 0.09, 0.006),), points_m=(
+    (0.0, 0.0), (0.12, 0.0), (0.12, 0.06), (0.06, 0.06), (0.06, 0.12), (0.0, 0.12))), 0.005)
 SCENE = Scene(L_WITH_HOLE, electrodes=Electrodes(count=12, width_m=0.008))
 
 
 @pytest.fixture(scope="module")
 def sheet() -> Sheet:
-    return outlined_sheet.sheet_of(SCENE.body.shape, SCENE.electrodes, S)[0]
+    return outlined_sheet.sheet_of(SCENE.body.outline, SCENE.electrodes, S)[0]
 
 
 def test_fields_are_those_of_the_integrals_along_edges_and_holes_in_all_orders(sheet: Sheet) -> None:
     rng, radius = np.random.default_rng(0), ring_of(SCENE).radius_mm
     tried = 120 * rng.random((2000, 2))
     tried = tried[outlined_sheet.edge_distance_mm(sheet, tried)[0] > 0.3 * radius][:20]
-    response = edge_responses(SCENE.body.shape, SCENE.electrodes, S)[0]
+    response = edge_responses(SCENE.body.outline, SCENE.electrodes, S)[0]
     z = tried[:, 0] + 1j * tried[:, 1]
     known = np.pi * S * arriving(response, [(1e-3 * one, 1e-3 * radius) for one in z.tolist()], 5).reshape(20, 5, -1)
     found = outlined_sheet.fields(sheet, (z - complex(*sheet.origin_mm)) / radius, 5)
@@ -46,12 +46,12 @@ def test_fields_are_those_of_the_integrals_along_edges_and_holes_in_all_orders(s
 
 def test_fields_are_exact_where_the_touches_are() -> None:
     """A skin that is large for its foam has touches far nearer to its edges than a tenth of its size."""
-    body = Body(outline="rectangle", width_m=0.3, height_m=0.25)
+    body = Body(Outline("rectangle", width_m=0.3, height_m=0.25))
     electrodes, at = Electrodes(count=8, width_m=0.02), np.array([[0.0, 0.117]])
-    known = np.pi * S * arriving(edge_responses(body.shape, electrodes, S)[0], [(complex(*at[0]), 0.125)], 3)
+    known = np.pi * S * arriving(edge_responses(body.outline, electrodes, S)[0], [(complex(*at[0]), 0.125)], 3)
     off = []
     for places in (None, at):
-        sheet, reach_mm = outlined_sheet.sheet_of(body.shape, electrodes, S, places)
+        sheet, reach_mm = outlined_sheet.sheet_of(body.outline, electrodes, S, places)
         found = outlined_sheet.fields(sheet, (1e3 * at @ [1, 1j] - complex(*sheet.origin_mm)) / reach_mm, 3)
         off.append(np.linalg.norm(found[:, 0] / np.array([1, 2, 6])[:, None] - known) / np.linalg.norm(known))
     assert off[0] > 1e-3 > 1e-5 > off[1]
@@ -67,7 +67,7 @@ def test_distances_know_the_hole_and_have_their_slopes(sheet: Sheet) -> None:
 
 
 def test_the_innermost_place_of_a_square_is_its_middle() -> None:
-    place_m, far = outlined_sheet.innermost_m(Outline(outline="rectangle", width_m=0.1, height_m=0.1))
+    place_m, far = outlined_sheet.innermost_m(Outline("rectangle", width_m=0.1, height_m=0.1))
     assert far == pytest.approx(0.05, abs=1e-8)
     assert place_m == pytest.approx([0.0, 0.0], abs=1e-8)
 
@@ -101,7 +101,7 @@ def test_gains_drift_by_the_solved_potentials() -> None:
 
 
 def test_electrodes_on_the_surface_have_potentials_and_no_poles() -> None:
-    body = Body(outline="rectangle", width_m=0.1, height_m=0.1)
+    body = Body(Outline("rectangle", width_m=0.1, height_m=0.1))
     patches = Electrodes(kind="surface", count=6, width_m=0.005, x_m=(-0.02, 0.02, 0.03, 0.02, -0.02, -0.03),
                          y_m=(-0.02, -0.02, 0.0, 0.02, 0.02, 0.0))
     scene = Scene(body, electrodes=patches)

@@ -71,3 +71,10 @@ def test_draws_have_the_covariance_and_factors_scale_it(ring: Ring) -> None:
     assert white_noise(2.0, n).rms_V == 2.0
 
 
+def test_the_largest_directions_keep_the_size_of_the_noise(ring: Ring) -> None:
+    n, rng = len(ring.read), np.random.default_rng(4)
+    axes = np.linalg.qr(rng.normal(size=(n, 6)))[0]
+    one = ReadingNoise(1.0, axes * np.array([0.1, 0.5, 0.9, 2.0, 3.0, 4.0]), 0.1)
+    assert one.largest.root.shape[1] == 3
+    assert one.largest.rms_V == pytest.approx(one.rms_V)
+    assert white_noise(2.0, n).largest.white_V == 2.0

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eitsim.scene.outline import edge_distance_m
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.scene import Body, Electrodes
 from surrogate.data.skin_edges import SLACK_MM, Circle, Polygons
 from surrogate.data.skin_from_above import skin_of
 
-L_WITH_HOLE = Body(outline="polygon", thickness_m=0.005, holes_m=((0.03, 0.09, 0.006),), points_m=(
-    (0.0, 0.0), (0.12, 0.0), (0.12, 0.06), (0.06, 0.06), (0.06, 0.12), (0.0, 0.12)))
+L_WITH_HOLE = Body(Outline("polygon", holes_m=((0.03, 0.09, 0.006),), points_m=(
+    (0.0, 0.0), (0.12, 0.0), (0.12, 0.06), (0.06, 0.06), (0.06, 0.12), (0.0, 0.12))), 0.005)
 GAP_MM, DIAMETER_MM = 11.0, 10.0
 
 

@@ -60,7 +60,7 @@ def test_a_press_is_answered_as_the_simulator_answers(skin: SimulatedSkin) -> No
 
 @pytest.mark.slow
 def test_a_press_on_a_rectangle_is_answered_as_the_simulator_answers() -> None:
-    scene = replace(SCENE, body=replace(SCENE.body, outline="rectangle", width_m=0.2, height_m=0.15),
+    scene = replace(SCENE, body=replace(SCENE.body, edge=eitsim.Outline("rectangle", width_m=0.2, height_m=0.15)),
                     electrodes=eitsim.Electrodes(count=8, width_m=0.02))
     material, kind = material_of(scene, CARD), eitsim.Punch(diameter_m=0.014)
     table = build(shape_of(CARD.hyperfoam, scene.body, kind), depths=(0.055, 0.075, 0.1))

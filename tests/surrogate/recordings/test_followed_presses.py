@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import surrogate
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Electrodes
 from eitsim.sensors.recording import Recording, read_recording, write_recording
 from surrogate.data.skin_edges import Circle
@@ -72,10 +73,10 @@ def messages_of(show: Show) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("kind", ["line", "surface"])
 def test_the_page_draws_the_outline_of_the_sensor_where_the_model_knows_it(model: PressModel, tmp_path: Path,
                                                                            kind: str) -> None:
-    body = Body(outline="rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.005),))
+    body = Body(Outline("rectangle", width_m=0.12, height_m=0.08, holes_m=((0.04, 0.0, 0.005),)))
     patches = {"x_m": (-0.02, 0.0, -0.02, 0.0), "y_m": (-0.02, -0.02, 0.02, 0.02)} if kind == "surface" else {}
     electrodes = Electrodes(kind=kind, count=4, width_m=0.008, **patches)
-    replace(model, skin=skin_of(body.shape, electrodes)).save(tmp_path)
+    replace(model, skin=skin_of(body.outline, electrodes)).save(tmp_path)
     skin = pictured(surrogate.load(tmp_path)).document()
     assert (len(skin["loops_mm"]), len(skin["electrodes"]), skin["circle_mm"]) == (2, 4, None)
     assert skin["box_mm"] == [-60, -40, 60, 40]

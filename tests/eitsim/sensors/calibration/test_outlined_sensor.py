@@ -17,6 +17,7 @@ from eitsim.electrics.forward.small_touch import signal_by_touch
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.scene.drive import Drive
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Scene, read_scene
 from eitsim.sensors.calibration.calibrate import Calibration, calibrate
@@ -38,7 +39,7 @@ from touchcal.json_file import write_json
 
 COUNT, SHEET_S, NOISE = 8, 8e-4, 3e-4
 CORNERS = ((-0.06, -0.06), (0.06, -0.06), (0.06, 0.0), (0.0, 0.0), (0.0, 0.06), (-0.06, 0.06))
-BODY = Body(outline="polygon", points_m=CORNERS, holes_m=((-0.02, -0.03, 0.008),))
+BODY = Body(Outline("polygon", points_m=CORNERS, holes_m=((-0.02, -0.03, 0.008),)))
 HIDDEN = {"contacts": 0.3, "widths": 0.05, "positions": 0.5e-3, "gains": 0.03, "leaks": 30e-6}
 
 
@@ -79,7 +80,7 @@ def hidden() -> Known:
         change[held.places[group]] = size * rng.standard_normal(COUNT)
     change[held.places["leaks"]] = np.abs(change[held.places["leaks"]])
     state = held.prior_mean + held.gauged(change)
-    body = solve_untouched(BODY.shape, held.built(state), SHEET_S, 1e-5).impedance_Ohm
+    body = solve_untouched(BODY.outline, held.built(state), SHEET_S, 1e-5).impedance_Ohm
     clean = instrument_readings(held, one.protocol, state, np.asarray(np.linalg.pinv(body), dtype=float)).ravel()
     noise = NOISE * np.sqrt(np.mean(clean**2)) * rng.standard_normal((4, clean.size))
     return Known(state, clean, recorded(clean + noise, [""] * 4))

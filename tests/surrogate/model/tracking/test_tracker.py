@@ -116,6 +116,30 @@ def test_what_is_wrong_with_the_map_does_not_average_out(model: Model, press: Ca
     assert said[-1].below[2] + said[-1].above[2] < 0.7 * (said[0].below[2] + said[0].above[2])
 
 
+@pytest.mark.slow
+def test_noise_that_patterns_share_is_in_the_ellipses(model: Model, spots: Spots, untouched_V: Array) -> None:
+    """Nine parts of ten of its energy are common to the readings of a current pattern; as if it were white, the place
+    of a held press is in its interval in half of the presses."""
+    rng, count, ring = np.random.default_rng(12), 24, model.ring
+    pattern = np.unique(np.column_stack([ring.source, ring.sink]), axis=0, return_inverse=True)[1].ravel()
+
+    def noise(frames: int) -> Array:
+        own, common = rng.normal(size=(frames, len(pattern))), rng.normal(size=(frames, pattern.max() + 1))[:, pattern]
+        return 5 * NOISE_V * (np.sqrt(0.1) * own + np.sqrt(0.9) * common)
+
+    touch = np.column_stack([rng.uniform(-25, 25, (count, 2)), rng.uniform(11, 17, count),
+                             rng.uniform(0.5, 1.5, count)])
+    tracker, held = Tracker(model, untouched_V + noise(200)), []
+    for true, signal in zip(touch, spots(touch, *punch(touch[:, 2], touch[:, 3])), strict=True):
+        tracked(tracker, untouched_V + noise(6))
+        now = tracked(tracker, untouched_V + signal + noise(6))[-1]
+        assert now.state == TOUCH
+        off = true[:2] / 1e3 - now.value[:2]
+        held.append((-now.below[:2] <= off) & (off <= now.above[:2]))
+    print("places held:", np.mean(held, axis=0))
+    assert np.mean(held) > 0.8
+
+
 def test_a_drift_is_followed_and_makes_no_contact(model: Model, press: Callable[..., Array],
                                                   untouched_V: Array) -> None:
     touch = slide(80)

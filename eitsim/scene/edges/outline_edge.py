@@ -4,26 +4,32 @@ import math
 
 import numpy as np
 
-from eitsim.scene.outline import Outline, centroid_m, loops
+from eitsim.scene.polygons import Looped, centroid_m
 from touchcal.arrays import Array
 
 
-def edge_starts(outline: Outline) -> Array:
+def edge_starts(outline: Looped) -> Array:
     """Arc lengths (n + 1,), m, of the outer edge's corners from its first one, the whole length last."""
-    loop = loops(outline)[0]
+    loop = outline.loops[0]
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1))])
 
 
-def places_along(outline: Outline, arc_m: Array) -> Array:
+def places_along(outline: Looped, arc_m: Array) -> Array:
     """Points (..., 2), m, of the outer edge at arc lengths (...) from its first corner, counter-clockwise."""
-    loop, starts = loops(outline)[0], edge_starts(outline)
+    loop, starts = outline.loops[0], edge_starts(outline)
     closed, arc = np.vstack([loop, loop[:1]]), np.mod(arc_m, starts[-1])
     return np.stack([np.interp(arc, starts, closed[:, i]) for i in (0, 1)], axis=-1)
 
 
-def arcs_of(outline: Outline, points_m: Array) -> tuple[Array, Array]:
+def path_along(outline: Looped, first_m: float, last_m: float) -> Array:
+    """Points (n, 2), m, of the outer edge from one arc length to another, its corners between them among them."""
+    corners = edge_starts(outline)[None, :-1] + edge_starts(outline)[-1] * np.array([[-1], [0], [1]])
+    return places_along(outline, np.sort([first_m, last_m, *corners[(corners > first_m) & (corners < last_m)]]))
+
+
+def arcs_of(outline: Looped, points_m: Array) -> tuple[Array, Array]:
     """Arc lengths (n,), m, of the outer edge's points next to points (n, 2), and the distances (n,) to them, m."""
-    start = loops(outline)[0]
+    start = outline.loops[0]
     along = np.roll(start, -1, axis=0) - start
     squared = np.sum(along**2, axis=1)
     way = np.clip(np.sum((points_m[:, None] - start) * along, axis=-1) / squared, 0, 1)
@@ -33,12 +39,12 @@ def arcs_of(outline: Outline, points_m: Array) -> tuple[Array, Array]:
     return edge_starts(outline)[nearest] + way[own] * np.sqrt(squared[nearest]), away[own]
 
 
-def arc_at(outline: Outline, angle_rad: float) -> float:
+def arc_at(outline: Looped, angle_rad: float) -> float:
     """Arc length, m, of the outermost point of the outer edge in a direction from its centroid.
 
     ValueError where no part of the edge lies in that direction.
     """
-    loop, centre, starts = loops(outline)[0], centroid_m(outline), edge_starts(outline)
+    loop, centre, starts = outline.loops[0], centroid_m(outline), edge_starts(outline)
     way = np.array([math.cos(angle_rad), math.sin(angle_rad)])
     a, b = loop - centre, np.roll(loop, -1, axis=0) - centre
     left, right = way[0] * a[:, 1] - way[1] * a[:, 0], way[0] * b[:, 1] - way[1] * b[:, 0]

@@ -6,24 +6,23 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from eitsim.scene.edges.outline_edge import arc_at, edge_starts, places_along
 from eitsim.scene.electrodes import SHAPES, TOUCHING, Electrodes, check_sizes, lengths, require, turns, widths
-from eitsim.scene.outline import (
-    Outline,
+from eitsim.scene.polygons import (
+    Looped,
     circle,
     corners_and_edges,
     edge_distance_m,
     inside,
-    loops,
     touching,
 )
-from eitsim.scene.outline_edge import arc_at, edge_starts, places_along
 from touchcal.arrays import Array
 
 _CHORDS = 16  # Corners of a round electrode, which has the circle's area; of a sector on its arc, at most.
 _CLOSEST = 1e-6  # Least gap between electrodes on the surface, or to an edge, over the outline's size.
 
 
-def stretches_along(outline: Outline, electrodes: Electrodes) -> Array:
+def stretches_along(outline: Looped, electrodes: Electrodes) -> Array:
     """First and last arc length (count, 2), m, of line electrodes from the outer edge's first corner.
 
     Middles are those of `angles_rad`, or lie `positions_m` or `shares` of the length counter-clockwise from the
@@ -47,13 +46,13 @@ def stretches_along(outline: Outline, electrodes: Electrodes) -> Array:
     return ends
 
 
-def along_edge(outline: Outline, electrodes: Electrodes) -> Array:
+def along_edge(outline: Looped, electrodes: Electrodes) -> Array:
     """Middles (count,) of line electrodes as `positions_m` gives them: arc lengths from the direction of
     `first_angle_rad`, m."""
     return stretches_along(outline, electrodes).mean(axis=1) - arc_at(outline, electrodes.first_angle_rad)
 
 
-def with_positions(outline: Outline, electrodes: Electrodes, offset_m: ArrayLike = 0.0) -> Electrodes:
+def with_positions(outline: Looped, electrodes: Electrodes, offset_m: ArrayLike = 0.0) -> Electrodes:
     """Line electrodes given by `positions_m`, each further along the edge by an offset (count,), m."""
     positions = along_edge(outline, electrodes) + np.asarray(offset_m, dtype=float)
     return replace(electrodes, angles_rad=(), shares=(), positions_m=tuple(positions.tolist()))
@@ -89,14 +88,14 @@ def _rotation(turn: float) -> Array:
     return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
 
 
-def middles_m(outline: Outline, electrodes: Electrodes) -> Array:
+def middles_m(outline: Looped, electrodes: Electrodes) -> Array:
     """Middles (count, 2), m, of the electrodes."""
     if electrodes.kind == "surface":
         return np.array([loop.mean(axis=0) for loop in patch_loops(electrodes)])
     return places_along(outline, stretches_along(outline, electrodes).mean(axis=1))
 
 
-def check_on_outline(outline: Outline, electrodes: Electrodes) -> None:
+def check_on_outline(outline: Looped, electrodes: Electrodes) -> None:
     """ValueError where electrodes overlap, lie off the skin or cannot be as they are given; names the key."""
     require(electrodes.kind != "patch", "kind", "\"patch\" is a sector at the rim of a disc; with an outline give kind "
             "= \"line\", or \"surface\" with x_mm and y_mm")
@@ -114,7 +113,7 @@ def _check_line(electrodes: Electrodes) -> None:
     require(len(given) <= 1, "".join(given[1:2]), f"has no effect with {''.join(given[:1])}; leave one of them out")
 
 
-def _check_patches(outline: Outline, electrodes: Electrodes) -> None:
+def _check_patches(outline: Looped, electrodes: Electrodes) -> None:
     require(len(electrodes.x_m) == len(electrodes.y_m) == electrodes.count, "x_mm and y_mm",
             f"must hold {electrodes.count} numbers each, one an electrode, got {len(electrodes.x_m)} and "
             f"{len(electrodes.y_m)}")
@@ -127,7 +126,7 @@ def _check_patches(outline: Outline, electrodes: Electrodes) -> None:
             f"between 0 and 180, got {math.degrees(electrodes.opening_rad):g}")
     patches = patch_loops(electrodes)
     start, end = corners_and_edges(outline)
-    least = _CLOSEST * float(np.ptp(loops(outline)[0], axis=0).max())
+    least = _CLOSEST * float(np.ptp(outline.loops[0], axis=0).max())
     middle = np.array([patch.mean(axis=0) for patch in patches])
     reach = np.array([np.linalg.norm(patch - at, axis=1).max() for patch, at in zip(patches, middle, strict=True)])
     room = edge_distance_m(outline, middle)

@@ -1,4 +1,4 @@
-"""Stress, tangent and energy of the hyperfoam law at many points of a meridian, compiled.
+"""Stress, tangent and energy of a law at many points of a meridian, compiled.
 
 In the meridian plane F = l_1 u_1 v_1' + l_2 u_2 v_2', and l_3 is the hoop stretch (1 in plane strain); the modes are
 those of `eitsim.mechanics.solid.principal_stretches` for the pair (1, 2).
@@ -9,52 +9,53 @@ import math
 import numpy as np
 
 from eitsim.mechanics.solid.principal_stretches import differentiate
-from matcal.laws.hyperfoam import Hyperfoam, energy_term
+from matcal.laws.compiled_response import energies, responses
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.jit import compiled
 
 
-def first_piola_and_tangent(law: Hyperfoam, grad_u: Array, negative_curvature_scale: float = 1.0
+def first_piola_and_tangent(law: Law, grad_u: Array, negative_curvature_scale: float = 1.0
                             ) -> tuple[Array, Array]:
     """First Piola stress (..., 5) and its derivative (..., 5, 5), negative curvatures scaled, at F = 1 + grad_u. grad_u
     (..., 5) has the parts rr, rz, zr, zz and hoop and must be admissible."""
     points = np.ascontiguousarray(grad_u).reshape(-1, 5)
     stress, tangent = np.empty(points.shape), np.empty((*points.shape, 5))
-    _first_piola_and_tangent(points, law.mu_Pa, law.alpha, law.beta, negative_curvature_scale, stress, tangent)
+    x, mean, half = _stretches(points)
+    force, block, slope = responses(law, x, mean, half)
+    _compose(points, x, mean, half, force, block, slope, negative_curvature_scale, stress, tangent)
     return stress.reshape(grad_u.shape), tangent.reshape(*grad_u.shape, 5)
 
 
-def energy_density(law: Hyperfoam, grad_u: Array) -> Array:
+def energy_density(law: Law, grad_u: Array) -> Array:
     """Energy per reference volume (...) at F = 1 + grad_u (..., 5), which must be admissible."""
-    points = np.ascontiguousarray(grad_u).reshape(-1, 5)
-    out = np.empty(len(points))
-    _energy_density(points, law.mu_Pa, law.alpha, law.beta, out)
-    return out.reshape(grad_u.shape[:-1])
+    return energies(law, _stretches(np.ascontiguousarray(grad_u).reshape(-1, 5))[0]).reshape(grad_u.shape[:-1])
+
+
+def _stretches(points: Array) -> tuple[Array, Array, Array]:
+    """Logarithmic stretches (n, 3), and mean and half difference (n, 1) of those in the plane, at points (n, 5)."""
+    x, mean, half = np.empty((len(points), 3)), np.empty((len(points), 1)), np.empty((len(points), 1))
+    _fill_stretches(points, x, mean, half)
+    return x, mean, half
 
 
 @compiled
-def _energy_density(grad_u, mu, alpha, beta, out):
+def _fill_stretches(grad_u, x, mean, half):
     for p in range(grad_u.shape[0]):
         rr, rz, zr, zz, hoop = grad_u[p]
-        mean = math.log1p(rr + zz + rr * zz - rz * zr) / 2
-        half = math.atanh(math.hypot(rr - zz, rz + zr) / math.hypot(2 + rr + zz, rz - zr))
-        around, out[p] = math.log1p(hoop), 0.0
-        for i in range(mu.size):
-            out[p] += energy_term(mu[i], alpha[i], beta[i], mean + half, mean - half, around)
+        mean[p, 0] = math.log1p(rr + zz + rr * zz - rz * zr) / 2
+        half[p, 0] = math.atanh(math.hypot(rr - zz, rz + zr) / math.hypot(2 + rr + zz, rz - zr))
+        x[p, 0], x[p, 1], x[p, 2] = mean[p, 0] + half[p, 0], mean[p, 0] - half[p, 0], math.log1p(hoop)
 
 
 @compiled
-def _first_piola_and_tangent(grad_u, mu, alpha, beta, scale, stress, tangent):
-    x, mean, half, modes = np.empty(3), np.empty(1), np.empty(1), np.empty((4, 4))
-    force, block, rest, work = np.empty(3), np.empty((3, 3)), np.empty(2), np.empty((3, 3, 3))
-    root = math.sqrt(0.5)
+def _compose(grad_u, x, mean, half, forces, blocks, slope, scale, stress, tangent):
+    modes, rest, work, root = np.empty((4, 4)), np.empty(2), np.empty((3, 3, 3)), math.sqrt(0.5)
     for p in range(grad_u.shape[0]):
-        rr, rz, zr, zz, hoop = grad_u[p]
-        mean[0] = math.log1p(rr + zz + rr * zz - rz * zr) / 2
+        rr, rz, zr, zz, _ = grad_u[p]
         turned, stretched = math.hypot(2 + rr + zz, zr - rz), math.hypot(rr - zz, rz + zr)
-        half[0] = math.atanh(stretched / turned)
-        x[0], x[1], x[2] = mean[0] + half[0], mean[0] - half[0], math.log1p(hoop)
-        differentiate(x, mean, half, mu, alpha, beta, scale, force, block, rest, work)
+        force, block = forces[p], blocks[p]
+        differentiate(x[p], mean[p], half[p], slope[p], scale, force, block, rest, work)
         cd, sd = ((2 + rr + zz) / turned, (zr - rz) / turned) if turned > 0 else (1.0, 0.0)
         cs, ss = ((rr - zz) / stretched, (rz + zr) / stretched) if stretched > 0 else (1.0, 0.0)
         modes[0, 0], modes[0, 1], modes[0, 2], modes[0, 3] = (cd + cs) / 2, (ss - sd) / 2, (ss + sd) / 2, (cd - cs) / 2

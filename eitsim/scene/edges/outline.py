@@ -1,32 +1,47 @@
-"""Outlines of flat skins: the disc, rectangles and polygons, with holes; all but the disc are closed polygons."""
+"""The edge of a flat skin that is no disc: rectangles and polygons, with holes; all are closed polygons."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from eitsim.scene.drive import as_tuples
+from eitsim.scene.edges.outline_edge import path_along, places_along
+from eitsim.scene.edges.outline_electrodes import check_on_outline, stretches_along, with_positions
+from eitsim.scene.electrodes import PLACES, Electrodes
+from eitsim.scene.nearest_edge import NearestEdge, nearest_edge, quarter_distances_m
+from eitsim.scene.polygons import (
+    KINDS,
+    MOST_POINTS,
+    area_m2,
+    circle,
+    corners_and_edges,
+    edge_distance_m,
+    inside,
+    moments_m,
+    signed_area,
+    touching,
+)
 from touchcal.arrays import Array
 
 Point = tuple[float, ...]
 Loop = tuple[Point, ...]
 
-OUTLINES = ("disc", "rectangle", "polygon")
-MOST_POINTS = 2000  # Corners of an outline with its holes, at most.
-_PAIRS = 2**20  # Pairs of points and edges that are looked at together.
-# Chords of a quarter of a rounded corner, and of a round hole: they enclose the area of the arc, so that they lie as
-# much outside it as inside.
-_QUARTER, _ROUND = 24, 72
+# Chords of a quarter of a rounded corner: they enclose the area of the arc, so that they lie as much outside it as
+# inside.
+_QUARTER = 24
 _FARTHEST_M = 10.0  # Largest size, and coordinate, m.
 _TOUCHING = 1e-7  # Edges closer than this share of the outline's size touch.
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Outline:
-    """The edge of a flat skin; lengths in m, the middle of a rectangle at the origin."""
+    """A rectangle about the origin, or a polygon; lengths in m. ValueError names the key of [body] where it is none."""
 
-    outline: str = "disc"  # one of OUTLINES
+    kind: str  # one of KINDS
     # sizes of a rectangle along x and y, and the radius that rounds its corners, m
     width_m: float | None = None
     height_m: float | None = None
@@ -35,11 +50,95 @@ class Outline:
     # holes: a circle as its centre and radius (3,), or a polygon as its corners (n, 2), m
     holes_m: tuple[Point | Loop, ...] = ()
 
+    name = "the nearest edge of the skin"
+    is_round = False
+
+    def __post_init__(self) -> None:
+        for name in ("points_m", "holes_m"):
+            object.__setattr__(self, name, as_tuples(getattr(self, name)))
+        _check_outline(self)
+
+    @property
+    def loops(self) -> tuple[Array, ...]:
+        """Corners (n, 2), m, of the outer edge, counter-clockwise, then of every hole, clockwise."""
+        return _loops(self)
+
+    @property
+    def area_m2(self) -> float:
+        return area_m2(self)
+
+    @property
+    def size_m(self) -> float:
+        return math.sqrt(self.area_m2 / math.pi)
+
+    @property
+    def box_m(self) -> tuple[Array, Array]:
+        return self.loops[0].min(axis=0), self.loops[0].max(axis=0)
+
+    @property
+    def moments_m(self) -> tuple[Array, Array]:
+        return moments_m(self)
+
+    def gap_m(self, points_m: ArrayLike) -> Array:
+        return edge_distance_m(self, points_m)
+
+    def contains(self, points_m: Array) -> NDArray[np.bool_]:
+        return self.gap_m(points_m) >= 0
+
+    def nearest(self, point_m: ArrayLike) -> NearestEdge:
+        return nearest_edge(self, point_m)
+
+    def quarters_m(self, point_m: ArrayLike) -> Array:
+        return quarter_distances_m(self, point_m)
+
+    def covered_rad(self, place_m: ArrayLike, radius_m: Array) -> Array:
+        """As if no edge were nearer than its size."""
+        return np.where(radius_m <= self.size_m, 2 * np.pi, 0.0)
+
+    def stretches_m(self, electrodes: Electrodes) -> Array:
+        return stretches_along(self, electrodes)
+
+    def along_m(self, arc_m: Array) -> Array:
+        return places_along(self, arc_m)
+
+    def path_m(self, first_m: float, last_m: float) -> Array:
+        return path_along(self, first_m, last_m)
+
+    def outwards(self, stretches_m: Array) -> Array:
+        middle, step = stretches_m.mean(axis=1), 1e-3 * (stretches_m[:, 1] - stretches_m[:, 0])
+        along = self.along_m(middle + step) - self.along_m(middle - step)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        return np.column_stack([along[:, 1], -along[:, 0]])
+
+    def check(self, electrodes: Electrodes) -> None:
+        check_on_outline(self, electrodes)
+
+    def placed(self, electrodes: Electrodes) -> Electrodes:
+        """Lines along it lie at even shares of its length unless their places are given."""
+        if electrodes.kind != "line" or electrodes.angles_rad or any(getattr(electrodes, name) for name in PLACES):
+            return electrodes
+        n, way = electrodes.count, -1 if electrodes.clockwise else 1
+        return replace(electrodes, shares=tuple(way * k % n / n for k in range(n)), clockwise=False)
+
+    def by_arc(self, electrodes: Electrodes) -> Electrodes:
+        return with_positions(self, electrodes) if electrodes.kind == "line" else electrodes
+
+    def moved(self, electrodes: Electrodes, along_m: Array) -> Electrodes:
+        return with_positions(self, electrodes, along_m)
+
+    def turns(self, electrodes: Electrodes) -> int:
+        return 1
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """What it is in [body] of a scene file, and what is not written there, None."""
+        return {"radius_m": None, "outline": self.kind, "width_m": self.width_m, "height_m": self.height_m,
+                "corner_radius_m": self.corner_radius_m, "points_m": self.points_m, "holes_m": self.holes_m}
+
 
 @lru_cache(maxsize=64)
-def loops(outline: Outline) -> tuple[Array, ...]:
-    """Corners (n, 2), m, of the outer edge, counter-clockwise, then of every hole, clockwise; not of a disc."""
-    if outline.outline == "rectangle":
+def _loops(outline: Outline) -> tuple[Array, ...]:
+    if outline.kind == "rectangle":
         outer = _rectangle(outline.width_m or 0.0, outline.height_m or 0.0, outline.corner_radius_m or 0.0)
     else:
         outer = np.array(outline.points_m, dtype=float).reshape(-1, 2)
@@ -70,14 +169,6 @@ def _rectangle(width: float, height: float, corner: float) -> Array:
     return points[np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1) > 1e-9 * (width + height)]
 
 
-def circle(centre_m: ArrayLike, radius_m: float, chords: int = _ROUND) -> Array:
-    """Corners (chords, 2), m, of the regular polygon with a circle's centre and area."""
-    step = 2 * math.pi / chords
-    angle = step * np.arange(chords)
-    return np.asarray(centre_m) + radius_m * math.sqrt(step / math.sin(step)) * np.column_stack(
-        [np.cos(angle), np.sin(angle)])
-
-
 def _hole(hole: Point | Loop) -> Array:
     given = np.array(hole, dtype=float)
     return circle(given[:2], given[2]) if given.ndim == 1 else given
@@ -90,92 +181,29 @@ def _turned(loop: Array, sign: float) -> Array:
     return loop.copy() if signed_area(loop) * sign >= 0 else loop[::-1].copy()
 
 
-def signed_area(loop: Array) -> float:
-    """Area, m^2, of a closed polygon (n, 2), positive counter-clockwise."""
-    x, y = loop.T
-    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
-
-
-def area_m2(outline: Outline) -> float:
-    """Area of an outline but the disc, less its holes, m^2."""
-    return sum(signed_area(loop) for loop in loops(outline))
-
-
-def centroid_m(outline: Outline) -> Array:
-    """Centroid (2,) of the outer edge, m."""
-    loop = loops(outline)[0]
-    after = np.roll(loop, -1, axis=0)
-    cross = loop[:, 0] * after[:, 1] - after[:, 0] * loop[:, 1]
-    return (cross @ (loop + after)) / (3 * cross.sum())
-
-
-def moments_m(outline: Outline) -> tuple[Array, Array]:
-    """Centroid (2,), m, of an outline but the disc, without its holes, and the means (2, 2), m^2, of the products of
-    coordinates about it."""
-    start, end = corners_and_edges(outline)
-    cross = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
-    middle = cross @ (start + end) / (3 * cross.sum())
-    products = sum(one[:, :, None] * other[:, None] for one in (start, end) for other in (start, end))
-    products = products + start[:, :, None] * start[:, None] + end[:, :, None] * end[:, None]
-    second = np.tensordot(cross, products, 1) / (12 * cross.sum())
-    return middle, second - np.outer(middle, middle)
-
-
-def corners_and_edges(outline: Outline) -> tuple[Array, Array]:
-    """Starts and ends (n, 2), m, of all edges, those of the outer edge first."""
-    parts = loops(outline)
-    return np.vstack(parts), np.vstack([np.roll(part, -1, axis=0) for part in parts])
-
-
-def inside(points_m: Array, corners: Array, ends: Array) -> NDArray[np.bool_]:
-    """Which points (..., 2) lie inside the closed polygons of these edges, holes left out: crossings to the right."""
-    rise = np.where(corners[:, 1] == ends[:, 1], 1.0, ends[:, 1] - corners[:, 1])
-    slope = (ends[:, 0] - corners[:, 0]) / rise
-    points = np.reshape(points_m, (-1, 2))
-    odd = np.empty(len(points), dtype=bool)
-    step = max(_PAIRS // len(corners), 1)
-    for first in range(0, len(points), step):
-        x, y = points[first:first + step, 0, None], points[first:first + step, 1, None]
-        across = (corners[:, 1] > y) != (ends[:, 1] > y)
-        odd[first:first + step] = np.sum(across & (x < corners[:, 0] + (y - corners[:, 1]) * slope), axis=1) % 2 == 1
-    return odd.reshape(points_m.shape[:-1])
-
-
-def edge_distance_m(outline: Outline, points_m: ArrayLike) -> Array:
-    """Distance (...) of points (..., 2) to the nearest edge or hole of an outline but the disc, m; negative outside."""
-    points, (start, end) = np.asarray(points_m, dtype=float), corners_and_edges(outline)
-    away = np.sqrt(squared_distance(points[..., None, :], start, end).min(axis=-1))
-    return np.where(inside(points, start, end), away, -away)
-
-
-def squared_distance(points: Array, start: Array, end: Array) -> Array:
-    """Squared distances (...) of points to edges, each (..., 2)."""
-    along = end - start
-    way = np.clip(np.sum((points - start) * along, axis=-1) / np.sum(along**2, axis=-1), 0, 1)
-    return np.sum((points - start - way[..., None] * along) ** 2, axis=-1)
+def check_keys(kind: str, values: dict[str, Any]) -> None:
+    """ValueError where a key of [body] has no effect with such an outline, or one that it needs is missing."""
+    for key, name, takers in (("width_mm", "width_m", ("rectangle",)), ("height_mm", "height_m", ("rectangle",)),
+                              ("corner_radius_mm", "corner_radius_m", ("rectangle",)),
+                              ("points_mm", "points_m", ("polygon",)), ("holes_mm", "holes_m", KINDS)):
+        used, given = kind in takers, values[name] not in (None, ())
+        instead = " or ".join(f"\"{name}\"" for name in takers)
+        _require(used or not given, key, f"has no effect with outline = \"{kind}\"; leave it out, or write outline = "
+                 f"{instead}")
+        _require(not used or given or key in ("corner_radius_mm", "holes_mm"), key,
+                 f"is missing, which outline = \"{kind}\" needs")
 
 
 @lru_cache(maxsize=64)
-def check_outline(outline: Outline) -> None:
+def _check_outline(outline: Outline) -> None:
     """ValueError for an outline that crosses itself, and holes that touch it or each other; names the key of [body]."""
-    _require(outline.outline in OUTLINES, "outline", f"'{outline.outline}' is unknown; known: {', '.join(OUTLINES)}, "
-             "or in a scene file the name of a .csv, .dxf, .svg or mesh file")
-    rectangle, polygon = outline.outline == "rectangle", outline.outline == "polygon"
-    for key, value, takers in (("width_mm", outline.width_m, ("rectangle",)),
-                               ("height_mm", outline.height_m, ("rectangle",)),
-                               ("corner_radius_mm", outline.corner_radius_m, ("rectangle",)),
-                               ("points_mm", outline.points_m or None, ("polygon",)),
-                               ("holes_mm", outline.holes_m or None, ("rectangle", "polygon"))):
-        used, instead = outline.outline in takers, " or ".join(f"\"{name}\"" for name in takers)
-        _require(used or value is None, key, f"has no effect with outline = \"{outline.outline}\"; leave it out, or "
-                 f"write outline = {instead}")
-        _require(not used or value is not None or key in ("corner_radius_mm", "holes_mm"), key,
-                 f"is missing, which outline = \"{outline.outline}\" needs")
-    if outline.outline == "disc":
-        return
-    if rectangle:
+    _require(outline.kind in KINDS, "outline", f"'{outline.kind}' is unknown; known: disc, {', '.join(KINDS)}, or in a "
+             "scene file the name of a .csv, .dxf, .svg or mesh file")
+    check_keys(outline.kind, outline.keys)
+    if outline.kind == "rectangle":
         _check_rectangle(outline.width_m or 0.0, outline.height_m or 0.0, outline.corner_radius_m or 0.0)
-    for name, points in [("points_mm", outline.points_m)] * polygon + [("holes_mm", h) for h in outline.holes_m]:
+    for name, points in [("points_mm", outline.points_m)] * (outline.kind == "polygon") + [
+            ("holes_mm", hole) for hole in outline.holes_m]:
         _check_points(name, points)
     _check_loops(outline)
 
@@ -201,7 +229,7 @@ def _check_points(name: str, points: Point | Loop) -> None:
 
 
 def _check_loops(outline: Outline) -> None:
-    parts = loops(outline)
+    parts = outline.loops
     count = sum(map(len, parts))
     _require(count <= MOST_POINTS, "points_mm", f"the outline and its holes have {count} corners, at most "
              f"{MOST_POINTS} are taken; thin them out")
@@ -243,18 +271,6 @@ def _folded(start: Array, end: Array, i: int, j: int) -> bool:
     one, other = end[i] - start[i], end[j] - start[j]
     cross = one[0] * other[1] - one[1] * other[0]
     return bool(abs(cross) < 1e-9 * np.linalg.norm(one) * np.linalg.norm(other) and one @ other < 0)
-
-
-def touching(start: Array, end: Array, starts: Array, ends: Array, within: float) -> NDArray[np.bool_]:
-    """Which edges (n, 2) cross an edge (2,) or come closer to it than `within`, m."""
-    def side(a: Array, b: Array, p: Array) -> Array:
-        return (b[..., 0] - a[..., 0]) * (p[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (p[..., 0] - a[..., 0])
-
-    crossing = (side(start, end, starts) * side(start, end, ends) < 0) & (
-        side(starts, ends, start) * side(starts, ends, end) < 0)
-    near = np.minimum(np.minimum(squared_distance(starts, start, end), squared_distance(ends, start, end)),
-                      np.minimum(squared_distance(start, starts, ends), squared_distance(end, starts, ends)))
-    return crossing | (near < within**2)
 
 
 def _require(ok: object, key: str, expected: str) -> None:

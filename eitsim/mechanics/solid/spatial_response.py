@@ -1,4 +1,4 @@
-"""Large-strain foam in three dimensions: stress and consistent tangent of the hyperfoam law in principal stretches.
+"""Large-strain foam in three dimensions: stress and consistent tangent of a law in principal stretches.
 
 F = sum l_k u_k v_k', with the modes of `eitsim.mechanics.solid.principal_stretches` for all three pairs. Points come as
 (rings, 9, angles): the parts of F - 1 row after row, the angles last, so that loops over them run along memory.
@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from eitsim.mechanics.solid.principal_stretches import diagonalise, differentiate
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.compiled_response import responses
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.jit import compiled
 
@@ -65,28 +66,27 @@ def decompose(grad_u, log, left, right):
 
 
 @compiled
-def _derivatives(log, mu, alpha, beta, scale, force, block, rest):
-    """Derivatives of the energy at logarithmic stretches: by these first (..., 3) and second (..., 3, 3), and second
-    ones along the flips and the twists of the pairs (..., 6)."""
-    mean, half, work = np.empty(3), np.empty(3), np.empty((3, 3, 3))
-    for ring in range(log.shape[0]):
-        for j in range(log.shape[1]):
-            x = log[ring, j]
-            for pair in range(3):
-                one, other = x[pair // 2], x[1 + (pair + 1) // 2]
-                mean[pair], half[pair] = (one + other) / 2, (one - other) / 2
-            differentiate(x, mean, half, mu, alpha, beta, scale, force[ring, j], block[ring, j], rest[ring, j], work)
+def _derivatives(x, mean, half, slope, scale, force, block, rest):
+    """`differentiate` at many points."""
+    work = np.empty((3, 3, 3))
+    for n in range(x.shape[0]):
+        differentiate(x[n], mean[n], half[n], slope[n], scale, force[n], block[n], rest[n], work)
 
 
-def stress_and_tangent(law: Hyperfoam, at: Stretches, weight: Array,
+def stress_and_tangent(law: Law, at: Stretches, weight: Array,
                        negative_curvature_scale: float = 1.0) -> tuple[Array, Array]:
     """First Piola stress (rings, 9, angles) and the upper half (rings, 45, angles) of its derivative by F, negative
     curvatures scaled, times weight (rings, angles)."""
     rings, angles = weight.shape
-    force, block, rest = np.empty(at.log.shape), np.empty((*at.log.shape, 3)), np.empty((rings, angles, 6))
-    _derivatives(at.log, law.mu_Pa, law.alpha, law.beta, negative_curvature_scale, force, block, rest)
+    x = at.log.reshape(-1, 3)
+    one, other = x[:, [0, 0, 1]], x[:, [1, 2, 2]]
+    mean, half = (one + other) / 2, (one - other) / 2
+    force, block, slope = responses(law, x, mean, half)
+    rest = np.empty((len(x), 6))
+    _derivatives(x, mean, half, slope, negative_curvature_scale, force, block, rest)
     stress, tangent = np.empty((rings, 9, angles)), np.empty((rings, len(UPPER[0]), angles))
-    compose(at.left, at.right, force, block, rest, weight, stress, tangent)
+    compose(at.left, at.right, force.reshape(at.log.shape), block.reshape(*at.log.shape, 3),
+            rest.reshape(rings, angles, 6), weight, stress, tangent)
     return stress, tangent
 
 

@@ -1,0 +1,104 @@
+"""How the readings of a skin with an outline are solved: on meshes that its own solution refines, and circles whose
+fields its edges send back."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from eitsim.electrics.cem.assembly import Array, SkinMesh
+from eitsim.electrics.cem.boundary_integral import Complex
+from eitsim.electrics.cem.ring_scattering import Circle, Coupling, admissible_radius
+from eitsim.electrics.outline.adapted_mesh import READINGS, impedance_by_log_contact, solve_untouched
+from eitsim.electrics.outline.edge_admittance import (
+    CLOSELY,
+    EdgeAdmittance,
+    edge_admittance,
+    sliding_mesh,
+)
+from eitsim.electrics.outline.edge_admittance import ROUGHLY as ROUGH_SLIDING
+from eitsim.electrics.outline.edge_response import arriving, couplings, edge_responses
+from eitsim.electrics.outline.ringed_mesh import outlined_mesh
+from eitsim.electrics.outline.touch_mesh import fields_mesh, touch_mesh
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Electrodes, Punch
+
+Touches = tuple[tuple[Punch, Touch], ...]
+
+TRIANGLES = 2000  # Of the mesh of fields, about; cells near touches are sampled as the foam's thickness asks.
+# Relative errors of dV by "multipole": what no variation shows, and what is left over the change by rings half as many,
+# both extrapolated; by "mesh", what is left over the change by halving (second order), where an edge cuts a contact
+# between line electrodes, whose end the mesh follows, and with others.
+MISSED, LEFT_RINGS, LEFT, LEFT_CUT, LEFT_OTHERS = 2.5e-5, 1 / 3, 1 / 3, 0.1, 0.5
+# The coarser mesh of a touch: error of the untouched readings outside its rings, and how much thinner these are than
+# those of a mesh of quadrilaterals.
+ROUGHLY, ROUGH = 5e-3, 1
+
+
+@dataclass(frozen=True)
+class OutlinedSkin:
+    """A skin with an outline, methods as those of `DiscSkin`."""
+
+    body: Body
+    electrodes: Electrodes
+    conductance_S: float
+
+    def impedance_Ohm(self) -> Array:
+        return solve_untouched(self.body.outline, self.electrodes, self.conductance_S, READINGS).impedance_Ohm
+
+    def by_log_contact(self) -> list[Array]:
+        """By adjoint fields, which serve all electrodes."""
+        return list(impedance_by_log_contact(self.body.outline, self.electrodes, self.conductance_S))
+
+    def slopes(self, places_m: Array) -> Complex:
+        circles = [(complex(x, y), 1.0) for x, y in places_m]
+        return arriving(edge_responses(self.body.outline, self.electrodes, self.conductance_S)[0], circles, 1)
+
+    def admittance(self, modes: Array, start_S: float, roughly: Electrodes, closely: Electrodes | None
+                   ) -> EdgeAdmittance:
+        """On a mesh made for a sheet conductance, S, and for electrodes near these, roughly or closely."""
+        near, kind = (roughly, ROUGH_SLIDING) if closely is None else (closely, CLOSELY)
+        return edge_admittance(sliding_mesh(self.body, near, start_S, kind), self.electrodes, self.conductance_S, modes)
+
+    def fields_mesh(self) -> SkinMesh:
+        """One on which the untouched readings are known to FIELDS."""
+        return fields_mesh(self.body, self.electrodes, self.conductance_S, self.body.edge.area_m2 / TRIANGLES)
+
+    def image_mesh(self, triangles: int) -> SkinMesh:
+        """Of so many triangles or more."""
+        return fields_mesh(self.body, self.electrodes, self.conductance_S, self.body.edge.area_m2 / triangles)
+
+    def touched_mesh(self, touches: Touches) -> SkinMesh:
+        return touch_mesh(self.body, self.electrodes, self.conductance_S, touches)
+
+    def needs_mesh(self, touches: Touches) -> bool:
+        """Where a neighbour changes them, or an edge that changes them cuts a contact."""
+        return any(touch.rim is not None for _, touch in touches) and any(
+            (touch.rim is not None and touch.rim.neighbour)
+            or admissible_radius(self.body, punch) <= touch.contact_radius_m for punch, touch in touches)
+
+    def couplings(self, circles: list[Circle], orders: int) -> tuple[Coupling, list[tuple[Coupling, float]]]:
+        """With edges known more roughly."""
+        return couplings(self.body.outline, self.electrodes, self.conductance_S, circles, orders)
+
+    def extrapolated(self, changed: Callable[[int], Array], parts: int, fine: Array, coarse: Array,
+                     difference: Callable[[Array, Array], float]) -> tuple[Array, float]:
+        """By rings twice as many once more."""
+        finest = changed(2 * parts)
+        before, whole = fine + (fine - coarse) / 3, finest + (finest - fine) / 3
+        return whole, LEFT_RINGS * difference(whole, before)
+
+    def multipole_error(self, cut: float, strain: float, varied: Callable[[int], list[float]],
+                        series: Callable[[], float], orders: int) -> float:
+        """As squares, with what harmonics above would add."""
+        return math.hypot(MISSED, cut, strain, *varied(orders), series())
+
+    def touch_mesh(self, touches: Touches) -> SkinMesh:
+        return outlined_mesh(self.body, self.electrodes, self.conductance_S, touches)
+
+    def rough_mesh(self, touches: Touches, cut: bool) -> SkinMesh | None:
+        """Between line electrodes, where no edge cuts a contact."""
+        return None if cut or self.electrodes.kind != "line" else outlined_mesh(
+            self.body, self.electrodes, self.conductance_S, touches, ROUGHLY, ROUGH)
+
+    def left(self, cut: bool) -> float:
+        return LEFT_OTHERS if self.electrodes.kind != "line" else LEFT_CUT if cut else LEFT

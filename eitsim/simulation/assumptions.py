@@ -1,0 +1,160 @@
+"""Everything that the solution of a scene decides, assumes and leaves out, as choices in the order of a plan."""
+
+import itertools
+from collections.abc import Iterator
+
+from eitsim.electrics.outline.adapted_mesh import READINGS
+from eitsim.mechanics.load_paths.types import Table
+from eitsim.mechanics.rim.interaction import edge_gap_m, expected
+from eitsim.mechanics.rim.solve_near_rim import FINE
+from eitsim.scene.choices import Kind
+from eitsim.scene.drive import protocol
+from eitsim.scene.results import Touch, of_strain
+from eitsim.scene.scene import Scene
+from eitsim.simulation.choose import Chosen, Way
+from eitsim.simulation.edge_effects import effect_of_edges, stiffening
+from eitsim.simulation.routes import ROUTES
+from eitsim.simulation.validity import positive_from
+from touchcal.choice import Choice
+
+STEEL_E_PA = 210e9
+_SDS = 3.0  # standard deviations that a bound states; surrogates take it back
+# Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
+# above all that were measured, 14 mm under 0.1 and 1 N.
+_CONTACT_SHARE = 0.6
+# What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
+# touches 35 were within once the largest, 39 within twice.
+_SAFETY = 2.0
+
+
+def choices(chosen: Chosen) -> Iterator[Choice]:
+    """The choices of a scene; of an exact run with what it turns off."""
+    if not chosen.exact:
+        yield from _choices(chosen)
+        return
+    yield Choice(Kind.FINER_MESH)
+    for made in _choices(chosen):
+        if made.kind is Kind.RINGS:
+            yield Choice(Kind.EXACT_SKIN)
+        else:
+            yield made if made.cost == 0 else Choice(made.kind, {**made.values, "stays": True}, made.cost)
+
+
+def _choices(chosen: Chosen) -> Iterator[Choice]:
+    scene, law, card = chosen.scene, chosen.material.law, chosen.material.card
+    paired = {i for group in chosen.groups for i in group}
+    for i, way in enumerate(chosen.ways):
+        yield route_choice(chosen, i)
+        if way.touch is not None and chosen.table is not None:
+            yield stored_choice(chosen.table, way.touch, scene)
+        elif way.case.punch.force_N is not None:
+            yield Choice(Kind.FROM_REST)
+        yield from _conductor(way, i in paired)
+    yield from _neighbours(chosen)
+    yield from _hold(chosen) if scene.hold.time_s else (_moduli(chosen),)
+    yield Choice(Kind.OUTSIDE_FITS, cost=None)
+    if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
+        yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
+    yield Choice(Kind.STRAIN, {"strain": scene.skin.strain, "conducts": any(p.conductor for p in scene.punches)}, None)
+    yield Choice(Kind.ONE_CARD, cost=None)
+    for way in chosen.ways:
+        yield Choice(Kind.NO_FRICTION, cost=None) if way.case.punch.friction == "none" else Choice(
+            Kind.FRICTION, {"near": way.near})
+    yield Choice(Kind.FIXED_CHOICES, cost=None)
+    yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
+    if not scene.electrodes.soft:
+        yield Choice(Kind.SOFT_ELECTRODES, {"holes": scene.electrodes.kind == "line" and len(scene.body.edge.loops) > 1},
+                     max(stiffening(scene, punch) for punch in scene.punches))
+    yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
+    over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)
+    yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
+    yield from _electrodes(scene)
+    yield Choice(Kind.ONE_MATRIX, {"patterns": protocol(scene.drive, scene.electrodes.count).shape[0]})
+
+
+def route_choice(chosen: Chosen, i: int) -> Choice:
+    """The mechanics of a touch: by its pair where edges count there, else by its route."""
+    way, body = chosen.ways[i], chosen.scene.body
+    edges = any(i in pair.touches and pair.edges for pair in chosen.pairs)
+    route, nearest = ROUTES[-1] if edges else way.route, way.case.nearest
+    return Choice(route.kind, {
+        "gap_m": way.case.gap_m, "thickness_m": body.thickness_m, "outline": body.has_outline, "reach": FINE.out_to,
+        "tabled": way.touch is not None and way.touch.rim is not None,
+        "disc_m": None if nearest is None or way.case.straight else nearest.disc_m}, route.leaves_out(way.case))
+
+
+def stored_choice(table: Table, touch: Touch, scene: Scene) -> Choice:
+    """What a touch from a table may cost, as measured when it was made."""
+    error, rim = table.error, None if touch.rim is None else touch.rim.error_estimate
+    signal = error.signal(scene.skin.strain)
+    by_rim = None if rim is None else (float(rim[0]), of_strain(rim[1:], scene.skin.strain))
+    bound = max(error.depth, signal) + (0.0 if by_rim is None else max(by_rim))
+    return Choice(Kind.STORED, {
+        "diameters_m": [d * scene.body.thickness_m for d in table.shape.diameters], "spans": table.shape.spans,
+        "checks": table.checks, "depth": error.depth, "signal": signal, "strain": error.strain, "rim": by_rim,
+        "safety": _SAFETY, "cpu_s": table.whole_cpu_s, "strain_bound": _SAFETY * error.strain}, _SAFETY * bound)
+
+
+def _conductor(way: Way, paired: bool) -> Iterator[Choice]:
+    if not way.case.punch.conductor:
+        yield Choice(Kind.INSULATED)
+        return
+    yield Choice(Kind.FLOATING)
+    if paired:
+        yield Choice(Kind.END_BY_NEIGHBOUR, cost=None)
+    elif way.near:
+        yield Choice(Kind.END_BY_EDGE, cost=_CONTACT_SHARE * effect_of_edges(way.case.scene, way.case.punch))
+
+
+def _neighbours(chosen: Chosen) -> Iterator[Choice]:
+    scene, groups = chosen.scene, chosen.groups
+    punches, thickness_m = scene.punches, scene.body.thickness_m
+    for i, j in groups:
+        yield Choice(Kind.PAIR, {"between": (i, j), "gap_m": edge_gap_m(punches[i], punches[j]),
+                                 "thickness_m": thickness_m})
+    if len(punches) > 2 or (len(punches) == 2 and not groups):
+        gap_m = min(edge_gap_m(punches[i], punches[j]) for i, j in itertools.combinations(range(len(punches)), 2)
+                    if not any(i in group and j in group for group in groups))
+        yield Choice(Kind.ALONE, {"count": len(punches), "pairs": bool(groups), "gap_m": gap_m,
+                                  "thickness_m": thickness_m}, expected(scene.body, punches, groups))
+
+
+def _moduli(chosen: Chosen) -> Choice:
+    law, series = chosen.material.law, chosen.material.card.prony
+    relaxes = law.moduli == "instantaneous" and series is not None
+    return Choice(Kind.NO_VISCOELASTICITY, {
+        "moduli": law.moduli, "by_card": chosen.scene.hold.moduli == "card",
+        "left": series.g_infinity if relaxes and series is not None else None})
+
+
+def _hold(chosen: Chosen) -> Iterator[Choice]:
+    hold = chosen.scene.hold
+    yield Choice(Kind.HOLD_KEPT) if hold.keeps_deformation else Choice(Kind.HOLD_STEPPED, {"control": hold.control})
+    yield Choice(Kind.LOADED_OVER, {"loading_s": hold.loading_s}) if hold.loading_s else Choice(Kind.LOADED_AT_ONCE)
+    if chosen.material.law.hencky_ratio != (0.0, True):
+        yield Choice(Kind.ONE_RELAXATION, cost=None)
+    yield Choice(Kind.NO_MEMORY, cost=None)
+
+
+def _electrodes(scene: Scene) -> Iterator[Choice]:
+    outline, patches = scene.body.has_outline, scene.electrodes.kind != "line"
+    if patches:
+        yield Choice(Kind.MESH, {"outline": outline})
+    if outline:
+        yield Choice(Kind.UNTOUCHED_TRIANGLES, {"readings": READINGS})
+    yield Choice(Kind.PATCH_AREA, cost=None) if patches else Choice(Kind.RINGS, {"outline": outline})
+    yield from _channels(scene)
+    if scene.electrodes.missing:
+        yield Choice(Kind.MISSING, {"electrodes": scene.electrodes.missing})
+
+
+def _channels(scene: Scene) -> Iterator[Choice]:
+    channels = scene.channels
+    if any(channels.sheet_modes):
+        yield Choice(Kind.EVEN_SHEET, {"largest": max(map(abs, channels.sheet_modes))}, None)
+    if channels.conductance_S:
+        yield Choice(Kind.SHEET_CONDUCTANCE, {"conductance_S": channels.conductance_S[0]})
+    if channels.size_error:
+        yield Choice(Kind.SCATTER, {"error": channels.size_error[0], "sds": _SDS}, _SDS * channels.size_error[0])
+    if channels.there:
+        yield Choice(Kind.CHANNELS, cost=None)

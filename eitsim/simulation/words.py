@@ -1,0 +1,353 @@
+"""Choices in words: the lines of a plan, and why a scene cannot be solved. Nothing reads these sentences back.
+
+A template is filled with a choice's values, lengths in mm next to those in m.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from eitsim.scene.choices import Kind, Why
+from eitsim.scene.results import Decision
+from touchcal.choice import Choice
+
+# Dipole moment of the touch, over the square of the punch's radius, by the strain that drives the skin: 14 mm,
+# insulated, under DIPOLE_FORCES_N, on Table 1's foam.
+DIPOLE_FORCES_N = (0.1, 1.0, 2.0)
+DIPOLE = {"normal": (-0.04, -0.42, -0.38), "principal": (0.04, 0.69, 1.42), "areal": (0.00, 0.49, 0.96)}
+_DRIVEN_BY = {"normal": "its strain through the thickness", "principal": "its largest strain in plane",
+              "areal": "its change of area"}
+_CHANGE = ", as a change of the axisymmetric touch"
+_TABLED = "nothing is solved in three dimensions, and what the table may be off counts with its load path"
+_TOLD = "a coarser mesh with fewer harmonics tells the error, which counts in the result's own"
+_STAYS = "; exact does not change it, since nothing that does without it is built"
+_REMEDIES = {Kind.SOFT_ELECTRODES: "Where yours give way, as paint, foil and thin wires do, write soft = true in "
+                                   "[electrodes]."}
+
+Values = Mapping[str, Any]
+Words = tuple[str, str]  # what was decided, and why
+
+_LINES: dict[Kind, Words] = {
+    Kind.FROM_REST: ("solved from rest at the force itself", "no load path is stored or interpolated"),
+    Kind.INSULATED: ("no conduction through the punch", "conductor is false in [punch]"),
+    Kind.FLOATING: (
+        "a conducting punch floats on the whole of its contact", "one contact impedance; the contact ends "
+        "where the foam's mesh resolves it, and what a nearer end would change of dV counts in the result's "
+        "own error. Where strains in plane nearly cancel what the punch shunts, this and all bounds here "
+        "count as many times as the larger part is of dV"),
+    Kind.END_BY_NEIGHBOUR: (
+        "a conducting punch touches where it would alone", "what its neighbour changes of the contact's end is not "
+        "built; the cost is unknown and not in the bound"),
+    Kind.END_BY_EDGE: (
+        "a conducting punch touches where it would without the rim", "what the rim changes of the contact's end is not "
+        "built; with the contact of the three-dimensional solution dV changed by up to 1.9 % (flat, gaps of 3 to 20 "
+        "mm) and 9.4 % (sphere, 5 mm)"),
+    Kind.HOLD_KEPT: (
+        "a hold at constant depth, without steps in time", "at a kept deformation every stress falls by G(t)/G_0, and "
+        "with it the force on a rigid punch; strains and readings stay"),
+    Kind.HOLD_STEPPED: (
+        "a hold at constant {control}, stepped in time", "the deformation goes on, which no formula tells; halving the "
+        "steps tells their error, which counts in the result's own"),
+    Kind.LOADED_AT_ONCE: ("loaded at once", "loading_s in [hold] is 0; instantaneous moduli"),
+    Kind.LOADED_OVER: (
+        "loaded over {loading_s:g} s at a constant rate (loading_s in [hold])",
+        "stepped in time; instantaneous moduli at its start"),
+    Kind.ONE_RELAXATION: (
+        "shear and bulk relax in the same way", "the card has one Prony series; for nu other than 0 the cost is "
+        "unknown and not in the bound"),
+    Kind.NO_MEMORY: (
+        "the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows no time"),
+    Kind.OUTSIDE_FITS: (
+        "laws used outside their fits", "touches strain the skin and may compress the foam further than their tests "
+        "did, through the thickness in compression where the skin's law was fitted in tension; the result holds both "
+        "strains, the cost is unknown and not in the bound"),
+    Kind.POSITIVE_IN_PART: (
+        "the skin's law is positive over part of what touches reach", "its cubic is 0 at the strain {strain:.3g}; "
+        "whether the touch compresses the skin that far is known once its mechanics is solved, and refused then"),
+    Kind.ONE_CARD: (
+        "one card, not its uncertainty", "the card's own laws are taken as exact; not in the bound"),
+    Kind.DRAWN_CARDS: (
+        "{count} cards drawn from the posterior", "{varying} vary as its draws do, other parts are the card's own and "
+        "taken as exact; a mean over cards is off by 1/sqrt({count}) = {spread:.2g} of their spread, what the "
+        "posterior does not hold by what is unknown; not in the bound"),
+    Kind.NO_FRICTION: (
+        "no friction", "friction is none in [punch]; a punch that sticks stands up to 6 % less and 1 % deeper "
+        "(Table 1, 10 to 18 mm, 0.1 to 3 N); the signal's cost is unknown and not in the bound"),
+    Kind.FIXED_CHOICES: (
+        "coating of constant thickness, real currents", "fixed choices of this version; the bound does not hold them"),
+    Kind.RIGID_PUNCH: ("rigid punch", "steel is {ratio:.0e} times stiffer than the foam"),
+    Kind.NO_LOAD_IN_SKIN: (
+        "the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is unknown and not "
+        "in the bound"),
+    Kind.SHEET: (
+        "the skin is a sheet, solved on the surface", "its thickness is {over_fillet:.2f} of the punch's fillet, the "
+        "shortest length over which it changes; the cost is of second order in that"),
+    Kind.UNTOUCHED_TRIANGLES: (
+        "untouched readings by triangles that their own solution refines", "until halving them once more would change "
+        "the readings by less than {readings:g}; the signal does not hold that error"),
+    Kind.PATCH_AREA: (
+        "patches conduct by their untouched area", "their contact impedance does not follow what a touch on or next to "
+        "them stretches; the cost is unknown and not in the bound"),
+    Kind.EVEN_SHEET: (
+        "the calibrated sheet is taken as even", "sheet_modes in [channels] say how the logarithm of its conductance "
+        "varies, by up to {largest:.2g} a mode; readings do without, and so differ from the sensor's by about as much "
+        "of the signal"),
+    Kind.SHEET_CONDUCTANCE: (
+        "the untouched skin has the calibrated sheet conductance of {conductance_S:.4g} S", "conductance_S in "
+        "[channels]; thickness in [skin] and c0 of the card have no effect, the card says how strain changes it"),
+    Kind.SCATTER: (
+        "touches of this sensor scatter about its model", "labelled presses that a fit left out were off by "
+        "{error:.2g} of the signal's size, r.m.s. (size_error in [channels]); the bound is {sds:g} times that, and "
+        "models of a sweep count it in their intervals"),
+    Kind.CHANNELS: (
+        "readings through the channels of a calibrated sensor", "gains against ground, source currents and leaks act "
+        "outside the body, so that its impedance matrix holds all they need; exact for touched readings too. Their "
+        "intervals are not in the bound; impedance_Ohm and maps of the skin are those of the body without them"),
+    Kind.ONE_MATRIX: (
+        "one impedance matrix serves all {patterns} patterns", "every pattern is a linear read-out of it"),
+    Kind.FINER_MESH: (
+        "exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked for"),
+    Kind.EXACT_SKIN: (
+        "exact: the skin is solved on a mesh that follows the touch", "nothing is taken from rings; the mesh's "
+        "estimate counts in the result's own error"),
+}
+
+
+def _from_edge(of: Values) -> str:
+    edge = "nearest edge or hole of the skin" if of["outline"] else "rim"
+    return (f"the punch's edge is {of['gap_mm']:.1f} mm from the {edge}, {of['gap_m'] / of['thickness_m']:.1f} "
+            "thicknesses")
+
+
+def _axisymmetric(of: Values) -> Words:
+    disc = ("; solved on the disc of the outline's area, and bounded by what rims of discs change that are as near as "
+            "the edges in each quarter about it") if of["outline"] else ""
+    return "mechanics axisymmetric about the punch", _from_edge(of) + disc
+
+
+def _nearest_edge(of: Values) -> Words:
+    if of["tabled"]:
+        edge, bound = ("one edge", "; the bound is of the other edges") if of["outline"] else ("the rim", "")
+        return f"what {edge} changes of the axisymmetric touch, from a table", f"{_from_edge(of)}; {_TABLED}{bound}"
+    if not of["outline"]:
+        return f"mechanics in three dimensions near the rim{_CHANGE}", f"{_from_edge(of)}; {_TOLD}"
+    shape = "a straight one" if of["disc_m"] is None else f"part of a circle of {of['disc_mm']:.0f} mm"
+    return (f"mechanics in three dimensions near one edge{_CHANGE}",
+            f"{_from_edge(of)}, taken as {shape}; {_TOLD}; the bound is of the other edges")
+
+
+def _all_edges(of: Values) -> Words:
+    if of["tabled"]:
+        return "what several edges change of the axisymmetric touch, each from a table, added up", (
+            f"{_from_edge(of)}; {_TABLED}; the bound is of edges further away than {of['reach']:g} thicknesses")
+    edges, cut = ("several edges", "outline") if of["outline"] else ("the rim", "rim")
+    return (f"mechanics in three dimensions near {edges}{_CHANGE}",
+            f"{_from_edge(of)}; circles about the punch are cut where the {cut} cuts them; {_TOLD}; the bound is of "
+            f"edges further away than {of['reach']:g} thicknesses")
+
+
+def _whole_disc(of: Values) -> Words:
+    return f"exact: mechanics in three dimensions on the whole disc{_CHANGE}", f"{_from_edge(of)}; {_TOLD}"
+
+
+def _stored(of: Values) -> Words:
+    ends = [f"{d * 1e3:g}" for d in of["diameters_m"]]
+    where = f"{ends[0]} to {ends[-1]} mm" if of["spans"] else f"{', '.join(ends)} mm"
+    rim = "" if of["rim"] is None else (
+        f"; what the rim changes, from a table too, was at most {of['rim'][0]:.1e} off in depth and {of['rim'][1]:.1e} "
+        "in signal about this gap and depth")
+    return "load path reused", (
+        f"depth, pressure and surface are cubics along stored paths of punches of {where}; of {of['checks']} touches "
+        f"solved anew between its nodes the depth was at most {of['depth']:.1e} off, the dipole response "
+        f"{of['signal']:.1e}, and the surface's stretches {of['strain']:.1e} in L2{rim}; the bound is "
+        f"{of['safety']:g} times the larger of depth and response; the table took {of['cpu_s']:.0f} CPU s, once, not "
+        "counted in the cost of a touch")
+
+
+def _pair(of: Values) -> Words:
+    named = " and ".join(str(i + 1) for i in of["between"])
+    return (f"touches {named} solved together in three dimensions",
+            f"{of['gap_mm']:.1f} mm lie between their edges, {of['gap_m'] / of['thickness_m']:.1f} thicknesses; a "
+            "coarser mesh with fewer harmonics and the last pass over both tell the error, which counts in the "
+            "result's own")
+
+
+def _alone(of: Values) -> Words:
+    others = " not solved together" if of["pairs"] else ""
+    return (f"{of['count']} touches, each{others} solved as if it were alone",
+            f"the closest two{others} have {of['gap_mm']:.1f} mm between their edges, "
+            f"{of['gap_m'] / of['thickness_m']:.1f} thicknesses; their strains add up in the skin, whose electrics is "
+            "solved for all together. Where the solved fields reach further than this bound, the result's own error "
+            "grows")
+
+
+def _no_viscoelasticity(of: Values) -> Words:
+    reason = f"the scene asks for no hold; {of['moduli']} moduli{' as the card labels them' if of['by_card'] else ''}"
+    if of["left"] is not None:
+        reason += f" (a touch held to equilibrium needs {of['left']:.2f} of the force: set moduli in [hold])"
+    return "no viscoelasticity", reason
+
+
+def _strain(of: Values) -> Words:
+    sizes = {strain: ", ".join(f"{moment:.2f}" for moment in moments) for strain, moments in DIPOLE.items()}
+    own, forces = of["strain"], ", ".join(f"{force:g}" for force in DIPOLE_FORCES_N)
+    others = "; ".join(f"{sizes[strain]} by strain = \"{strain}\"" for strain in DIPOLE if strain != own)
+    shunted = "; a conducting punch lowers it by up to 0.8, and the place of a touch whose moment is near 0 is " \
+              "hardly seen" if of["conducts"] else ""
+    return (f"the skin's conductivity follows {_DRIVEN_BY[own]}", "a coating is measured against the stretch in its "
+            f"plane; the dipole moment of an insulated 14 mm punch at {forces} N, over its radius squared, is "
+            f"{sizes[own]}; {others}{shunted} (Table 1); the cost is unknown and not in the bound")
+
+
+def _friction(of: Values) -> Words:
+    near = ("; what the rim changes is taken at the end of that way alone, with what sticks stuck. In 16 or 8 "
+            "increments of it, at three touches, the added depth was at most 2 % and the added movement 10 % "
+            "different: that part of it counts in the result's own error too") if of["near"] else ""
+    return "friction, loaded in increments", (
+        "what the foam sticks to depends on the way there, a straight rise of the force; half as many increments tell "
+        f"the error, which counts in the result's own; on the default mesh, whatever accuracy is asked for{near}")
+
+
+def _soft_electrodes(of: Values) -> Words:
+    return "electrodes do not stiffen the rim", (
+        "rigid ones up to half as high as the foam changed the signal by at most what the rim does, as high as the "
+        "foam and fixed to the ground by up to 1.7 times as much (benchmarks/rim_electrodes.py). Where a touch's "
+        "dipole nearly vanishes both are larger parts of its signal than the bound; soft = true in [electrodes] says "
+        f"that they give way{'; holes carry none' if of['holes'] else ''}")
+
+
+def _mesh(of: Values) -> Words:
+    why = "electrodes lie on it" if of["outline"] else "patch electrodes cover part of it"
+    return ("the skin is solved on a mesh that follows the touch",
+            f"{why}; the mesh's estimate counts in the result's own error")
+
+
+def _rings(of: Values) -> Words:
+    how = ("the touch is solved by what its rings scatter, and the edges of the untouched skin send back"
+           if of["outline"] else "the untouched skin is solved on its rim, the touch by what its rings scatter")
+    return how, ("where the strain is not axisymmetric about the punch, or the estimate misses the requested error, a "
+                 "mesh that follows the touch takes over; the estimate counts in the result's own error")
+
+
+def _missing(of: Values) -> Words:
+    gone = of["electrodes"]
+    return (f"without electrode{'s' if len(gone) > 1 else ''} {', '.join(map(str, gone))} (from 0)", "missing in "
+            "[electrodes]: no current passes; readings that need one are null")
+
+
+_MADE: dict[Kind, Callable[[Values], Words]] = {
+    Kind.AXISYMMETRIC: _axisymmetric, Kind.NEAREST_EDGE: _nearest_edge, Kind.ALL_EDGES: _all_edges,
+    Kind.WHOLE_DISC: _whole_disc, Kind.STORED: _stored, Kind.PAIR: _pair, Kind.ALONE: _alone,
+    Kind.NO_VISCOELASTICITY: _no_viscoelasticity, Kind.STRAIN: _strain, Kind.FRICTION: _friction,
+    Kind.SOFT_ELECTRODES: _soft_electrodes, Kind.MESH: _mesh, Kind.RINGS: _rings, Kind.MISSING: _missing}
+
+
+def decision(choice: Choice) -> Decision:
+    """A choice of a plan as a line of it."""
+    kind, of = Kind(choice.kind), _in_mm(choice.values)
+    if kind in _MADE:
+        what, why = _MADE[kind](of)
+    else:
+        what, why = (part.format_map(of) for part in _LINES[kind])
+    return Decision(kind, what, why + (_STAYS if of.get("stays") else ""), choice.cost or 0.0, choice.cost is None,
+                    of.get("strain_bound"), _REMEDIES.get(kind, ""))
+
+
+def _in_mm(values: Values) -> dict[str, Any]:
+    """Values with every length, m, in mm too."""
+    return {**values, **{f"{name}m": 1e3 * value for name, value in values.items()
+                         if name.endswith("_m") and isinstance(value, float)}}
+
+
+# What the problem of a route, or of a pair, is called within a refusal.
+_PROBLEMS = {
+    Why.SLIPS: "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")",
+    Why.CREEPS: ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
+                 "loading_s = 0"),
+    Why.MORE_THAN_TWO: "two touches, not more, are solved together",
+    Why.PAIR_FRICTION: "only frictionless punches are solved together",
+    Why.PAIR_GAP: "two touches are solved together from a gap of {least_mm:.1f} mm on"}
+_REFUSALS = {
+    Why.ELECTRODES: "{problem}",
+    Why.CONDUCTIVITY_UNIT: (
+        "c0_S_per_m = {c0_S_per_m:g} in the conductivity of card '{card}': {least:g} to {most:g} S/m is solved; check "
+        "its unit, or fit the conductivity again."),
+    Why.TOO_SHALLOW: (
+        "depth_mm = {depth_mm:g} in [punch] is so little that rounding hides the touch; give at least {least_mm:g}."),
+    Why.TOO_DEEP: (
+        "depth_mm = {depth_mm:g} in [punch] is above {share:.0%} of the foam's thickness, which squeezes it flat; give "
+        "at most {deepest_mm:g}."),
+    Why.ON_ELECTRODES: (
+        "the punch's edge reaches {onto_mm:.1f} mm into the ring of {length_mm:g} mm that the patch electrodes lie on, "
+        "where touches are not built; move the punch inwards by more than that, or make length_mm in [electrodes] "
+        "smaller."),
+    Why.FRICTION_CREEPS: (
+        "friction = \"{friction}\" in [punch] is built for holds that keep the deformation only: control = \"depth\" "
+        "and loading_s = 0 in [hold]. Ask for such a hold, or for friction = \"none\"."),
+    Why.HELD_TOGETHER: (
+        "a hold (time_s in [hold]) is built for one touch, {count} are given; give one [punch] or leave out time_s.")}
+
+
+def refusal(why: Choice) -> str:
+    """Why a scene cannot be solved, with the nearest that can, in words."""
+    kind, of = Why(why.kind), _in_mm(why.values)
+    touch = f"touch {of['touch'] + 1}: " if "touch" in of else ""
+    if kind in _REFUSED:
+        return touch + _REFUSED[kind](of)
+    if kind in _PROBLEMS:
+        problem = _PROBLEMS[kind].format_map(of)
+        return touch + (_too_close(of, problem) if "between" in of else _near_edge(of, problem))
+    return touch + _REFUSALS[kind].format_map(of)
+
+
+def _too_thin(of: Values) -> str:
+    least = of["thickness_m"] * of["count"] / of["most"] * 1e3
+    return (f"thickness_mm = {of['thickness_mm']:g} in [body] is so little under a punch of diameter_mm = "
+            f"{of['diameter_mm']:g} that the foam's mesh needs {of['count']:.2g} elements across, at most {of['most']} "
+            f"are solved; give a thickness of {least:.2g} mm or more, or a smaller punch.")
+
+
+def _too_light(of: Values) -> str:
+    digits = 10.0 ** (math.floor(math.log10(of["least_N"])) - 1)
+    return (f"force_N = {of['force_N']:g} in [punch] is so little that rounding hides the touch; this foam needs at "
+            f"least {math.ceil(of['least_N'] / digits) * digits:.2g}.")
+
+
+def _off_skin(of: Values) -> str:
+    gap_m, least_m = of["gap_m"], of["least_m"]
+    edge, off, onto = (("the nearest edge of the skin", "reaches {:.1f} mm past", "onto the skin")
+                       if of["outline"] else ("the rim of the disc", "lies {:.1f} mm outside", "inwards"))
+    where = off.format(-gap_m * 1e3) if gap_m <= -5e-5 else "lies on"
+    further = (math.floor((least_m - gap_m) * 1e5) + 1) / 100
+    return (f"the punch's edge {where} {edge}; change x_mm and y_mm so that the punch lies {further:.2f} mm further "
+            f"{onto}.")
+
+
+def _near_edge(of: Values, problem: str) -> str:
+    near, edge = ("the nearest edge of the skin", "edges") if of["outline"] else ("the rim", "the rim")
+    inwards = f"move the punch inwards to a gap of {of['clear_mm']:.0f} mm or " if (
+        of["clear_m"] < of["radius_m"]) else ""
+    return (f"the punch's edge is {of['gap_mm']:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
+            f"{edge} may cost {of['cost']:.2g} of the signal, allowed is {of['allowed']:.2g} (half of signal in "
+            f"[accuracy]). There, {problem}; {inwards}ask for less accuracy (a larger signal in [accuracy]).")
+
+
+def _overlap(of: Values) -> str:
+    return (f"{_edges_of(of)} overlap by {max(-of['gap_m'], 0.0) * 1e3:.1f} mm; move the punches from each other by "
+            "that and, for punches solved together, a gap of 3 mm more.")
+
+
+def _too_close(of: Values, problem: str) -> str:
+    return (f"{of['gap_mm']:.1f} mm lie between {_edges_of(of)}: solving each touch as if it were alone may cost "
+            f"{of['cost']:.2g} of the signal, allowed is {of['allowed']:.2g} (half of signal in [accuracy]), and "
+            f"{problem}. Leave {of['clear_mm']:.0f} mm between them or ask for less accuracy (a larger signal in "
+            "[accuracy]).")
+
+
+def _edges_of(of: Values) -> str:
+    i, j = of["between"]
+    return f"the edges of touches {i + 1} and {j + 1}"
+
+
+_REFUSED: dict[Why, Callable[[Values], str]] = {
+    Why.TOO_THIN: _too_thin, Why.TOO_LIGHT: _too_light, Why.OFF_SKIN: _off_skin, Why.OVERLAP: _overlap}

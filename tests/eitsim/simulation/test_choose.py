@@ -1,0 +1,174 @@
+"""What is chosen is what is solved: the plan's kinds against the touches, and against the solvers that were called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.rim.solve_near_rim import FULL_DISC
+from eitsim.scene.choices import Kind, Why
+from eitsim.scene.results import Plan, RimField, Touch
+from eitsim.scene.scene import Accuracy, Body, Punch, Scene, scene_from
+from eitsim.simulation import routes
+from eitsim.simulation.choose import choose, choose_ways
+from eitsim.simulation.material import material_of
+from eitsim.simulation.plan import plan_of
+from eitsim.simulation.routes import ROUTES, Case
+from eitsim.simulation.simulate import simulate
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+from touchcal.choice import Choice
+
+CARD = MaterialCard("foam", Hyperfoam([9530.0], [8.0], [0.0], "instantaneous"), Prony([0.3], [5.0]),
+                    Conductivity(30.0, (2.0, -2.0, 1.0), (-0.4, 0.4)))
+MECHANICS = (Kind.AXISYMMETRIC, Kind.NEAREST_EDGE, Kind.ALL_EDGES, Kind.WHOLE_DISC)
+BODIES = {"disc": {"radius_mm": 60}, "rectangle": {"outline": "rectangle", "width_mm": 130, "height_mm": 90}}
+
+
+def drawn(seed: int) -> tuple[Scene, bool]:
+    """A scene that is solved, and whether to be exact: one or two light touches anywhere on a disc or a rectangle."""
+    rng = np.random.default_rng(seed)
+    while True:
+        punches = []
+        for _ in range(int(rng.choice([1, 2], p=[0.7, 0.3]))):
+            x_mm, y_mm = (rng.uniform(-1, 1, 2) * (60, 42)).round(1).tolist()
+            punches.append({"x_mm": x_mm, "y_mm": y_mm, "force_N": round(float(rng.uniform(0.05, 0.2)), 3),
+                            "diameter_mm": 8.0, "profile": str(rng.choice(["flat", "sphere"]))})
+        raw: dict[str, Any] = {"body": BODIES[str(rng.choice([*BODIES]))], "punch": punches,
+                               "accuracy": {"signal": float(rng.choice([0.05, 0.2]))}}
+        if len(punches) == 1 and rng.random() < 0.2:
+            raw["hold"] = {"time_s": [10.0], "control": str(rng.choice(["force", "depth"]))}
+        scene, exact = scene_from(raw), bool(rng.random() < 0.2)
+        if choose(scene, material_of(scene, CARD), exact=exact).why is None:
+            return scene, exact
+
+
+def planned(plan: Plan) -> tuple[list[Kind], int]:
+    """Kinds of the touches' mechanics, and the number of pairs."""
+    kinds = [one.kind for one in plan.decisions]
+    return [kind for kind in kinds if kind in MECHANICS], kinds.count(Kind.PAIR)
+
+
+def seen_in(touch: Touch, body: Body) -> Kind:
+    """The kind of a touch by what it holds."""
+    if touch.rim is None:
+        return Kind.AXISYMMETRIC
+    if touch.rim.neighbour:
+        return Kind.ALL_EDGES if touch.rim.whole_turn else Kind.AXISYMMETRIC
+    if touch.rim.whole_turn:
+        return Kind.ALL_EDGES
+    assert touch.volume is not None
+    whole = not body.has_outline and touch.volume.amplitude_m.shape[-1] == FULL_DISC.harmonics
+    return Kind.WHOLE_DISC if whole else Kind.NEAREST_EDGE
+
+
+def check_solved(seed: int, *, exact: bool) -> None:
+    """The plan of a drawn scene names what its solved touches hold."""
+    scene, _ = drawn(seed)
+    result = simulate(scene, CARD, exact=exact)
+    assert result.outcome == "ok", result.message
+    found = [seen_in(touch, scene.body) for touch in result.touches]
+    neighbours = sum(touch.rim is not None and touch.rim.neighbour for touch in result.touches)
+    assert planned(result.plan) == (found, neighbours // 2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_plan_names_what_solved_touches_hold(seed: int) -> None:
+    check_solved(seed, exact=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3, 12))
+def test_more_plans_name_what_solved_touches_hold(seed: int) -> None:
+    check_solved(seed, exact=seed % 4 == 3)
+
+
+@pytest.fixture(scope="module")
+def touch() -> Touch:
+    """Any touch."""
+    return solve_touch(CARD.hyperfoam, Body(), Punch(force_N=0.1), element_m=0.004)
+
+
+@pytest.fixture
+def called(monkeypatch: pytest.MonkeyPatch, touch: Touch) -> list[Kind]:
+    """Kinds of the solvers that are called; none solves."""
+    calls: list[Kind] = []
+
+    def standing_in(kind_of: Callable[..., Kind], found: Any) -> Callable[..., Any]:
+        def solver(*args: Any, **options: Any) -> Any:
+            calls.append(kind_of(*args, **options))
+            return found
+        return solver
+
+    def near(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Kind:
+        return Kind.ALL_EDGES if all_edges else Kind.WHOLE_DISC if whole and not body.has_outline else (
+            Kind.NEAREST_EDGE)
+
+    fine = replace(touch, signal_errors=np.zeros(3))
+    monkeypatch.setattr(routes, "solve_touch", standing_in(lambda *_, **__: Kind.AXISYMMETRIC, fine))
+    monkeypatch.setattr(routes, "solve_near_rim", standing_in(near, fine))
+    monkeypatch.setattr(routes, "solve_hold", standing_in(lambda *_, **__: Kind.AXISYMMETRIC, [(0.0, fine)] * 2))
+    monkeypatch.setattr(routes, "solved_together", standing_in(
+        lambda *_, edges, **__: Kind.ALL_EDGES if edges else Kind.PAIR, (fine, fine)))
+    return calls
+
+
+def test_solvers_obey_what_was_chosen(called: list[Kind]) -> None:
+    """Of two hundred scenes; a pair near edges begins with its axisymmetric touches."""
+    kinds: set[Kind] = set()
+    for seed in range(200):
+        scene, exact = drawn(seed)
+        chosen = choose(scene, material_of(scene, CARD), exact=exact)
+        named, pairs = planned(plan_of(chosen))
+        called.clear()
+        _ = chosen.held() if scene.hold.time_s else chosen.touches()
+        kinds |= set(called)
+        if not pairs:
+            assert called == named, seed
+        else:
+            assert called == [Kind.AXISYMMETRIC] * 2 + [Kind.PAIR if named[0] is Kind.AXISYMMETRIC else named[0]], seed
+    assert kinds == {*MECHANICS, Kind.PAIR}
+
+
+def test_a_change_from_a_table_is_said_to_be_one(touch: Touch) -> None:
+    scene = Scene(punches=(Punch(x_m=0.085, force_N=0.3),), accuracy=Accuracy(0.05))
+    chosen = choose(scene, material_of(scene, CARD))
+    none = np.zeros((1, 2))
+    rim = RimField(np.ones(1), np.array([0.0, 1.0]), none[..., None], none[..., None], none, 0.1, 0.085)
+    stored = replace(chosen, ways=(replace(chosen.ways[0], touch=replace(touch, rim=rim)),))
+    first, from_table = (plan_of(one).decisions[0] for one in (chosen, stored))
+    assert first.kind is from_table.kind is Kind.NEAREST_EDGE
+    assert first.decision == "mechanics in three dimensions near the rim, as a change of the axisymmetric touch"
+    assert from_table.decision == "what the rim changes of the axisymmetric touch, from a table"
+
+
+def test_the_cheapest_route_that_meets_the_error_is_taken() -> None:
+    body = Body(outline="rectangle", width_m=0.15, height_m=0.11)
+    middle, edge, corner = ((0.0, 0.0), (0.066, 0.0), (0.066, 0.046))
+    for place, kind in ((middle, Kind.AXISYMMETRIC), (edge, Kind.NEAREST_EDGE), (corner, Kind.ALL_EDGES)):
+        scene = Scene(body=body, punches=(Punch(*place, diameter_m=0.01),), accuracy=Accuracy(0.05))
+        ((way,), _) = choose_ways(scene)
+        assert way.route.kind is kind
+        costs = [route.serves(way.case) for route in ROUTES]
+        assert costs == sorted(costs)
+        assert all(route.leaves_out(way.case) > way.case.allowed for route in ROUTES[:ROUTES.index(way.route)])
+
+
+@pytest.mark.parametrize(("punch", "hold", "why"), [
+    ({"x_mm": 98}, {}, Why.OFF_SKIN), ({"x_mm": 85}, {"time_s": 5.0}, Why.CREEPS),
+    ({"x_mm": 85, "friction": "coulomb", "friction_coefficient": 0.4}, {}, Why.SLIPS)])
+def test_a_route_says_why_it_does_not_serve(punch: dict[str, Any], hold: dict[str, Any], why: Why) -> None:
+    scene = scene_from({"punch": punch, "hold": hold})
+    problems = [route.serves(Case(scene, scene.punches[0])) for route in ROUTES]
+    assert not isinstance(problems[0], Choice)
+    assert [one.kind for one in problems[1:] if isinstance(one, Choice)] == [why, why]
+    chosen = choose(scene, material_of(scene, CARD))
+    assert chosen.why is not None
+    assert chosen.why.kind is why

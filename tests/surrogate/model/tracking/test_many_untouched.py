@@ -1,0 +1,23 @@
+"""Ten thousand untouched frames whose noise grows with the reading are no touch, with a baseline file and without."""
+
+import numpy as np
+import pytest
+
+from surrogate.model.model import Model
+from surrogate.model.tracking.tracked import CALIBRATING, UNTOUCHED
+from surrogate.model.tracking.tracker import Tracker
+from touchcal.arrays import Array
+
+FRAMES = 10_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level_dB", [80, 60])
+@pytest.mark.parametrize("given", [0, 200])
+def test_proportional_noise_makes_no_touch(forward_model: Model, untouched_V: Array, given: int, level_dB: int) -> None:
+    rng = np.random.default_rng(given + level_dB)
+    frames = untouched_V * (1 + 10 ** (-level_dB / 20) * rng.normal(size=(FRAMES + given, len(untouched_V))))
+    tracker = Tracker(forward_model, frames[:given] if given else None)
+    states = [tracker.update(frame).state for frame in frames[given:]]
+    assert states.count(CALIBRATING) == (0 if given else tracker.calibration - 1)
+    assert set(states) <= {CALIBRATING, UNTOUCHED}

@@ -1,0 +1,15 @@
+"""A choice that a program makes, as data: code compares kinds, people read the words that a package makes of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """One choice, made once, executed, stored and counted by its kind."""
+
+    kind: Enum
+    values: Mapping[str, Any] = field(default_factory=dict)  # what its words state, SI
+    cost: float | None = 0.0  # relative error that it may cost, at most; None where that is not known
