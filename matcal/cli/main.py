@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from matcal.laws.known_laws import LAWS
-from matcal.record.exporters.registry import targets
+from matcal.record.exporters.programs import targets
 from touchcal.errors import InputFileError, NotConverged
 from touchcal.terminal import JsonOption, SeedOption, application, check_apart, check_out, counter, print_json, run
 

@@ -18,7 +18,7 @@ from matcal.fitting.hyperfoam.record_stability import as_lines
 from matcal.laws.deformation_modes import MODES
 from matcal.record import result_tables as tables
 from matcal.record.cautions import cautions, tests
-from matcal.record.exporters.registry import targets
+from matcal.record.exporters.programs import targets
 from touchcal.number_words import counted
 
 # columns of a table in a pipe, where nothing says how wide the reader's page is

@@ -8,7 +8,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.record import result_tables
 from matcal.record.cautions import NAMES, relative_rms, tests
 from matcal.record.exporters.deck import export
-from matcal.record.exporters.registry import targets
+from matcal.record.exporters.programs import targets
 from matcal.record.result_tables import Printed
 from reports.document.numerals import counted, interval, number, pascals, percent, plus_minus, typeset
 from reports.document.page import Table

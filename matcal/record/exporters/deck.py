@@ -10,7 +10,7 @@ from matcal.laws.conductivity import Conductivity
 from matcal.record.cautions import cautions
 from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
 from matcal.record.exporters.formatting import number
-from matcal.record.exporters.registry import target_of
+from matcal.record.exporters.programs import target_of
 
 _AIR_KG_PER_M3 = 1.2  # density of air
 
@@ -32,7 +32,7 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     card
         A card with a law of the foam, or its file.
     target
-        One of `registry.targets`: abaqus, calculix, febio, lsdyna, ansys.
+        One of `programs.targets`: abaqus, calculix, febio, lsdyna, ansys.
     moduli
         "instantaneous", "longterm", or None: as the card holds them.
     units

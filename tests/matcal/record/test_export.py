@@ -35,7 +35,7 @@ from matcal.laws.prony import Prony, relaxation
 from matcal.record.exporters.base import UNITS
 from matcal.record.exporters.deck import export
 from matcal.record.exporters.formatting import number
-from matcal.record.exporters.registry import targets
+from matcal.record.exporters.programs import targets
 
 TABLE_1 = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0], "instantaneous")
 SERIES = Prony([0.1505, 0.1696, 0.0604], [0.2936, 5.85, 81.672])
