@@ -105,7 +105,7 @@ def rows() -> Iterator[dict[str, object]]:
         rough, fine = (driving(mesh["gradient"]) for mesh in peer[-2:])
         rough_change, change = rough - far[0][:, inside], fine - far[1][:, inside]
         depth_m, rough_m = (1e-3 * float(mesh["depth"]) for mesh in peer[:-3:-1])
-        punch = replace(PUNCH, x_m=(BODY.width_m or 0) / 2 - gap - PUNCH.diameter_m / 2)
+        punch = replace(PUNCH, x_m=(BODY.outline.width_m or 0) / 2 - gap - PUNCH.diameter_m / 2)
         near = corrected(alone, TABLE_1, BODY, punch)
         finer = corrected(fine_alone, TABLE_1, BODY, punch, coarse=SEVERAL,
                           fine=replace(FULL_DISC, out_to=SEVERAL.out_to))

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 from conditions import quick, shown, written
 
-from surrogate.data.samples import Samples, read_samples, take
+from surrogate.data.samples import SweepSamples, read_samples, take
 from surrogate.model.evaluate import UNSEEN, evaluate
 from surrogate.model.train import train
 
@@ -27,7 +27,7 @@ PAPER = {"x0": 0.58, "y0": 0.55, "d": 0.75, "F": 0.152, "sigma_max": 4.6, "sigma
          "delta_max": 0.91}
 
 
-def scored(samples: Samples, region: str) -> Iterator[dict[str, object]]:
+def scored(samples: SweepSamples, region: str) -> Iterator[dict[str, object]]:
     """One row an output."""
     model = train(samples, "trainbr", tuple(PAPER), SEED, epochs=EPOCHS, workers=WORKERS)
     outputs = evaluate(model, samples, ()).scores["outputs"]

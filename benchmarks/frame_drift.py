@@ -30,7 +30,7 @@ from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset.parquet import read_manifest
-from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.data.samples import SweepSamples, read_samples, split, take
 from touchcal.arrays import Array
 
 TOUCHES, RESTS, NOISE_DB, STATES = quick(150, 12), 20, 80.0, quick(20, 2)
@@ -50,10 +50,10 @@ class Bench:
     contacts_V: Array  # (STATES, readings) what changed contacts add
 
 
-def bench_of(sweep: Path) -> tuple[Bench, Samples]:
+def bench_of(sweep: Path) -> tuple[Bench, SweepSamples]:
     """The test rows of a sweep, and the sweep."""
     samples, scene = read_samples(sweep), sensor_of(read_manifest(sweep)["design"]["tables"])
-    test = take(samples, np.flatnonzero(split(samples.touch, 0) == "test")[:TOUCHES])
+    test = take(samples, np.flatnonzero(split(samples.group, 0) == "test")[:TOUCHES])
     rest, rng = samples.baseline_V.mean(axis=0), np.random.default_rng(29)
     sheet = conductance_of(scene, rest)
     contacts = []

@@ -30,7 +30,7 @@ from eitsim.electrics.cem.assembly import dissection, impedance, quadrature_poin
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
 from eitsim.scene.scene import Body, Electrodes
 from surrogate.data import outputs
-from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.data.samples import SweepSamples, read_samples, split, take
 from surrogate.learners.bayesian_network import bayesian_regularisation, laplace, layer
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options, Training
 from surrogate.learners.bayesian_network.laplace import Curvature
@@ -91,9 +91,9 @@ def on_device(x: Array, y: Array, seed: int, options: Options) -> tuple[Array, T
     return bayesian_regularisation.train(x, y, seed, options)
 
 
-def training(samples: Samples, region: str, start: int) -> Iterator[dict[str, object]]:
+def training(samples: SweepSamples, region: str, start: int) -> Iterator[dict[str, object]]:
     """One row an output."""
-    part = split(samples.touch, SEED)
+    part = split(samples.group, SEED)
     train, test = take(samples, part == "train"), take(samples, part == "test")
     readings = min_max(train.signal_V)
     x, unseen = (scaled(readings, rows.signal_V) for rows in (train, test))

@@ -120,10 +120,10 @@ def near_an_edge(case: str, model: surrogate.SweepModel, design: Design) -> Iter
     """How many of some touches near an edge, solved anew, are flagged, the median error of y and how many of its
     intervals hold, of all and of those that are not flagged."""
     scene, rng = representative_scene(design), np.random.default_rng(3)
-    assert scene.body.height_m is not None
+    assert scene.body.outline.height_m is not None
     touches, frames = [], []
     for gap in GAPS_MM:
-        y_mm = 1e3 * scene.body.height_m / 2 - gap - PUNCH["diameter_mm"] / 2
+        y_mm = 1e3 * scene.body.outline.height_m / 2 - gap - PUNCH["diameter_mm"] / 2
         punch = Punch(float(rng.uniform(-0.03, 0.03)), 1e-3 * y_mm, 1e-3 * PUNCH["diameter_mm"],
                       force_N=float(rng.uniform(0.05, 0.4)))
         solved = eitsim.simulate(replace(scene, punches=(punch,)), CARD)

@@ -72,8 +72,8 @@ def drawn(name: str) -> Iterator[Scene]:
     diameters even from 8 to 18 mm, forces from 0.1 to 2 N, even in their logarithm."""
     body, electrodes, _, conductor, seed = CASES[name]
     rng = np.random.default_rng(seed)
-    box = np.ptp(np.array(body.points_m), axis=0) if body.points_m else np.array([body.width_m, body.height_m])
-    low = np.min(body.points_m, axis=0) if body.points_m else -box / 2
+    low, high = body.edge.box_m
+    box = high - low
     while True:
         x, y = (low + box * rng.random(2)).tolist()
         diameter, force = float(rng.uniform(0.008, 0.018)), float(np.exp(rng.uniform(np.log(0.1), np.log(2.0))))

@@ -34,9 +34,9 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.drive import as_tuples, read_out
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.edges.outline_edge import places_along
 from eitsim.scene.edges.outline_electrodes import stretches_along
 from eitsim.scene.electrodes import Electrodes, contact_impedances
+from eitsim.scene.outline_edge import places_along
 from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Punch, Scene, Skin

@@ -21,7 +21,6 @@ from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.scene.scene import FRICTIONS, Scene, scene_from
-from eitsim.simulation.choose import near_edge
 from eitsim.simulation.routes import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
@@ -60,7 +59,7 @@ def scene_of(k: int) -> tuple[str, Scene]:
 
 def place_of(scene: Scene) -> str:
     """"rim" where the mechanics is three-dimensional, else "interior"."""
-    return "rim" if near_edge(Case(scene, scene.punches[0])) else "interior"
+    return "rim" if Case(scene, scene.punches[0]).near else "interior"
 
 
 def solved(k: int, name: str, scene: Scene) -> dict[str, object]:

@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from eitsim.sensors.labels import Labels, read_labels
 from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import read_sensor
 from surrogate.model.recorded.reader_scores import ReaderScore, read_rows, split_rows
+from surrogate.recordings import press_reader
 from surrogate.recordings.baselines import tracked
 from surrogate.recordings.physics.expectation import expectation_of
 from surrogate.recordings.presses import Presses, labelled, presses_of
@@ -125,7 +127,8 @@ def measured(case: Case) -> pd.DataFrame:
         presses = with_drift(recording, presses, case.drift)
     begun = time.process_time()
     expectation = expectation_of(read_sensor(REAL / case.skin / "sensor.toml"))
-    read = read_rows(presses, labels, train, test, case.split, 0, expectation)
+    read = read_rows(presses, labels, train, test, case.split, 0,
+                     partial(press_reader.fit, expectation=expectation))
     spent = round(time.process_time() - begun, 1)
     return pd.DataFrame([asdict(case) | {
         "output": one.output, "unit": one.unit, "trained": one.trained, "tested": one.tested,

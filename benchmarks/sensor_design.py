@@ -41,7 +41,7 @@ from eitsim.sensors.layout.sensor_design import OWN, candidate_pairs, design_sen
 from eitsim.sensors.layout.touch_slopes import TouchSlopes, reading_slopes, touch_slopes, untouched_V
 from eitsim.sensors.sensor_file import Sensor, pairs_of, read_sensor
 from matcal.card import MaterialCard, read_card
-from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.data.samples import SweepSamples, read_samples, split, take
 from surrogate.recordings import kernel_ridge
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.patterns import compressed, compression_scale, direction
@@ -118,7 +118,7 @@ def rated(what: str, by: Array, whole: Array) -> dict[str, object]:
         f"high_{name}": np.quantile(sd[:, k], 0.9) / np.quantile(whole[:, k], 0.9) for k, name in enumerate("xyF")}
 
 
-def retrained_rows(slopes: TouchSlopes, scene: Scene, sweep: Samples) -> Iterator[dict[str, object]]:
+def retrained_rows(slopes: TouchSlopes, scene: Scene, sweep: SweepSamples) -> Iterator[dict[str, object]]:
     """Errors of models trained on chosen readings and on readings by chance, the first with all."""
     own, rng = own_pairs(scene), np.random.default_rng(0)
     by = over_noise(slopes, own, own, 4)
@@ -135,17 +135,17 @@ def retrained_rows(slopes: TouchSlopes, scene: Scene, sweep: Samples) -> Iterato
                 ("x", "mm"), ("y", "mm"), ("F", "N"))} | {f"bound_{n}": b for n, b in zip("xyF", bound, strict=False)}
 
 
-def of_readings(sweep: Samples, kept: Index) -> Samples:
-    """Samples of some readings alone."""
+def of_readings(sweep: SweepSamples, kept: Index) -> SweepSamples:
+    """SweepSamples of some readings alone."""
     ring = replace(sweep.ring, **{name: getattr(sweep.ring, name)[kept] for name in ("source", "sink", "read",
                                                                                       "ground")})
     return replace(sweep, ring=ring, signal_V=sweep.signal_V[:, kept], baseline_V=sweep.baseline_V[:, kept])
 
 
-def errors(sweep: Samples, noise_V: float) -> dict[str, float]:
+def errors(sweep: SweepSamples, noise_V: float) -> dict[str, float]:
     """Root mean square errors on rows that were not seen, with noise."""
     model = surrogate.train(sweep, outputs="x0,y0,F", seed=0)
-    test = take(sweep, split(sweep.touch, 0) == "test")
+    test = take(sweep, split(sweep.group, 0) == "test")
     noisy = test.signal_V + noise_V * np.random.default_rng(1).standard_normal(test.signal_V.shape)
     miss = model.learner.estimate(noisy, noise_V).value - test.targets(("x0", "y0", "F"))
     return dict(zip(("x_mm", "y_mm", "F_N"), np.sqrt(np.mean(miss**2, axis=0)).tolist(), strict=True))

@@ -21,15 +21,20 @@ import numpy as np
 from conditions import quick, shown, written
 
 import surrogate
-from surrogate.data.frame_rows import BATCH, frames_of, in_order, waiting_lines
+from surrogate.data.frame_rows import BATCH, Lines, frames_of, in_order, waiting_lines
 from surrogate.data.frame_source import widen_pipe
-from surrogate.model.predict import prepare
-from surrogate.model.stream import answers
+from surrogate.model.predict import Predictor, prepare, read_touches
+from surrogate.model.stream import rows_of
 from surrogate.model.sweep_model import SweepModel
 
 FRAMES, LONE, NOISE_V = *quick((512, 128), (64, 8)), 1e-6
 # lines a second of a paced stream: of a map that is inverted, and of what answers at once; and for how long, s
 INVERTED, DIRECT, PACED_S = 50, 1000, quick(20, 2)
+
+
+def answered(predictor: Predictor, lines: Lines) -> list[list[str]]:
+    """Rows of predictions of some lines."""
+    return rows_of(predictor.model, lines, read_touches(predictor, lines))
 
 
 def lines_of(model: SweepModel, frames: int) -> list[str]:
@@ -46,11 +51,11 @@ def row(model: SweepModel, most: int, frames: int) -> dict[str, object]:
     order = in_order(len(model.baseline_V))
     begun = time.process_time()
     predictor = prepare(model, model.baseline_V, NOISE_V)
-    answers(predictor, frames_of(lines[:1], order))
+    answered(predictor, frames_of(lines[:1], order))
     start_s, begun, sink = time.process_time() - begun, time.process_time(), io.StringIO()
     for first in range(0, frames, most):
         read = frames_of(lines[first:first + most], order)
-        sink.writelines(",".join(cells) + "\n" for cells in answers(predictor, read))
+        sink.writelines(",".join(cells) + "\n" for cells in answered(predictor, read))
     spent = time.process_time() - begun
     return {"method": model.method, "outputs": len(model.names), "rows": len(model.rows.part),
             "mode": "lone" if most == 1 else "waiting", "frames": frames, "ms_a_frame": spent / frames * 1e3,
@@ -70,7 +75,7 @@ def paced(model: SweepModel) -> dict[str, object]:
     delay, sink = [], io.StringIO()
     with os.fdopen(read_end, "rb") as source:
         for waiting in waiting_lines(source):
-            sink.writelines(",".join(cells) + "\n" for cells in answers(predictor, frames_of(waiting, order)))
+            sink.writelines(",".join(cells) + "\n" for cells in answered(predictor, frames_of(waiting, order)))
             delay += [time.perf_counter() - begun - (number - 1) / pace for number, _ in waiting]
     spent = time.perf_counter() - begun
     writer.join()

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from conditions import quick, shown, written
 
-from surrogate.data.samples import Samples, read_samples, take
+from surrogate.data.samples import SweepSamples, read_samples, take
 from surrogate.model.evaluate import UNSEEN, evaluate, parts_of
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.train import train
@@ -30,7 +30,7 @@ METHODS = ("ridge", "forward")
 CHANNEL = 100
 
 
-def shifted(samples: Samples) -> dict[str, Samples]:
+def shifted(samples: SweepSamples) -> dict[str, SweepSamples]:
     """The same touches, read otherwise than in training."""
     dead = samples.signal_V.copy()
     dead[:, CHANNEL] = 0.0
@@ -50,7 +50,7 @@ def scored(kind: str, case: str, level: float, outputs: Mapping[str, Mapping[str
                "scored_rows": s["n"]}
 
 
-def of(model: SweepModel, samples: Samples, other: Samples | None) -> Iterator[dict[str, object]]:
+def of(model: SweepModel, samples: SweepSamples, other: SweepSamples | None) -> Iterator[dict[str, object]]:
     """All cases of one model."""
     plain = evaluate(model, samples, LEVELS_DB).scores
     first = list(scored("noise", "none", np.inf, plain["outputs"], {}))

@@ -24,7 +24,7 @@ import pandas as pd
 from conditions import RESULTS, conditions, quick, written
 
 from surrogate.data import outputs
-from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.data.samples import SweepSamples, read_samples, split, take
 from surrogate.learners.bayesian_network import bayesian_regularisation, layer
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options
 from surrogate.learners.bayesian_network.min_max import min_max, scaled
@@ -46,9 +46,9 @@ ITERATED = {"trainbr": Options(), "network": ROBUST}
 INNER_MM = 80.0
 
 
-def against_time(samples: Samples, method: str) -> Iterator[dict[str, object]]:
+def against_time(samples: SweepSamples, method: str) -> Iterator[dict[str, object]]:
     """Rows of one method, one an output and number of steps."""
-    part = split(samples.touch, SEED)
+    part = split(samples.group, SEED)
     seen, unseen = take(samples, part == "train"), take(samples, part == "test")
     if method not in ITERATED:
         yield from scored(train(samples, method, OUTPUTS, SEED), unseen, "test", None)
@@ -84,7 +84,7 @@ def along(x: Array, z: Array, target: Array, options: Options) -> list[tuple[int
     return [(step, cpu_s, layer.output(weights, z) * half + middle) for step, cpu_s, weights in kept]
 
 
-def against_scenes(samples: Samples, method: str) -> Iterator[dict[str, object]]:
+def against_scenes(samples: SweepSamples, method: str) -> Iterator[dict[str, object]]:
     """Rows of one method, one an output and number of scenes."""
     seen, unseen = (take(samples, rows) for rows in np.split(np.arange(len(samples)), [len(samples) - UNSEEN]))
     epochs = FEW_STEPS if method in ITERATED else None
@@ -93,7 +93,7 @@ def against_scenes(samples: Samples, method: str) -> Iterator[dict[str, object]]
         yield from scored(model, unseen, "all", epochs)
 
 
-def scored(model: SweepModel, samples: Samples, part: str, steps: int | None) -> Iterator[dict[str, object]]:
+def scored(model: SweepModel, samples: SweepSamples, part: str, steps: int | None) -> Iterator[dict[str, object]]:
     """One row an output."""
     found = evaluate(model, samples)
     radius = dict(zip(samples.scene.tolist(), np.hypot(*samples.target[:, :2].T).tolist(), strict=True))

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from eitsim.sweeps.measurement.instrument import below
 from surrogate.data import outputs
-from surrogate.data.samples import Samples, read_samples, take
+from surrogate.data.samples import SweepSamples, read_samples, take
 from surrogate.learners.base import Estimate
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.train import train
@@ -41,26 +41,26 @@ LEVELS_DB = quick((np.inf, 80.0, 60.0, 40.0), (np.inf, 80.0))
 Row = dict[str, object]
 
 
-def some(samples: Samples, rows: NDArray[np.bool_], count: int) -> Samples:
+def some(samples: SweepSamples, rows: NDArray[np.bool_], count: int) -> SweepSamples:
     """Rows spread evenly over those chosen."""
     chosen = np.flatnonzero(rows)
     return take(samples, chosen[np.linspace(0, len(chosen) - 1, min(count, len(chosen))).round().astype(int)])
 
 
-def by_card(samples: Samples) -> tuple[Samples, Samples]:
+def by_card(samples: SweepSamples) -> tuple[SweepSamples, SweepSamples]:
     """Rows of some cards that train, and rows of the others."""
     cards = np.random.default_rng(SEED).permutation(np.unique(samples.card))
     held = np.isin(samples.card, cards[:round(HELD_OUT * len(cards))])
     return some(samples, ~held, ROWS), some(samples, held, SCORED)
 
 
-def read(model: SweepModel, samples: Samples, noise_V: float) -> Estimate:
+def read(model: SweepModel, samples: SweepSamples, noise_V: float) -> Estimate:
     """What a model makes of rows under noise."""
     noise = noise_V * np.random.default_rng(SEED).normal(size=samples.signal_V.shape)
     return estimate(model, samples.signal_V + noise, noise_V)
 
 
-def scored(name: str, case: str, level: float, samples: Samples, found: Estimate,
+def scored(name: str, case: str, level: float, samples: SweepSamples, found: Estimate,
            scales: NDArray[np.float64]) -> Iterator[Row]:
     """One row an output, with intervals of scales (coverages, rows or 1, outputs)."""
     for k, output in enumerate(outputs.ALL):
@@ -79,7 +79,7 @@ def parts(found: Estimate, k: int) -> Row:
             "sd_model": rms(found.parts.model(found.sd)[:, k]), "sd": rms(found.sd[:, k])}
 
 
-def of(name: str, model: SweepModel, sets: Mapping[str, Samples]) -> Iterator[Row]:
+def of(name: str, model: SweepModel, sets: Mapping[str, SweepSamples]) -> Iterator[Row]:
     """All sets and levels of one model."""
     volts = rms(model.baseline_V)
     for level in LEVELS_DB if name == "carried" else LEVELS_DB[:1]:
@@ -91,7 +91,7 @@ def of(name: str, model: SweepModel, sets: Mapping[str, Samples]) -> Iterator[Ro
             yield from scored(name, case, level, samples, found, factors)
 
 
-def calibrated(model: SweepModel, mesh: Samples) -> Iterator[Row]:
+def calibrated(model: SweepModel, mesh: SweepSamples) -> Iterator[Row]:
     """Half of another mesh's rows calibrate, the other half are scored; means over the splits."""
     found, rng = read(model, mesh, 0.0), np.random.default_rng(SEED)
     error, covered = found.value - mesh.target, []

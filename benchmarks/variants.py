@@ -39,7 +39,7 @@ from eitsim.sweeps.run.sweep import sweep
 from matcal.laws.conductivity import Conductivity, conductivity
 from reports.paper.section import paper_value
 from surrogate.data import outputs
-from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.data.samples import SweepSamples, read_samples, split, take
 from surrogate.learners.bayesian_network import ensemble
 from surrogate.learners.bayesian_network.bayesian_regularisation import Options
 from surrogate.learners.bayesian_network.min_max import MinMax, min_max, scaled
@@ -86,7 +86,7 @@ VARIANTS = (*(Variant(strain) for strain in (*STRAINS, *OWN)),
                                                                    ("principal", 1e-3))))
 
 
-def samples_of(card: Path, variant: Variant, scenes: int, within_mm: float | None) -> Samples:
+def samples_of(card: Path, variant: Variant, scenes: int, within_mm: float | None) -> SweepSamples:
     """The paper's touches under a variant, within a distance of the centre or wherever the punch fits."""
     punch: dict[str, Any] = {"diameter_mm": FIVE if variant.diameters == "five" else ANY, "force_N": [0.1, 2.0]}
     if within_mm is not None:
@@ -137,13 +137,13 @@ WAYS = (Way("10 units", 10), Way("40 units", 40), Way("one min-max of all readin
         Way("areas of whole elements", mesh_noise=True))
 
 
-def scored(stage: str, sensor: str, samples: Samples, within_mm: float | None, steps: int,
+def scored(stage: str, sensor: str, samples: SweepSamples, within_mm: float | None, steps: int,
            way: Way) -> Iterator[dict[str, object]]:
     """One row an output."""
     rows_of = "" if stage == "screen" else f"{len(samples)} scenes" + f" within {within_mm:g} mm" * bool(within_mm)
     name = ", ".join(part for part in (sensor, rows_of, way.name) if part)
     singular = np.linalg.svd(samples.signal_V, compute_uv=False)
-    part = split(samples.touch, SEED)
+    part = split(samples.group, SEED)
     rows, unseen = take(samples, part == "train"), take(samples, part != "train")
     readings = _scaling(rows.signal_V, way)
     x, columns = scaled(readings, rows.signal_V), [outputs.NAMES.index(name) for name in PAPER]

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from conditions import quick, shown, written
 
-from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.data.samples import SweepSamples, read_samples, split, take
 from surrogate.model.evaluate import evaluate
 from surrogate.model.train import train
 
@@ -31,10 +31,10 @@ ZONES_MM = (-np.inf, 1.0, 4.0, 8.0, 20.0, 40.0, np.inf)  # ends of the zones of 
 MOST = quick(None, 400)  # scenes that are taken
 
 
-def scored(samples: Samples, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
+def scored(samples: SweepSamples, seed: int) -> tuple[pd.DataFrame, dict[str, float]]:
     """Unseen touches of a split, a row an output, with the gap between punch and rim; and what training took."""
     model = train(samples, "forward", OUTPUTS, seed)
-    unseen = take(samples, split(samples.touch, seed) == "test")
+    unseen = take(samples, split(samples.group, seed) == "test")
     found = evaluate(model, unseen)
     gap = dict(zip(unseen.scene.tolist(), model.ring.radius_mm - np.hypot(*unseen.target[:, :2].T)
                    - unseen.target[:, 2] / 2, strict=True))
@@ -43,7 +43,7 @@ def scored(samples: Samples, seed: int) -> tuple[pd.DataFrame, dict[str, float]]
         "predict_cpu_ms": found.scores["predict_ms"]}
 
 
-def rows(samples: Samples, error: str) -> Iterator[dict[str, object]]:
+def rows(samples: SweepSamples, error: str) -> Iterator[dict[str, object]]:
     """One row a zone and output, all zones first."""
     each = [scored(samples, seed) for seed in SPLITS]
     for name, table in pd.concat([one for one, _ in each]).groupby("output", sort=False):
@@ -60,7 +60,7 @@ def rows(samples: Samples, error: str) -> Iterator[dict[str, object]]:
                        **each[0][1]}
 
 
-def first(folder: str) -> Samples:
+def first(folder: str) -> SweepSamples:
     """The first MOST samples of a sweep."""
     whole = read_samples(folder)
     return take(whole, np.arange(len(whole))[:MOST])

@@ -102,6 +102,24 @@ def test_the_import_graph_is_drawn_as_it_is() -> None:
     assert drawn == {(package, *arrow) for package, arrows in arrows_between_rooms().items() for arrow in arrows}
 
 
+def asks_of_the_edge() -> Counter[str]:
+    """Room -> places that ask whether a body is a disc, but where this is defined."""
+    found: Counter[str] = Counter()
+    for path in modules():
+        if not path.is_relative_to(ROOT / "eitsim" / "scene" / "edges") and path.name != "scene.py":
+            asked = re.findall(r"\b(?:has_outline|is_round)\b|isinstance\([^()]*, (?:Disc|Outline)\)",
+                               path.read_text(encoding="utf-8"))
+            found["/".join(path.relative_to(ROOT).parts[:2])] += len(asked)
+    return +found
+
+
+def test_few_places_ask_whether_a_body_is_a_disc() -> None:
+    """What edges have in common they answer themselves; the numbers may only fall."""
+    most = {"eitsim/electrics": 4, "eitsim/mechanics": 5, "eitsim/sensors": 5, "eitsim/sweeps": 1,
+            "eitsim/simulation": 21, "surrogate/bounds": 1, "surrogate/data": 1, "surrogate/cli": 1}
+    assert {room: count for room, count in asks_of_the_edge().items() if count > most.get(room, 0)} == {}
+
+
 def test_no_circle_and_few_floors() -> None:
     """Floors of a folder: its files and folders, one above another as the imports among them go."""
     floors: dict[str, int] = {}
@@ -148,6 +166,19 @@ def test_a_command_imports_what_it_needs(work: str, may: set[str]) -> None:
                             text=True, check=True, cwd=ROOT).stdout
     heavy = {"emcee", "torch", "skfem", "matplotlib", "scipy", "pandas", "numba", "arviz", "lmfit", "pint"}
     assert heavy & set(loaded.split()) <= may
+
+
+@pytest.mark.parametrize(("names", "room", "asks"), [
+    ({"pair_problem", "clusters", "unresolvable", "unsolvable"}, "", {"eitsim.simulation.choose"}),
+    ({"effect_of_edges", "other_edges_effect", "outer_edge_effect", "added_edges_cost", "near_rim_from",
+      "near_edges_from"}, "", {"eitsim.simulation.routes"}),
+    ({"solve_touch", "solve_near_rim", "solved_together", "solve_hold"}, "mechanics", {"eitsim.simulation.routes"})])
+def test_how_a_touch_is_solved_is_decided_in_one_place(names: set[str], room: str, asks: set[str]) -> None:
+    """Who asks, above the room that answers, whether edges and neighbours count, and who solves."""
+    paths = [path for path in (ROOT / "eitsim").rglob("*.py") if room_of(name_of(path)) != ("eitsim", room)]
+    found = {name_of(path) for path in paths for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+             if isinstance(node, ast.ImportFrom) for alias in node.names if alias.name in names}
+    assert found == asks
 
 
 def is_sentence(node: ast.AST) -> bool:

@@ -28,7 +28,7 @@ from eitsim.sweeps.design.design import read_design, scene_at
 from matcal.card import read_card
 from matcal.reduction.specimen import make_specimen, read_tables
 from reports.document.page import CONTENTS, read_contents
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.data.sensor_ring import ring_of_design
 from surrogate.model.store import ARRAYS, DESCRIBED, DESCRIPTION, HASH
 from touchcal.errors import InputFileError
@@ -192,9 +192,11 @@ def learnt() -> surrogate.Model:
     rng, number = np.random.default_rng(1), np.arange(30)
     ring = ring_of_design({})
     readings = len(ring.read)
-    rows = Samples(ring, number, number, rng.normal(0, 1e-3, (30, readings)), rng.uniform(1, 2, (30, readings)),
-                   rng.uniform(1, 2, (30, 8)), np.full(30, -1), np.empty((30, 0)), np.zeros(30),
-                   number.astype(np.uint64), np.zeros(30, bool), {}, {"g": [0.2], "tau_s": [1.0], "moduli": "longterm"})
+    signal, baseline = rng.normal(0, 1e-3, (30, readings)), rng.uniform(1, 2, (30, readings))
+    rows = SweepSamples(signal_V=signal, target=rng.uniform(1, 2, (30, 8)), group=number, ring=ring, scene=number,
+                        baseline_V=baseline, card=np.full(30, -1), material=np.empty((30, 0)), signal_sd=np.zeros(30),
+                        row_hash=number.astype(np.uint64), near_edge=np.zeros(30, bool),
+                        relaxation={"g": [0.2], "tau_s": [1.0], "moduli": "longterm"})
     return surrogate.train(rows, method="ridge", outputs="x0,y0,F", seed=1)
 
 

@@ -1,84 +1,29 @@
-"""Kinds of what a plan decides, and of why a scene cannot be solved."""
+"""Kinds of what a plan decides, and of why a scene cannot be solved; a result's file holds the first next to the words.
+"""
 
-from enum import StrEnum, auto
+from enum import StrEnum
 
-
-class Kind(StrEnum):
-    """What a plan decides; a result's file holds it next to the words."""
-
-    # routes
-    AXISYMMETRIC = auto()
-    NEAREST_EDGE = auto()
-    ALL_EDGES = auto()
-    WHOLE_DISC = auto()
-    # where a touch comes from
-    STORED = auto()
-    FROM_REST = auto()
+Kind = StrEnum("Kind", (
+    # routes, and where a touch comes from
+    "AXISYMMETRIC", "NEAREST_EDGE", "ALL_EDGES", "WHOLE_DISC", "STORED", "FROM_REST",
     # neighbours
-    PAIR = auto()
-    ALONE = auto()
-    # the conducting punch
-    INSULATED = auto()
-    FLOATING = auto()
-    END_BY_NEIGHBOUR = auto()
-    END_BY_EDGE = auto()
+    "PAIR", "ALONE",
+    # the punch: what it conducts, its contact
+    "INSULATED", "FLOATING", "END_BY_NEIGHBOUR", "END_BY_EDGE", "NO_FRICTION", "FRICTION", "RIGID_PUNCH",
     # time
-    HOLD_KEPT = auto()
-    HOLD_STEPPED = auto()
-    LOADED_AT_ONCE = auto()
-    LOADED_OVER = auto()
-    ONE_RELAXATION = auto()
-    NO_MEMORY = auto()
-    NO_VISCOELASTICITY = auto()
-    # the laws
-    OUTSIDE_FITS = auto()
-    POSITIVE_IN_PART = auto()
-    STRAIN = auto()
-    ONE_CARD = auto()
-    DRAWN_CARDS = auto()
-    # contact
-    NO_FRICTION = auto()
-    FRICTION = auto()
-    RIGID_PUNCH = auto()
-    SOFT_ELECTRODES = auto()
+    "HOLD_KEPT", "HOLD_STEPPED", "LOADED_AT_ONCE", "LOADED_OVER", "ONE_RELAXATION", "NO_MEMORY", "NO_VISCOELASTICITY",
+    # laws
+    "OUTSIDE_FITS", "POSITIVE_IN_PART", "STRAIN", "ONE_CARD", "DRAWN_CARDS",
     # skin and electrodes
-    FIXED_CHOICES = auto()
-    NO_LOAD_IN_SKIN = auto()
-    SHEET = auto()
-    MESH = auto()
-    RINGS = auto()
-    UNTOUCHED_TRIANGLES = auto()
-    PATCH_AREA = auto()
-    EVEN_SHEET = auto()
-    SHEET_CONDUCTANCE = auto()
-    SCATTER = auto()
-    CHANNELS = auto()
-    MISSING = auto()
-    ONE_MATRIX = auto()
+    "FIXED_CHOICES", "NO_LOAD_IN_SKIN", "SHEET", "SOFT_ELECTRODES", "MESH", "RINGS", "UNTOUCHED_TRIANGLES",
+    "PATCH_AREA", "EVEN_SHEET", "SHEET_CONDUCTANCE", "SCATTER", "CHANNELS", "MISSING", "ONE_MATRIX",
     # exact runs
-    FINER_MESH = auto()
-    EXACT_SKIN = auto()
+    "FINER_MESH", "EXACT_SKIN"))
 
-
-class Why(StrEnum):
-    """Why a scene cannot be solved."""
-
-    CONDUCTIVITY_UNIT = auto()
-    TOO_THIN = auto()
-    TOO_SHALLOW = auto()
-    TOO_LIGHT = auto()
-    ELECTRODES = auto()
-    TOO_DEEP = auto()
-    ON_ELECTRODES = auto()
-    FRICTION_CREEPS = auto()
+Why = StrEnum("Why", (
+    "CONDUCTIVITY_UNIT", "TOO_THIN", "TOO_SHALLOW", "TOO_LIGHT", "ELECTRODES", "TOO_DEEP", "ON_ELECTRODES",
+    "FRICTION_CREEPS",
     # of routes
-    OFF_SKIN = auto()
-    SLIPS = auto()
-    CREEPS = auto()
-    NOT_THIS_BODY = auto()
+    "OFF_SKIN", "SLIPS", "CREEPS", "NOT_THIS_BODY",
     # of neighbours
-    OVERLAP = auto()
-    HELD_TOGETHER = auto()
-    MORE_THAN_TWO = auto()
-    PAIR_FRICTION = auto()
-    PAIR_GAP = auto()
+    "OVERLAP", "HELD_TOGETHER", "MORE_THAN_TWO", "PAIR_FRICTION", "PAIR_GAP"))

@@ -1,6 +1,7 @@
 """Closed polygons in the plane: areas, distances, crossings; an outer edge and its holes are loops of corners."""
 
 import math
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -23,12 +24,26 @@ class Looped(Protocol):
         ...
 
 
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """Closed edges as they are given."""
+
+    loops: tuple[Array, ...]
+
+
 def circle(centre_m: ArrayLike, radius_m: float, chords: int = ROUND) -> Array:
     """Corners (chords, 2), m, of the regular polygon with a circle's centre and area."""
     step = 2 * math.pi / chords
     angle = step * np.arange(chords)
     return np.asarray(centre_m) + radius_m * math.sqrt(step / math.sin(step)) * np.column_stack(
         [np.cos(angle), np.sin(angle)])
+
+
+def turned(loop: Array, sign: float) -> Array:
+    """The loop counter-clockwise, 1, or clockwise, -1, a repeated first corner left out."""
+    if len(loop) > 1 and np.array_equal(loop[0], loop[-1]):
+        loop = loop[:-1]
+    return loop.copy() if signed_area(loop) * sign >= 0 else loop[::-1].copy()
 
 
 def signed_area(loop: Array) -> float:

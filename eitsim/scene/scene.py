@@ -55,7 +55,7 @@ class Body:
     def radius_m(self) -> float:
         """Radius of a disc, m; ValueError for another edge."""
         if not isinstance(self.edge, Disc):
-            raise ValueError("the body is no disc, and has no radius.")
+            raise ValueError(f"the body has the outline '{self.outline.kind}', and this is for discs.")
         return self.edge.radius_m
 
     @property

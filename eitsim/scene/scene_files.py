@@ -10,11 +10,10 @@ import numpy as np
 from eitsim.scene.calibrated_electrodes import with_calibrated
 from eitsim.scene.drive import with_matrices
 from eitsim.scene.drive_pairs import with_pairs
-from eitsim.scene.edges.outline import Outline
-from eitsim.scene.edges.outline_edge import arc_at, arcs_of, edge_starts
 from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
+from eitsim.scene.outline_edge import arc_at, arcs_of, edge_starts
 from eitsim.scene.outline_files import Corners, line_groups, outline_of_file
-from eitsim.scene.polygons import KINDS
+from eitsim.scene.polygons import KINDS, Looped, Loops, turned
 from touchcal.arrays import Array
 from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number
@@ -102,14 +101,14 @@ def _from_lines(electrodes: Mapping[str, Any], body: Mapping[str, Any], read: Ma
     if len(chosen) < FEWEST:
         raise InputFileError(path, f"groups in [electrodes]: at least {FEWEST} groups of lines must be named "
                                    f"{electrodes['groups']} and a number; it has {', '.join(found) or 'none'}.")
-    outline = Outline("polygon", points_m=tuple(map(tuple, 1e-3 * np.array(read["points_mm"]))))
+    outline = Loops((turned(1e-3 * np.array(read["points_mm"], dtype=float), 1.0),))
     places = [_along(path, name, 1e-3 * found[name], outline) for name in chosen]
     kept = {key: value for key, value in electrodes.items() if key != "groups"}
     made = {"positions_mm": [1e3 * middle for middle, _ in places], "width_mm": [1e3 * width for _, width in places]}
     return {"electrodes": {**kept, "count": len(chosen), **made}}
 
 
-def _along(path: Path, name: str, lines_m: Array, outline: Outline) -> tuple[float, float]:
+def _along(path: Path, name: str, lines_m: Array, outline: Looped) -> tuple[float, float]:
     """Middle, from the direction +x counter-clockwise, and length, m, of lines along the outer edge."""
     whole = edge_starts(outline)[-1]
     arc, away = arcs_of(outline, lines_m.mean(axis=1))

@@ -10,8 +10,8 @@ import numpy as np
 
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.outline.edge_admittance import edge_admittance, sliding_mesh
-from eitsim.scene.edges.outline_edge import edge_starts
 from eitsim.scene.electrodes import IMPEDANCES, contact_impedances, there
+from eitsim.scene.outline_edge import edge_starts
 from eitsim.scene.scene import Body, Electrodes
 from touchcal.arrays import Array, Index
 

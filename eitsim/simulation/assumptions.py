@@ -12,7 +12,6 @@ from eitsim.scene.drive import protocol
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Scene
 from eitsim.simulation.choose import Chosen, Way
-from eitsim.simulation.edge_effects import effect_of_edges, stiffening
 from eitsim.simulation.routes import ROUTES
 from eitsim.simulation.validity import positive_from
 from touchcal.choice import Choice
@@ -59,12 +58,12 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     yield Choice(Kind.ONE_CARD, cost=None)
     for way in chosen.ways:
         yield Choice(Kind.NO_FRICTION, cost=None) if way.case.punch.friction == "none" else Choice(
-            Kind.FRICTION, {"near": way.near})
+            Kind.FRICTION, {"near": way.case.near})
     yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
     if not scene.electrodes.soft:
-        yield Choice(Kind.SOFT_ELECTRODES, {"holes": scene.electrodes.kind == "line" and len(scene.body.edge.loops) > 1},
-                     max(stiffening(scene, punch) for punch in scene.punches))
+        yield Choice(Kind.SOFT_ELECTRODES, {"holes": chosen.ways[0].case.bare_holes},
+                     max(way.case.stiffening for way in chosen.ways))
     yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
     over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)
     yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
@@ -102,8 +101,8 @@ def _conductor(way: Way, paired: bool) -> Iterator[Choice]:
     yield Choice(Kind.FLOATING)
     if paired:
         yield Choice(Kind.END_BY_NEIGHBOUR, cost=None)
-    elif way.near:
-        yield Choice(Kind.END_BY_EDGE, cost=_CONTACT_SHARE * effect_of_edges(way.case.scene, way.case.punch))
+    elif way.case.near:
+        yield Choice(Kind.END_BY_EDGE, cost=_CONTACT_SHARE * way.case.by_edges)
 
 
 def _neighbours(chosen: Chosen) -> Iterator[Choice]:

@@ -8,8 +8,7 @@ from eitsim.electrics.cem.boundary_integral import unsolvable
 from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
-from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP
-from eitsim.scene.choices import Why
+from eitsim.scene.choices import Kind, Why
 from eitsim.scene.electrodes import lengths, present
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene
@@ -17,6 +16,7 @@ from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.material import Material
 from eitsim.simulation.routes import (
     AXISYMMETRIC,
+    RIM_SHARE,
     ROUTES,
     WHOLE_DISC,
     Case,
@@ -43,7 +43,7 @@ class Way:
 
     case: Case
     route: Route
-    near: bool  # whether edges count
+    why: Choice | None = None  # why no route serves; None where one does
     touch: Touch | None = None  # from a table; None where it is solved
 
     def solved(self, law: Law, keep: bool) -> Touch:
@@ -89,7 +89,7 @@ def choose(scene: Scene, material: Material, *, exact: bool = False, table: Tabl
     to the requested error, not with exact.
     """
     ways, pairs = choose_ways(scene, exact=exact)
-    why = _why(scene, material, [way.case for way in ways])
+    why = _why(scene, material, ways)
     if table is not None and not exact:
         ways = _from_table(table, material.law, scene, ways, pairs)
     return Chosen(scene, material, exact, ways, pairs, None if exact else table, why)
@@ -97,22 +97,19 @@ def choose(scene: Scene, material: Material, *, exact: bool = False, table: Tabl
 
 def choose_ways(scene: Scene, *, exact: bool = False) -> tuple[tuple[Way, ...], tuple[Pair, ...]]:
     """The way of each touch, whatever the material, and the pairs that are solved together."""
-    cases = [Case(scene, punch, exact) for punch in scene.punches]
-    pairs = _pairs(scene, cases)
-    paired = {i for pair in pairs for i in pair.touches}
-    return tuple(_for_a_pair(case) if i in paired else _alone(case) for i, case in enumerate(cases)), pairs
-
-
-def near_edge(case: Case) -> bool:
-    """Whether neglecting edges may cost more of the signal than its share of the requested error."""
-    return AXISYMMETRIC.leaves_out(case) > case.allowed
+    ways = [_alone(Case(scene, punch, exact)) for punch in scene.punches]
+    pairs = _pairs(scene, ways)
+    for i in itertools.chain(*(pair.touches for pair in pairs)):  # the pair adds what neighbour and edges change
+        ways[i] = replace(ways[i], route=AXISYMMETRIC)
+    return tuple(ways), pairs
 
 
 def tabled_near_edge(scene: Scene, reach: float) -> int:
     """How many touches of a scene lie near an edge where a table of what edges change as far as a reach, thicknesses,
     may hold them."""
     ways = [_alone(Case(scene, punch)) for punch in scene.punches]
-    return sum(way.near and not isinstance(way.route.serves(way.case), Choice) and way.route.tabled(way.case, reach)
+    return sum(way.case.near and way.case.straight and way.why is None and (
+        way.route.kind is not Kind.ALL_EDGES or way.case.added_up(reach) <= RIM_SHARE * scene.accuracy.signal)
                for way in ways)
 
 
@@ -128,18 +125,17 @@ def served(table: Table | None, law: Law, scene: Scene) -> tuple[Touch | None, .
 def _alone(case: Case) -> Way:
     """The cheapest route that meets the requested error and serves; where none does, the first that meets it. To be
     exact, the whole disc where it serves."""
-    near = near_edge(case)
     if case.exact and not isinstance(WHOLE_DISC.serves(case), Choice):
-        return Way(case, WHOLE_DISC, near)
-    fitting = (route for route in ROUTES if route is ROUTES[-1] or route.leaves_out(case) <= case.allowed)
-    first = next(fitting)
-    return Way(case, next((route for route in itertools.chain((first,), fitting)
-                           if not isinstance(route.serves(case), Choice)), first), near)
-
-
-def _for_a_pair(case: Case) -> Way:
-    """The axisymmetric touch, to which the pair adds what neighbour and edges change."""
-    return Way(case, AXISYMMETRIC, near_edge(case))
+        return Way(case, WHOLE_DISC)
+    refused = None
+    for route in ROUTES:
+        if route is ROUTES[-1] or route.leaves_out(case) <= case.allowed:
+            why = route.serves(case)
+            if not isinstance(why, Choice):
+                return Way(case, route)
+            refused = refused or Way(case, route, why)
+    assert refused is not None
+    return refused
 
 
 def _from_table(table: Table, law: Law, scene: Scene, ways: Sequence[Way],
@@ -147,7 +143,7 @@ def _from_table(table: Table, law: Law, scene: Scene, ways: Sequence[Way],
     """The ways with the touches that a table serves finely enough, with what each cost; one of a pair is taken where no
     edge counts."""
     begun, paired = cpu_s(), {i for pair in pairs for i in pair.touches}
-    found = [None if i in paired and way.near else touch if touch is not None and (
+    found = [None if i in paired and way.case.near else touch if touch is not None and (
         touch.rim is not None or fine_enough([touch], scene)) else None
         for i, (way, touch) in enumerate(zip(ways, served(table, law, scene), strict=True))]
     each = (cpu_s() - begun) / max(sum(touch is not None for touch in found), 1)
@@ -155,13 +151,13 @@ def _from_table(table: Table, law: Law, scene: Scene, ways: Sequence[Way],
                  for way, touch in zip(ways, found, strict=True))
 
 
-def _pairs(scene: Scene, cases: Sequence[Case]) -> tuple[Pair, ...]:
+def _pairs(scene: Scene, ways: Sequence[Way]) -> tuple[Pair, ...]:
     """The touches, two each, that are solved together: those that must be, with exact any two that can, far from edges.
     """
-    if len(cases) < 2 or scene.hold.time_s:
+    if len(ways) < 2 or scene.hold.time_s:
         return ()
-    two = cases[0].exact and len(cases) == 2 and not any(near_edge(case) for case in cases)
-    return tuple(Pair((group[0], group[1]), any(near_edge(cases[i]) for i in group))
+    two = ways[0].case.exact and len(ways) == 2 and not any(way.case.near for way in ways)
+    return tuple(Pair((group[0], group[1]), any(ways[i].case.near for i in group))
                  for group in (((0, 1),) if two else _clusters(scene))
                  if pair_problem(scene.body, [scene.punches[i] for i in group]) is None)
 
@@ -170,7 +166,7 @@ def _clusters(scene: Scene) -> tuple[tuple[int, ...], ...]:
     return clusters(scene.body, scene.punches, _NEIGHBOUR_SHARE * scene.accuracy.signal)
 
 
-def _why(scene: Scene, material: Material, cases: Sequence[Case]) -> Choice | None:
+def _why(scene: Scene, material: Material, ways: Sequence[Way]) -> Choice | None:
     """Why a scene cannot be solved, with the nearest that can."""
     if why := unresolvable(scene, material):
         return why
@@ -178,14 +174,14 @@ def _why(scene: Scene, material: Material, cases: Sequence[Case]) -> Choice | No
             problem := unsolvable(scene.body, present(scene.electrodes),
                                   untouched_conductance(material.skin, scene.skin)))):
         return Choice(Why.ELECTRODES, {"problem": problem})
-    for i, case in enumerate(cases):
-        if (why := _why_alone(case)) is not None:
-            return why if len(cases) == 1 else replace(why, values={**why.values, "touch": i})
-    return _why_neighbours(scene) if len(cases) > 1 else None
+    for i, way in enumerate(ways):
+        if (why := _why_alone(way)) is not None:
+            return why if len(ways) == 1 else replace(why, values={**why.values, "touch": i})
+    return _why_neighbours(scene) if len(ways) > 1 else None
 
 
-def _why_alone(case: Case) -> Choice | None:
-    scene, punch = case.scene, case.punch
+def _why_alone(way: Way) -> Choice | None:
+    case, scene, punch = way.case, way.case.scene, way.case.punch
     deepest_m = _DEEPEST * scene.body.thickness_m
     if punch.depth_m is not None and punch.depth_m > deepest_m:
         return Choice(Why.TOO_DEEP, {"depth_m": punch.depth_m, "share": _DEEPEST, "deepest_m": deepest_m})
@@ -194,10 +190,9 @@ def _why_alone(case: Case) -> Choice | None:
         return Choice(Why.ON_ELECTRODES, {"onto_m": onto_m, "length_m": length_m})
     if punch.friction != "none" and case.creeps:
         return Choice(Why.FRICTION_CREEPS, {"friction": punch.friction})
-    why = _alone(replace(case, exact=False) if case.exact else case).route.serves(case)
-    if not isinstance(why, Choice) or case.gap_m < LEAST_GAP * scene.body.edge.size_m:
-        return why if isinstance(why, Choice) else None
-    return replace(why, values={
+    if way.why is None or way.why.kind is Why.OFF_SKIN:
+        return way.why
+    return replace(way.why, values={
         "gap_m": case.gap_m, "outline": scene.body.has_outline, "cost": case.by_edges, "allowed": case.allowed,
         "clear_m": least_gap_m(scene), "radius_m": scene.body.edge.size_m})
 

@@ -51,12 +51,9 @@ def _edges_effect(scene: Scene, outline: Outline, punch: Punch) -> float:
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps.tolist())
 
 
-def stiffening(scene: Scene, punch: Punch) -> float:
-    """What electrodes that do not give way may change: as much as the edges that may carry them, which of a skin with
-    electrodes along its outer edge is that one alone."""
-    if scene.electrodes.kind == "line" and len(scene.body.edge.loops) > 1:
-        return _edges_effect(scene, replace(scene.body.outline, holes_m=()), punch)
-    return effect_of_edges(scene, punch)
+def outer_edge_effect(scene: Scene, punch: Punch) -> float:
+    """What the outer edge of an outline may change, without its holes."""
+    return _edges_effect(scene, replace(scene.body.outline, holes_m=()), punch)
 
 
 def other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -> float:

@@ -19,4 +19,5 @@ def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = Fals
 
 def plan_of(chosen: Chosen) -> Plan:
     """What was chosen as a plan, in words."""
-    return Plan(tuple(map(words.decision, choices(chosen))), "" if chosen.why is None else words.refusal(chosen.why))
+    made = tuple(choices(chosen))
+    return Plan(tuple(map(words.decision, made)), "" if chosen.why is None else words.refusal(chosen.why))

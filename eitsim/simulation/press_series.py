@@ -16,10 +16,10 @@ from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_disp
 from eitsim.electrics.sheet.sheet_conductance import driving_strain, surface_metric
 from eitsim.mechanics.rim.displacement_field import Places, displacement, gradient, widening
 from eitsim.mechanics.rim.half_disc_fields import INWARDS, Lattice, lattice_of, turn
-from eitsim.scene.edges.outline_edge import edge_starts, places_along
 from eitsim.scene.edges.outline_electrodes import patch_loops, stretches_along
 from eitsim.scene.electrodes import arcs, lengths
 from eitsim.scene.nearest_edge import nearest_edge
+from eitsim.scene.outline_edge import edge_starts, places_along
 from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import Array, Touch, Volume
 from eitsim.scene.scene import Body, Punch, Scene, as_scene, profile_of

@@ -29,7 +29,13 @@ from eitsim.scene.choices import Kind, Why
 from eitsim.scene.nearest_edge import STRAIGHT_M, NearestEdge
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Body, Punch, Scene, rim_gap_m
-from eitsim.simulation.edge_effects import EDGE_SHARE, added_edges_cost, effect_of_edges, other_edges_effect
+from eitsim.simulation.edge_effects import (
+    EDGE_SHARE,
+    added_edges_cost,
+    effect_of_edges,
+    other_edges_effect,
+    outer_edge_effect,
+)
 from eitsim.simulation.kept_touches import kept_touch
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
@@ -59,6 +65,21 @@ class Case:
         """What all edges may change of the signal."""
         return effect_of_edges(self.scene, self.punch)
 
+    @property
+    def near(self) -> bool:
+        """Whether neglecting edges may cost more of the signal than its share of the requested error."""
+        return self.gap_m <= 0 or self.by_edges > self.allowed
+
+    @property
+    def bare_holes(self) -> bool:
+        """Whether the skin has holes, and electrodes lie along its outer edge alone."""
+        return self.scene.electrodes.kind == "line" and len(self.scene.body.edge.loops) > 1
+
+    @property
+    def stiffening(self) -> float:
+        """What electrodes that do not give way may change: as much as the edges that carry them."""
+        return outer_edge_effect(self.scene, self.punch) if self.bare_holes else self.by_edges
+
     @cached_property
     def by_other_edges(self) -> float:
         """What the edges but the nearest may change of the signal."""
@@ -79,6 +100,10 @@ class Case:
     def allowed(self) -> float:
         """What neglecting edges may cost of the signal."""
         return EDGE_SHARE * self.scene.accuracy.signal
+
+    def added_up(self, reach: float) -> float:
+        """What adding up the changes by several edges, as far as a reach, thicknesses, may cost of the signal."""
+        return added_edges_cost(self.scene, self.punch, reach)
 
     @property
     def creeps(self) -> bool:
@@ -102,10 +127,6 @@ class Route(Protocol):
         """CPU time of a usual touch, s; or why it cannot solve this one."""
         ...
 
-    def tabled(self, case: Case, reach: float) -> bool:
-        """Whether a table of load paths, with what edges change as far as a reach, thicknesses, may hold it."""
-        ...
-
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         """The touch from a table of load paths; None where it does not hold it to the requested error."""
         ...
@@ -126,9 +147,6 @@ class Axisymmetric:
 
     def serves(self, case: Case) -> float | Choice:
         return 0.3
-
-    def tabled(self, case: Case, reach: float) -> bool:
-        return True
 
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         return touch_from(table, law, case.scene.body, case.punch)
@@ -155,9 +173,6 @@ class NearestAlone:
     def serves(self, case: Case) -> float | Choice:
         return _edge_problem(case) or (6.0 if case.scene.body.has_outline else 1.9)
 
-    def tabled(self, case: Case, reach: float) -> bool:
-        return case.straight
-
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         touch = touch_from(table, law, case.scene.body, case.punch)
         return touch and near_rim_from(_within(table, case.scene), touch, case.scene.body, case.punch)
@@ -178,15 +193,12 @@ class AllEdges:
     def serves(self, case: Case) -> float | Choice:
         return _edge_problem(case) or (12.0 if case.scene.body.has_outline else Choice(Why.NOT_THIS_BODY))
 
-    def tabled(self, case: Case, reach: float) -> bool:
-        return case.straight and added_edges_cost(case.scene, case.punch, reach) <= _of_changes(case.scene)
-
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         if table.rim is None or (touch := touch_from(table, law, case.scene.body, case.punch)) is None:
             return None
-        cost = added_edges_cost(case.scene, case.punch, float(table.rim.gaps[-1]))
-        return None if cost > _of_changes(case.scene) else near_edges_from(
-            _within(table, case.scene), touch, case.scene.body, case.punch, cost)
+        cost = case.added_up(float(table.rim.gaps[-1]))
+        return near_edges_from(_within(table, case.scene), touch, case.scene.body, case.punch, cost) if (
+            cost <= RIM_SHARE * case.scene.accuracy.signal) else None
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         solve = partial(solve_near_rim, whole=case.exact, all_edges=True)
@@ -266,11 +278,7 @@ def _refinable(nodes: int, punch: Punch) -> bool:
     return nodes <= _MOST_NODES and punch.friction == "none"
 
 
-def _of_changes(scene: Scene) -> float:
-    """What a table of changes may cost of the signal."""
-    return RIM_SHARE * scene.accuracy.signal
-
-
 def _within(table: Table, scene: Scene) -> Table:
+    """The table with the changes alone that meet the requested error."""
     return table if table.rim is None else replace(
-        table, rim=within(table.rim, _of_changes(scene), scene.skin.strain))
+        table, rim=within(table.rim, RIM_SHARE * scene.accuracy.signal, scene.skin.strain))

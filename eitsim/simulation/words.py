@@ -19,7 +19,7 @@ _DRIVEN_BY = {"normal": "its strain through the thickness", "principal": "its la
               "areal": "its change of area"}
 _CHANGE = ", as a change of the axisymmetric touch"
 _TABLED = "nothing is solved in three dimensions, and what the table may be off counts with its load path"
-_TOLD = "a coarser mesh with fewer harmonics tells the error, which counts in the result's own"
+_ERROR = "a coarser mesh with fewer harmonics tells the error, which counts in the result's own"
 _STAYS = "; exact does not change it, since nothing that does without it is built"
 _REMEDIES = {Kind.SOFT_ELECTRODES: "Where yours give way, as paint, foil and thin wires do, write soft = true in "
                                    "[electrodes]."}
@@ -130,10 +130,10 @@ def _nearest_edge(of: Values) -> Words:
         edge, bound = ("one edge", "; the bound is of the other edges") if of["outline"] else ("the rim", "")
         return f"what {edge} changes of the axisymmetric touch, from a table", f"{_from_edge(of)}; {_TABLED}{bound}"
     if not of["outline"]:
-        return f"mechanics in three dimensions near the rim{_CHANGE}", f"{_from_edge(of)}; {_TOLD}"
+        return f"mechanics in three dimensions near the rim{_CHANGE}", f"{_from_edge(of)}; {_ERROR}"
     shape = "a straight one" if of["disc_m"] is None else f"part of a circle of {of['disc_mm']:.0f} mm"
     return (f"mechanics in three dimensions near one edge{_CHANGE}",
-            f"{_from_edge(of)}, taken as {shape}; {_TOLD}; the bound is of the other edges")
+            f"{_from_edge(of)}, taken as {shape}; {_ERROR}; the bound is of the other edges")
 
 
 def _all_edges(of: Values) -> Words:
@@ -142,12 +142,12 @@ def _all_edges(of: Values) -> Words:
             f"{_from_edge(of)}; {_TABLED}; the bound is of edges further away than {of['reach']:g} thicknesses")
     edges, cut = ("several edges", "outline") if of["outline"] else ("the rim", "rim")
     return (f"mechanics in three dimensions near {edges}{_CHANGE}",
-            f"{_from_edge(of)}; circles about the punch are cut where the {cut} cuts them; {_TOLD}; the bound is of "
+            f"{_from_edge(of)}; circles about the punch are cut where the {cut} cuts them; {_ERROR}; the bound is of "
             f"edges further away than {of['reach']:g} thicknesses")
 
 
 def _whole_disc(of: Values) -> Words:
-    return f"exact: mechanics in three dimensions on the whole disc{_CHANGE}", f"{_from_edge(of)}; {_TOLD}"
+    return f"exact: mechanics in three dimensions on the whole disc{_CHANGE}", f"{_from_edge(of)}; {_ERROR}"
 
 
 def _stored(of: Values) -> Words:

@@ -13,6 +13,7 @@ from reports.document.numerals import counted, in_figure, number, percent, types
 from reports.document.page import Report, ReportFigure, Table
 from reports.document.verdict import NOT_USABLE, SHORTFALL, Verdict, graded
 from surrogate.model import store
+from surrogate.model.recorded.plain_reader import PlainReader
 from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.recorded.reader_scores import Tested
 from surrogate.recordings.scalar_reader import FAMILIES as OF_LABELS
@@ -83,11 +84,18 @@ def _scores(tested: Sequence[Tested]) -> Table:
 
 
 def _families(model: PressModel) -> Table:
-    rows = []
-    if place := model.reader.place:
+    rows, reader = [], model.reader
+    if isinstance(reader, PlainReader):
+        return _of_families([[_title(one.name), model.method, "1", f"{number(one.held_out[0])}"]
+                             for one in reader.outputs])
+    if place := reader.place:
         rows += _family_rows("Place", FAMILIES, place.weights, place.held_out, "mm")
-    for one in model.reader.scalars:
+    for one in reader.scalars:
         rows += _family_rows(one.name, OF_LABELS, one.weights, one.held_out, unit_of(one.name))
+    return _of_families(rows)
+
+
+def _of_families(rows: list[list[str]]) -> Table:
     return Table("Families of readers: their weights, and their mean errors on held-out blocks in time.",
                  ["output", "family", "weight", "error"], rows, "lwrr")
 

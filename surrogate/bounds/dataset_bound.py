@@ -22,7 +22,7 @@ from surrogate.bounds.material_spread import MaterialSpread, known_material, spr
 from surrogate.bounds.reading_derivatives import slopes_of
 from surrogate.bounds.van_trees import Domain, domain, least_error
 from surrogate.data import outputs
-from surrogate.data.samples import Samples, content_hash, read_samples, take
+from surrogate.data.samples import SweepSamples, content_hash, read_samples, take
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.statistics.gaussian_process import spread_evenly
 from surrogate.statistics.metrics import rms
@@ -71,7 +71,7 @@ def floors(folder: Path | str, card_path: Path, noise_db: Sequence[float], *, ma
     return found
 
 
-def prior_of(samples: Samples) -> Prior:
+def prior_of(samples: SweepSamples) -> Prior:
     """The prior of rows: uniform over their ranges of diameter and force, and where the outermost one still fits."""
     x, y, d, force = samples.target[:, :outputs.TOUCH].T
     radius = samples.ring.radius_mm
@@ -117,7 +117,7 @@ def _at_place(table: SlopeTable, where: Domain, place: int, noise_V: float, spre
             | {name: error(slope) for name, slope in (varying | others).items()})
 
 
-def _gradients(samples: Samples) -> dict[str, Gradient]:
+def _gradients(samples: SweepSamples) -> dict[str, Gradient]:
     """Derivatives of the mechanical outputs by d and F, of processes learned from some of the rows."""
     some = take(samples, spread_evenly(len(samples), _ROWS))
     names, touch = outputs.NAMES[outputs.TOUCH:], some.target[:, :outputs.TOUCH]

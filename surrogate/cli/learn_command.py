@@ -29,6 +29,8 @@ SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrode
 SUGGEST_HELP = ("Number of places to press next; they are printed and written to suggested.csv in the folder of "
                 "--out. Before the first press neither labels nor a recording are needed.")
 WORKERS_HELP = "Processes that share the model and the splits of its scores; by default one a core."
+METHOD_HELP = ("families: all families of readers, weighted by held-out presses; or a method of `surrogate train` that "
+               "needs no sensor: ridge, gp, trainbr, network.")
 NO_DISC = "The body is no disc, so that no model of the sensor is used."
 NO_SENSOR = ("No sensor file is given: readings are plain channels, taken as signed voltages, and no model of the "
              "sensor is used.")
@@ -40,7 +42,8 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
           labels: Annotated[Path | None, typer.Option(help=LABELS_HELP)] = None,
           sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None,
           simulated: Annotated[Path | None, typer.Option(help=SIMULATED_HELP)] = None,
-          suggest: Annotated[int | None, typer.Option(min=1, help=SUGGEST_HELP)] = None, seed: SeedOption = 0,
+          suggest: Annotated[int | None, typer.Option(min=1, help=SUGGEST_HELP)] = None,
+          method: Annotated[str, typer.Option(help=METHOD_HELP)] = "families", seed: SeedOption = 0,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           as_json: JsonOption = False) -> None:
     """Learn touches from recorded presses: the model learns from all of them, and scores are those of readers of four
@@ -77,7 +80,7 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
         print(SLOW, file=sys.stderr)
     try:
         with waiting("learning the presses"):
-            model = surrogate.learn(frames, given, seed, workers or cores(), expectation)
+            model = surrogate.learn(frames, given, seed, workers or cores(), expectation, method)
     except NothingToRead:
         _write_suggested(ahead, out)
         if not as_json:

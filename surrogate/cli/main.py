@@ -20,7 +20,7 @@ from surrogate.learners.registry import METHODS, method_of
 from touchcal.terminal import JsonOption, SeedOption, application, check_out, counted, numbers, print_json, run, waiting
 
 if TYPE_CHECKING:
-    from surrogate.data.samples import Samples
+    from surrogate.data.samples import SweepSamples
     from surrogate.model.sweep_model import SweepModel
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -75,7 +75,7 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
             raise ValueError("--method, --outputs, --epochs, --calibrate, --exact-signals and --known-punches are "
                              "for sweeps; a recording is learnt by all families of readers, for all of its labels. "
                              "Leave them out.")
-        learn(folder, out, labels, sensor, simulated, suggest, seed, workers, as_json)
+        learn(folder, out, labels, sensor, simulated, suggest, seed=seed, workers=workers, as_json=as_json)
         return
     check_out(out, folder=True)
     store.check_own(out)
@@ -185,7 +185,7 @@ def report(model_folder: ModelFolder, out: Annotated[Path, typer.Option(help="PD
     print(f"report: {out}")
 
 
-def _samples(folder: Path) -> Samples:
+def _samples(folder: Path) -> SweepSamples:
     """The rows of a data set; how many are missing is said on standard error."""
     from eitsim.sweeps.dataset.parquet import missing_rows
     from surrogate.data.samples import read_samples

@@ -157,12 +157,12 @@ def _frame_drift(model: SweepModel, changes: dict[str, float], data: Path | None
 
 
 def _plain_table(model: SweepModel, frames: ComparedFrames, held_s: float | None, drift: FrameDrift) -> pd.DataFrame:
-    from surrogate.model.predict import prepare, sign_caution, table_of
+    from surrogate.model.predict import prepare, read_touches, sign_caution, table_of
 
     say_intervals(model, frames.noise)
     with waiting("reading frames"):
-        table = table_of(prepare(model, frames.untouched_V, frames.noise, frames.dead, held_s=held_s, drift=drift),
-                         frames.lines)
-    if words := sign_caution(table["flag"].tolist()):
+        found = read_touches(prepare(model, frames.untouched_V, frames.noise, frames.dead, held_s=held_s, drift=drift),
+                             frames.lines)
+    if words := sign_caution(found.kinds):
         say(words)
-    return table
+    return table_of(model, frames.lines, found)

@@ -1,10 +1,11 @@
-"""The rows of a data set as a surrogate sees them: signals, targets, the sensor, a hash that recognises each row."""
+"""Rows that a learner is taught by: signals with what is to be read of them; and those of a sweep, with its sensor and
+a hash that recognises each row."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -27,16 +28,37 @@ STATED_PER_SD = 3.0
 MIN_TOUCHES = 20  # fewest touches that give each part a few
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Samples:
-    """Solved scenes of one sensor."""
+    """Signals and what is to be read of them, of a sweep or of recorded presses."""
 
+    signal_V: Array  # (n, readings) touched minus untouched, V or the unit of the recording
+    target: Array  # (n, outputs) in the units of their names
+    names: tuple[str, ...]  # of the outputs
+    # (n,) number that rows share which are not to be parted: of one touch or press, of a nested design those of a block
+    group: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.signal_V)
+
+    @property
+    def age(self) -> Array:
+        """(n,) age of the untouched frame; 0 where it was read with the touched one."""
+        return np.zeros(len(self))
+
+    def targets(self, names: Sequence[str]) -> Array:
+        """(n, outputs) targets of the outputs of these names."""
+        return self.target[:, [self.names.index(name) for name in names]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepSamples(Samples):
+    """Solved scenes of one sensor; targets are outputs.ALL."""
+
+    names: tuple[str, ...] = outputs.NAMES
     ring: Ring
     scene: NDArray[np.int64]  # (n,) scene numbers
-    touch: NDArray[np.int64]  # (n,) number that rows of one touch share, and of a nested design those of one block
-    signal_V: Array  # (n, readings) touched minus untouched, V
     baseline_V: Array  # (n, readings) untouched, V
-    target: Array  # (n, 8) outputs.ALL in the units of their columns
     # (n,) number of each row's card among the draws of the posterior, -1 where one card serves all
     card: NDArray[np.int64]
     # (n, q) what each row's card answers, see `surrogate.data.material_states`; q = 0 where one card serves all
@@ -51,18 +73,11 @@ class Samples:
     relaxation: Mapping[str, Any] = field(default_factory=dict)  # the manifest's, empty where none is stated
     profile: str = ""  # of the punch, in words
 
-    def __len__(self) -> int:
-        return len(self.scene)
 
-    def targets(self, names: Sequence[str]) -> Array:
-        """(n, outputs) targets of the outputs of these names."""
-        return self.target[:, [outputs.NAMES.index(name) for name in names]]
-
-
-def read_samples(data: Samples | Dataset | Path | str) -> Samples:
+def read_samples(data: SweepSamples | Dataset | Path | str) -> SweepSamples:
     """The ok rows of a data set or of its folder, or samples as they are; InputFileError where it is none, has no ok
     row or one of several touches, or a column lacks numbers."""
-    if isinstance(data, Samples):
+    if isinstance(data, SweepSamples):
         return data
     folder = Path("data set") if isinstance(data, Dataset) else Path(data)
     if not isinstance(data, Dataset):
@@ -76,7 +91,7 @@ def read_samples(data: Samples | Dataset | Path | str) -> Samples:
     return _samples(folder, data, ring)
 
 
-def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
+def _samples(folder: Path, data: Dataset, ring: Ring) -> SweepSamples:
     rows = data.ok
     if rows.empty:
         counts = ", ".join(f"{n} {name}" for name, n in data.table["outcome"].value_counts().items())
@@ -88,13 +103,15 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> Samples:
     signal = _numbers(folder, rows, voltage_columns(readings, "dv"))
     target = _numbers(folder, rows, [output.column for output in outputs.ALL])
     scene = rows["scene"].to_numpy(np.int64)
-    touch = _touches(data.design["sampler"], scene, rows)
+    group = _touches(data.design["sampler"], scene, rows)
     material = material_states.answers(rows, "hold" in data.design["tables"])
     measurement = {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
     signal_sd = _numbers(folder, rows, ["signal_error"])[:, 0] / STATED_PER_SD
-    return Samples(ring, scene, touch, signal, touched - signal, target, rows["card_sample"].to_numpy(np.int64),
-                   material, signal_sd, _hashes(scene, target), _near_edge(rows), measurement,
-                   data.manifest.get(RELAXATION, {}), _profile(data.design["tables"]))
+    return SweepSamples(signal_V=signal, target=target, group=group, ring=ring, scene=scene,
+                        baseline_V=touched - signal, card=rows["card_sample"].to_numpy(np.int64), material=material,
+                        signal_sd=signal_sd,
+                        row_hash=_hashes(scene, target), near_edge=_near_edge(rows), measurement=measurement,
+                        relaxation=data.manifest.get(RELAXATION, {}), profile=_profile(data.design["tables"]))
 
 
 def _profile(tables: Mapping[str, Any]) -> str:
@@ -164,24 +181,27 @@ def _hashes(scene: NDArray[np.int64], target: Array) -> NDArray[np.uint64]:
     return np.array([int.from_bytes(hashlib.sha256(row.tobytes()).digest()[:8], "little") for row in rows], np.uint64)
 
 
-def content_hash(samples: Samples) -> str:
+def content_hash(samples: SweepSamples) -> str:
     """sha256 of the rows and their signals, in their order."""
     return hashlib.sha256(samples.row_hash.tobytes() + np.ascontiguousarray(samples.signal_V).tobytes()).hexdigest()
 
 
-def take(samples: Samples, rows: Index | Mask) -> Samples:
+Kind = TypeVar("Kind", bound=Samples)
+
+
+def take(samples: Kind, rows: Index | Mask) -> Kind:
     """The samples of these rows."""
     return replace(samples, **{part.name: getattr(samples, part.name)[rows] for part in fields(samples)
-                               if part.name not in ("ring", "measurement", "relaxation", "profile")})
+                               if isinstance(getattr(samples, part.name), np.ndarray)})
 
 
-def split(touch: ArrayLike, seed: int) -> NDArray[np.str_]:
+def split(group: ArrayLike, seed: int) -> NDArray[np.str_]:
     """(n,) the part of each row: 70 % of the touches train, 15 % val, the rest test, drawn by the seed.
 
-    touch: (n,) number that rows share which are not to be parted, as one touch with several cards. ValueError for fewer
+    group: (n,) number that rows share which are not to be parted, as one touch with several cards. ValueError for fewer
     than MIN_TOUCHES different ones.
     """
-    _, first, place = np.unique(touch, return_index=True, return_inverse=True)
+    _, first, place = np.unique(group, return_index=True, return_inverse=True)
     count = len(first)
     if count < MIN_TOUCHES:
         rows = f"{len(place)} ok rows" + (f" of {count} different touches" if count < len(place) else "")

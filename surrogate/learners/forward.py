@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.data import material_states, outputs
-from surrogate.data.samples import Samples, take
+from surrogate.data.samples import Samples, SweepSamples, take
 from surrogate.data.sensor_ring import Ring, radial
 from surrogate.forward_map import forward_map, rim_correction
 from surrogate.forward_map.amplitude import amplitude
@@ -44,6 +44,9 @@ class TouchInversion(Learner):
     def fit(cls, rows: Samples, training: Training) -> TouchInversion:
         """Fit the map from touch and state of the material to signal, and the response of the requested outputs; on a
         skin with an outline from touches that no edge is near to, or one straight edge alone."""
+        if not isinstance(rows, SweepSamples):
+            raise ValueError('method "forward" learns from a sweep, whose sensor and punches it knows; take another '
+                             "one for recorded presses.")
         if rows.ring.sheet is not None:
             if rows.ring.sheet.on_surface:
                 raise ValueError('method "forward" learns from electrodes along the edge; those of this sweep lie on '
@@ -104,7 +107,7 @@ class TouchInversion(Learner):
         return DriftingInversion(self.forward, self.response, self.columns, drift_of(root))
 
 
-def _by_one_edge_at_most(rows: Samples) -> Samples:
+def _by_one_edge_at_most(rows: SweepSamples) -> SweepSamples:
     """The rows of touches that no edge is near to, and of those near one straight edge alone."""
     far = ~rows.near_edge
     if np.sum(far) < MIN_ROWS:

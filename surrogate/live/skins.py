@@ -33,7 +33,7 @@ from surrogate.live.pictured import edges_of
 from surrogate.model.trained import TrainedModel, trained_radius_mm
 from touchcal.arrays import Array
 
-# Samples of a field from the axis of a punch outwards, and how far over its radius.
+# SweepSamples of a field from the axis of a punch outwards, and how far over its radius.
 SAMPLES, ABOUT = 49, 6.0
 MOST_DIAMETERS, CHOICE = 12, 5  # most diameters that are taken for those of known punches, else so many in equal steps
 # Usual noise over the RMS of the untouched readings, 80 dB; most noise, and most drift in a minute, over the usual one

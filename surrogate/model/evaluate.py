@@ -16,7 +16,7 @@ from eitsim.sensors.recording import Recording
 from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.measurement.instrument import below, level_db
 from surrogate.data import outputs
-from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, take
+from surrogate.data.samples import PARTS, SweepSamples, content_hash, read_samples, take
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Estimate
 from surrogate.learners.registry import METHODS, listed
@@ -36,21 +36,21 @@ BELOW, ABOVE = (tuple(f"{side}_{coverage:.0%}".rstrip("%") for coverage in COVER
 UNSEEN = ("test", "new", "all")
 
 
-def parts_of(model: SweepModel, samples: Samples) -> NDArray[np.str_]:
+def parts_of(model: SweepModel, samples: SweepSamples) -> NDArray[np.str_]:
     """(n,) the part of the model's own split that each row was in; "new" for others, "all" where no row is known."""
     known = dict(zip(model.rows.row_hash.tolist(), model.rows.part.tolist(), strict=True))
     found = np.array([PARTS[known[h]] if h in known else "new" for h in samples.row_hash.tolist()])
     return np.full(len(samples), "all") if np.all(found == "new") else found
 
 
-def check_sensor(model: SweepModel, samples: Samples) -> None:
+def check_sensor(model: SweepModel, samples: SweepSamples) -> None:
     """ValueError where the data set is of another disc, other electrodes or another drive."""
     if not same_ring(model.ring, samples.ring):
         raise ValueError("the data set is of another sensor than the model: its disc, electrodes or drive differ. "
                          "Evaluate it on a set of the same [body], [electrodes] and [drive].")
 
 
-def interval_caution(model: SweepModel, samples: Samples) -> str:
+def interval_caution(model: SweepModel, samples: SweepSamples) -> str:
     """In words, that intervals are not those of this data set, whose rows are measured otherwise than those that the
     model was calibrated on; empty where they are not, or the model is too old to tell."""
     calibrated = model.record.get("calibration", model.record["dataset"]).get("measurement")
@@ -75,7 +75,7 @@ class Evaluation:
     predictions: pd.DataFrame
 
 
-def evaluate(model: Model, data: Samples | Dataset | Recording | Path | str, noise_dB: Sequence[float] = (),
+def evaluate(model: Model, data: SweepSamples | Dataset | Recording | Path | str, noise_dB: Sequence[float] = (),
              reference: str = "baseline", most_trained: int | None = None, most_noisy: int | None = None, *,
              labels: Labels | Path | str | None = None) -> Evaluation:
     """Score a model on a data set, or on labelled presses of a recording; rows that it was trained on have scores of
@@ -84,7 +84,7 @@ def evaluate(model: Model, data: Samples | Dataset | Recording | Path | str, noi
     Parameters
     ----------
     model : SweepModel
-    data : Dataset, path, Samples or Recording
+    data : Dataset, path, SweepSamples or Recording
         Solved scenes of the model's sensor, or the folder that `eitsim sweep` wrote; for a model of presses a recording
         or its file.
     noise_dB : sequence of float
@@ -152,7 +152,7 @@ def _of_presses(model: PressModel, data: object, labels: Labels | Path | str | N
     return evaluate_reader(model, data, known, "labels" if known is labels else str(labels))
 
 
-def _readable(model: SweepModel, samples: Samples) -> tuple[Samples, str]:
+def _readable(model: SweepModel, samples: SweepSamples) -> tuple[SweepSamples, str]:
     """The rows that the model's method can read, and in words how many are not scored; ValueError where none is."""
     kept = model.learner.reads(samples.target[:, :outputs.TOUCH])
     if kept.all():
@@ -183,7 +183,7 @@ def _noisy(part: NDArray[np.str_], most: int | None) -> Index:
     return unseen[spread_evenly(len(unseen), len(unseen) if most is None else most)]
 
 
-def _scored_words(part: NDArray[np.str_], clean: Samples, noisy: Samples | None) -> str:
+def _scored_words(part: NDArray[np.str_], clean: SweepSamples, noisy: SweepSamples | None) -> str:
     """Which rows have scores where not all have; empty where they do."""
     left, whole = len(part) - len(clean), int(np.sum(part == "train"))
     words = [f"{whole - left} of {whole} training rows are scored, spread evenly"] * (left > 0)
@@ -194,7 +194,7 @@ def _scored_words(part: NDArray[np.str_], clean: Samples, noisy: Samples | None)
     return "; ".join(words) + "." if words else ""
 
 
-def _at_level(model: SweepModel, samples: Samples, level_dB: float, reference: str,
+def _at_level(model: SweepModel, samples: SweepSamples, level_dB: float, reference: str,
               volts: dict[str, float]) -> dict[str, Any]:
     noise = below(level_dB, volts[reference])
     table, _, force_sd = _predictions(model, samples, noise)
@@ -204,7 +204,7 @@ def _at_level(model: SweepModel, samples: Samples, level_dB: float, reference: s
             "outputs": _scores(model, table), "force_sd": force_sd}
 
 
-def material_told(model: SweepModel, samples: Samples) -> str:
+def material_told(model: SweepModel, samples: SweepSamples) -> str:
     """In words, whether intervals hold what is not known of the material, as far as the model remembers."""
     cards = model.record["dataset"].get("cards")
     if cards is None:
@@ -232,7 +232,7 @@ def _force_sd(model: SweepModel, found: Estimate, part: NDArray[np.str_]) -> dic
     return {name: rms(sd[rows, k]) for name, sd in each.items()}
 
 
-def _predictions(model: SweepModel, samples: Samples, noise: float
+def _predictions(model: SweepModel, samples: SweepSamples, noise: float
                  ) -> tuple[pd.DataFrame, float, dict[str, float] | None]:
     """The table of predictions under noise, the CPU time of one, ms, and the parts of the force's sd."""
     noisy = samples.signal_V + noise * np.random.default_rng(model.seed).normal(size=samples.signal_V.shape)

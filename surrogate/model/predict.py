@@ -26,6 +26,7 @@ from surrogate.learners.novelty import (
 )
 from surrogate.learners.registry import METHODS
 from surrogate.model.drift_choice import drift_groups
+from surrogate.model.flags import WORDS, Flag, in_words
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.odd_frames import Causes, causes_of, oddness
@@ -34,12 +35,8 @@ from surrogate.statistics.conformal import COVERAGE, IntervalScale, at_least, no
 from touchcal.arrays import Array, Index, Mask
 
 # An interval of F wider than this part of its training range says that d and F have several answers.
-SEVERAL, SEVERAL_PART = "several answers for F", 0.5
+SEVERAL_PART = 0.5
 SIZE = "the signal's size"  # in flags
-NO_TOUCH, OUTSIDE, MISFIT = "no touch", "outside the training range", "unlike the trained touches"
-OTHER_PUNCH = "the diameter may lie outside the trained ones"
-# Where nearly all trained touches lower the readings, or nearly all raise them.
-OTHER_SIGN = "signal of the other sign than a touch's"
 WEAK = 0.5  # a signal below this part of the weakest training signal is no touch
 SLACK = 0.02  # how far outside the training targets, in their ranges, a value may lie before it is flagged
 MOST_WIDENED = 1000.0  # largest factor by which a strange signal widens the intervals
@@ -79,10 +76,11 @@ class Predictions:
     # (n, outputs) distances of the values to the lower and upper ends of the 90 % intervals
     below: Array
     above: Array
-    flag: list[str]  # (n,) what is to be known of the frame, empty where nothing is
+    flag: list[str]  # (n,) what is to be known of the frame, in words, empty where nothing is
     # (n, 3) parts of the force's standard deviation by noise, material and model, N; their squares add up to that of
     # half_width over the normal factor. No columns where the model cannot tell
     force_parts: Array
+    kinds: NDArray[np.int64]  # (n,) of what is to be known, a sum of `Flag`
 
     @property
     def half_width(self) -> Array:
@@ -152,12 +150,13 @@ def predict(predictor: Predictor, volts: Array) -> Predictions:
     """
     shape = (len(volts), len(predictor.model.names))
     found = Predictions(*(np.full(shape, np.nan) for _ in range(3)), flag=[""] * len(volts),
-                        force_parts=np.full((len(volts), _force_part_count(predictor.model)), np.nan))
+                        force_parts=np.full((len(volts), _force_part_count(predictor.model)), np.nan),
+                        kinds=np.zeros(len(volts), np.int64))
     dead = silent(volts, predictor.model.baseline_V) | predictor.dead
     for mask, rows in _groups(dead):
         part = _without(predictor, mask, volts[rows]) if mask.any() else _sound(predictor, volts[rows])
         found.value[rows], found.below[rows], found.above[rows] = part.value, part.below, part.above
-        found.force_parts[rows] = part.force_parts
+        found.force_parts[rows], found.kinds[rows] = part.force_parts, part.kinds
         for row, flag in zip(rows.tolist(), part.flag, strict=True):
             found.flag[row] = flag
     return found
@@ -177,7 +176,7 @@ def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
     if problem := why_not(predictor.model, dead):
         none = np.full((len(volts), len(predictor.model.names)), np.nan)
         return Predictions(none, none, none, [f"{named(dead)}; {problem}"] * len(volts),
-                           none[:, :_force_part_count(predictor.model)])
+                           none[:, :_force_part_count(predictor.model)], np.zeros(len(volts), np.int64))
     key, kept = dead.tobytes(), ~dead
     if key not in predictor.reduced:
         fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise.of(kept),
@@ -200,8 +199,8 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
     touched = (size >= WEAK * model.trained.weakest_V) & ~wild
     shape = (len(signal), len(model.names))
     value, below, above = (np.full(shape, np.nan) for _ in range(3))
-    flags = np.full(len(signal), NO_TOUCH, object)
-    flags[wild] = f"{OUTSIDE}; {MISFIT}"
+    kinds = np.where(wild, Flag.OUTSIDE | Flag.MISFIT, np.where(touched, 0, Flag.NO_TOUCH)).astype(np.int64)
+    detailed: list[dict[Flag, str]] = [{} for _ in signal]
     reverse = touched & of_other_sign(predictor.novelty, signal, predictor.noise.rms_V)
     reverse |= volts @ predictor.baseline_V < 0
     parts = np.full((len(signal), _force_part_count(model)), np.nan)
@@ -215,16 +214,18 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
         below[touched], above[touched] = (_widened(model, side, strange, outside)
                                           for side in found.ends(scale, normal(COVERAGE)))
         strange = np.maximum(strange, oddness(predictor.causes, found, model.trained.misfit))
-        flags[touched] = _flags(model, strange > 1, outside, off, found.other)
-        _name_gain(predictor, signal, np.flatnonzero([MISFIT in flag for flag in flags]), flags)
+        kinds[touched] = (Flag.OUTSIDE * outside + Flag.MISFIT * (strange > 1)
+                          + Flag.OTHER_PUNCH * (found.other & ~outside))
+        _name_outside(model, np.flatnonzero(touched), off, detailed)
+        kinds += Flag.GAIN * _gain_named(predictor, signal, np.flatnonzero(kinds & Flag.MISFIT), detailed)
         if parts.shape[1]:
             parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
-    flags[reverse] += f"; {OTHER_SIGN}"
-    wide = np.array([OUTSIDE in flag for flag in flags], bool)  # intervals are as wide as the range there
-    flags[_several(model, below + above) & ~wide] += f"; {SEVERAL}"
-    flags = np.array([flag.removeprefix("; ") for flag in flags], object)
+    kinds += Flag.OTHER_SIGN * reverse
+    wide = (kinds & Flag.OUTSIDE) > 0  # intervals are as wide as the range there
+    kinds += Flag.SEVERAL * (_several(model, below + above) & ~wide)
+    flags = [in_words(kind, more) for kind, more in zip(kinds.tolist(), detailed, strict=True)]
     left = np.where([name in STRESSES for name in model.names], predictor.left, 1.0)
-    return Predictions(value * left, below * left, above * left, flags.tolist(), parts * predictor.left)
+    return Predictions(value * left, below * left, above * left, flags, parts * predictor.left, kinds)
 
 
 def _force_part_count(model: TrainedModel) -> int:
@@ -270,23 +271,24 @@ def _several(model: TrainedModel, width: Array) -> Mask:
     return width[:, k] > SEVERAL_PART * (model.trained.highest - model.trained.lowest)[k]
 
 
-def _flags(model: TrainedModel, strange: Mask, outside: Mask, off: Mask, other: Mask) -> list[str]:
-    """Flags of estimates outside the training range, with what is so (n, outputs + 1), the signal's size last, of
-    strange ones, and of punches that are none of the trained."""
-    names = [", ".join(name for name, is_off in zip((*model.names, SIZE), row, strict=True) if is_off) for row in off]
-    return ["; ".join([OUTSIDE + (f" of {which}" if which else "")] * bool(b) + [MISFIT] * bool(o)
-                      + [OTHER_PUNCH] * bool(p and not b))
-            for b, o, p, which in zip(outside, strange, other, names, strict=True)]
+def _name_outside(model: TrainedModel, rows: Index, off: Mask, detailed: list[dict[Flag, str]]) -> None:
+    """Adds what of rows is outside the training range (n, outputs + 1), the signal's size last."""
+    for row, one in zip(rows.tolist(), off, strict=True):
+        if one.any():
+            which = ", ".join(name for name, is_off in zip((*model.names, SIZE), one, strict=True) if is_off)
+            detailed[row][Flag.OUTSIDE] = f"{WORDS[Flag.OUTSIDE]} of {which}"
 
 
-def _name_gain(predictor: Predictor, signal: Array, rows: Index, flags: NDArray[np.object_]) -> None:
-    """Adds to the flags of strange signals the channel whose gain explains what is strange, if there is one."""
+def _gain_named(predictor: Predictor, signal: Array, rows: Index, detailed: list[dict[Flag, str]]) -> Mask:
+    """(n,) whether the gain of one channel explains what is strange of rows; adds which."""
+    named = np.zeros(len(signal), bool)
     if not len(rows) or not predictor.gains.shape[1]:
-        return
+        return named
     channel, change, explains = one_column(predictor.novelty, signal[rows], predictor.gains, predictor.noise.rms_V)
-    for row, k, by, clear in zip(rows.tolist(), channel.tolist(), change.tolist(), explains.tolist(), strict=True):
-        if clear:
-            flags[row] += f"; as if the gain of channel {k} (from 0) had drifted by {100 * by:+.2g} %"
+    named[rows] = explains
+    for row, k, by in zip(rows[explains].tolist(), channel[explains].tolist(), change[explains].tolist(), strict=True):
+        detailed[row][Flag.GAIN] = f"as if the gain of channel {k} (from 0) had drifted by {100 * by:+.2g} %"
+    return named
 
 
 def columns(model: TrainedModel) -> list[str]:
@@ -322,7 +324,8 @@ def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
     if sound.all():
         return predict(predictor, lines.volts)
     found = predict(predictor, lines.volts[sound])
-    flags = iter(found.flag)
+    flags, kinds = iter(found.flag), np.zeros(len(sound), np.int64)
+    kinds[sound] = found.kinds
 
     def spread(part: Array) -> Array:
         whole = np.full((len(sound), part.shape[1]), np.nan)
@@ -330,21 +333,19 @@ def read_touches(predictor: Predictor, lines: Lines) -> Predictions:
         return whole
 
     return Predictions(spread(found.value), spread(found.below), spread(found.above),
-                       [problem or next(flags) for problem in lines.problem], spread(found.force_parts))
+                       [problem or next(flags) for problem in lines.problem], spread(found.force_parts), kinds)
 
 
-def table_of(predictor: Predictor, lines: Lines) -> pd.DataFrame:
+def table_of(model: TrainedModel, lines: Lines, found: Predictions) -> pd.DataFrame:
     """One row a line, with the columns of `columns`; frames without a touch have no values."""
-    found = read_touches(predictor, lines)
-    numbers = numbers_of(predictor.model, found)
-    table = pd.DataFrame(numbers, columns=columns(predictor.model)[1:-1]).assign(flag=found.flag)
+    table = pd.DataFrame(numbers_of(model, found), columns=columns(model)[1:-1]).assign(flag=found.flag)
     table.insert(0, "line", lines.line)
     return table
 
 
-def sign_caution(flags: Sequence[str]) -> str:
-    """In words, the likely cause of signals of the other sign; empty where there is none."""
-    count = sum(OTHER_SIGN in flag for flag in flags)
+def sign_caution(kinds: Sequence[int] | NDArray[np.int64]) -> str:
+    """In words, the likely cause of signals of the other sign, by the kinds of frames; empty where there are none."""
+    count = sum(bool(kind & Flag.OTHER_SIGN) for kind in kinds)
     return "" if not count else (
-        f"{count} of {len(flags)} frames differ from the untouched one with the other sign than a touch's: were the "
+        f"{count} of {len(kinds)} frames differ from the untouched one with the other sign than a touch's: were the "
         "untouched and a touched frame exchanged, or the leads of the current or of the voltmeter?")

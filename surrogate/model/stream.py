@@ -11,8 +11,9 @@ from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_rows import STREAM, Lines, first_frame, frames_as_they_come
 from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.model.missing_channels import check_needed, silent
-from surrogate.model.predict import Predictor, columns, numbers_of, prepare, read_touches, sign_caution
+from surrogate.model.predict import Predictions, Predictor, columns, numbers_of, prepare, read_touches, sign_caution
 from surrogate.model.sweep_model import SweepModel
+from surrogate.model.trained import TrainedModel
 from touchcal.arrays import Array, Mask
 
 
@@ -53,12 +54,12 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
         if ready is None:
             ready, read = by(_untouched(model, read, say)), read.after_first()
         if len(read.line):
-            rows = answers(ready[0], replace(read, volts=read.volts * ready[1]))
+            found = read_touches(ready[0], replace(read, volts=read.volts * ready[1]))
+            rows = rows_of(model, read, found)
             table.writerows(rows)
             sink.flush()
-            flags = [row[-1] for row in rows]
-            answered, flagged = answered + len(rows), flagged + sum(map(bool, flags))
-            if not warned and (words := sign_caution(flags)):
+            answered, flagged = answered + len(rows), flagged + sum(map(bool, found.flag))
+            if not warned and (words := sign_caution(found.kinds)):
                 say(f"line {rows[0][0]} on: {words}")
                 warned = True
     if ready is None:
@@ -74,9 +75,8 @@ def _untouched(model: SweepModel, lines: Lines, say: Callable[[str], object]) ->
     return volts
 
 
-def answers(predictor: Predictor, lines: Lines) -> list[list[str]]:
+def rows_of(model: TrainedModel, lines: Lines, found: Predictions) -> list[list[str]]:
     """Rows of predictions of some lines, in their order."""
-    found = read_touches(predictor, lines)
-    numbers = numbers_of(predictor.model, found).tolist()
+    numbers = numbers_of(model, found).tolist()
     return [[str(number), *("" if math.isnan(value) else f"{value:.6g}" for value in values), flag]
             for number, values, flag in zip(lines.line.tolist(), numbers, found.flag, strict=True)]

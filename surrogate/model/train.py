@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eitsim.sweeps.dataset.parquet import Dataset
 from surrogate.data.outputs import TOUCH
 from surrogate.data.outputs import chosen as chosen_outputs
-from surrogate.data.samples import PARTS, Samples, content_hash, read_samples, split, take
+from surrogate.data.samples import PARTS, SweepSamples, content_hash, read_samples, split, take
 from surrogate.data.sensor_ring import same_ring
 from surrogate.learners.base import Learner, Progress, Training
 from surrogate.learners.registry import listed, method_of
@@ -24,15 +24,15 @@ from surrogate.model.trained import Calibration, Range, Rows, estimate
 MIN_CALIBRATING = 19
 
 
-def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs: str | Sequence[str] = "all",
+def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", outputs: str | Sequence[str] = "all",
           seed: int = 0, *, epochs: int | None = None, workers: int = 1, each: Progress = iter,
-          calibrate: Samples | Dataset | Path | str | None = None, exact_signals: bool = False,
+          calibrate: SweepSamples | Dataset | Path | str | None = None, exact_signals: bool = False,
           known_punches: bool = False) -> SweepModel:
     """Train a surrogate on a data set: of the touches 70 % train, 15 % calibrate the intervals, 15 % test, by the seed.
 
     Parameters
     ----------
-    data : Dataset, path or Samples
+    data : Dataset, path or SweepSamples
         Solved scenes of one sensor with one touch each, or the folder that `eitsim sweep` wrote.
     method : str
         One of `METHODS`.
@@ -46,7 +46,7 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
         Processes that share the outputs of networks; the networks are the same for any number of them.
     each : callable
         May show progress: it is given the numbers of the networks and yields them.
-    calibrate : Dataset, path or Samples, optional
+    calibrate : Dataset, path or SweepSamples, optional
         Rows, as of another mesh, that take the place of those 15 % when intervals are calibrated, so that these hold
         what that set shows of the model's error.
     exact_signals : bool
@@ -77,7 +77,7 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
     if epochs is not None and epochs < 1:
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
     samples, names = _read(data, exact_signals), chosen_outputs(outputs)
-    part = split(samples.touch, seed)
+    part = split(samples.group, seed)
     training, validation, other = take(samples, part == "train"), take(samples, part == "val"), None
     _check_signals(training)
     if calibrate is not None:
@@ -98,12 +98,12 @@ def train(data: Samples | Dataset | Path | str, method: str = "forward", outputs
     return replace(model, trained=replace(span, misfit=worst))
 
 
-def _read(data: Samples | Dataset | Path | str, exact_signals: bool) -> Samples:
+def _read(data: SweepSamples | Dataset | Path | str, exact_signals: bool) -> SweepSamples:
     samples = read_samples(data)
     return replace(samples, signal_sd=np.zeros(len(samples))) if exact_signals else samples
 
 
-def _readable(learner: Learner, samples: Samples) -> Samples:
+def _readable(learner: Learner, samples: SweepSamples) -> SweepSamples:
     """The rows that a learner can read, to calibrate it; ValueError where there are none."""
     kept = learner.reads(samples.target[:, :TOUCH])
     if not kept.any():
@@ -118,7 +118,7 @@ def _cpu_s() -> float:
     return sum(os.times()[:4])
 
 
-def _check_calibrating(samples: Samples, calibrate: Samples) -> None:
+def _check_calibrating(samples: SweepSamples, calibrate: SweepSamples) -> None:
     if not same_ring(samples.ring, calibrate.ring):
         raise ValueError("the calibrating set is of another sensor than the training set: its disc, electrodes or "
                          "drive differ. Sweep one of the same [body], [electrodes] and [drive].")
@@ -131,7 +131,7 @@ def _check_calibrating(samples: Samples, calibrate: Samples) -> None:
     _check_signals(calibrate)
 
 
-def _rows(samples: Samples, part: NDArray[np.str_], calibrate: Samples | None) -> Rows:
+def _rows(samples: SweepSamples, part: NDArray[np.str_], calibrate: SweepSamples | None) -> Rows:
     """The rows that the model has seen; those that calibrate it instead of the validation rows count as such."""
     codes = np.array([PARTS.index(p) for p in part], np.int64)
     if calibrate is None:
@@ -140,7 +140,7 @@ def _rows(samples: Samples, part: NDArray[np.str_], calibrate: Samples | None) -
     return Rows(np.concatenate([samples.row_hash, calibrate.row_hash]), np.concatenate([codes, used]))
 
 
-def _check_signals(samples: Samples) -> None:
+def _check_signals(samples: SweepSamples) -> None:
     bad = ~(np.isfinite(samples.signal_V).all(axis=1) & np.isfinite(samples.target).all(axis=1))
     if np.any(bad):
         raise ValueError(f"scene {samples.scene[np.argmax(bad)]} holds a number that is not finite; a row that is ok "
@@ -149,8 +149,8 @@ def _check_signals(samples: Samples) -> None:
         raise ValueError(f"scene {silent[0]} has no signal: every dv is 0. Fix the skin or the force of the sweep.")
 
 
-def _provenance(samples: Samples, part: NDArray[np.str_], validation: Samples) -> dict[str, Any]:
-    def described(rows: Samples) -> dict[str, Any]:
+def _provenance(samples: SweepSamples, part: NDArray[np.str_], validation: SweepSamples) -> dict[str, Any]:
+    def described(rows: SweepSamples) -> dict[str, Any]:
         return {"sha256": content_hash(rows), "rows": len(rows), "measurement": dict(rows.measurement),
                 "cards": len(np.unique(rows.card))}
 

@@ -1,9 +1,11 @@
 """Every label of a press read from its signal: the place where x and y are labelled, and each other label by itself."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from surrogate.recordings.signals import FEWEST, Signals, flags
 from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
 from surrogate.statistics.conformal import chosen, conformal_scale, widened
-from touchcal.arrays import Array, Mask
+from touchcal.arrays import Array, Index, Mask
 
 SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
 Found = TypeVar("Found")
@@ -37,6 +39,54 @@ class PressReader:
     place: TouchReader | None
     scalars: tuple[ScalarReader, ...]
     left_out: tuple[str, ...]  # why a label or an untouched frame is not used, a sentence each
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the labels that are read."""
+        return *(PLACE if self.place else ()), *(one.name for one in self.scalars)
+
+    def whole(self, presses: Presses) -> PressReading:
+        """What is read where filling in dead channels costs nothing."""
+        return _whole(self, presses)
+
+    def trained_on(self, presses: Presses) -> Mask:
+        """(n,) which presses are training ones: their signals, against the same untouched frames, are nodes of the
+        kernel ridge regression."""
+        ridge = self.place.ridge if self.place else self.scalars[0].ridge
+        return ridge.trained_on(self._seen(presses))
+
+    def yardstick(self, output: str, presses: Presses) -> Array:
+        """(n, k) what kernel ridge regression reads of an output."""
+        (ridge,) = (one.ridge for name, one in (("place", self.place), *((one.name, one) for one in self.scalars))
+                    if one and name == output)
+        return ridge.read(self._seen(presses))
+
+    def _seen(self, presses: Presses) -> Array:
+        """(n, m + late) signals of presses as families take them: directions of drift taken out."""
+        return without(self.signals.drift, self.signals.whole(presses), self.place.projected if self.place else 0)
+
+
+class Reader(Protocol):
+    """What reads presses, whatever it was learnt by."""
+
+    @property
+    def signals(self) -> Signals: ...
+    @property
+    def labels(self) -> tuple[str, ...]: ...
+    @property
+    def left_out(self) -> tuple[str, ...]: ...
+
+    def whole(self, presses: Presses) -> PressReading:
+        """What is read where filling in dead channels costs nothing."""
+        ...
+
+    def trained_on(self, presses: Presses) -> Mask:
+        """(n,) which presses are training ones."""
+        ...
+
+    def yardstick(self, output: str, presses: Presses) -> Array:
+        """(n, k) what kernel ridge regression reads of an output, "place" or a label."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,25 +116,18 @@ def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectatio
     """
     check_torch("readers of presses, whose families are trained networks among others,")
     press = press_of_frames(presses, labels)
-    count = int(press.max()) + 1
-    if count < FEWEST:
-        raise ValueError(f"{counted(count, len(press))} are too few to learn from; give {FEWEST} or more.")
-    values = dict(zip(labels.names, labels.values.T, strict=True))
-    varied = {name: value for name, value in values.items() if np.ptp(value)}
-    left_out = [f"all labelled presses have one {name}, {value[0]:.6g}: press with several, or leave the column out."
-                for name, value in values.items() if name not in varied]
-    if not varied:
-        raise ValueError(" ".join(left_out))
+    count = too_few(press)
+    varied, left_out = varied_labels(labels)
     if {*PLACE} <= {*varied}:
         place = np.stack([varied.pop(name) for name in PLACE], axis=1)
         known = learn_known(presses, late_readings(presses.signal, presses.following, place, press), count)
-        learnt = _tried(partial(touch_reader.learn, presses, place, press, known, seed, expectation), left_out)
+        learnt = tried(partial(touch_reader.learn, presses, place, press, known, seed, expectation), left_out)
     else:
         known, learnt = learn_known(presses, np.zeros(0, np.intp), count), None
     reader, held_out = learnt or (None, None)
     taken_out = (reader.projected, reader.spared) if reader else (0, SPARED)
     gone = known.signals.whole(cut(presses))
-    scalars = [_tried(partial(scalar_reader.fit, name, value, press, known, gone, taken_out, held_out, seed), left_out)
+    scalars = [tried(partial(scalar_reader.fit, name, value, press, known, gone, taken_out, held_out, seed), left_out)
                for name, value in varied.items()]
     scalars = tuple(one for one in scalars if one)
     if not reader and not scalars:
@@ -95,7 +138,27 @@ def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectatio
     return PressReader(known.signals, reader, scalars, tuple(left_out))
 
 
-def read(reader: PressReader, presses: Presses) -> PressReading:
+def too_few(press: Index) -> int:
+    """Number of presses of frames (n,); ValueError where they are fewer than FEWEST."""
+    count = int(press.max()) + 1
+    if count < FEWEST:
+        raise ValueError(f"{counted(count, len(press))} are too few to learn from; give {FEWEST} or more.")
+    return count
+
+
+def varied_labels(labels: Labels) -> tuple[dict[str, Array], list[str]]:
+    """The labels that differ from press to press, (n,) each, and why the others are left out; ValueError where none
+    does."""
+    values = dict(zip(labels.names, labels.values.T, strict=True))
+    varied = {name: value for name, value in values.items() if np.ptp(value)}
+    left_out = [f"all labelled presses have one {name}, {value[0]:.6g}: press with several, or leave the column out."
+                for name, value in values.items() if name not in varied]
+    if not varied:
+        raise ValueError(" ".join(left_out))
+    return varied, left_out
+
+
+def read(reader: Reader, presses: Presses) -> PressReading:
     """Labels of presses with their intervals and flags.
 
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
@@ -103,7 +166,7 @@ def read(reader: PressReader, presses: Presses) -> PressReading:
     Where channels are dead, squares of half widths are sums of those of whole frames and of what filling in these
     channels moves 90 % of the training presses by; where more than MOST_DEAD of them are, values are NaN.
     """
-    found = _whole(reader, presses)
+    found = reader.whole(presses)
     added = np.array([_filling(reader, one.tobytes()) for one in np.isnan(presses.signal)])
     unread, place = np.isnan(added[:, 0]), found.place
     if place:
@@ -116,14 +179,15 @@ def read(reader: PressReader, presses: Presses) -> PressReading:
 
 
 @lru_cache(maxsize=32)
-def _filling(reader: PressReader, dead: bytes) -> Array:
+def _filling(reader: Reader, dead: bytes) -> Array:
     """(2 + labels,) how far filling in channels, bytes of a mask (m,), moves 90 % of the training presses in x, y and
     each label; NaN where too many are dead."""
     signals, mask = reader.signals, np.frombuffer(dead, bool)
     if not mask.any() or too_many(mask):
-        return np.full(2 + len(reader.scalars), np.nan if mask.any() else 0.0)
+        labels = len(reader.labels) - 2 * ({*PLACE} <= {*reader.labels})
+        return np.full(2 + labels, np.nan if mask.any() else 0.0)
     lacking = filled_without(signals.readings, np.append(mask, mask[signals.late]))
-    seen = [_whole(reader, signals.presses(one)) for one in (signals.readings.kept, lacking)]
+    seen = [reader.whole(signals.presses(one)) for one in (signals.readings.kept, lacking)]
     each = [np.column_stack([one.place.value if one.place else np.zeros((len(lacking), 2)),
                              *(label.value for label in one.scalars)]) for one in seen]
     return conformal_scale(each[1] - each[0], np.ones_like(each[0]), len(lacking))
@@ -133,7 +197,7 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
     """What is read where filling in dead channels costs nothing."""
     place = touch_reader.read(reader.place, presses) if reader.place else None
     where, signals = place.value if place else None, reader.signals
-    signal = seen(signals, reader.place, presses)
+    signal = reader._seen(presses)
     spared = without(signals.drift, signals.whole(presses), reader.place.spared if reader.place else SPARED)
     scalars, strange = [], place.strange if place else np.zeros(len(signal), bool)
     for one in reader.scalars:
@@ -150,19 +214,7 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
     return PressReading(place, tuple(scalars), flags(reader.signals, presses, strange))
 
 
-def seen(signals: Signals, place: TouchReader | None, presses: Presses) -> Array:
-    """(n, m + late) signals of presses as families take them: directions of drift taken out."""
-    return without(signals.drift, signals.whole(presses), place.projected if place else 0)
-
-
-def trained_on(reader: PressReader, presses: Presses) -> Mask:
-    """(n,) which presses are training ones: their signals, against the same untouched frames, are nodes of
-    the kernel ridge regression."""
-    ridge = reader.place.ridge if reader.place else reader.scalars[0].ridge
-    return ridge.trained_on(seen(reader.signals, reader.place, presses))
-
-
-def _tried(learn: Callable[[], Found], left_out: list[str]) -> Found | None:
+def tried(learn: Callable[[], Found], left_out: list[str]) -> Found | None:
     """What is learnt; None where there is nothing to read, and why is added."""
     try:
         return learn()

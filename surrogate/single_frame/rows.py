@@ -14,8 +14,9 @@ from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.invert import Inversion, invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
+from surrogate.model.flags import WORDS, Flag
 from surrogate.model.missing_channels import named, silent
-from surrogate.model.predict import MISFIT, NO_TOUCH, WEAK, Predictions, Predictor, read_touches
+from surrogate.model.predict import WEAK, Predictions, Predictor, read_touches
 from surrogate.model.trained import TrainedModel
 from surrogate.single_frame.posterior import Posterior, posterior_of
 from surrogate.single_frame.simulated_posterior import simulated_posterior
@@ -164,7 +165,7 @@ def pair_row(model: TrainedModel, line: int, signal_V: Array, noise_V: float) ->
     """Two touches of a signal (readings,), V, with standard deviations, and whether it needs two."""
     forward = learner_of(model).forward
     if np.linalg.norm(signal_V) < WEAK * model.trained.weakest_V:
-        return {"line": line, "flag": NO_TOUCH}
+        return {"line": line, "flag": WORDS[Flag.NO_TOUCH]}
     alone = invert(forward, signal_V[None], noise_V).touch
     found = read_pair(forward, signal_V, noise_V, to_unknown(alone, forward.p0)[0])
     row: Row = {"line": line, "touches": 2 if found.two else 1}
@@ -175,7 +176,7 @@ def pair_row(model: TrainedModel, line: int, signal_V: Array, noise_V: float) ->
             row |= {f"{name}_{k + 1}_{unit}": value, f"{name}_{k + 1}_sd_{unit}": spread}
     flag = _joined("" if found.two else "one touch explains this frame as well",
                    "the two are too near each other to be distinguished" if found.too_near else "",
-                   MISFIT if found.misfit > UNEXPLAINED else "")
+                   WORDS[Flag.MISFIT] if found.misfit > UNEXPLAINED else "")
     return row | {"gain": found.gain, "misfit": found.misfit, "misfit_of_one": found.misfit_of_one, "flag": flag}
 
 
@@ -212,7 +213,7 @@ def posterior_row(model: TrainedModel, simulator: Simulator | None, one: One, no
     row |= {key: found.checks[key] for key in ("rhat", "ess", "autocorrelation_steps", "steps", "acceptance")} | by
     flags = [one.learned.flag[0], why, "" if found.checks["converged"] else "the chains did not converge",
              "few draws count" if found.effective < FEW else "",
-             MISFIT if found.misfit > UNEXPLAINED else ""]
+             WORDS[Flag.MISFIT] if found.misfit > UNEXPLAINED else ""]
     return row | {"cpu_s": found.cpu_s, "flag": _joined(*flags)}
 
 

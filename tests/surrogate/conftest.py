@@ -19,7 +19,7 @@ from eitsim.scene.scene import Body, Electrodes, Scene
 from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
 from surrogate.data.edge_frame import edge_frame
-from surrogate.data.samples import Samples, read_samples, take
+from surrogate.data.samples import SweepSamples, read_samples, take
 from surrogate.data.sensor_ring import Ring, place, radial, ring_of, ring_of_design
 from surrogate.forward_map import multipole_series
 
@@ -149,20 +149,20 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def samples(sweep: Path) -> Samples:
+def samples(sweep: Path) -> SweepSamples:
     found = read_samples(sweep)
     assert found.target.shape == (200, len(outputs.ALL))
     return found
 
 
 @pytest.fixture(scope="session")
-def forward_model(samples: Samples) -> surrogate.Model:
+def forward_model(samples: SweepSamples) -> surrogate.Model:
     """A forward model of all of them and of all outputs."""
     return surrogate.train(samples, "forward", seed=1)
 
 
 @pytest.fixture(scope="session")
-def inner_model(samples: Samples) -> surrogate.Model:
+def inner_model(samples: SweepSamples) -> surrogate.Model:
     """A forward model of so few touches that it learns nothing of the rim, and so answers its first frame at once: for
     what is done with any."""
     return surrogate.train(take(samples, np.arange(100)), "forward", seed=1)
@@ -194,18 +194,19 @@ def rectangle_signal(rectangle_ring: Ring) -> Callable[[Array], Array]:
 
 
 def _over_rectangle(ring: Ring, signals: Callable[[Array], Array], rows: int, reach_mm: tuple[float, float],
-                    seed: int) -> Samples:
+                    seed: int) -> SweepSamples:
     """Rows of touches evenly over what lies within half widths of the rectangle's middle."""
     rng, rest, number = np.random.default_rng(seed), untouched_readings(RECTANGLE, SHEET_S), np.arange(rows)
     x, y = (rng.uniform(-reach, reach, rows) for reach in reach_mm)
     touch = np.column_stack([x, y, rng.uniform(8, 12, rows), rng.uniform(0.1, 1.0, rows)])
-    return Samples(ring, number, number, signals(touch), np.tile(rest, (rows, 1)),
-                   np.column_stack([touch, rng.uniform(1, 2, (rows, 4))]), np.full(rows, -1), np.empty((rows, 0)),
-                   np.zeros(rows), number.astype(np.uint64), radial(ring, touch) > NEAR)
+    return SweepSamples(signal_V=signals(touch), target=np.column_stack([touch, rng.uniform(1, 2, (rows, 4))]),
+                        group=number, ring=ring, scene=number, baseline_V=np.tile(rest, (rows, 1)),
+                        card=np.full(rows, -1), material=np.empty((rows, 0)), signal_sd=np.zeros(rows),
+                        row_hash=number.astype(np.uint64), near_edge=radial(ring, touch) > NEAR)
 
 
 @pytest.fixture(scope="session")
-def rectangle_samples(rectangle_ring: Ring, rectangle_signal: Callable[[Array], Array]) -> Samples:
+def rectangle_samples(rectangle_ring: Ring, rectangle_signal: Callable[[Array], Array]) -> SweepSamples:
     """Rows over the whole rectangle; signals of those near an edge are not multipoles."""
     def signals(touch: Array) -> Array:
         signal = rectangle_signal(touch)
@@ -215,7 +216,7 @@ def rectangle_samples(rectangle_ring: Ring, rectangle_signal: Callable[[Array], 
 
 
 @pytest.fixture(scope="session")
-def rectangle_model(rectangle_samples: Samples) -> surrogate.Model:
+def rectangle_model(rectangle_samples: SweepSamples) -> surrogate.Model:
     """A forward model of the rectangle."""
     return surrogate.train(rectangle_samples, outputs="x0,y0,d,F", seed=1)
 
@@ -236,12 +237,12 @@ def edge_signal(rectangle_ring: Ring, rectangle_signal: Callable[[Array], Array]
 
 
 @pytest.fixture(scope="session")
-def edge_samples(rectangle_ring: Ring, edge_signal: Callable[[Array], Array]) -> Samples:
+def edge_samples(rectangle_ring: Ring, edge_signal: Callable[[Array], Array]) -> SweepSamples:
     """Rows over the whole rectangle, of which those near an edge can be learned."""
     return _over_rectangle(rectangle_ring, edge_signal, EDGE_ROWS, (68.0, 43.0), seed=6)
 
 
 @pytest.fixture(scope="session")
-def edge_model(edge_samples: Samples) -> surrogate.Model:
+def edge_model(edge_samples: SweepSamples) -> surrogate.Model:
     """A forward model of the rectangle that knows touches near one edge."""
     return surrogate.train(edge_samples, outputs="x0,y0,d,F", seed=1)

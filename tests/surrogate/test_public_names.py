@@ -15,7 +15,7 @@ import eitsim.sensors.labels
 import surrogate
 from eitsim.sweeps.dataset.parquet import read_dataset
 from surrogate.data.baseline_frame import untouched
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.learners.registry import METHODS
 from surrogate.model.predict import columns
 
@@ -41,7 +41,8 @@ def model(sweep: Path) -> surrogate.Model:
     return surrogate.train(sweep, "ridge", NAMES, seed=1)
 
 
-def test_a_folder_a_data_set_and_its_rows_train_the_same(model: surrogate.Model, sweep: Path, samples: Samples) -> None:
+def test_a_folder_a_data_set_and_its_rows_train_the_same(model: surrogate.Model, sweep: Path,
+                                                         samples: SweepSamples) -> None:
     for data in (read_dataset(sweep), samples):
         again = surrogate.train(data, "ridge", "A_c, sigma_max,F,x0", seed=1)
         assert again.names == NAMES
@@ -49,7 +50,7 @@ def test_a_folder_a_data_set_and_its_rows_train_the_same(model: surrogate.Model,
                               model.learner.estimate(samples.signal_V, 0.0).value)
 
 
-def test_predictions_are_in_si_and_those_of_the_command(model: surrogate.Model, samples: Samples,
+def test_predictions_are_in_si_and_those_of_the_command(model: surrogate.Model, samples: SweepSamples,
                                                         tmp_path: Path) -> None:
     frames, baseline = samples.baseline_V[:5] + samples.signal_V[:5], samples.baseline_V[0]
     model.save(tmp_path / "model")
@@ -66,7 +67,8 @@ def test_predictions_are_in_si_and_those_of_the_command(model: surrogate.Model, 
     assert found["flag"].tolist() == written["flag"].tolist()
 
 
-def test_one_frame_serves_and_noise_follows_from_untouched_frames(model: surrogate.Model, samples: Samples) -> None:
+def test_one_frame_serves_and_noise_follows_from_untouched_frames(model: surrogate.Model,
+                                                                  samples: SweepSamples) -> None:
     baseline, frame = samples.baseline_V[0], samples.baseline_V[0] + samples.signal_V[0]
     several = baseline + 1e-4 * np.random.default_rng(0).normal(size=(50, len(baseline)))
     quiet, loud = model.predict(frame), model.predict(frame, several)
@@ -79,7 +81,8 @@ def test_one_frame_serves_and_noise_follows_from_untouched_frames(model: surroga
 
 
 
-def test_wrong_frames_are_refused_and_a_strange_baseline_is_cautioned(model: surrogate.Model, samples: Samples) -> None:
+def test_wrong_frames_are_refused_and_a_strange_baseline_is_cautioned(model: surrogate.Model,
+                                                                      samples: SweepSamples) -> None:
     with pytest.raises(ValueError, match=r"frames_V has the shape \(7,\); expected \(n, 208\)"):
         model.predict(np.zeros(7))
     with pytest.raises(ValueError, match="finite number of volts"):
@@ -88,7 +91,7 @@ def test_wrong_frames_are_refused_and_a_strange_baseline_is_cautioned(model: sur
         model.predict(samples.baseline_V[:1], -samples.baseline_V[0])
 
 
-def test_a_folder_is_scored_as_its_rows_are(model: surrogate.Model, sweep: Path, samples: Samples) -> None:
+def test_a_folder_is_scored_as_its_rows_are(model: surrogate.Model, sweep: Path, samples: SweepSamples) -> None:
     by_folder, by_rows = (surrogate.evaluate(model, data, noise_dB=[80]).scores for data in (sweep, samples))
     assert by_folder["outputs"] == by_rows["outputs"]
     assert by_folder["noise"] == by_rows["noise"]

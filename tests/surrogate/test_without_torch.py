@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import surrogate
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.model import torchscript
 from surrogate.recordings import press_reader
 
@@ -38,7 +38,7 @@ surrogate.train(sys.argv[4], "trainbr", "x0", epochs=1).save("trained")
 """
 
 
-def test_models_are_read_scored_and_followed_without_torch(sweep: Path, samples: Samples, tmp_path: Path) -> None:
+def test_models_are_read_scored_and_followed_without_torch(sweep: Path, samples: SweepSamples, tmp_path: Path) -> None:
     for method in ("ridge", "forward"):
         surrogate.train(samples, method, ("x0", "y0", "d", "F"), seed=1).save(tmp_path / method)
     np.save(tmp_path / "frames.npy", np.vstack([samples.baseline_V[:1], samples.baseline_V[:3] + samples.signal_V[:3]]))
@@ -51,7 +51,7 @@ def test_models_are_read_scored_and_followed_without_torch(sweep: Path, samples:
 @pytest.mark.parametrize("needs", [
     lambda model, out: torchscript.write(model, out), lambda model, out: press_reader.fit(None, None)],
     ids=["export", "presses"])
-def test_one_sentence_says_what_to_install(needs: Callable[..., object], samples: Samples, tmp_path: Path,
+def test_one_sentence_says_what_to_install(needs: Callable[..., object], samples: SweepSamples, tmp_path: Path,
                                            monkeypatch: pytest.MonkeyPatch) -> None:
     model = surrogate.train(samples, "trainbr", "x0", epochs=1)
     monkeypatch.setitem(sys.modules, "torch", None)

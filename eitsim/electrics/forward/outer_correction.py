@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, eliminated, quadrature_points, slopes
 from eitsim.electrics.cem.ring_scattering import FULL, Circle, Scattered, outgoing_gradient, position, ring_share
 from eitsim.electrics.forward.far_field import DEGREE, Fields, fields_of, first_order
-from eitsim.electrics.forward.outlined_skin import TRIANGLES
+from eitsim.electrics.forward.outline_electrics import TRIANGLES
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.outline.edge_response import Edges, edge_loads, edges_of, outgoing_waves
 from eitsim.electrics.outline.touch_mesh import fields_mesh

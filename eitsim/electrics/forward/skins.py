@@ -1,7 +1,7 @@
 """Which way the electrics of a skin are solved: the one place where discs and outlines are distinguished."""
 
-from eitsim.electrics.forward.disc_skin import DiscSkin
-from eitsim.electrics.forward.outlined_skin import OutlinedSkin
+from eitsim.electrics.forward.disc_electrics import DiscSkin
+from eitsim.electrics.forward.outline_electrics import OutlinedSkin
 from eitsim.scene.scene import Body, Electrodes
 
 

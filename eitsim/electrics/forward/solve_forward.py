@@ -13,10 +13,10 @@ from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance
 from eitsim.electrics.cem.coupled_scattering import coupled_scattering
 from eitsim.electrics.cem.floating_electrodes import floating
 from eitsim.electrics.cem.ring_scattering import Coupling, position
-from eitsim.electrics.forward.disc_skin import DiscSkin
+from eitsim.electrics.forward.disc_electrics import DiscSkin
 from eitsim.electrics.forward.far_field import born_correction, change_where_they_meet
 from eitsim.electrics.forward.outer_correction import outer_correction
-from eitsim.electrics.forward.outlined_skin import OutlinedSkin
+from eitsim.electrics.forward.outline_electrics import OutlinedSkin
 from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement

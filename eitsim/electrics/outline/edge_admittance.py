@@ -31,9 +31,9 @@ from eitsim.electrics.outline.edge_response import edge_sides
 from eitsim.electrics.outline.touch_mesh import EVEN
 from eitsim.electrics.outline.triangles import refined, skin_mesh
 from eitsim.numerics.nested_dissection import Dissection
-from eitsim.scene.edges.outline_edge import arcs_of, edge_starts, places_along
 from eitsim.scene.edges.outline_electrodes import stretches_along
 from eitsim.scene.electrodes import contact_impedances, widths
+from eitsim.scene.outline_edge import arcs_of, edge_starts, places_along
 from eitsim.scene.scene import Body, Electrodes
 
 # How far an electrode's ends may move from their places in the mesh, m and over its width, and how much longer its

@@ -14,9 +14,9 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh
 from eitsim.electrics.mesh.p2_triangles import EDGES, sides
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.edges.outline_edge import edge_starts, places_along
 from eitsim.scene.edges.outline_electrodes import patch_loops, stretches_along
 from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.outline_edge import edge_starts, places_along
 from eitsim.scene.polygons import inside
 from touchcal.errors import NotConverged
 

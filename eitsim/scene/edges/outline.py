@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eitsim.scene.drive import as_tuples
-from eitsim.scene.edges.outline_edge import path_along, places_along
 from eitsim.scene.edges.outline_electrodes import check_on_outline, stretches_along, with_positions
 from eitsim.scene.electrodes import PLACES, Electrodes
 from eitsim.scene.nearest_edge import NearestEdge, nearest_edge, quarter_distances_m
+from eitsim.scene.outline_edge import path_along, places_along
 from eitsim.scene.polygons import (
     KINDS,
     MOST_POINTS,
@@ -22,8 +22,8 @@ from eitsim.scene.polygons import (
     edge_distance_m,
     inside,
     moments_m,
-    signed_area,
     touching,
+    turned,
 )
 from touchcal.arrays import Array
 
@@ -117,8 +117,8 @@ class Outline:
         """Lines along it lie at even shares of its length unless their places are given."""
         if electrodes.kind != "line" or electrodes.angles_rad or any(getattr(electrodes, name) for name in PLACES):
             return electrodes
-        n, way = electrodes.count, -1 if electrodes.clockwise else 1
-        return replace(electrodes, shares=tuple(way * k % n / n for k in range(n)), clockwise=False)
+        count, way = electrodes.count, -1 if electrodes.clockwise else 1
+        return replace(electrodes, shares=tuple(way * k % count / count for k in range(count)), clockwise=False)
 
     def by_arc(self, electrodes: Electrodes) -> Electrodes:
         return with_positions(self, electrodes) if electrodes.kind == "line" else electrodes
@@ -143,7 +143,7 @@ def _loops(outline: Outline) -> tuple[Array, ...]:
     else:
         outer = np.array(outline.points_m, dtype=float).reshape(-1, 2)
     holes = [_hole(hole) for hole in outline.holes_m]
-    found = (_turned(outer, 1.0), *(_turned(hole, -1.0) for hole in holes))
+    found = (turned(outer, 1.0), *(turned(hole, -1.0) for hole in holes))
     for loop in found:
         loop.flags.writeable = False
     return found
@@ -172,13 +172,6 @@ def _rectangle(width: float, height: float, corner: float) -> Array:
 def _hole(hole: Point | Loop) -> Array:
     given = np.array(hole, dtype=float)
     return circle(given[:2], given[2]) if given.ndim == 1 else given
-
-
-def _turned(loop: Array, sign: float) -> Array:
-    """The loop counter-clockwise, 1, or clockwise, -1, a repeated first corner left out."""
-    if len(loop) > 1 and np.array_equal(loop[0], loop[-1]):
-        loop = loop[:-1]
-    return loop.copy() if signed_area(loop) * sign >= 0 else loop[::-1].copy()
 
 
 def check_keys(kind: str, values: dict[str, Any]) -> None:

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from eitsim.scene.edges.outline_edge import arc_at, edge_starts, places_along
 from eitsim.scene.electrodes import SHAPES, TOUCHING, Electrodes, check_sizes, lengths, require, turns, widths
+from eitsim.scene.outline_edge import arc_at, edge_starts, places_along
 from eitsim.scene.polygons import (
     Looped,
     circle,

@@ -7,7 +7,6 @@ it misses, also of sensors that the calibration may have missed, is the covarian
 error).
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,14 +74,6 @@ def least_squares_map(real: Array, ideal: Array, noise: float, there: Mask) -> A
     real = real * there[:, None]
     gram = real @ real.T + real.shape[1] * noise**2 * np.eye(len(real))
     return np.diag(there.astype(float)) + np.linalg.solve(gram, real @ (ideal - real).T).T
-
-
-def error_covariance(calibrated: CalibratedSensor, states: Iterable[Array], found: ToIdeal) -> Array:
-    """(m, m) V^2 mean of the outer products of what the map misses of the ideal sensor's signals, over pixels and over
-    states that the sensor may have, for a touch that changes one pixel by its whole conductance."""
-    ideal = ideal_signals(calibrated)
-    missed = np.hstack([ideal - found.matrix @ signals(calibrated, state) for state in states])
-    return missed @ missed.T / missed.shape[1]
 
 
 def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0) -> float:

@@ -71,7 +71,7 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
         raise ValueError(refusal(chosen.why))
     check_differentiable(scene)
     law, skin_law = material.law, material.skin
-    bases = [settled(law, scene.body, way.case.punch, near_rim=way.near) for way in chosen.ways]
+    bases = [settled(law, scene.body, way.case.punch, near_rim=way.case.near) for way in chosen.ways]
     touches = tuple((base.punch, base.touch) for base in bases)
     electrodes = present(scene.electrodes)
     rooms = rooms_m(scene.body, electrodes, touches)
@@ -122,7 +122,7 @@ def check_differentiable(scene: Scene) -> None:
 
 def _problem(scene: Scene) -> str:
     ways, pairs = choose_ways(scene)
-    if scene.body.has_outline and any(way.near for way in ways):
+    if scene.body.has_outline and any(way.case.near for way in ways):
         return ("a touch near the edge of an outline, where their meshes do not resolve what the edge changes: of a "
                 "punch 12 mm from one those by place were 4 and 13 % off. Move the punch inwards, or ask for less "
                 "accuracy (a larger signal in [accuracy]), which leaves edges out.")

@@ -8,12 +8,14 @@ import numpy as np
 from eitsim.sensors.labels import Labels, labels_of, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.data.dead_readings import too_many
-from surrogate.model.recorded.press_model import PressModel
+from surrogate.model.recorded import plain_reader
+from surrogate.model.recorded.plain_reader import PlainReader
+from surrogate.model.recorded.press_model import FAMILIES, PressModel
 from surrogate.model.recorded.reader_scores import SPLITS, TESTED, Tested, read_split
 from surrogate.recordings import press_reader, scalar_reader, touch_reader
 from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import counted, press_of_frames, with_presses
-from surrogate.recordings.press_reader import PressReader
+from surrogate.recordings.press_reader import PressReader, Reader
 from surrogate.recordings.presses import Presses, labelled, presses_of, taken
 from surrogate.recordings.signals import FEWEST
 from touchcal.arrays import Array
@@ -22,12 +24,13 @@ from touchcal.parallel.processes import processes
 
 
 def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
-          expectation: Expectation | None = None) -> PressModel:
+          expectation: Expectation | None = None, method: str = FAMILIES) -> PressModel:
     """Learn the labels of a recording's presses by families of readers whose weights make the held-out error least, and
     test readers of four fifths of the presses on the rest, at random and the last in time.
 
     recording: frames in time order, (n, m) readings of one kind; labels: of ten presses or more; workers: processes;
-    expectation: what a model of the sensor expects, used where it explains held-out presses better.
+    expectation: what a model of the sensor expects, used where it explains held-out presses better; method: "families",
+    or one of `METHODS` in their place.
     ValueError where the presses are too few, or dead channels too many; NothingToRead where no label is read better
     than by its mean.
 
@@ -44,14 +47,15 @@ def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
                         "more of them.")
     found = {}
     with processes(min(workers, 1 + len(splits))) as pool:
-        for item, answer in answers(pool, partial(_answer, presses, known, seed, expectation), ("", *splits)):
+        for item, answer in answers(pool, partial(_answer, presses, known, seed, expectation, method), ("", *splits)):
             if isinstance(answer, Failed):
                 raise answer.error
             found[item] = answer
     reader, fit_s = found.pop("")
     left_out += [f"split {split}, no scores: {found[split]}" for split in splits if isinstance(found[split], str)]
     tested = tuple(one for split in splits if not isinstance(found[split], str) for one in found[split])
-    return PressModel(reader, recording.kind, count, frames, seed, tested, fit_s, tuple(left_out))
+    return PressModel(reader, recording.kind, count, frames, seed, tested, fit_s, tuple(left_out),
+                      method=method)
 
 
 def _readable(presses: Presses, labels: Labels) -> tuple[Presses, Labels, list[str]]:
@@ -64,21 +68,25 @@ def _readable(presses: Presses, labels: Labels) -> tuple[Presses, Labels, list[s
         f"{sum(dead)} labelled frames, more than half of whose readings are dead, are left out."]
 
 
-def _answer(presses: Presses, labels: Labels, seed: int, expectation: Expectation | None,
-            split: str) -> tuple[Tested, ...] | str | tuple[PressReader, float]:
+def _answer(presses: Presses, labels: Labels, seed: int, expectation: Expectation | None, method: str,
+            split: str) -> tuple[Tested, ...] | str | tuple[Reader, float]:
     """What is read on a split, or why its four fifths teach nothing; for no split the reader of all and its time."""
     begun = time.process_time()
+    fit = (partial(press_reader.fit, expectation=expectation) if method == FAMILIES else
+           partial(plain_reader.fit, method))
     if not split:
-        return press_reader.fit(presses, labels, seed, expectation), time.process_time() - begun
+        return fit(presses, labels, seed), time.process_time() - begun
     try:
-        return read_split(presses, labels, split, seed, expectation)
+        return read_split(presses, labels, split, seed, fit)
     except ValueError as refusal:
         return str(refusal)
 
 
-def choice(reader: PressReader) -> tuple[str, ...]:
-    """In words, for each output, which families read, with which weights, how each did on held-out blocks in time; and
-    what is left out."""
+def choice(reader: PressReader | PlainReader) -> tuple[str, ...]:
+    """In words, for each output, what reads it, which families with which weights, how each did on held-out blocks in
+    time; and what is left out."""
+    if isinstance(reader, PlainReader):
+        return reader.choice()
     said = []
     if reader.place:
         taken_out = (f"; {reader.place.projected} directions of drift are projected out" if reader.place.projected

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, get_type_hints
 
 import pandas as pd
 
@@ -13,7 +13,9 @@ from eitsim.sensors.labels import PLACE, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.data.outputs import lowest
 from surrogate.data.skin_from_above import SkinFromAbove
+from surrogate.learners.registry import method_of
 from surrogate.model import store
+from surrogate.model.recorded.plain_reader import PlainReader
 from surrogate.model.recorded.reader_scores import Tested
 from surrogate.recordings.press_reader import PressReader, read
 from surrogate.recordings.presses import Presses, presses_of
@@ -23,6 +25,7 @@ from touchcal.document import Keys, Number
 
 OUTPUTS = {"x_mm": "x0_mm", "y_mm": "y0_mm"}  # labels whose outputs have another name
 COORDINATES = (*PLACE, "z_mm")  # labels that may be below 0
+FAMILIES = "families"  # the method that recorded presses alone have
 _COUNT = Number(0, 1e15, whole=True)
 _SHAPE = store.shape_of({"kind": str, "presses": _COUNT, "frames": _COUNT, "left_out": [str], "scores": list})
 
@@ -31,7 +34,7 @@ _SHAPE = store.shape_of({"kind": str, "presses": _COUNT, "frames": _COUNT, "left
 class PressModel:
     """A reader of presses, and what is known of how well it reads; made by `learn` or `load`."""
 
-    reader: PressReader
+    reader: PressReader | PlainReader
     kind: str  # of the readings, one of eitsim.sensors.recording.KINDS
     presses: int  # that it was trained on
     frames: int  # of these presses
@@ -40,7 +43,7 @@ class PressModel:
     fit_s: float  # CPU time of the reader, s
     left_out: tuple[str, ...] = ()  # which presses are not used and which splits not tested, and why, a sentence each
     skin: SkinFromAbove | None = None  # the sensor's, where that has an outline
-    method: str = "families"
+    method: str = FAMILIES
 
     LEARNT_FROM: ClassVar[str] = "presses"
     SHAPE: ClassVar[Keys] = _SHAPE
@@ -48,7 +51,7 @@ class PressModel:
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the labels that are read, with their units."""
-        return *(PLACE if self.reader.place else ()), *(one.name for one in self.reader.scalars)
+        return self.reader.labels
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -107,13 +110,20 @@ class PressModel:
 
     def arrays(self) -> Arrays:
         """What arrays.npz holds."""
-        parts = {"reader": self.reader, "tested": self.tested, "skin": self.skin}
+        parts: dict[str, Any] = {"reader": self.reader, "tested": self.tested, "skin": self.skin}
         return {key: value for name, part in parts.items() for key, value in flat(part, name)}
 
     @classmethod
     def assembled(cls, text: Mapping[str, Any], arrays: Arrays) -> Self:
         """The inverse of both."""
-        return cls(rebuilt(PressReader, "reader", arrays), text["kind"], text["presses"], text["frames"], text["seed"],
+        if text["method"] == FAMILIES:
+            reader = rebuilt(PressReader, "reader", arrays)
+        else:
+            parts = {name: rebuilt(kind, f"reader.{name}", arrays) for name, kind in get_type_hints(PlainReader).items()
+                     if name != "learner"}
+            learner = method_of(text["method"]).learner()
+            reader = PlainReader(**parts, learner=rebuilt(learner, "reader.learner", arrays))
+        return cls(reader, text["kind"], text["presses"], text["frames"], text["seed"],
                    rebuilt(tuple[Tested, ...], "tested", arrays), text["fit_s"], tuple(text["left_out"]),
                    rebuilt(SkinFromAbove | None, "skin", arrays), text["method"])
 

@@ -11,7 +11,6 @@ from eitsim.sensors.labels import Labels, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.model.recorded.press_model import OUTPUTS, PressModel
 from surrogate.recordings.press_frames import press_of_frames
-from surrogate.recordings.press_reader import trained_on
 from surrogate.recordings.presses import labelled
 from surrogate.statistics.coverage_check import coverage_check
 from surrogate.statistics.metrics import COVERAGES, score
@@ -39,7 +38,7 @@ def evaluate_reader(model: PressModel, recording: Recording, labels: Labels, sou
     sound = table.loc[:, [*columns.values()]].notna().to_numpy().all(axis=1)
     if not sound.any():
         raise ValueError(f"{recording.source}: no labelled press can be read; the first has {table['flag'].iloc[0]}.")
-    seen = trained_on(model.reader, presses)
+    seen = model.reader.trained_on(presses)
     part = np.where(seen, "train", "new" if seen.any() else "all")
     outputs: dict[str, dict[str, Any]] = {}
     press = press_of_frames(presses, known)

@@ -1,6 +1,6 @@
 """Scores of a reader on presses that it did not see: some at random, and the last in time."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -8,14 +8,15 @@ import numpy as np
 
 from eitsim.sensors.labels import PLACE, Labels, labels_of, unit_of
 from surrogate.recordings import press_reader
-from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import frames_of, press_of_frames
+from surrogate.recordings.press_reader import Reader
 from surrogate.recordings.presses import Presses, taken, until
 from surrogate.recordings.worth import distance
 from surrogate.statistics.conformal import radius
 from surrogate.statistics.coverage_check import CoverageCheck, coverage_check, in_words
 from touchcal.arrays import Array, Index
 
+Fit = Callable[[Presses, Labels, int], Reader]  # teaches a reader by a seed
 TESTED = 5  # every so many presses one is tested
 SPLITS = ("random", "time")
 
@@ -94,33 +95,32 @@ def split_rows(rows: int, split: str, seed: int) -> tuple[Index, Index]:
 
 
 def read_split(presses: Presses, labels: Labels, split: str, seed: int = 0,
-               expectation: Expectation | None = None) -> tuple[Tested, ...]:
+               fit: Fit = press_reader.fit) -> tuple[Tested, ...]:
     """Train on four fifths of labelled presses and read all frames of the rest, for each output that is read; errors as
     press_reader.fit."""
     press = press_of_frames(presses, labels)
     train, test = (frames_of(press, some) for some in split_rows(int(press.max()) + 1, split, seed))
-    return read_rows(presses, labels, train, test, split, seed, expectation)
+    return read_rows(presses, labels, train, test, split, seed, fit)
 
 
 def read_rows(presses: Presses, labels: Labels, train: Index, test: Index, split: str, seed: int,
-              expectation: Expectation | None = None) -> tuple[Tested, ...]:
+              fit: Fit = press_reader.fit) -> tuple[Tested, ...]:
     """What a reader trained on some rows, and on the untouched frames until the last of them, reads of others."""
-    reader = press_reader.fit(until(taken(presses, train), float(presses.time[train].max())),
-                              labels_of(labels, train), seed, expectation)
+    reader = fit(until(taken(presses, train), float(presses.time[train].max())), labels_of(labels, train), seed)
     tested = taken(presses, test)
     found = press_reader.read(reader, tested)
     known = dict(zip(labels.names, labels.values.T, strict=True))
     rows = Rows(press_of_frames(presses, labels), train, test)
-    signal, out = press_reader.seen(reader.signals, reader.place, tested), []
-    if reader.place and found.place:
+    out = []
+    if found.place:
         target = np.stack([known[name] for name in PLACE], axis=1)
         one = _tested(split, "place", "mm", target, rows, found.place.value, found.place.bounds.half_width,
-                      reader.place.ridge.read(signal))
+                      reader.yardstick("place", tested))
         inside = radius(found.place.value - target[test], found.place.bounds) <= found.place.bounds.ellipse
         out.append(replace(one, score=replace(one.score, in_ellipse=float(inside.mean()))))
-    for one, said in zip(reader.scalars, found.scalars, strict=True):
-        out.append(_tested(split, one.name, unit_of(one.name), known[one.name][:, None], rows,
-                           said.value[:, None], said.half_width[:, None], one.ridge.read(signal)))
+    for one in found.scalars:
+        out.append(_tested(split, one.name, unit_of(one.name), known[one.name][:, None], rows, one.value[:, None],
+                           one.half_width[:, None], reader.yardstick(one.name, tested)))
     return tuple(out)
 
 

@@ -155,4 +155,4 @@ class FollowedModel:
         sd = (below + above) / 2 / normal(COVERAGE)
         own = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
         return Read(state, of_touch(read.value), covariance / np.outer(own, own) * np.outer(sd, sd), below, above,
-                    read.flag[0], numbers_of(self._model, read)[0])
+                    read.flag[0], numbers_of(self._model, read)[0], int(read.kinds[0]))

@@ -23,7 +23,7 @@ from surrogate.model.recorded.press_model import COORDINATES, PressModel
 from surrogate.model.tracking.contact import patterns_of
 from surrogate.model.tracking.followed_reading import TOO_WEAK, Read, unread
 from surrogate.model.tracking.tracked import TOUCH
-from surrogate.recordings.press_reader import PressReading, ScalarReading, read
+from surrogate.recordings.press_reader import PressReader, PressReading, ScalarReading, read
 from surrogate.recordings.presses import Presses
 from surrogate.recordings.signals import WEAK
 from surrogate.statistics.conformal import COVERAGE, normal
@@ -64,9 +64,9 @@ class FollowedPresses:
 
     def __init__(self, model: PressModel) -> None:
         reader = model.reader
-        if reader.place is None:
-            raise ValueError("this model reads no place, which a touch is followed by. Train it on labels x_mm and "
-                             "y_mm.")
+        if not isinstance(reader, PressReader) or reader.place is None:
+            raise ValueError("this model reads no place by families of readers, which a touch is followed by. Train it "
+                             "on labels x_mm and y_mm, with no other --method.")
         self.readings = model.readings
         self.columns = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
                         for end in ("", "_lo90", "_hi90")]

@@ -27,12 +27,13 @@ class Read:
     above: Array
     flag: str
     row: Array | None = None
+    kinds: int = 0
 
 
-def unread(state: str, flag: str) -> Read:
+def unread(state: str, flag: str, kinds: int = 0) -> Read:
     """No touch that can be read."""
     none = np.full(TOUCH, np.nan)
-    return Read(state, none, np.full((TOUCH, TOUCH), np.nan), none, none, flag)
+    return Read(state, none, np.full((TOUCH, TOUCH), np.nan), none, none, flag, None, kinds)
 
 
 class Following(Protocol):

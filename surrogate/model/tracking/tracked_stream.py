@@ -33,7 +33,7 @@ def track(tracker: Tracker, source: BufferedIOBase, sink: TextIO,
     warned = calibrating = unreadable = False
     for read in frames_as_they_come(source, tracker.readings):
         for line, volts, problem in zip(read.line.tolist(), read.volts, read.problem, strict=True):
-            state, values, flag = (UNREADABLE, None, problem) if problem else _answer(tracker, volts)
+            state, values, flag, kinds = (UNREADABLE, None, problem, 0) if problem else _answer(tracker, volts)
             table.writerow([line, *(_cell(value) for value in values or [math.nan] * values_there), state, flag])
             sink.flush()
             answered, flagged = answered + 1, flagged + (bool(flag) and state not in QUIET)
@@ -41,7 +41,7 @@ def track(tracker: Tracker, source: BufferedIOBase, sink: TextIO,
             if state == UNREADABLE and not unreadable:
                 say(f"line {line}: {flag}. Such lines have rows without values; this is said once.")
                 unreadable = True
-            if not warned and (words := sign_caution([flag])):
+            if not warned and (words := sign_caution([kinds])):
                 say(f"line {line} on: {words}")
                 warned = True
     if not answered:
@@ -53,10 +53,10 @@ def _cell(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def _answer(tracker: Tracker, volts: Array) -> tuple[str, Sequence[float] | None, str]:
-    """State, values or none, and flag of a frame."""
+def _answer(tracker: Tracker, volts: Array) -> tuple[str, Sequence[float] | None, str, int]:
+    """State, values or none, flag of a frame, and its kinds."""
     said = tracker.update(volts)
-    return said.state, None if said.row is None else said.row.tolist(), said.flag
+    return said.state, None if said.row is None else said.row.tolist(), said.flag, said.kinds
 
 
 def _say_calibrating(tracker: Tracker, state: str, before: bool, say: Callable[[str], object]) -> bool:

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from surrogate.data import untouched_stream
 from surrogate.data.baseline_frame import untouched
 from surrogate.data.untouched_stream import CALIBRATION, Background
+from surrogate.model.flags import WORDS, Flag
 from surrogate.model.missing_channels import named, stuck
 from surrogate.model.model import Model
-from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.recorded.press_model import PressModel
 from surrogate.model.tracking import contact, noise_scatter
 from surrogate.model.tracking.contact import Contact
@@ -198,8 +198,10 @@ class Tracker:
         if not self._contact.against:
             self._since = 0
             self._followed((volts, self._time_s), self._contact.strange)
-        flag = OTHER_SIGN if self._contact.mirrored else STRANGE if self._contact.strange else ""
-        return self._told(unread(UNTOUCHED, "; ".join(filter(None, (named(dead) if dead.any() else "", flag)))), signal)
+        kinds = Flag.OTHER_SIGN if self._contact.mirrored else 0
+        flag = WORDS[Flag.OTHER_SIGN] if kinds else STRANGE if self._contact.strange else ""
+        words = "; ".join(filter(None, (named(dead) if dead.any() else "", flag)))
+        return self._told(unread(UNTOUCHED, words, kinds), signal)
 
     def _followed(self, frame: _Timed, strange: bool) -> None:
         """Follow the untouched frame by all that are untouched but the latest WAIT, which may be of a touch that only
@@ -252,4 +254,4 @@ class Tracker:
     def _told(self, read: Read, signal: Array | None = None) -> Tracked:
         signal = np.full(len(self._gain), np.nan) if signal is None else signal
         return Tracked(self._time_s, read.state, read.value, read.covariance, read.below, read.above, signal,
-                       self.noise_V, self._left, read.flag, read.row)
+                       self.noise_V, self._left, read.flag, read.row, read.kinds)

@@ -8,7 +8,7 @@ import numpy as np
 
 from eitsim.scene.drive import Protocol
 from eitsim.sensors.sensor_file import Sensor
-from surrogate.data.samples import Samples, read_samples, take
+from surrogate.data.samples import SweepSamples, read_samples, take
 from surrogate.data.sensor_ring import Ring
 from surrogate.recordings.pattern_process import Conditioned, choose, conditioned
 from surrogate.recordings.patterns import direction
@@ -41,7 +41,7 @@ def read_simulated(folder: Path, sensor: Sensor) -> SimulatedPatterns:
     return simulated_patterns(take(samples, spread_evenly(len(samples), MOST_ROWS)), sensor.protocol)
 
 
-def simulated_patterns(samples: Samples, asked: Protocol) -> SimulatedPatterns:
+def simulated_patterns(samples: SweepSamples, asked: Protocol) -> SimulatedPatterns:
     """The patterns of samples whose readings are those of a protocol."""
     x, y = samples.targets(["x0", "y0"]).T / samples.ring.radius_mm
     place = (x + 1j * y) * np.exp(-1j * samples.ring.angle_rad[0])

@@ -14,9 +14,9 @@ from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_unt
 from eitsim.electrics.outline.edge_admittance import CLOSELY, ROUGHLY, edge_admittance, sliding_mesh
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.edges.outline_edge import arcs_of, edge_starts, places_along
 from eitsim.scene.edges.outline_electrodes import along_edge
 from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.outline_edge import arcs_of, edge_starts, places_along
 from eitsim.scene.polygons import circle, moments_m
 from eitsim.scene.scene import Body, Scene
 

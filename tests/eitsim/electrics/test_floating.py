@@ -12,7 +12,7 @@ from eitsim.electrics.cem.assembly import dissection, impedance, potentials, qua
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.cem.floating_electrodes import floating, shunt, shunt_ends, shunts
 from eitsim.electrics.cem.ring_scattering import impedance_change, on_disc
-from eitsim.electrics.forward.disc_skin import following_mesh
+from eitsim.electrics.forward.disc_electrics import following_mesh
 from eitsim.electrics.forward.sheet_fields import skin_fields
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.graded_mesh import triangulation

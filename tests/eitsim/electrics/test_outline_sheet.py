@@ -156,9 +156,9 @@ def test_what_cannot_be_reached_says_how_far_it_came(monkeypatch):
 def test_discs_are_solved_without_the_mesher_and_outlines_say_what_to_install():
     code = ("import sys; sys.modules['triangle'] = None\n"
             "from eitsim.electrics.forward.untouched import untouched_readings as read\n"
-            "from eitsim.scene.scene import Body, Scene\n"
+            "from eitsim.scene.edges.outline import Outline\nfrom eitsim.scene.scene import Body, Scene\n"
             "print(read(Scene(), 6e-4).size)\n"
-            "read(Scene(Body(outline='rectangle', width_m=0.12, height_m=0.1)), 6e-4)")
+            "read(Scene(Body(Outline('rectangle', width_m=0.12, height_m=0.1))), 6e-4)")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "208"
     assert "need the package triangle, which is not installed; run pip install '.[outlines]'" in done.stderr

@@ -10,7 +10,7 @@ import pytest
 from eitsim.electrics.cem.assembly import SkinMesh, gradients, impedance, potentials
 from eitsim.electrics.cem.assembly import quadrature_points as points_of
 from eitsim.electrics.cem.boundary_integral import solve_rim
-from eitsim.electrics.forward.disc_skin import following_mesh
+from eitsim.electrics.forward.disc_electrics import following_mesh
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.graded_mesh import triangulation

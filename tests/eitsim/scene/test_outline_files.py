@@ -46,7 +46,7 @@ def test_numbered_groups_of_lines_of_a_mesh_are_electrodes(tmp_path):
     (tmp_path / "scene.toml").write_text(head + 'groups = "e"\n')
     scene = read_scene(tmp_path / "scene.toml")
     np.testing.assert_allclose(1e3 * np.array(scene.electrodes.width_m), [10, 4, 20, 4, 12])
-    np.testing.assert_allclose(1e3 * middles_m(scene.body.shape, scene.electrodes),
+    np.testing.assert_allclose(1e3 * middles_m(scene.body.outline, scene.electrodes),
                                [[35, 20], [40, 10], [10, 20], [12, 0], [4, 0]], atol=1e-9)
     for more, named in (("count = 8\n", 'groups = "e"'), ('groups = "f"\n', "it has e10, e2, e1, e9, e11"),
                         ('groups = "e"\ncount = 5\n', "no effect with groups")):
@@ -60,7 +60,7 @@ def test_twenty_named_electrodes_of_a_public_mesh(tmp_path):
     (tmp_path / "scene.toml").write_text(f'[body]\noutline = "{GROUPS}"\n[electrodes]\ngroups = "elec"\n')
     scene = read_scene(tmp_path / "scene.toml")
     mesh = meshio.read(GROUPS)
-    for k, (x, y) in enumerate(1e3 * middles_m(scene.body.shape, scene.electrodes), start=1):
+    for k, (x, y) in enumerate(1e3 * middles_m(scene.body.outline, scene.electrodes), start=1):
         lines = np.concatenate([block.data[tags == k] for block, tags in zip(
             mesh.cells, mesh.cell_data["gmsh:physical"], strict=True) if block.type == "line"])
         assert [x, y] == pytest.approx(mesh.points[lines][..., :2].mean(axis=(0, 1)), abs=1e-6)

@@ -94,7 +94,7 @@ def test_on_an_outline_places_keep_from_edges_holes_and_electrodes_and_none_is_t
     for electrodes in (OUTLINED.electrodes, grid):
         at = outline_places_m(replace(OUTLINED, electrodes=electrodes), 100)
         assert at.shape == (100, 2)
-        assert edge_distance_m(SKIN.shape, at).min() > 0.006
+        assert edge_distance_m(SKIN.outline, at).min() > 0.006
         quarters = np.unique((at > 0) @ [1, 2], return_counts=True)[1]
         assert quarters.min() > 15
         if electrodes.kind == "surface":

@@ -12,9 +12,10 @@ import pytest
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import FULL_DISC
 from eitsim.scene.choices import Kind, Why
+from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Plan, RimField, Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, scene_from
-from eitsim.simulation import routes
+from eitsim.simulation import routes, words
 from eitsim.simulation.choose import choose, choose_ways
 from eitsim.simulation.material import material_of
 from eitsim.simulation.plan import plan_of
@@ -150,7 +151,7 @@ def test_a_change_from_a_table_is_said_to_be_one(touch: Touch) -> None:
 
 
 def test_the_cheapest_route_that_meets_the_error_is_taken() -> None:
-    body = Body(outline="rectangle", width_m=0.15, height_m=0.11)
+    body = Body(Outline("rectangle", width_m=0.15, height_m=0.11))
     middle, edge, corner = ((0.0, 0.0), (0.066, 0.0), (0.066, 0.046))
     for place, kind in ((middle, Kind.AXISYMMETRIC), (edge, Kind.NEAREST_EDGE), (corner, Kind.ALL_EDGES)):
         scene = Scene(body=body, punches=(Punch(*place, diameter_m=0.01),), accuracy=Accuracy(0.05))
@@ -159,6 +160,11 @@ def test_the_cheapest_route_that_meets_the_error_is_taken() -> None:
         costs = [route.serves(way.case) for route in ROUTES]
         assert costs == sorted(costs)
         assert all(route.leaves_out(way.case) > way.case.allowed for route in ROUTES[:ROUTES.index(way.route)])
+
+
+def test_every_kind_has_its_words() -> None:
+    assert {*words._LINES, *words._MADE} == {*Kind}
+    assert {*words._REFUSALS, *words._REFUSED, *words._PROBLEMS} == {*Why} - {Why.NOT_THIS_BODY}
 
 
 @pytest.mark.parametrize(("punch", "hold", "why"), [

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from surrogate.data import material_states
-from surrogate.data.samples import Samples, take
+from surrogate.data.samples import SweepSamples, take
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map
 from surrogate.forward_map.forward_map import linearise
@@ -37,13 +37,13 @@ def cards(count: int, seed: int) -> Array:
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory, ring: Ring, synthetic: Callable[..., tuple[Array, Array]],
-          samples: Samples) -> Callable[..., Samples]:
-    def read(count: int, seed: int, stiffness: Array) -> Samples:
+          samples: SweepSamples) -> Callable[..., SweepSamples]:
+    def read(count: int, seed: int, stiffness: Array) -> SweepSamples:
         number = np.arange(count) % len(stiffness)
         touch, signal = synthetic(count, seed, stiffness=stiffness[number])
         rows = pd.DataFrame({"card_sample": number, "mu_1_Pa": 8e3 * stiffness[number], "alpha_1": 8.0, "nu_1": 0.0})
         plain = np.arange(count)
-        return replace(samples, ring=ring, scene=plain, touch=plain, signal_V=signal,
+        return replace(samples, ring=ring, scene=plain, group=plain, signal_V=signal,
                        baseline_V=np.tile(samples.baseline_V[0], (count, 1)),
                        target=np.column_stack([touch, np.ones((count, 4))]), card=number,
                        material=material_states.answers(rows, False), signal_sd=np.zeros(count),
@@ -53,7 +53,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory, ring: Ring, synthetic: Calla
 
 
 @pytest.fixture(scope="module")
-def carried(drawn: Callable[..., Samples]) -> Model:
+def carried(drawn: Callable[..., SweepSamples]) -> Model:
     return train(drawn(100, 1, cards(40, 1)), "forward", TOUCH, seed=1)
 
 
@@ -70,7 +70,7 @@ def test_cards_that_answer_alike_are_one_direction() -> None:
     assert state.std() == pytest.approx(1.0, abs=1e-9)
 
 
-def test_one_card_has_no_states(samples: Samples) -> None:
+def test_one_card_has_no_states(samples: SweepSamples) -> None:
     assert samples.material.shape == (200, 0)
     assert material_states.states(material_states.fit(samples.material), samples.material).shape == (200, 0)
 
@@ -109,7 +109,7 @@ def test_ignoring_the_cards_breaks_coverage_and_carrying_them_restores_it(
     assert 0.83 < held["carried"] < 0.97
 
 
-def test_the_force_s_deviation_has_parts_that_add_up(drawn: Callable[..., Samples], carried: Model) -> None:
+def test_the_force_s_deviation_has_parts_that_add_up(drawn: Callable[..., SweepSamples], carried: Model) -> None:
     unseen = drawn(6, 9, cards(6, 9))
     scores = evaluate(carried, unseen).scores
     sd = scores["force_sd"]
@@ -124,14 +124,14 @@ def test_the_force_s_deviation_has_parts_that_add_up(drawn: Callable[..., Sample
     assert np.all(found.force_parts > 0)
 
 
-def test_one_card_is_told(drawn: Callable[..., Samples], carried: Model) -> None:
+def test_one_card_is_told(drawn: Callable[..., SweepSamples], carried: Model) -> None:
     record = {"dataset": {"cards": 1}}
     rows = drawn(4, 9, cards(4, 9))
     assert "not in the intervals" in material_told(replace(carried, record=record), rows)
     assert "These rows have 4" in material_told(replace(carried, record=record), rows)
 
 
-def test_intervals_are_calibrated_on_another_set(drawn: Callable[..., Samples]) -> None:
+def test_intervals_are_calibrated_on_another_set(drawn: Callable[..., SweepSamples]) -> None:
     own, other = drawn(100, 1, np.ones(1)), drawn(60, 5, np.ones(1))
     other = replace(other, signal_V=1.01 * other.signal_V)
     used, apart = take(other, np.arange(40)), take(other, np.arange(40, 60))

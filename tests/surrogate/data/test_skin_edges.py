@@ -18,7 +18,7 @@ GAP_MM, DIAMETER_MM = 11.0, 10.0
 
 @pytest.fixture(scope="module")
 def edges() -> Polygons:
-    return Polygons(skin_of(L_WITH_HOLE.shape, Electrodes(count=12, width_m=0.008)).loops_mm)
+    return Polygons(skin_of(L_WITH_HOLE.outline, Electrodes(count=12, width_m=0.008)).loops_mm)
 
 
 def places() -> list[tuple[float, float]]:
@@ -27,7 +27,7 @@ def places() -> list[tuple[float, float]]:
 
 
 def test_distances_are_those_of_the_outline(edges: Polygons) -> None:
-    known = 1e3 * edge_distance_m(L_WITH_HOLE.shape, 1e-3 * np.array(places()))
+    known = 1e3 * edge_distance_m(L_WITH_HOLE.outline, 1e-3 * np.array(places()))
     assert [edges.distance_mm(one) for one in places()] == pytest.approx(known.tolist(), abs=1e-9)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from surrogate.data.samples import Samples, take
+from surrogate.data.samples import SweepSamples, take
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map
 from surrogate.forward_map.amplitude import amplitude
@@ -89,15 +89,15 @@ def test_the_amplitude_has_its_first_top_before_it_vanishes(learned: ForwardMap)
 
 
 @pytest.fixture(scope="module")
-def rows(samples: Samples, summed: Sum) -> Samples:
+def rows(samples: SweepSamples, summed: Sum) -> SweepSamples:
     touch, signal = summed(500, 5)
     more, scene = take(samples, np.arange(500) % len(samples)), np.arange(500)
-    return replace(more, scene=scene, touch=scene, row_hash=scene.astype(np.uint64),
+    return replace(more, scene=scene, group=scene, row_hash=scene.astype(np.uint64),
                    target=np.column_stack([touch, more.target[:, 4:]]), signal_V=signal)
 
 
 @pytest.mark.slow
-def test_a_sweep_trains_reads_touches_better_than_ridge_and_its_intervals_hold(rows: Samples, summed: Sum) -> None:
+def test_a_sweep_trains_reads_touches_better_than_ridge_and_its_intervals_hold(rows: SweepSamples, summed: Sum) -> None:
     def error(model: Model, touch: Array, signal: Array) -> tuple[Array, float]:
         found = predict(prepare(model, model.baseline_V), model.baseline_V + signal)
         off = found.value - touch

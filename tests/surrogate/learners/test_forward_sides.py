@@ -6,7 +6,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from surrogate.data.samples import Samples, take
+from surrogate.data.samples import SweepSamples, take
 from surrogate.forward_map.inversion.diameter_force_posterior import Table
 from surrogate.forward_map.inversion.invert import LEAST_SIDE
 from surrogate.learners import forward
@@ -15,7 +15,7 @@ from surrogate.model.trained import estimate
 from touchcal.arrays import Array
 
 
-def test_a_mean_outside_the_likely_punches_keeps_an_interval_on_both_sides(samples: Samples) -> None:
+def test_a_mean_outside_the_likely_punches_keeps_an_interval_on_both_sides(samples: SweepSamples) -> None:
     """Where a mean lies at the end of the likely punches, nothing of them is left on one side; where the response is
     exact, too, a side of 0 would make the calibrating ratio of error to standard deviation infinite."""
     inner = take(samples, np.hypot(*samples.target[:, :2].T) < 45)

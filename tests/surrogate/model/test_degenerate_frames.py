@@ -8,18 +8,14 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.data.baseline_frame import compared, untouched
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.load_coordinates import to_unknown
+from surrogate.model.flags import WORDS, Flag
 from surrogate.model.missing_channels import check_needed, named, silent, stuck, without
 from surrogate.model.model import Model
 from surrogate.model.predict import (
-    MISFIT,
-    NO_TOUCH,
-    OTHER_SIGN,
-    OUTSIDE,
-    SEVERAL,
     SIZE,
     STRONG,
     Predictor,
@@ -42,7 +38,7 @@ def forward(forward_model: Model) -> Model:
 
 
 @pytest.fixture(scope="module")
-def ridge(samples: Samples) -> Model:
+def ridge(samples: SweepSamples) -> Model:
     return train(samples, "ridge", ("x0", "y0", "F"), 1)
 
 
@@ -71,12 +67,12 @@ def test_what_is_no_touch_of_the_training_is_flagged_and_widened(
              "saturated": np.minimum(untouched_V + signal, limit) - untouched_V}
     for name, odd in cases.items():
         found = predict(predictors[method], untouched_V + odd)
-        assert all(MISFIT in flag for flag in found.flag), name
+        assert all(WORDS[Flag.MISFIT] in flag for flag in found.flag), name
         assert np.all(found.half_width > 2 * sound.half_width), name
-    assert all(OUTSIDE in flag for flag in predict(predictors[method], untouched_V + 40 * signal).flag)
+    assert all(WORDS[Flag.OUTSIDE] in flag for flag in predict(predictors[method], untouched_V + 40 * signal).flag)
     strong = signal * (1.5 * STRONG * predictors[method].novelty.strongest_V / np.linalg.norm(signal, axis=1))[:, None]
     flags = predict(predictors[method], untouched_V + strong).flag
-    assert all(OUTSIDE in flag and SIZE in flag for flag in flags)
+    assert all(WORDS[Flag.OUTSIDE] in flag and SIZE in flag for flag in flags)
 
 
 def test_intervals_of_forces_end_at_0_and_those_of_places_do_not(ridge: Model, synthetic: Synthetic,
@@ -98,11 +94,11 @@ def test_a_frame_in_other_units_leaves_its_neighbours_alone(predictors: dict[str
     odd[1] *= 1e3
     alone, found = predict(predictors[method], frames), predict(predictors[method], odd)
     assert np.isnan(found.value[1]).all()
-    assert found.flag[1] == f"{OUTSIDE}; {MISFIT}"
+    assert found.flag[1] == f"{WORDS[Flag.OUTSIDE]}; {WORDS[Flag.MISFIT]}"
     assert found.value[[0, 2]] == pytest.approx(alone.value[[0, 2]], rel=1e-9)
 
 
-def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward: Model, samples: Samples,
+def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward: Model, samples: SweepSamples,
                                                                          untouched_V: Array) -> None:
     """Rows are told to be lighter than they are, so that the model is of a lighter range."""
     heaviest = samples.signal_V[np.argsort(samples.target[:, 3])[-3:]]
@@ -111,21 +107,22 @@ def test_a_force_beyond_the_training_widens_to_the_range_of_the_training(forward
     narrow = replace(forward, trained=replace(forward.trained, highest=lighter))
     found = predict(prepare(narrow, untouched_V, NOISE_V), untouched_V + heaviest)
     print(found.value, found.half_width, found.flag)
-    assert all(flag.startswith(f"{OUTSIDE} of F") for flag in found.flag)
-    assert not any(SEVERAL in flag for flag in found.flag)  # widened, not of several answers
+    assert all(flag.startswith(f"{WORDS[Flag.OUTSIDE]} of F") for flag in found.flag)
+    assert not any(WORDS[Flag.SEVERAL] in flag for flag in found.flag)  # widened, not of several answers
     assert found.half_width[:, force] == pytest.approx(0.5 - narrow.trained.lowest[force])
 
 
 @pytest.mark.parametrize(("method", "outside"), [("forward", False), ("ridge", True)])
 def test_a_place_as_near_to_the_centre_as_trained_ones_is_outside_for_methods_without_symmetry(
-        predictors: dict[str, Predictor], samples: Samples, untouched_V: Array, method: str, outside: bool) -> None:
+        predictors: dict[str, Predictor], samples: SweepSamples, untouched_V: Array, method: str,
+        outside: bool) -> None:
     """The range of x0 ends at less than the touch's, so that only touches in other directions were as far out."""
     model, rows = predictors[method].model, np.flatnonzero(np.abs(samples.target[:, 0] - 30) < 3)[:1]
     ends = model.trained.highest.copy()
     ends[model.names.index("x0")] = 20.0
     narrow = prepare(replace(model, trained=replace(model.trained, highest=ends)), untouched_V, NOISE_V)
     (flag,) = predict(narrow, untouched_V + samples.signal_V[rows]).flag
-    assert flag == (f"{OUTSIDE} of x0" if outside else "")
+    assert flag == (f"{WORDS[Flag.OUTSIDE]} of x0" if outside else "")
 
 
 def test_no_frames_give_no_rows(ridge: Model, forward: Model) -> None:
@@ -145,7 +142,7 @@ def test_a_noise_that_is_no_number_is_refused(ridge: Model, untouched_V: Array) 
 def test_a_frame_equal_to_the_baseline_has_no_touch(predictors: dict[str, Predictor], untouched_V: Array) -> None:
     for predictor in predictors.values():
         found = predict(predictor, untouched_V[None])
-        assert found.flag == [NO_TOUCH]
+        assert found.flag == [WORDS[Flag.NO_TOUCH]]
         assert np.isnan(found.value).all()
 
 
@@ -262,12 +259,13 @@ def test_frames_of_the_other_sign_are_told_with_the_likely_cause(
     neither."""
     signal, rng = synthetic(2, 78)[1], np.random.default_rng(0)
     for frames in (untouched_V - signal, -(untouched_V + signal)):
-        flags = predict(predictors[method], frames).flag
-        assert all(OTHER_SIGN in flag for flag in flags)
-        assert "2 of 2 frames" in sign_caution(flags)
-        assert "untouched and a touched frame exchanged" in sign_caution(flags)
+        found = predict(predictors[method], frames)
+        assert np.all(found.kinds & Flag.OTHER_SIGN)
+        assert all(WORDS[Flag.OTHER_SIGN] in flag for flag in found.flag)
+        assert "2 of 2 frames" in sign_caution(found.kinds)
+        assert "untouched and a touched frame exchanged" in sign_caution(found.kinds)
     mean = predictors[method].novelty.mean  # a touch elsewhere, nearly at a right angle to the trained ones
     across = signal[0] - 1.01 * (signal[0] @ mean) / (mean @ mean) * mean
-    assert OTHER_SIGN not in predict(predictors[method], untouched_V + across[None]).flag[0]
+    assert WORDS[Flag.OTHER_SIGN] not in predict(predictors[method], untouched_V + across[None]).flag[0]
     rest = predict(predictors[method], untouched_V + np.vstack([signal, 1e-3 * NOISE_V * rng.normal(size=(20, 208))]))
-    assert sign_caution(rest.flag) == ""
+    assert sign_caution(rest.kinds) == ""

@@ -12,7 +12,7 @@ import pytest
 
 import surrogate
 from surrogate.data.frame_drift import by_gain, frame_drift
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.learners.novelty import fit_novelty, one_column
 from surrogate.model.drift_choice import drift_groups
 from touchcal.arrays import Array
@@ -101,7 +101,7 @@ def test_the_channel_of_a_strange_frame_is_named(model: surrogate.Model, touches
         frames_of(model, touches[1], 0 * gain), noise_V=NOISE_V)["flag"])
 
 
-def test_other_methods_say_that_they_know_no_drift(samples: Samples, touches: tuple[Array, Array]) -> None:
+def test_other_methods_say_that_they_know_no_drift(samples: SweepSamples, touches: tuple[Array, Array]) -> None:
     ridge = surrogate.train(samples, method="ridge", outputs="x0,y0,F", seed=0)
     with pytest.raises(ValueError, match="--method forward does"):
         ridge.predict(ridge.baseline_V + touches[1], gain_drift=GAIN)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from eitsim.sweeps.dataset.parquet import RELAXATION, read_dataset, read_manifest, write_manifest, write_part
 from matcal.laws.prony import Prony, relaxation
-from surrogate.data.samples import Samples, read_samples, take
+from surrogate.data.samples import SweepSamples, read_samples, take
 from surrogate.model.model import Model
 from surrogate.model.stream import answer
 from surrogate.model.train import train
@@ -25,7 +25,7 @@ NAMES = ("x0", "d", "F", "sigma_ave")
 
 
 @pytest.fixture(scope="module")
-def model(samples: Samples) -> Model:
+def model(samples: SweepSamples) -> Model:
     return train(replace(samples, relaxation=SERIES), "ridge", NAMES, 1)
 
 

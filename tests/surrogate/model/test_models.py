@@ -12,7 +12,7 @@ import torch
 import surrogate
 from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
-from surrogate.data.samples import Samples, read_samples, split, take
+from surrogate.data.samples import SweepSamples, read_samples, split, take
 from surrogate.data.sensor_ring import ring_of_design
 from surrogate.learners.registry import METHODS
 from surrogate.model import torchscript
@@ -29,12 +29,12 @@ EPOCHS = {"trainbr": 60, "network": 30}
 
 
 @pytest.fixture(scope="module")
-def models(samples: Samples) -> dict[str, Model]:
+def models(samples: SweepSamples) -> dict[str, Model]:
     return {method: train(samples, method, NAMES, 1, epochs=EPOCHS.get(method)) for method in METHODS}
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: Samples, tmp_path: Path,
+def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: SweepSamples, tmp_path: Path,
                                           method: str) -> None:
     models[method].save(tmp_path / "model")
     again = surrogate.load(tmp_path / "model")
@@ -66,14 +66,14 @@ def test_intervals_of_a_slow_method_are_calibrated_once(models: dict[str, Model]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
-def test_one_seed_gives_one_model(models: dict[str, Model], samples: Samples, method: str) -> None:
+def test_one_seed_gives_one_model(models: dict[str, Model], samples: SweepSamples, method: str) -> None:
     again = train(samples, method, NAMES, 1, epochs=EPOCHS.get(method))
     rows = samples.signal_V[::5]
     assert np.array_equal(estimate(again, rows).value, estimate(models[method], rows).value)
 
 
 @pytest.mark.slow
-def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples: Samples) -> None:
+def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples: SweepSamples) -> None:
     scores = {method: evaluate(model, samples).scores for method, model in models.items()}
     rmse = {method: {name: s["outputs"][name]["test"]["rmse"] for name in NAMES} for method, s in scores.items()}
     print("test RMSE on synthetic touches:", rmse)
@@ -88,7 +88,7 @@ def test_errors_of_every_method_on_unseen_rows(models: dict[str, Model], samples
 
 
 @pytest.mark.slow
-def test_all_eight_outputs_of_the_forward_method(samples: Samples) -> None:
+def test_all_eight_outputs_of_the_forward_method(samples: SweepSamples) -> None:
     found = evaluate(train(samples, "forward", seed=1), samples)
     assert list(found.scores["outputs"]) == list(outputs.NAMES)
     for name, parts in found.scores["outputs"].items():
@@ -99,7 +99,7 @@ def test_all_eight_outputs_of_the_forward_method(samples: Samples) -> None:
 
 
 @pytest.mark.slow
-def test_noise_grows_the_error_and_the_intervals_follow(models: dict[str, Model], samples: Samples) -> None:
+def test_noise_grows_the_error_and_the_intervals_follow(models: dict[str, Model], samples: SweepSamples) -> None:
     scores = evaluate(models["forward"], samples, [100, 80], most_trained=20).scores
     quiet, loud = ({name: parts["test"] for name, parts in level["outputs"].items()} for level in scores["noise"])
     assert scores["outputs"]["x0"]["test"]["rmse"] < quiet["x0"]["rmse"] < loud["x0"]["rmse"]
@@ -113,7 +113,7 @@ def test_noise_grows_the_error_and_the_intervals_follow(models: dict[str, Model]
 
 
 def test_under_noise_unseen_rows_alone_are_scored_and_without_it_some_training_rows(models: dict[str, Model],
-                                                                                     samples: Samples) -> None:
+                                                                                     samples: SweepSamples) -> None:
     found = evaluate(models["ridge"], samples, [80], most_trained=20)
     assert {part: s["n"] for part, s in found.scores["outputs"]["x0"].items()} == {"train": 20, "val": 30, "test": 30}
     assert {part: s["n"] for part, s in found.scores["noise"][0]["outputs"]["x0"].items()} == {"test": 30}
@@ -131,7 +131,7 @@ def test_under_noise_unseen_rows_alone_are_scored_and_without_it_some_training_r
     assert seen["train"]["n"] == 140
 
 
-def test_rows_are_recognised(models: dict[str, Model], samples: Samples, make_dataset: Callable[..., Path],
+def test_rows_are_recognised(models: dict[str, Model], samples: SweepSamples, make_dataset: Callable[..., Path],
                              tmp_path: Path) -> None:
     other = read_samples(make_dataset(tmp_path / "other", 25, 99))
     assert set(parts_of(models["ridge"], other)) == {"all"}
@@ -168,7 +168,7 @@ def test_rows_of_one_touch_are_not_parted(make_dataset: Callable[..., Path], tmp
         split(np.arange(40) // 4, 0)
 
 
-def test_another_drive_is_another_sensor(models: dict[str, Model], samples: Samples) -> None:
+def test_another_drive_is_another_sensor(models: dict[str, Model], samples: SweepSamples) -> None:
     opposite = replace(samples, ring=ring_of_design({"drive": {"pattern": "opposite"}}))
     assert opposite.signal_V.shape == samples.signal_V.shape
     with pytest.raises(ValueError, match="another sensor than the model"):
@@ -191,7 +191,7 @@ def test_a_ring_reads_pairs_of_electrodes() -> None:
         ring_of_design({"drive": drive | {"measurements": np.eye(16)[:1].tolist()}})
 
 
-def test_what_cannot_be_trained_is_refused(samples: Samples) -> None:
+def test_what_cannot_be_trained_is_refused(samples: SweepSamples) -> None:
     with pytest.raises(ValueError, match="'svm' is unknown; known: trainbr, network, forward, ridge, gp"):
         train(samples, "svm")
     with pytest.raises(ValueError, match="epochs are steps of trainbr, network; ridge has none"):
@@ -201,7 +201,7 @@ def test_what_cannot_be_trained_is_refused(samples: Samples) -> None:
 
 
 @pytest.mark.slow
-def test_degenerate_rows(samples: Samples) -> None:
+def test_degenerate_rows(samples: SweepSamples) -> None:
     doubled = take(samples, np.repeat(np.arange(40), 2))
     assert np.all(np.isfinite(estimate(train(doubled, "forward", NAMES, 0), doubled.signal_V).value))
     fixed = replace(samples, target=samples.target.copy())
@@ -238,7 +238,7 @@ def test_a_folder_that_is_no_model_is_refused(models: dict[str, Model], tmp_path
         surrogate.load(tmp_path / "model")
 
 
-def test_a_model_of_the_schema_before_is_read(models: dict[str, Model], samples: Samples, tmp_path: Path) -> None:
+def test_a_model_of_the_schema_before_is_read(models: dict[str, Model], samples: SweepSamples, tmp_path: Path) -> None:
     models["ridge"].save(tmp_path)
     text = json.loads((tmp_path / "model.json").read_text())
     old = {key: value for key, value in text.items() if key not in ("learnt_from", "arrays_sha256")} | {"schema": 13}
@@ -291,7 +291,7 @@ def test_nothing_stored_is_pickled(models: dict[str, Model], tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("method", ["trainbr", "network"])
-def test_an_exported_network_gives_what_estimate_gives(models: dict[str, Model], samples: Samples, tmp_path: Path,
+def test_an_exported_network_gives_what_estimate_gives(models: dict[str, Model], samples: SweepSamples, tmp_path: Path,
                                                        method: str) -> None:
     path, told = tmp_path / "net.pt", {"outputs.txt": ""}
     said = torchscript.write(models[method], path)
@@ -310,7 +310,7 @@ def test_only_networks_are_exported(models: dict[str, Model], tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_constant_reading_and_repeated_rows_are_learned_around(samples: Samples, method: str) -> None:
+def test_a_constant_reading_and_repeated_rows_are_learned_around(samples: SweepSamples, method: str) -> None:
     rows = np.repeat(np.arange(0, 200, 5), 2)
     few = take(samples, rows)
     signal = few.signal_V.copy()
@@ -324,7 +324,7 @@ def test_a_constant_reading_and_repeated_rows_are_learned_around(samples: Sample
 
 
 @pytest.mark.parametrize("method", ["network", "gp", "trainbr"])
-def test_what_is_not_finite_or_does_not_vary_is_told(samples: Samples, method: str) -> None:
+def test_what_is_not_finite_or_does_not_vary_is_told(samples: SweepSamples, method: str) -> None:
     holed = replace(samples, signal_V=samples.signal_V.copy())
     holed.signal_V[:, 7] = np.nan
     with pytest.raises(ValueError, match=r"scene \d+ holds a number that is not finite"):
@@ -332,13 +332,13 @@ def test_what_is_not_finite_or_does_not_vary_is_told(samples: Samples, method: s
     alike = take(samples, np.repeat(4, 60))
     with pytest.raises(ValueError, match="60 ok rows of 1 different touches are too few"):
         train(alike, method)
-    alike = replace(alike, touch=np.arange(60))
+    alike = replace(alike, group=np.arange(60))
     with pytest.raises(ValueError, match=r"42 training rows hold one signal|in every training row"):
         train(alike, method)
 
 
 @pytest.mark.slow
-def test_two_processes_give_the_networks_of_one(samples: Samples, models: dict[str, Model]) -> None:
+def test_two_processes_give_the_networks_of_one(samples: SweepSamples, models: dict[str, Model]) -> None:
     shared = train(samples, "trainbr", NAMES, 1, epochs=60, workers=2)
     one = models["trainbr"]
     assert np.array_equal(estimate(shared, samples.signal_V).value, estimate(one, samples.signal_V).value)

@@ -16,7 +16,7 @@ from eitsim.sweeps.design.design import design_from
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.data.sensor_ring import radial
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.known_places import CONVERGES
@@ -31,7 +31,7 @@ Signals = Callable[[Array], Array]
 
 
 @pytest.fixture(scope="module")
-def samples(rectangle_samples: Samples) -> Samples:
+def samples(rectangle_samples: SweepSamples) -> SweepSamples:
     return rectangle_samples
 
 
@@ -42,7 +42,7 @@ def model(rectangle_model: surrogate.Model) -> surrogate.Model:
 
 @pytest.mark.slow
 def test_touches_far_from_edges_are_read_and_the_others_are_counted_and_left_out(
-        model: surrogate.Model, samples: Samples) -> None:
+        model: surrogate.Model, samples: SweepSamples) -> None:
     found = surrogate.evaluate(model, samples)
     radius, kept = radial(samples.ring, samples.target), model.learner.reads(samples.target[:, :4])
     assert kept[~samples.near_edge & (model.rows.part == 0)].all()
@@ -54,7 +54,8 @@ def test_touches_far_from_edges_are_read_and_the_others_are_counted_and_left_out
         assert found.scores["outputs"][name]["test"]["rmse"] < most
 
 
-def test_a_frame_near_an_edge_is_flagged(model: surrogate.Model, samples: Samples, rectangle_signal: Signals) -> None:
+def test_a_frame_near_an_edge_is_flagged(model: surrogate.Model, samples: SweepSamples,
+                                         rectangle_signal: Signals) -> None:
     rest = samples.baseline_V[0]
     near = np.flatnonzero(~model.learner.reads(samples.target[:, :4]))
     flags = model.predict(rest + samples.signal_V[near], rest, noise_V=0.0)["flag"]
@@ -64,7 +65,7 @@ def test_a_frame_near_an_edge_is_flagged(model: surrogate.Model, samples: Sample
     assert all("outside the training range" in flag for flag in flags)
 
 
-def test_a_kept_model_reads_the_same(model: surrogate.Model, samples: Samples, tmp_path: Path) -> None:
+def test_a_kept_model_reads_the_same(model: surrogate.Model, samples: SweepSamples, tmp_path: Path) -> None:
     model.save(tmp_path / "kept")
     again, frames = surrogate.load(tmp_path / "kept"), samples.baseline_V[0] + samples.signal_V[:3]
     assert again.ring.sheet is not None
@@ -72,7 +73,7 @@ def test_a_kept_model_reads_the_same(model: surrogate.Model, samples: Samples, t
 
 
 @pytest.mark.slow
-def test_a_dead_channel_and_drifting_gains_are_left_out(model: surrogate.Model, samples: Samples) -> None:
+def test_a_dead_channel_and_drifting_gains_are_left_out(model: surrogate.Model, samples: SweepSamples) -> None:
     far = np.flatnonzero(radial(samples.ring, samples.target) < 0.4)[:2]
     frames = samples.baseline_V[0] + samples.signal_V[far]
     frames[:, 7] = np.nan
@@ -82,7 +83,7 @@ def test_a_dead_channel_and_drifting_gains_are_left_out(model: surrogate.Model, 
     assert np.abs(1e3 * found["y0_m"] - samples.target[far, 1]).max() < 0.3
 
 
-def test_a_touch_is_followed(model: surrogate.Model, samples: Samples) -> None:
+def test_a_touch_is_followed(model: surrogate.Model, samples: SweepSamples) -> None:
     tracker = surrogate.Tracker(model, samples.baseline_V[0], noise_V=1e-7)
     one = int(np.flatnonzero(radial(samples.ring, samples.target) < 0.4)[0])
     for _ in range(3):
@@ -92,7 +93,7 @@ def test_a_touch_is_followed(model: surrogate.Model, samples: Samples) -> None:
 
 
 @pytest.mark.parametrize("method", ["ridge", "gp"])
-def test_methods_that_model_no_fields_learn_all_rows(samples: Samples, method: str) -> None:
+def test_methods_that_model_no_fields_learn_all_rows(samples: SweepSamples, method: str) -> None:
     model = surrogate.train(samples, method, "x0,y0,F", seed=1)
     assert surrogate.evaluate(model, samples).scores["scored"] == ""
 
@@ -112,7 +113,7 @@ def test_a_small_sweep_of_a_rectangle_reads_unseen_touches(tmp_path: Path) -> No
         assert noisy[name]["test"]["mae"] < under_noise
 
 
-def test_what_needs_touches_far_from_edges_says_so(samples: Samples) -> None:
+def test_what_needs_touches_far_from_edges_says_so(samples: SweepSamples) -> None:
     edge = replace(samples, near_edge=np.ones(len(samples), bool))
     with pytest.raises(ValueError, match="0 of 63 training rows are touches that no edge is near to"):
         surrogate.train(edge, outputs="x0,y0,d,F", seed=1)
@@ -120,7 +121,7 @@ def test_what_needs_touches_far_from_edges_says_so(samples: Samples) -> None:
 
 @pytest.mark.slow
 def test_touches_near_one_edge_are_read_and_corners_are_left_out(edge_model: surrogate.Model,
-                                                                 edge_samples: Samples) -> None:
+                                                                 edge_samples: SweepSamples) -> None:
     ring, touch = edge_samples.ring, edge_samples.target[:, :4]
     away = np.sort(np.array([75.0, 50.0]) - np.abs(touch[:, :2]), axis=1)
     alone = ring.radius_mm * (1 - radial(ring, touch[~edge_samples.near_edge]).max())

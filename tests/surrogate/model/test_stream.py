@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from eitsim.scene.drive import voltage_columns
 from surrogate.cli import main
 from surrogate.data.frame_rows import BATCH, read_lines, sound_lines, waiting_lines
-from surrogate.data.samples import Samples
+from surrogate.data.samples import SweepSamples
 from surrogate.model.model import Model
-from surrogate.model.predict import predict, prepare, table_of
+from surrogate.model.predict import predict, prepare, read_touches, table_of
 from surrogate.model.stream import answer
 from surrogate.model.train import train
 from touchcal.errors import InputFileError
@@ -26,7 +26,7 @@ Synthetic = Callable[[int, int], tuple[Array, Array]]
 
 
 @pytest.fixture(scope="module")
-def ridge(samples: Samples) -> Model:
+def ridge(samples: SweepSamples) -> Model:
     return train(samples, "ridge", ("x0", "F"), 1)
 
 
@@ -108,7 +108,8 @@ def test_a_file_and_a_stream_read_the_same_of_bad_lines(ridge: Model, synthetic:
     odd = [",".join([*cells[:5], cell, *cells[6:]]) for cell in ("", "inf", "0", "volts")]
     text = "\n".join([good[0], "1,2,3", *odd[:2], "", *odd[2:], *good[1:]])
     (tmp_path / "frames.csv").write_text(text)
-    table = table_of(prepare(ridge, untouched_V), read_lines(tmp_path / "frames.csv", 208))
+    lines = read_lines(tmp_path / "frames.csv", 208)
+    table = table_of(ridge, lines, read_touches(prepare(ridge, untouched_V), lines))
     streamed = answered(ridge, text, untouched_V)
     assert table["line"].tolist() == [1, 2, 3, 4, 6, 7, 8, 9]
     assert table["flag"].tolist() == streamed["flag"].tolist()

@@ -99,7 +99,7 @@ def row_of(forward: ForwardMap, signal_V: Array, noise_V: float) -> dict[str, An
     """The row of a frame by direct inversion after the map's own answer, and whether that is broad."""
     found = invert(forward, signal_V[None], noise_V)
     half = np.sqrt(np.einsum("npp->np", found.covariance)) * normal(COVERAGE)
-    learned = Predictions(found.touch, half, half, [""], np.empty((1, 0)))
+    learned = Predictions(found.touch, half, half, [""], np.empty((1, 0)), np.zeros(1, np.int64))
     model = SimpleNamespace(learner=TouchInversion(forward, None, np.arange(4)), names=outputs.NAMES,  # type: ignore
                             method="forward")
     row = direct_row(model, Simulator.__new__(Simulator), One(1, signal_V, learned), noise_V)  # type: ignore

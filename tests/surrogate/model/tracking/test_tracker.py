@@ -11,11 +11,11 @@ import pytest
 
 from surrogate.data import outputs
 from surrogate.data.frame_drift import by_gain
-from surrogate.data.samples import Samples, take
+from surrogate.data.samples import SweepSamples, take
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import reading_covariance
+from surrogate.model.flags import WORDS, Flag
 from surrogate.model.model import Model
-from surrogate.model.predict import OTHER_SIGN
 from surrogate.model.tracking.followed_model import KEPT, FollowedModel
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracking.tracked_stream import track
@@ -236,7 +236,7 @@ def test_a_jump_of_all_readings_is_said_and_scaled(model: Model, press: Callable
     frames[22:] *= 1.25
     said = tracked(Tracker(model, rate_hz=RATE_HZ, say=words.append), frames)
     assert [one.split("):")[1].split(":")[0] for one in words] == [" all readings are 1.25 times those"]
-    assert said[22].flag == OTHER_SIGN
+    assert said[22].flag == WORDS[Flag.OTHER_SIGN]
     now, then = said[REST + 20], tracked(Tracker(model, say=lambda one: None), press(touch, 3))[REST + 20]
     assert now.state == TOUCH
     assert now.signal_V == pytest.approx(then.signal_V, abs=2 * NOISE_V)
@@ -269,7 +269,7 @@ def test_a_press_in_the_untouched_frame_is_no_contact_when_it_is_lifted(model: M
     frames = press(slide(), 9)
     said = tracked(Tracker(model, frames[REST + 20:REST + 22].mean(axis=0), NOISE_V, rate_hz=RATE_HZ,
                         say=lambda words: None), frames[-REST:])
-    assert said[0].flag == OTHER_SIGN
+    assert said[0].flag == WORDS[Flag.OTHER_SIGN]
     assert {now.state for now in said} == {UNTOUCHED}
 
 
@@ -327,7 +327,7 @@ def test_a_punch_whose_error_is_said_to_be_small_is_not_the_likely_one_for_that(
     assert now.value[2] - now.below[2] < 0.016 < now.value[2] + now.above[2]
 
 
-def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: Callable[..., tuple[Array, Array]],
+def test_a_diameter_that_never_varied_has_no_error(samples: SweepSamples, synthetic: Callable[..., tuple[Array, Array]],
                                                    untouched_V: Array) -> None:
     touch, signal = synthetic(100, 11, [14.0], 45.0)
     target = np.column_stack([touch, samples.target[:100, outputs.TOUCH:]])
@@ -341,7 +341,7 @@ def test_a_diameter_that_never_varied_has_no_error(samples: Samples, synthetic: 
     assert np.isfinite(now.covariance).all()
 
 
-def test_another_method_reads_every_frame_alone(samples: Samples, press: Callable[..., Array], untouched_V: Array
+def test_another_method_reads_every_frame_alone(samples: SweepSamples, press: Callable[..., Array], untouched_V: Array
                                                 ) -> None:
     ridge, frames = train(samples, "ridge", ("x0", "F"), 1), press(slide(), 6)
     now = tracked(Tracker(ridge, untouched_V, NOISE_V), frames)[REST + 15]
