@@ -33,7 +33,7 @@ from matcal.fitting.hyperfoam.shared_poisson import best_at_any_nu, with_coarse_
 from matcal.fitting.hyperfoam.stable_fit import StabilityRows, keeps, search_stable
 from matcal.fitting.hyperfoam.variable_projection import Optimum
 from matcal.laws.hyperfoam import Hyperfoam
-from matcal.laws.law import L
+from matcal.laws.law import L, Law
 from touchcal.errors import NotConverged
 
 __all__ = ["ORDERS", "Alone", "Fit", "allowed_exponents", "fit", "modelled", "quick_law", "relative_rms"]
@@ -145,7 +145,7 @@ def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam
     return _law(best_law(pose(curves, nu), terms, _FEW), nu, curves)
 
 
-def modelled(law: Hyperfoam, curve: Curve) -> Array:
+def modelled(law: Law, curve: Curve) -> Array:
     """Nominal stress of a law along the curve's own history, Pa, (n,)."""
     return curve.model(law)
 

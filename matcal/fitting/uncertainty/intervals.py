@@ -13,6 +13,7 @@ specimen to specimen is left out, as are errors in the specimen's size.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -61,7 +62,7 @@ class Uncertainty:
     covariance: Array  # (2 N, 2 N) covariance of (mu_Pa, alpha)
     # independent points of one common noise level that would know these quantities no better than these curves do
     effective_points: float
-    law: Law  # fitted law
+    law: Any  # fitted law
     neighbours: tuple[Law, ...]  # those of the next orders, which show what the order hides
     reach: float  # standard deviations to either side that hold 95 %, by Student's law for few effective points
     shares: Mapping[str, float]  # where the interval of mu_0 comes from, share of its variance
@@ -154,7 +155,7 @@ def _nu_intervals(fit: Fit, about: Uncertainty, effect: Array, errors: Sequence[
     if fit.nu_fitted is None:
         return ()
     if about.ridges:
-        (found,) = intervals(about, lambda law: {"nu": float(law.nu[0])}).values()
+        (found,) = intervals(about, lambda law: {"nu": float(vector(law)[-1])}).values()
         return (replace(found, lo=max(found.lo, NU_BOUNDS[0]), hi=min(found.hi, NU_BOUNDS[1])),)
     found, variance = replace(fit, law=fit.free or fit.law), linear_response.effective_variance(errors)
     out = []
