@@ -45,13 +45,13 @@ def electrodes(potential: np.ndarray) -> np.ndarray:
 def superlu(matrix: csc_matrix) -> Again:
     """A factor in symmetric mode, its order found each time."""
     return lambda A: electrodes(splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                                     options={"SymmetricMode": True}).solve(loads(A.shape[0])))
+                                     options={"SymmetricMode": True}).solve(loads(len(A.indptr) - 1)))
 
 
 def cholmod(matrix: csc_matrix) -> Again:
     """A Cholesky factor whose order is kept."""
     factor = importlib.import_module("sksparse.cholmod").analyze(matrix)
-    return lambda A: electrodes(factor.cholesky(A)(loads(A.shape[0])))
+    return lambda A: electrodes(factor.cholesky(A)(loads(len(A.indptr) - 1)))
 
 
 def pardiso(matrix: csc_matrix) -> Again:
@@ -60,7 +60,7 @@ def pardiso(matrix: csc_matrix) -> Again:
     from scipy.sparse import triu
     solver = PyPardisoSolver(mtype=2)
     upper = csr_matrix(triu(matrix, format="csr"))
-    right = np.asfortranarray(loads(matrix.shape[0]))
+    right = np.asfortranarray(loads(len(matrix.indptr) - 1))
     solver.set_phase(11)
     solver._call_pardiso(upper, right)
 
@@ -106,7 +106,7 @@ def main() -> None:
             w = weights(mesh, sheet, 1.0)
             done = eliminate(order, w)
             matrix = system(done)
-            currents = np.zeros((matrix.shape[0] + 1, COUNT))
+            currents = np.zeros((len(matrix.indptr), COUNT))
             currents[-COUNT:] = CENTRE
             exact = extended(done, currents)[0][-COUNT:]
             exact -= exact.mean(axis=0)
@@ -119,7 +119,7 @@ def main() -> None:
             for name, (solve, once_s) in solvers.items():
                 z, spent = timed(solve)
                 off = float(np.max(np.abs(between(z) / between(exact) - 1)))
-                rows.append({"electrodes": ELECTRODES.count, "unknowns": matrix.shape[0], "contrast": contrast,
+                rows.append({"electrodes": ELECTRODES.count, "unknowns": len(matrix.indptr) - 1, "contrast": contrast,
                              "by": name, "order_cpu_s": once_s, "cpu_s": spent, "resistance_error": off,
                              "digits_lost": max(0.0, np.log10(max(off, 1e-17) / np.finfo(float).eps))})
     print(written(rows, "eliminations").drop(columns=["machine", "versions", "date", "code"]).to_string(index=False))

@@ -170,8 +170,8 @@ def untouched(name: str) -> Iterator[dict[str, object]]:
 def touches(name: str, count: int) -> Iterator[tuple[Punch, Touch]]:
     """Random touches at least 35 mm, or seven thicknesses of a thin foam, from all edges."""
     rng, (body, _) = np.random.default_rng(7), sensor(name)
-    box = np.ptp(np.array(body.points_m), axis=0) if body.points_m else np.array([body.width_m, body.height_m])
-    low = np.min(body.points_m, axis=0) if body.points_m else -box / 2
+    low, high = body.edge.box_m
+    box = high - low
     while count:
         x, y = (low + box * rng.random(2)).tolist()
         punch = Punch(x, y, diameter_m=float(rng.uniform(0.008, 0.018)), force_N=float(rng.uniform(0.1, 2.0)))
