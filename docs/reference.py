@@ -6,6 +6,7 @@ import io
 import json
 import re
 import tokenize
+import types
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ SHORT = {"body": {"outline": "or a CSV, DXF, SVG or mesh file of the outer edge 
          "electrodes": {"grid": "[columns, rows] of electrodes on the surface about the origin",
                         "pitch_mm": "steps of the grid along x and y",
                         "places": "CSV of electrodes on the surface: `x_mm`, `y_mm`, and what differs of each",
+                        "groups": "name that numbered groups of lines of the mesh in `outline` begin with: they "
+                                  "are the electrodes",
                         "calibrated": "`sensor.json` of `eitsim sensor fit`: its electrodes and channels, without any "
                                       "other key"},
          "drive": {"currents": "or a CSV of them", "measurements": "or a CSV of them"}}
@@ -127,7 +130,7 @@ def scene_keys() -> str:
         rows = []
         for key, (name, per) in keys.items():
             value = getattr(kind(), name)
-            known = scene._KNOWN.get((table, key)) or LISTED.get((table, key))
+            known = scene._words().get((table, key)) or LISTED.get((table, key))
             words = f"; one of {', '.join(f'`{word}`' for word in known)}" if known else ""
             shown = _default(None if value is None else scene._unconverted(value, per))
             also = f"; {short[key]}" if key in short else ""
@@ -206,6 +209,8 @@ def api(name: str) -> str:
         if isinstance(thing, type):
             lines += [f"## {each}\n", "```{eval-rst}", f".. autoclass:: {name}.{each}", "   :members:", "```\n",
                       *_fields(thing)]
+        elif isinstance(thing, types.UnionType):
+            lines += [f"## {each}\n", f"`{name}.{each}`: {' or '.join(one.__name__ for one in thing.__args__)}\n"]
         elif callable(thing):
             lines += [f"## {each}\n", "```{eval-rst}", f".. autofunction:: {name}.{each}", "```\n"]
         else:

@@ -61,7 +61,7 @@ def test_examples_of_commands_are_code_whose_dashes_stay(reference: ModuleType) 
 def test_fields_of_exported_classes_are_explained_in_words(reference: ModuleType) -> None:
     page = reference.api("eitsim")
     assert "| `signal` | requested relative error of the touch signal" in page
-    assert "| `profile` | one of `flat`, `sphere`, `cone`, `ellipse` |" in page
+    assert "| `friction` | one of `none`, `stick`, `coulomb` |" in page
     for name in reference.COMMANDS:
         assert re.findall(r"^\| `\w+` \| .*\b(?:one|some) of [\w.]*[A-Z_]{3,}\b", reference.api(name),
                           flags=re.MULTILINE) == []

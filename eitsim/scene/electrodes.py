@@ -99,9 +99,13 @@ def contact_impedances(electrodes: Electrodes) -> Array:
 
 
 def arcs(radius_m: float, electrodes: Electrodes) -> Array:
-    """First and last angle (count, 2), rad, of the electrodes on a rim; ValueError where they overlap."""
+    """First and last angle (count, 2), rad, of the electrodes on a rim; ValueError where they overlap, or do not
+    count one way round."""
     ends = middles(electrodes)[:, None] + widths(electrodes)[:, None] / (2 * radius_m) * np.array([-1.0, 1.0])
     order, gaps = round_the_rim(ends)
+    one_way = np.all(np.diff(order) == 1) or np.all(np.diff(order[1:]) == -1)
+    require(bool(one_way), "angles_deg", "must lie within one turn, all increasing (counter-clockwise) or all "
+            "decreasing (clockwise)")
     if gaps.min() >= -TOUCHING:
         return ends
     k = int(np.argmin(gaps))
@@ -168,10 +172,6 @@ def check(radius_m: float, electrodes: Electrodes) -> None:
     check_sizes(electrodes)
     require(np.ndim(electrodes.length_m) == 0 and 0 < electrodes.length_m < radius_m, "length_mm",  # type: ignore
             f"must be positive and less than radius_mm = {radius_m * 1e3:g}, got {np.max(electrodes.length_m) * 1e3:g}")
-    steps = np.diff(middles(electrodes), append=middles(electrodes)[0])
-    turns = [float(np.mod(way * steps, 2 * np.pi).sum()) / (2 * np.pi) for way in (1, -1)]
-    require(any(round(turn) == 1 for turn in turns), "angles_deg", "must lie within one turn, all increasing "
-            "(counter-clockwise) or all decreasing (clockwise)")
     arcs(radius_m, electrodes)
 
 

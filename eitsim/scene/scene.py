@@ -76,7 +76,7 @@ class Punch:
     diameter_m: float = 0.014  # diameter, fillet included, m
     force_N: float | None = None  # applied force, N; 1 N unless it or the depth is given, None where the depth is given
     depth_m: float | None = None  # prescribed depth, m; None where the force is given
-    profile: str = "flat"  # one of `profiles`
+    profile: str = "flat"  # word of its profile
     # radius that rounds the edge, and a cone's tip; of an ellipse, its radius of curvature at the edge; m
     fillet_m: float = 0.0005
     # angle between a cone's axis and its face, rad; without effect on the other profiles
@@ -146,12 +146,14 @@ class _BodyKeys:
     """The table [body] of a scene file: of a disc, a rectangle or a polygon; None for what is not written there."""
 
     radius_m: float | None = None  # of a disc, m; that of `Disc` unless given
-    thickness_m: float = Body.thickness_m
-    outline: str | None = "disc"
+    thickness_m: float = Body.thickness_m  # of the foam, m
+    outline: str | None = "disc"  # what its edge is
+    # sizes of a rectangle along x and y, and the radius that rounds its corners, m
     width_m: float | None = None
     height_m: float | None = None
     corner_radius_m: float | None = None
-    points_m: Loop = ()
+    points_m: Loop = ()  # corners (n, 2) of a polygon in order, m
+    # holes: a circle as its centre and radius (3,), or a polygon as its corners (n, 2), m
     holes_m: tuple[Point | Loop, ...] = ()
 
     def body(self) -> Body:

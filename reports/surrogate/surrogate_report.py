@@ -16,7 +16,6 @@ from reports.surrogate import (
     bound_figures,
     noise_figures,
     parity_figures,
-    reader_report,
     surrogate_tables,
     training_figures,
 )
@@ -38,6 +37,7 @@ def write(model_dir: Path, out: Path) -> None:
 
 def report(model_dir: Path) -> Report:
     """Everything that the template of a model shows."""
+    from reports.surrogate import reader_report
     from surrogate.model.model import load
     from surrogate.model.recorded.press_model import PressModel
     from surrogate.model.store import histories, of_presses, read_evaluation

@@ -24,7 +24,7 @@ from surrogate.cli.given_frames import (
     write_rows,
 )
 from surrogate.cli.predicted_stream import predict_stream, track_stream
-from touchcal.terminal import JsonOption, waiting
+from touchcal.terminal import JsonOption, SeedOption, waiting
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,6 +52,9 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             scene: Annotated[Path | None, typer.Option(help="Scene that describes the sensor of --drift.")] = None,
             rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = RATE_HZ,
             posterior: Annotated[bool, typer.Option("--posterior", hidden=True)] = False,
+            direct: Annotated[bool, typer.Option("--direct", hidden=True)] = False,
+            touches: Annotated[int, typer.Option(min=1, max=2, hidden=True)] = 1,
+            card: Annotated[Path | None, typer.Option(hidden=True)] = None, seed: SeedOption = 0,
             out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
             as_json: JsonOption = False) -> None:
     """Read touches from recorded frames, or from frames as they come.
@@ -79,11 +82,15 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
 
     check_no_port(frames)
     live = comes_live(frames)
-    if posterior:  # as `surrogate frame`, by the word of an earlier version
+    if posterior or direct or touches == 2:  # as `surrogate frame`, by the words of an earlier version
         if (held, drift) != (None, ""):
-            raise ValueError("--held and --drift are for plain predictions; leave them out with --posterior.")
-        frame(model_folder, frames, baseline, noise_v, scale_baseline, out=out, as_json=as_json)
+            raise ValueError("--held and --drift are for plain predictions; leave them out with --posterior, --direct "
+                             "and --touches 2.")
+        frame(model_folder, frames, baseline, noise_v, scale_baseline, posterior, direct, touches, card, data, scene,
+              seed, out, as_json)
         return
+    if card is not None:
+        raise ValueError("--card is for frames in depth: give it to `surrogate frame` with --direct or --posterior.")
     check_written(out, [None if live else frames, baseline, scene])
     check_noise(noise_v)
     changes = _drift_of(drift)

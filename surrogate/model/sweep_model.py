@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from eitsim.scene.scene import Scene
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import compared, untouched
-from surrogate.data.frame_drift import frame_drift
+from surrogate.data.frame_drift import by_gain, frame_drift
 from surrogate.data.reading_noise import white_noise
 from surrogate.data.sensor_ring import Ring
 from surrogate.learners.registry import METHODS
@@ -158,15 +158,20 @@ def _try_out(model: TrainedModel) -> None:
     for name, part, shape in (("baseline_V", model.baseline_V, readings),
                               ("signals", rows.signal_V, (max(count, 1), *readings)),
                               ("targets", rows.target, (max(count, 1), *each)),
+                              ("errors of signals", rows.signal_sd, (max(count, 1),)),
                               ("lowest", span.lowest, each), ("highest", span.highest, each),
                               ("weakest", np.array(span.weakest_V), ()), ("misfit", np.array(span.misfit), ())):
         if part.shape != shape or part.dtype.kind != "f" or not np.isfinite(part).all():
             raise ValueError(f"{name} holds {part.dtype} {part.shape} and not finite numbers {shape}")
+    if ring.angle_rad.ndim != 1 or ring.angle_rad.dtype.kind != "f" or not np.isfinite(ring.angle_rad).all():
+        raise ValueError("the angles of its electrodes are no finite numbers")
     for ends in (ring.source, ring.sink, ring.read, ring.ground):
         if ends.shape != readings or ends.dtype.kind != "i" or not np.isin(ends, np.arange(len(ring.angle_rad))).all():
             raise ValueError("its readings are not of its electrodes")
     with np.errstate(all="ignore"):
-        found = estimate(model, rows.signal_V[:1])
-    if {part.shape for part in (found.value, found.sd, found.below, found.above)} != {(1, *each)}:
+        found, gains = estimate(model, rows.signal_V[:2]), by_gain(ring, model.baseline_V)
+    if {part.shape for part in (found.value, found.sd, found.below, found.above)} != {(min(count, 2), *each)}:
         raise ValueError("its learner has other outputs")
+    if not (np.isfinite(found.value).all() and np.isfinite(gains).all()):
+        raise ValueError("its learner, or its electrodes, give no finite numbers")
     holding_caution(model, None)

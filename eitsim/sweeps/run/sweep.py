@@ -105,7 +105,7 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
     >>> import tempfile, eitsim
     >>> from matcal.card import MaterialCard
     >>> from matcal.laws.conductivity import Conductivity
-    >>> from matcal.laws.law import Law
+    >>> from matcal.laws.hyperfoam import Hyperfoam
     >>> from eitsim.sweeps.design.design import design_from
     >>> foam = Hyperfoam([9530.0], [8.0], [0.0], "longterm")
     >>> card = MaterialCard("foam", foam, conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))

@@ -97,8 +97,8 @@ def test_electrodes_that_left_the_fine_part_of_the_edge_are_refused_by_name() ->
 
 
 def test_moments_of_an_outline_are_those_of_its_parts() -> None:
-    middle, second = moments_m(Body(Outline("rectangle", width_m=0.12, height_m=0.06, holes_m=(((0.0, -0.03 + 1e-3),
-                               (0.06 - 1e-3, -0.03 + 1e-3), (0.06 - 1e-3, 0.03 - 1e-3), (0.0, 0.03 - 1e-3)),))))
+    middle, second = moments_m(Outline("rectangle", width_m=0.12, height_m=0.06, holes_m=(((0.0, -0.03 + 1e-3),
+                               (0.06 - 1e-3, -0.03 + 1e-3), (0.06 - 1e-3, 0.03 - 1e-3), (0.0, 0.03 - 1e-3)),)))
     hole, whole = 0.059 * 0.058, 0.12 * 0.06
     assert middle[0] == pytest.approx(-hole * 0.0295 / (whole - hole))
     assert middle[1] == pytest.approx(0.0, abs=1e-12)

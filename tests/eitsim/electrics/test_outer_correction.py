@@ -8,6 +8,7 @@ import pytest
 from eitsim.electrics.cem import coupled_scattering, ring_scattering
 from eitsim.electrics.forward import outer_correction, solve_forward
 from eitsim.electrics.forward.far_field import born_correction
+from eitsim.electrics.outline import edge_response
 from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import RimField, Touch
@@ -67,7 +68,7 @@ def test_what_the_circle_leaves_out_is_symmetric() -> None:
     """As an impedance matrix is, and its rows sum to zero."""
     body, lines, touch = SCENE.body, SCENE.electrodes, squeezed()
     circle = ring_scattering.position(PUNCH), GAP_M
-    coupling, _ = solve_forward.edge_couplings(body.outline, lines, 6e-4, [circle], 16)
+    coupling, _ = edge_response.couplings(body.outline, lines, 6e-4, [circle], 16)
     own = coupled_scattering.coupled_scattering(PUNCH, touch, SKIN, LAW, GAP_M, 16)
     change, unsure = outer_correction.outer_correction(
         body, lines, 6e-4, PUNCH, touch, SKIN, LAW, GAP_M, ring_scattering.scattered(coupling, 6e-4, own))

@@ -1,4 +1,4 @@
-"""A new vendor is one module with a `Reader` and one line in `READERS`."""
+"""A new vendor is one module with a `Reader` and one line in `vendors`."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def press(source: Source) -> Recording:
                      {"strain": "squeeze", "stress": "push"}, {"strain": "", "stress": "Pa"}, 2)
 
 
-@pytest.mark.parametrize("place", [0, len(vendors.READERS) - 1])
+@pytest.mark.parametrize("place", [0, len(vendors._READERS)])
 def test_a_vendor_of_one_line_is_detected_and_inspected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                         capsys: pytest.CaptureFixture[str], place: int) -> None:
     path = tmp_path / "compression.log"
     path.write_text("TOY\n-0.01~-100\n-0.02~-190\n-0.03~-270\n")
-    monkeypatch.setattr(vendors, "READERS", (*vendors.READERS[:place], TOY, *vendors.READERS[place:]))
+    monkeypatch.setattr(vendors, "_READERS", (*vendors._READERS[:place], TOY, *vendors._READERS[place:]))
     monkeypatch.setattr(sys, "argv", ["matcal", "inspect", str(path), "--json"])
     with pytest.raises(SystemExit, match=r"^0$"):
         main()
@@ -41,6 +41,6 @@ def test_a_vendor_of_one_line_is_detected_and_inspected(tmp_path: Path, monkeypa
 
 
 def test_readers_have_names_of_their_own_and_the_last_takes_what_is_left() -> None:
-    names = [reader.name for reader in vendors.READERS]
+    names = [reader.name for reader in vendors.readers()]
     assert len(set(names)) == len(names)
-    assert vendors.READERS[-1].recognises(Source(Path("x"), "anything"))
+    assert vendors.readers()[-1].recognises(Source(Path("x"), "anything"))

@@ -16,6 +16,7 @@ from surrogate.data import outlined_sheet
 from surrogate.data.edge_frame import edge_frame
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.outlined_sheet import Sheet
+from surrogate.data.samples import SweepSamples
 from surrogate.data.sensor_ring import outwards, place, radial, ring_of, same_ring
 from surrogate.data.skin_from_above import skin_of_sheet
 from surrogate.learners.forward import TouchInversion
@@ -110,8 +111,10 @@ def test_electrodes_on_the_surface_have_potentials_and_no_poles() -> None:
     assert ring.sheet is not None
     assert ring.sheet.on_surface
     assert by_gain(ring, rest).sum(axis=1) == pytest.approx(rest, rel=1e-6)
+    rows = object.__new__(SweepSamples)
+    object.__setattr__(rows, "ring", ring)
     with pytest.raises(ValueError, match="Take --method ridge, network or gp"):
-        TouchInversion.fit(SimpleNamespace(ring=ring), SimpleNamespace())  # pyright: ignore[reportArgumentType]
+        TouchInversion.fit(rows, SimpleNamespace())  # pyright: ignore[reportArgumentType]
     drawn = skin_of_sheet(ring.sheet).electrodes_mm
     assert np.mean(drawn[1][:-1], axis=0) == pytest.approx([20.0, -20.0])
     assert np.ptp(drawn[1], axis=0) == pytest.approx([5.0, 5.0])

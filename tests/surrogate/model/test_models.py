@@ -161,7 +161,7 @@ def test_rows_of_one_touch_are_not_parted(make_dataset: Callable[..., Path], tmp
         parquet.write_manifest(folder, manifest)
         parquet.write_part(folder, again.to_dict("records"))
         found = read_samples(folder)
-        part = split(found.touch, 3).reshape(-1, each)
+        part = split(found.group, 3).reshape(-1, each)
         assert np.all(part == part[:, :1])
         assert np.mean(part == "train") == pytest.approx(0.7)
     with pytest.raises(ValueError, match="40 ok rows of 10 different touches are too few"):

@@ -312,7 +312,7 @@ def test_a_calibrated_sensor_is_read_back_and_predicts_other_drives(document: di
     (lambda d: d["parameters"].pop("gain_03"), "'gain_03' in parameters is missing"),
     (lambda d: d["parameters"].update(gain_09={"value": 1, "sd": 1, "prior_sd": 1}), "'gain_09' .* no parameter of"),
     (lambda d: d["parameters"]["gain_03"].update(value="x"), r"parameters.gain_03.value"),
-    (lambda d: d["parameters"]["offset_mm_03"].update(value=100.0), "overlap"),
+    (lambda d: d["parameters"]["offset_mm_03"].update(value=100.0), "must lie within one turn"),
     (lambda d: d["sensor"].update(punch={}), "unknown key 'punch'"),
     (lambda d: d.pop("sensor"), "the key 'sensor' is missing"),
 ], ids=lambda one: one if isinstance(one, str) else "")
