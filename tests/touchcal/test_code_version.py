@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from touchcal import code_version
-from touchcal.code_version import ROOT, SOLVERS, _code, _reached, code_hash, script_hash, source_hash
+from touchcal.code_version import MECHANICS, ROOT, SOLVERS, _code, _reached, code_hash, script_hash, source_hash
 
 
 def modules_needed(modules: Iterable[str]) -> set[str]:
@@ -58,6 +58,10 @@ def written(root: Path, files: dict[str, str | None]) -> Path:
 
 def hash_of(root: Path, files: dict[str, str | None], module: str = "eitsim.rows") -> str:
     return code_hash((module,), written(root, files))
+
+
+def test_modules_that_count_are_there() -> None:
+    assert [name for name in (*SOLVERS, *MECHANICS) if not (ROOT / f"{name.replace('.', '/')}.py").is_file()] == []
 
 
 @pytest.mark.parametrize(("changed", "old", "new", "counts"), [
