@@ -86,11 +86,10 @@ def _at_bound(law: Law, name: str, bounds: tuple[float, float]) -> bool:
 
 
 def _errors(law: Law, found: Any) -> dict[str, dict[str, float | None]]:
-    """Parameter -> value and lmfit's standard error, None where it has none; mu_0_Pa without one."""
+    """Parameter -> value and lmfit's standard error, None where it has none."""
     errors = {name: value.stderr * value.user_data if value.vary and value.stderr else None
               for name, value in found.params.items()}
-    return {name: {"value": float(getattr(law, name)), "stderr": error} for name, error in errors.items()} | {
-        "mu_0_Pa": {"value": law.mu_0_Pa, "stderr": errors.get("mu_0_Pa")}}
+    return {name: {"value": float(getattr(law, name)), "stderr": error} for name, error in errors.items()}
 
 
 def _sentence(law: Law, given: Mapping[str, float], kept: Sequence[str]) -> str:

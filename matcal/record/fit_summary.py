@@ -14,7 +14,7 @@ from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
-from matcal.fitting.uncertainty.intervals import OF_THIS_LAW, Uncertainty
+from matcal.fitting.uncertainty.intervals import OF_ONE_FORM, OF_THIS_LAW, Uncertainty
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.record.bands import share_inside
 from matcal.reduction.experiment import Experiment
@@ -40,7 +40,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
     if found.fit and found.uncertainty:
         out["derived"] = {n: {"value": i.value, "sd": i.sd, "lo": i.lo, "hi": i.hi, "sd_from_order": i.form}
                           for n, i in found.uncertainty.derived.items()}
-        out["intervals"] = OF_THIS_LAW
+        out["intervals"] = OF_THIS_LAW if found.fit.moves is None else OF_ONE_FORM
         out |= {"nu": _nu_part(found.fit, found.uncertainty)} if found.fit.moves is None else {}
         out["not_determined"] = list(found.uncertainty.not_determined)
         out |= _law_part(found.fit) | _comparison_part(found)

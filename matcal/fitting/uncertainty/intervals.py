@@ -35,7 +35,9 @@ from touchcal.arrays import Array
 # least points to spare in Student's law: errors' sizes are averaged already, see `statistics.residual_correlation`
 _LEAST_SPARE = 4.0
 _LARGE = float(ndtri(0.975))  # standard deviations to either side that hold 95 % where many points are left
-# what the intervals are about, said where they are given
+# what the intervals are about, said where they are given: of a law with terms, and of one without
+OF_ONE_FORM = ("Intervals are of this law: noise and misfit are in them; a toe of the record, or a law of another "
+               "kind, is not.")
 OF_THIS_LAW = ("Intervals are of this law: noise, misfit and the choice of its order are in them; a toe of the record, "
                "or a law of another kind, is not.")
 _WIDE_NU, _NARROW_NU = 0.3, 0.1  # widths of an interval of nu: not determined, and determined even at nu = 0.5
