@@ -81,13 +81,14 @@ def middles(electrodes: Electrodes) -> Array:
     return electrodes.first_angle_rad + step * np.arange(electrodes.count, dtype=float)
 
 
-def round_the_rim(ends: Array) -> tuple[NDArray[np.intp], Array]:
-    """Electrodes (count,) with first and last angles (count, 2), rad, counter-clockwise from the first one, and the gap
-    (count,) after each of these."""
-    place = np.mod(ends.mean(axis=1) - ends[0].mean(), 2 * np.pi)
+def round_the_rim(ends: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    """Electrodes (count,) with first and last angles (count, 2), rad, counter-clockwise from the first one, their
+    angles in that order, within one turn from it on, and the gap (count,) after each of these."""
+    middle = ends.mean(axis=1)
+    place = np.mod(middle - middle[0], 2 * np.pi)
     order = np.argsort(place, kind="stable")
-    half = np.diff(ends)[order, 0] / 2
-    return order, np.diff(place[order], append=2 * np.pi) - half - np.roll(half, -1)
+    turned = (ends + 2 * np.pi * np.round((place + middle[0] - middle) / (2 * np.pi))[:, None])[order]
+    return order, turned, np.append(turned[1:, 0], turned[0, 0] + 2 * np.pi) - turned[:, 1]
 
 
 def contact_impedances(electrodes: Electrodes) -> Array:
@@ -102,7 +103,7 @@ def arcs(radius_m: float, electrodes: Electrodes) -> Array:
     """First and last angle (count, 2), rad, of the electrodes on a rim; ValueError where they overlap, or do not
     count one way round."""
     ends = middles(electrodes)[:, None] + widths(electrodes)[:, None] / (2 * radius_m) * np.array([-1.0, 1.0])
-    order, gaps = round_the_rim(ends)
+    order, _, gaps = round_the_rim(ends)
     one_way = np.all(np.diff(order) == 1) or np.all(np.diff(order[1:]) == -1)
     require(bool(one_way), "angles_deg", "must lie within one turn, all increasing (counter-clockwise) or all "
             "decreasing (clockwise)")

@@ -120,7 +120,7 @@ def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
     """
     ends, layer = arcs(body.radius_m, electrodes), conductance_S * contact_impedances(electrodes) / body.radius_m
     half = np.diff(ends)[:, 0] / 2
-    order, gaps = round_the_rim(ends)
+    order, _, gaps = round_the_rim(ends)
     after = np.roll(order, -1)
     crowd = np.maximum(gaps, np.minimum(layer[order], layer[after]))
     finest = np.maximum(half[order], half[after]) * _RATIO ** (_PANELS - 1)
@@ -139,7 +139,7 @@ def unsolvable(body: Body, electrodes: Electrodes, conductance_S: float) -> str:
 
 def _gaps(ends: Array) -> Array:
     """Gaps (count, 2), rad, before and after each electrode, counter-clockwise."""
-    order, gaps = round_the_rim(ends)
+    order, _, gaps = round_the_rim(ends)
     return np.stack([np.roll(gaps, 1), gaps], axis=1)[np.argsort(order)]
 
 

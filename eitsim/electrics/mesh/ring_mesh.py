@@ -81,15 +81,15 @@ def rim_angles(body: Body, electrodes: Electrodes, level: int = 1, *, under: int
     `around`. Spacing halves towards the ends of the electrodes, where the current density is singular.
     """
     ends = arcs(body.radius_m, electrodes)
-    angles, electrode, start = [], [], ends[0, 0]
-    for k, gap in zip(*round_the_rim(ends), strict=True):
-        stop = start + ends[k, 1] - ends[k, 0]
-        for first, last, least, owner in ((start, stop, under, k), (stop, stop + gap, between, -1)):
+    order, turned, _ = round_the_rim(ends)
+    following = np.append(turned[1:, 0], turned[0, 0] + 2 * np.pi)
+    angles, electrode = [], []
+    for k, (start, stop), after in zip(order, turned, following, strict=True):
+        for first, last, least, owner in ((start, stop, under, k), (stop, after, between, -1)):
             edges = max(least, round((last - first) * around / (2 * np.pi))) * level
             if last - first > TOUCHING:
                 angles.append(first + (last - first) * _graded(edges, wide=owner >= 0 and edges > least * level))
                 electrode += [owner] * edges
-        start = stop + gap
     return np.concatenate(angles), np.array(electrode)
 
 
