@@ -74,7 +74,7 @@ def test_a_press_on_a_rectangle_is_answered_as_the_simulator_answers() -> None:
     assert found.problem == ""
     assert np.linalg.norm(found.signal_V - signal) < 0.01 * np.linalg.norm(signal)
     assert set(FIELDS) < set(found.fields)
-    assert "too close to an edge" in skin.pressed(Controls(0.0, 60.0, 14.0, 0.3)).problem
+    assert "too close to the nearest edge" in skin.pressed(Controls(0.0, 60.0, 14.0, 0.3)).problem
 
 
 @pytest.mark.parametrize(("press", "why"), [((0.0, 0.0, 14.0, 40.0), "too deep"),
