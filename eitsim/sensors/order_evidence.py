@@ -40,19 +40,20 @@ def admitted(profile: Array | None, silent: Mask, orders: Sequence[Order]) -> li
             kept = [one for one, log in zip(kept, likely, strict=True) if log > likely.max() - CERTAIN]
     if profile is None:
         return kept
-    apart = np.array([repeated_apart(profile, one.pairs) for one in kept])
-    if (apart <= _TWICE).any():
-        kept = [one for one, far in zip(kept, apart, strict=True) if far <= max(_FARTHER * np.nanmin(apart), _TWICE)]
-    apart = np.array([exchanged_apart(profile, one.pairs) for one in kept])
-    least = np.nanmin(apart) if np.isfinite(apart).any() else np.inf
+    repeated = np.array([repeated_difference(profile, one.pairs) for one in kept])
+    if (repeated <= _TWICE).any():
+        most = max(_FARTHER * np.nanmin(repeated), _TWICE)
+        kept = [one for one, off in zip(kept, repeated, strict=True) if off <= most]
+    exchanged = np.array([exchanged_difference(profile, one.pairs) for one in kept])
+    least = np.nanmin(exchanged) if np.isfinite(exchanged).any() else np.inf
     if least > _RECIPROCAL:
         return kept
-    return [one for one, far in zip(kept, apart, strict=True) if not far > max(_FARTHER * least, _LEAST)]
+    return [one for one, off in zip(kept, exchanged, strict=True) if not off > max(_FARTHER * least, _LEAST)]
 
 
 def reciprocal(profile: Array, orders: Sequence[Order]) -> list[Order]:
     """The orders under which readings with drive and measurement exchanged are the same."""
-    return [one for one in orders if exchanged_apart(profile, one.pairs) <= _RECIPROCAL]
+    return [one for one in orders if exchanged_difference(profile, one.pairs) <= _RECIPROCAL]
 
 
 def vouched(profile: Array | None, silent: Mask, order: Order) -> bool:
@@ -60,7 +61,7 @@ def vouched(profile: Array | None, silent: Mask, order: Order) -> bool:
     what is measured twice is the same."""
     none, *driven = _silences(order, silent)
     return max(driven) > none + CERTAIN or (profile is not None and (
-        bool(reciprocal(profile, [order])) or repeated_apart(profile, order.pairs) <= _TWICE))
+        bool(reciprocal(profile, [order])) or repeated_difference(profile, order.pairs) <= _TWICE))
 
 
 def at_driven(pairs: Index) -> Mask:
@@ -125,7 +126,7 @@ def _likelihood(expected: Mask, silent: Mask) -> float:
     return float(betaln(1 + wrong, _RARE + len(silent) - wrong) - betaln(1, _RARE))
 
 
-def exchanged_apart(profile: Array, pairs: Index) -> float:
+def exchanged_difference(profile: Array, pairs: Index) -> float:
     """How far readings with drive and measurement exchanged are from each other, their sizes, over what they are from
     their mean, 2-norms; NaN where fewer than a reading of each pattern have a counterpart."""
     if (pairs == MEAN).any():
@@ -137,7 +138,7 @@ def exchanged_apart(profile: Array, pairs: Index) -> float:
     return _apart(profile[there], profile[place[there]], max(count / 2, 4))
 
 
-def repeated_apart(profile: Array, pairs: Index) -> float:
+def repeated_difference(profile: Array, pairs: Index) -> float:
     """The same of readings of the same electrodes under the same drive, either way round; NaN where they are fewer than
     the electrodes."""
     count, name, _ = _names(pairs)

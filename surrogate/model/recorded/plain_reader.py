@@ -67,8 +67,8 @@ class PlainReader:
     def whole(self, presses: Presses) -> PressReading:
         """What is read where filling in dead channels costs nothing."""
         signal = self.signals.whole(presses)
-        found, apart = self.learner.estimate(signal, 0.0), self.outputs[0].ridge.nearest(signal)
-        strange, wider = self.unlikeness.odd(apart), self.unlikeness.widening(apart)
+        found, distance = self.learner.estimate(signal, 0.0), self.outputs[0].ridge.nearest(signal)
+        strange, wider = self.unlikeness.odd(distance), self.unlikeness.widening(distance)
         place, scalars = None, []
         for one in self.outputs:
             value, spread = _of(found, self.columns, one.name)
@@ -113,8 +113,8 @@ def fit(method: str, presses: Presses, labels: Labels, seed: int = 0) -> PlainRe
     outputs = tuple(one for name in names if (one := tried(partial(_output, name, rows, held, press), left_out)))
     if not outputs:
         raise NothingToRead(" ".join(left_out))
-    apart = kernel_ridge.nearest_held_out(outputs[0].ridge, press_blocks(press))
-    return PlainReader(known.signals, rows.names, outputs, learn_unlikeness(apart), tuple(left_out),
+    distance = kernel_ridge.nearest_held_out(outputs[0].ridge, press_blocks(press))
+    return PlainReader(known.signals, rows.names, outputs, learn_unlikeness(distance), tuple(left_out),
                        chosen.learner().fit(rows, training))
 
 

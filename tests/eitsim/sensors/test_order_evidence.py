@@ -11,7 +11,7 @@ from eitsim.sensors.conventions import Convention
 from eitsim.sensors.formats.open_file import open_recording
 from eitsim.sensors.inspection import Inspection, inspect
 from eitsim.sensors.inspection_words import cautions
-from eitsim.sensors.order_evidence import at_driven, exchanged_apart, not_taken, repeated_apart, silence
+from eitsim.sensors.order_evidence import at_driven, exchanged_difference, not_taken, repeated_difference, silence
 from eitsim.sensors.recognition import Order, canonical
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import drive_of_pairs, read_pairs, sensor_from
@@ -58,7 +58,7 @@ def test_what_two_drives_in_turn_measure_twice_names_them_whatever_the_body(step
     found = seen(frame, pairs, 8)
     assert found.agrees is not False
     assert {one.convention and one.convention.then for one in found.identified.plausible} == {steps[1]}
-    assert repeated_apart(frame, pairs) < 0.05
+    assert repeated_difference(frame, pairs) < 0.05
 
 
 @pytest.mark.skipif(not SIXPOINT.exists(), reason="recordings of six probes are not here")
@@ -112,9 +112,9 @@ def test_dead_electrodes_are_dead_and_driven_ones_are_not_taken() -> None:
 
 def test_reciprocity_holds_under_the_true_order_alone_whatever_is_added() -> None:
     frame = tank(ADJACENT, 2)
-    assert exchanged_apart(frame, ADJACENT) < 1e-12
-    assert exchanged_apart(np.abs(frame).max() + 0.5 + frame, ADJACENT) < 1e-12
-    assert exchanged_apart(frame, Convention(16, 16, 1, "pair", 1, "all", False, 3, 1).pairs()) > 0.5
+    assert exchanged_difference(frame, ADJACENT) < 1e-12
+    assert exchanged_difference(np.abs(frame).max() + 0.5 + frame, ADJACENT) < 1e-12
+    assert exchanged_difference(frame, Convention(16, 16, 1, "pair", 1, "all", False, 3, 1).pairs()) > 0.5
 
 
 @pytest.mark.parametrize("seed", range(3))
