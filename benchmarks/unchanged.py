@@ -37,8 +37,9 @@ SCENES = {
     "patches": DISC.format(x=10) + '[electrodes]\nkind = "patch"\nlength_mm = 5.0\ncontact_impedance_Ohm_m2 = 1e-4\n',
     "rectangle": RECTANGLE + DISC.format(x=20), "rectangle_edge": RECTANGLE + DISC.format(x=66),
     "hole": RECTANGLE + "holes_mm = [[-30, 0, 6]]\n" + DISC.format(x=-12),
-    "surface": RECTANGLE + DISC.format(x=20) + '[electrodes]\nkind = "surface"\ngrid = [4, 3]\npitch_mm = [30, 30]\n'
-    "width_mm = 4.0\ncontact_impedance_Ohm_m2 = 1e-4\n", "exact": DISC.format(x=20)}
+    "surface": RECTANGLE + DISC.format(x=20) + '[electrodes]\nkind = "surface"\ncount = 6\n'
+    "x_mm = [-45, -15, 45, 45, -15, -45]\ny_mm = [-30, -30, -30, 30, 30, 30]\nwidth_mm = 4.0\n"
+    "contact_impedance_Ohm_m2 = 1e-4\n", "exact": DISC.format(x=20)}
 SWEEPS = {"inside": "[punch]\nplace = { within_mm = 45 }\ndiameter_mm = [10, 18]\nforce_N = [0.1, 2.0]\n",
           "anywhere": "[punch]\ndiameter_mm = 14\nforce_N = [0.2, 1.2]\n",
           "two": "touches = 2\n[punch]\nplace = { within_mm = 45, apart_mm = 30 }\nforce_N = [0.2, 1]\n",
