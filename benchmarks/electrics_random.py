@@ -32,7 +32,7 @@ from eitsim.scene.drive import Drive, read_out
 from eitsim.scene.electrodes import Electrodes, arcs
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, Skin
-from eitsim.simulation.routes import Case
+from eitsim.simulation.routes.route import Case
 
 BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()
 SCENES, SEED = quick(200, 3), 5
@@ -157,7 +157,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
 
 def rows(k: int) -> list[dict[str, object]]:
     punch = punch_of(k)
-    rim = Case(Scene(punches=(punch,)), punch).near
+    rim = Case(Scene(punches=(punch,))).near
     touch = (solve_near_rim if rim else solve_touch)(TABLE_1, BODY, punch)
     gap = BODY.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
     mesh = reference_mesh(punch, touch, FINEST if gap < SLIM_M else Fineness(3 if rim else 6))

@@ -11,7 +11,7 @@ from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Scene
 from eitsim.simulation.material import material_of
-from eitsim.simulation.routes import Case
+from eitsim.simulation.routes.route import Case
 from matcal.card import MaterialCard
 
 # meshes of the change by the rim, and the wanted error of the readings
@@ -24,7 +24,7 @@ def finely_solved(scene: Scene, card: MaterialCard, *, rim: bool = False) -> tup
     so."""
     (punch,), material = scene.punches, material_of(scene, card)
     law = material.law
-    near, element_m = rim or Case(scene, punch).near, default_element_m(scene.body, punch)
+    near, element_m = rim or Case(scene).near, default_element_m(scene.body, punch)
     size = element_m / (2 if near and not rim else 4)
     touch = solve_touch(law, scene.body, punch, element_m=size)
     if near:

@@ -29,7 +29,7 @@ from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, correc
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
-from eitsim.simulation.routes import Case
+from eitsim.simulation.routes.route import Case
 
 CASES = quick(((0.014, 3.0), (0.014, 1.0), (0.008, 0.3), (0.02, 2.0)), ((0.014, 1.0),))
 HANDED_OVER = quick(((0.014, 1.0), (0.014, 3.0)), ((0.014, 1.0),))
@@ -106,7 +106,7 @@ def apart(punch: Punch, touch: Touch, reference: Touch) -> dict[str, float]:
 def hand_over_m(diameter_m: float) -> float:
     """Least gap, m, at which the plan of a default scene leaves the rim out."""
     gaps = np.arange(0.001, 0.08, 0.0001)
-    return float(next(g for g in gaps if not Case(Scene(), at(diameter_m, 1.0, float(g))).near))
+    return float(next(g for g in gaps if not Case(Scene(punches=(at(diameter_m, 1.0, float(g)),))).near))
 
 
 def effect(diameter_m: float, force_N: float, gaps_m: Sequence[float] = GAPS_M,

@@ -73,7 +73,7 @@ def _rows(values: Array) -> list[list[float | None]]:
 
 def decisions(plan: Plan) -> list[dict[str, Any]]:
     """The decisions of a plan as plain JSON values; strain_bound only where it is not the error_bound."""
-    return [{"kind": d.kind.value, "decision": d.decision, "reason": d.reason, "error_bound": d.error_bound,
+    return [{"kind": d.kind, "decision": d.decision, "reason": d.reason, "error_bound": d.error_bound,
              "unbounded": d.unbounded}
             | ({} if d.strain_bound is None else {"strain_bound": d.strain_bound}) for d in plan.decisions]
 

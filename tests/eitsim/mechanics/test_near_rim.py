@@ -36,7 +36,7 @@ from eitsim.scene.results import RimField
 from eitsim.scene.scene import Body, Punch, Scene, Skin
 from eitsim.simulation.edge_effects import rim_effect
 from eitsim.simulation.plan import make_plan
-from eitsim.simulation.routes import Case
+from eitsim.simulation.routes.route import Case
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -324,7 +324,7 @@ def test_a_hard_touch_takes_the_coarse_mesh_and_its_error_from_a_rough_one(becau
 
 def test_where_the_rim_is_left_out_the_field_jumps_by_less_than_the_plan_says():
     gaps = np.arange(0.02, 0.06, 0.0001)
-    gap = float(next(g for g in gaps if not Case(Scene(), at_gap(float(g))).near))
+    gap = float(next(g for g in gaps if not Case(Scene(punches=(at_gap(float(g)),))).near))
     touch = solve_touch(FOAM, BODY, Punch(force_N=1.0))
     change = rim_change(FOAM, BODY, at_gap(gap, 1.0), COARSE)
     radius, share = change.field.radius_m, 1 - OffsetDisc(0.1, 0.093 - gap).start(change.field.radius_m) / np.pi

@@ -188,7 +188,7 @@ def test_a_scene_near_the_rim_says_what_it_may_cost(table) -> None:
     result = solve_scene(scene, CARD, table=table)
     assert result.outcome == "ok"
     (said,) = [d for d in result.plan.decisions if d.kind is Kind.STORED]
-    assert [d.decision for d in result.plan.decisions if d.kind is Kind.NEAREST_EDGE] == [
+    assert [d.decision for d in result.plan.decisions if d.kind == "nearest_edge"] == [
         "what the rim changes of the axisymmetric touch, from a table"]
     assert said.error_bound > max(table.error.depth, table.error.signal(scene.skin.strain))
 
