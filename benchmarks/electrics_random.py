@@ -25,13 +25,13 @@ from materials import SKIN_LAW, TABLE_1
 from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.ring_mesh import centred_radii, inside_rim, ring_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.drive import Drive, read_out
 from eitsim.scene.electrodes import Electrodes, arcs
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
+from eitsim.simulation.near_edges import solve_near_rim
 from eitsim.simulation.routes.route import Case
 
 BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eitsim.electrics.cem.boundary_integral import unsolvable
-from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
 from eitsim.scene.choices import Why
 from eitsim.scene.electrodes import lengths, present
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene
+from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.material import Material
 from eitsim.simulation.routes import known_routes

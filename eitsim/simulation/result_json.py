@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import extrapolated_share
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
 from eitsim.scene.scene import Scene, scene_tables
+from eitsim.sheet.sheet_conductance import extrapolated_share
 from eitsim.simulation.error_budget import error_budget, numerical_errors
 from matcal.card import MaterialCard, as_card, card_identity
 from touchcal.provenance import versions

@@ -19,10 +19,10 @@ from eitsim.electrics.cem.assembly import Array, centred, dissection, potentials
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.scene.drive import read_out, voltage_columns
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
 from eitsim.scene.scene import Scene
+from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.simulation.choose import choose, choose_ways
 from eitsim.simulation.derivatives.conductance_variation import conductance_change, rooms_m, variations
 from eitsim.simulation.derivatives.tangent import settled

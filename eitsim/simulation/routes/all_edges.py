@@ -5,10 +5,11 @@ from functools import partial
 from eitsim.mechanics.load_paths.several_edges import near_edges_from
 from eitsim.mechanics.load_paths.table import touch_from
 from eitsim.mechanics.load_paths.types import Table
-from eitsim.mechanics.rim.solve_near_rim import FINE, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import FINE
 from eitsim.scene.results import Touch
 from eitsim.simulation.edge_effects import other_edges_effect
 from eitsim.simulation.kept_touches import kept_touch
+from eitsim.simulation.near_edges import solve_near_rim
 from eitsim.simulation.routes.nearest_alone import CHANGE, ERROR, RIM_SHARE, TABLED, edge_problem, within_error
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words, from_edge
 from matcal.laws.law import Law

@@ -11,11 +11,12 @@ from eitsim.mechanics.contact import friction
 from eitsim.mechanics.load_paths.rim_table import near_rim_from, within
 from eitsim.mechanics.load_paths.table import touch_from
 from eitsim.mechanics.load_paths.types import Table
-from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene
 from eitsim.simulation.kept_touches import kept_touch
+from eitsim.simulation.near_edges import solve_near_rim
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words, from_edge
 from matcal.laws.law import Law
 from touchcal.choice import Choice

@@ -6,9 +6,10 @@ from typing import ClassVar
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import edge_gap_m
 from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE
-from eitsim.mechanics.rim.two_punches import FINEST, LEAST_GAP, solved_together
+from eitsim.mechanics.rim.two_punches import FINEST, LEAST_GAP
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
+from eitsim.simulation.near_edges import solved_together
 from eitsim.simulation.routes.all_edges import ALL_EDGES
 from eitsim.simulation.routes.axisymmetric import AXISYMMETRIC
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words

@@ -7,17 +7,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-from eitsim.electrics.sheet.sheet_conductance import surface_metric, touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.axis_transfer import cubics, view, view_all_around
 from eitsim.mechanics.rim.interaction import clusters, interaction
-from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution, corrected
-from eitsim.mechanics.rim.two_punches import solved_together
+from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution, on_two_meshes
 from eitsim.scene.choices import Why
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene, Skin, scene_from
+from eitsim.sheet.sheet_conductance import surface_metric, touched_conductance
 from eitsim.simulation.choose import choose_ways
+from eitsim.simulation.near_edges import solved_together
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.routes import pair
 from eitsim.simulation.routes.route import Case
@@ -116,8 +116,8 @@ def test_far_from_edges_a_pair_with_all_edges_is_that_without():
 def test_near_an_edge_touches_far_from_each_other_are_those_alone_there():
     (one, _) = on_skin(0.0, 0.285, 0.06, 0.0, edges=True)
     punch = Punch(-0.037, 0.285, force_N=0.3)
-    alone_there = corrected(solve_touch(FOAM, SKIN, punch), FOAM, SKIN, punch, coarse=TINY, fine=COARSE)
-    base = solve_touch(FOAM, SKIN, punch).depth_m
+    alone = solve_touch(FOAM, SKIN, punch)
+    alone_there, base = on_two_meshes(alone, FOAM, SKIN, punch, coarse=TINY, fine=COARSE).touch, alone.depth_m
     print((one.depth_m - base) / base, (alone_there.depth_m - base) / base)
     assert one.depth_m - base == pytest.approx(alone_there.depth_m - base, rel=0.03)
     assert alone_there.depth_m > 1.001 * base

@@ -11,19 +11,19 @@ import pytest
 
 from eitsim.cli.output_files import OutputFiles, check_output_files
 from eitsim.electrics.forward.sheet_fields import write_skin_vtu
-from eitsim.electrics.sheet.sheet_conductance import added_metric, touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.edges.outline_electrodes import middles_m
 from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.results import Decision, Readings
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Punch, Scene, rim_gap_m
+from eitsim.sheet.sheet_conductance import added_metric, touched_conductance
 from eitsim.simulation.derivatives.readings import check_differentiable
 from eitsim.simulation.edge_effects import least_gap_m, rim_effect
 from eitsim.simulation.error_budget import explain_excess
 from eitsim.simulation.foam_fields import write_vtu
+from eitsim.simulation.near_edges import solve_near_rim
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.result_json import result_document
 from eitsim.simulation.routes.route import Case
