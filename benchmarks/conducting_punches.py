@@ -29,7 +29,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Scene, profile_of, scene_from
-from eitsim.simulation.routes import Case
+from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from touchcal.errors import NotConverged
@@ -57,7 +57,7 @@ def row_of(seed: int, k: int) -> dict[str, object]:
     scene = scene_of(seed, k)
     (punch,), result = scene.punches, simulate(scene, CARD)
     found: dict[str, object] = {
-        "scene": k, "seed": seed, "where": "rim" if Case(scene, punch).near else "interior",
+        "scene": k, "seed": seed, "where": "rim" if Case(scene).near else "interior",
         "profile": punch.profile,
         "strain": scene.skin.strain, "electrodes": scene.electrodes.count, "d_mm": punch.diameter_m * 1e3,
         "F_N": punch.force_N, "x_mm": punch.x_m * 1e3, "impedance_Ohm_m2": punch.contact_impedance_Ohm_m2,

@@ -35,10 +35,11 @@ from rim import strains, two_norm
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.correction import no_correction
 from eitsim.mechanics.rim.solve_near_rim import FINE as SEVERAL
-from eitsim.mechanics.rim.solve_near_rim import FULL_DISC, corrected, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import FULL_DISC, on_two_meshes
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import STRAINS, Body, Punch
+from eitsim.simulation.near_edges import solve_near_rim, with_signal_errors
 
 BODY = Body(Outline("rectangle", width_m=0.24, height_m=0.2))
 PUNCH = Punch(diameter_m=0.014, force_N=1.0)
@@ -106,9 +107,9 @@ def rows() -> Iterator[dict[str, object]]:
         rough_change, change = rough - far[0][:, inside], fine - far[1][:, inside]
         depth_m, rough_m = (1e-3 * float(mesh["depth"]) for mesh in peer[:-3:-1])
         punch = replace(PUNCH, x_m=(BODY.outline.width_m or 0) / 2 - gap - PUNCH.diameter_m / 2)
-        near = corrected(alone, TABLE_1, BODY, punch)
-        finer = corrected(fine_alone, TABLE_1, BODY, punch, coarse=SEVERAL,
-                          fine=replace(FULL_DISC, out_to=SEVERAL.out_to))
+        near = with_signal_errors(on_two_meshes(alone, TABLE_1, BODY, punch))
+        finer = with_signal_errors(on_two_meshes(fine_alone, TABLE_1, BODY, punch, coarse=SEVERAL,
+                          fine=replace(FULL_DISC, out_to=SEVERAL.out_to)))
         one, exact = (solve_near_rim(TABLE_1, BODY, punch, whole=whole) for whole in (False, True))
         assert near.rim is not None
         without = replace(alone, rim=no_correction(near.rim))

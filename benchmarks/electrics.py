@@ -31,11 +31,11 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh, template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.drive import read_out
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch
+from eitsim.sheet.sheet_conductance import sheet_conductance, untouched_conductance
 
 CENTRAL = (Punch(), Punch(0.05, 0.01, 0.010, 2.0), Punch(0.06, -0.02, 0.018, 0.5))[:quick(3, 1)]
 NEAR_RIM = (Punch(-0.05, 0.065),)[:quick(1, 0)]

@@ -25,14 +25,14 @@ from materials import SKIN_LAW, TABLE_1
 from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.ring_mesh import centred_radii, inside_rim, ring_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.drive import Drive, read_out
 from eitsim.scene.electrodes import Electrodes, arcs
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, Skin
-from eitsim.simulation.routes import Case
+from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
+from eitsim.simulation.near_edges import solve_near_rim
+from eitsim.simulation.routes.route import Case
 
 BODY, SKIN, ELECTRODES, DRIVE = Body(), Skin(), Electrodes(), Drive()
 SCENES, SEED = quick(200, 3), 5
@@ -157,7 +157,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
 
 def rows(k: int) -> list[dict[str, object]]:
     punch = punch_of(k)
-    rim = Case(Scene(punches=(punch,)), punch).near
+    rim = Case(Scene(punches=(punch,))).near
     touch = (solve_near_rim if rim else solve_touch)(TABLE_1, BODY, punch)
     gap = BODY.radius_m - math.hypot(punch.x_m, punch.y_m) - punch.diameter_m / 2
     mesh = reference_mesh(punch, touch, FINEST if gap < SLIM_M else Fineness(3 if rim else 6))

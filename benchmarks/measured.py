@@ -21,12 +21,12 @@ from conditions import quick, shown, written
 from eitsim.electrics.forward.gridded_fields import QUANTITIES, fields_from, values
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.forward.untouched import by_contact
-from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.electrodes import IMPEDANCES, Electrodes, contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import untouched_conductance
+from eitsim.simulation.near_edges import solve_near_rim
 from eitsim.sweeps.dataset.hdf5_fields import encoded
 from eitsim.sweeps.measurement.instrument import Measurement, measured
 from matcal.laws.conductivity import Conductivity

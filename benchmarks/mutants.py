@@ -47,7 +47,7 @@ TESTS = {
         "springs", "punch", "friction", "touch")],
     "eitsim/electrics/cem": [f"tests/eitsim/electrics/test_{name}.py" for name in (
         "multipole", "cem", "floating", "sensitivity", "rim")],
-    "eitsim/electrics/sheet": [f"tests/eitsim/electrics/test_{name}.py" for name in ("dipole", "skin")],
+    "eitsim/sheet": [f"tests/eitsim/electrics/test_{name}.py" for name in ("dipole", "skin")],
     "surrogate/statistics": ["tests/surrogate/statistics"],
     "surrogate/forward_map/multipole_series.py": ["tests/surrogate/forward_map/test_multipole.py"],
 }

@@ -24,7 +24,6 @@ from conditions import CONDITIONS, earlier, quick, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.electrics.forward.solve_forward import solve
-from eitsim.electrics.sheet.sheet_conductance import changes
 from eitsim.mechanics.axisymmetric.hold import HoldHistory, kept, states_over
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     force_unit,
@@ -37,13 +36,14 @@ from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.correction import no_correction
 from eitsim.mechanics.rim.interaction import edge_gap_m, expected, gap_for, interaction
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
-from eitsim.mechanics.rim.two_punches import LEAST_GAP, solved_together
+from eitsim.mechanics.rim.two_punches import LEAST_GAP
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import RimField, Touch, of_strain
 from eitsim.scene.scene import Body, Drive, Electrodes, Hold, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import changes
 from eitsim.simulation.assumptions import stored_choice
 from eitsim.simulation.edge_effects import rim_effect
+from eitsim.simulation.near_edges import solve_near_rim, solved_together
 from eitsim.simulation.reuse import table_for
 from matcal.laws.prony import Prony
 from touchcal.errors import NotConverged

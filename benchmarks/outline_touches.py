@@ -36,13 +36,13 @@ from eitsim.electrics.outline.edge_response import EdgeResponse, coupling, respo
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.outline.touch_mesh import EVEN, base_triangles
 from eitsim.electrics.outline.triangles import refined, skin_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.scene.drive import read_out
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.polygons import corners_and_edges, edge_distance_m
 from eitsim.scene.results import Readings, Result
 from eitsim.scene.scene import Body, Electrodes, Punch, Scene
+from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard

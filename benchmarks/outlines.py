@@ -29,9 +29,7 @@ from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.outline.triangles import skin_mesh
-from eitsim.electrics.sheet.sheet_conductance import principal_conductances, touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.drive import as_tuples, read_out
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.edges.outline_electrodes import stretches_along
@@ -40,6 +38,8 @@ from eitsim.scene.outline_edge import places_along
 from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import principal_conductances, touched_conductance
+from eitsim.simulation.near_edges import solve_near_rim
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array

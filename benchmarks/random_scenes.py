@@ -21,7 +21,7 @@ from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.scene.scene import FRICTIONS, Scene, scene_from
-from eitsim.simulation.routes import Case
+from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.hyperfoam import Hyperfoam
@@ -59,7 +59,7 @@ def scene_of(k: int) -> tuple[str, Scene]:
 
 def place_of(scene: Scene) -> str:
     """"rim" where the mechanics is three-dimensional, else "interior"."""
-    return "rim" if Case(scene, scene.punches[0]).near else "interior"
+    return "rim" if Case(scene).near else "interior"
 
 
 def solved(k: int, name: str, scene: Scene) -> dict[str, object]:

@@ -19,10 +19,10 @@ from materials import SKIN_LAW, TABLE_1
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.imaging.gauss_newton import PRIORS, fitted, imager, on_grid
 from eitsim.electrics.imaging.greit_figures import figures_of_merit
-from eitsim.electrics.sheet.sheet_conductance import principal_conductances, stretches, untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import principal_conductances, stretches, untouched_conductance
 
 TOUCHES = quick(((0.010, 0.3), (0.014, 1.0), (0.018, 3.0)), ((0.014, 1.0),))
 PLACES_M = quick((0.0, 0.02, 0.04, 0.055, 0.07), (0.0, 0.055))

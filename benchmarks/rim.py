@@ -21,15 +21,16 @@ from materials import SKIN_LAW, TABLE_1
 from scipy.interpolate import RegularGridInterpolator
 
 from eitsim.electrics.forward.solve_forward import solve
-from eitsim.electrics.sheet.sheet_conductance import changes, driving_strain, stretches
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.rim.correction import apply_correction, no_correction
-from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, corrected, rim_change
+from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, Resolution, on_two_meshes, rim_change
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Electrodes, Punch, Scene, Skin
-from eitsim.simulation.routes import Case
+from eitsim.sheet.sheet_conductance import changes, driving_strain, stretches
+from eitsim.simulation.near_edges import with_signal_errors
+from eitsim.simulation.routes.route import Case
 
 CASES = quick(((0.014, 3.0), (0.014, 1.0), (0.008, 0.3), (0.02, 2.0)), ((0.014, 1.0),))
 HANDED_OVER = quick(((0.014, 1.0), (0.014, 3.0)), ((0.014, 1.0),))
@@ -106,7 +107,7 @@ def apart(punch: Punch, touch: Touch, reference: Touch) -> dict[str, float]:
 def hand_over_m(diameter_m: float) -> float:
     """Least gap, m, at which the plan of a default scene leaves the rim out."""
     gaps = np.arange(0.001, 0.08, 0.0001)
-    return float(next(g for g in gaps if not Case(Scene(), at(diameter_m, 1.0, float(g))).near))
+    return float(next(g for g in gaps if not Case(Scene(punches=(at(diameter_m, 1.0, float(g)),))).near))
 
 
 def effect(diameter_m: float, force_N: float, gaps_m: Sequence[float] = GAPS_M,
@@ -138,7 +139,8 @@ def series(centre_m: float) -> list[dict[str, object]]:
 
 
 def compared(what: str, punch: Punch, far: Touch, reference: Touch) -> list[dict[str, object]]:
-    touch, force_N = corrected(far, TABLE_1, Body(), punch, coarse=COARSE, fine=FINE), punch.force_N
+    touch = with_signal_errors(on_two_meshes(far, TABLE_1, Body(), punch, coarse=COARSE, fine=FINE))
+    force_N = punch.force_N
     gap_m = Body().radius_m - punch.x_m - punch.diameter_m / 2
     row = {"what": what, "d_mm": punch.diameter_m * 1e3, "force_N": force_N, "gap_mm": gap_m * 1e3,
            **apart(punch, touch, reference), "cpu_s": touch.cpu_s,

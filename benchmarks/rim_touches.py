@@ -14,9 +14,9 @@ from conditions import quick, shown, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.electrics.forward.solve_forward import solve
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.simulation.near_edges import solve_near_rim
 from touchcal.errors import NotConverged
 
 # kind of touch: diameters mm, forces N and gaps mm, from and to; touches, and those of a quick run

@@ -19,9 +19,9 @@ from conditions import quick, written
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.electrics.forward.untouched import untouched_impedance
-from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.scene.drive import read_out
 from eitsim.scene.scene import Drive, Punch, Scene
+from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.derivatives.readings import Sensitivity, scene_sensitivity
 from matcal.card import MaterialCard
 

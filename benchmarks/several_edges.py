@@ -25,7 +25,7 @@ from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.load_paths.several_edges import summed_changes
-from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.nearest_edge import nearest_edge
@@ -33,6 +33,7 @@ from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch
 from eitsim.simulation.edge_effects import rim_effect
+from eitsim.simulation.near_edges import solve_near_rim
 from touchcal.jit import cpu_s
 
 RECTANGLE = Body(Outline("rectangle", width_m=0.12, height_m=0.08))

@@ -19,12 +19,12 @@ from eitsim.electrics.cem.assembly import dissection, impedance, quadrature_poin
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.graded_mesh import triangulation
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.interaction import interaction
 from eitsim.scene.drive import read_out
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
 
 BODY, ELECTRODES, DRIVE = Body(), Electrodes(), Drive()
 GAPS_MM, STRAINS = quick((5, 10, 20, 30, 45, 60), (5, 30)), ("normal", "principal")[:quick(2, 1)]

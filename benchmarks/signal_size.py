@@ -19,9 +19,9 @@ from materials import SKIN_LAW, TABLE_1
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_path, solve_touch
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Electrodes, Punch, Skin
+from eitsim.simulation.near_edges import solve_near_rim
 
 PUNCHES = (Punch(), Punch(0.04, 0.02, 0.014, 1.0), Punch(0.04, 0.02, 0.014, 0.1), Punch(0.05, 0.01, 0.010, 2.0),
            Punch(0.04, -0.02, 0.018, 0.5))

@@ -32,8 +32,8 @@ import pandas as pd
 from conditions import earlier, quick, shown, written
 from faithful import PAPER
 
-from eitsim.electrics.sheet import sheet_conductance
 from eitsim.scene.scene import STRAINS, Skin
+from eitsim.sheet import sheet_conductance
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.sweep import sweep
 from matcal.laws.conductivity import Conductivity, conductivity

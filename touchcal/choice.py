@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import Any
 
 
@@ -10,6 +9,6 @@ from typing import Any
 class Choice:
     """One choice, made once, executed, stored and counted by its kind."""
 
-    kind: Enum
+    kind: str  # of a StrEnum, or a name that is none of them
     values: Mapping[str, Any] = field(default_factory=dict)  # what its words state, SI
     cost: float | None = 0.0  # relative error that it may cost, at most; None where that is not known

@@ -24,8 +24,8 @@ ROOT = Path(__file__).parents[1]  # Folder that holds the packages.
 # What solves the rows of a sweep, and what solves tables of load paths. What describes rows is imported by neither.
 SOLVERS = ("eitsim.sweeps.run.parts", "eitsim.sweeps.run.load_path_choice")
 # Modules whose definitions, with what they need, make every touch and table of load paths; nothing of the skin.
-MECHANICS = ("eitsim.mechanics.load_paths.build_rim_table", "eitsim.mechanics.load_paths.build_table",
-             "eitsim.mechanics.rim.solve_near_rim", "eitsim.mechanics.axisymmetric.solve_axisymmetric")
+MECHANICS = ("eitsim.simulation.build_rim_table", "eitsim.mechanics.load_paths.build_table",
+             "eitsim.simulation.near_edges", "eitsim.mechanics.axisymmetric.solve_axisymmetric")
 # Hashes of code that gives the numbers of an earlier one, whose hash goes on to count: this -> the earlier.
 SAME_NUMBERS = Path(__file__).with_name("same_numbers.json")
 DIGITS = 12  # Digits of the hash that a table of results carries.

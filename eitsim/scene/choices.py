@@ -4,10 +4,8 @@
 from enum import StrEnum
 
 Kind = StrEnum("Kind", (
-    # routes, and where a touch comes from
-    "AXISYMMETRIC", "NEAREST_EDGE", "ALL_EDGES", "WHOLE_DISC", "STORED", "FROM_REST",
-    # neighbours
-    "PAIR", "ALONE",
+    # where a touch comes from, and its neighbours; how it is solved is the kind of its route
+    "STORED", "FROM_REST", "ALONE",
     # the punch: what it conducts, its contact
     "INSULATED", "FLOATING", "END_BY_NEIGHBOUR", "END_BY_EDGE", "NO_FRICTION", "FRICTION", "RIGID_PUNCH",
     # time
@@ -24,6 +22,6 @@ Why = StrEnum("Why", (
     "CONDUCTIVITY_UNIT", "TOO_THIN", "TOO_SHALLOW", "TOO_LIGHT", "ELECTRODES", "TOO_DEEP", "ON_ELECTRODES",
     "FRICTION_CREEPS",
     # of routes
-    "OFF_SKIN", "SLIPS", "CREEPS", "NOT_THIS_BODY",
+    "OFF_SKIN", "SLIPS", "CREEPS", "NOT_MEANT",
     # of neighbours
     "OVERLAP", "HELD_TOGETHER", "MORE_THAN_TWO", "PAIR_FRICTION", "PAIR_GAP"))

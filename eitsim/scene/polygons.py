@@ -12,6 +12,8 @@ from touchcal.arrays import Array
 KINDS = ("rectangle", "polygon")  # Edges of a skin that are polygons, by the names of a scene file.
 MOST_POINTS = 2000  # Corners of an outline with its holes, at most.
 ROUND = 72  # Chords of a round hole: they enclose the area of the arc, so that they lie as much outside it as inside.
+# (start, end) (edges, 2), m, ends of edges about a place
+Edges = tuple[Array, Array]
 _PAIRS = 2**20  # Pairs of points and edges that are looked at together.
 
 

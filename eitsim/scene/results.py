@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.scene.choices import Kind
 from eitsim.scene.scene import STRAINS
 from matcal.laws.law import Law
 from touchcal.arrays import Array
@@ -17,7 +16,7 @@ from touchcal.arrays import Array
 class Decision:
     """One choice of the plan."""
 
-    kind: Kind  # what was decided, by which code compares
+    kind: str  # what was decided, by which code compares: a Kind, or that of a route
     decision: str  # the same in words, for instance "axisymmetric about the punch"
     reason: str  # why
     error_bound: float  # relative error of the touch signal dV that it may cost, at most; 0 where it costs none

@@ -6,13 +6,11 @@ from collections.abc import Iterator
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import edge_gap_m, expected
-from eitsim.mechanics.rim.solve_near_rim import FINE
 from eitsim.scene.choices import Kind
 from eitsim.scene.drive import protocol
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Scene
 from eitsim.simulation.choose import Chosen, Way
-from eitsim.simulation.routes import ROUTES
 from eitsim.simulation.validity import positive_from
 from touchcal.choice import Choice
 
@@ -43,7 +41,8 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     scene, law, card = chosen.scene, chosen.material.law, chosen.material.card
     paired = {i for group in chosen.groups for i in group}
     for i, way in enumerate(chosen.ways):
-        yield route_choice(chosen, i)
+        solving = chosen.way_of(i)
+        yield solving.route.of_touch(solving.case).choice(way.case, way.touch)
         if way.touch is not None and chosen.table is not None:
             yield stored_choice(chosen.table, way.touch, scene)
         elif way.case.punch.force_N is not None:
@@ -69,17 +68,6 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
     yield from _electrodes(scene)
     yield Choice(Kind.ONE_MATRIX, {"patterns": protocol(scene.drive, scene.electrodes.count).shape[0]})
-
-
-def route_choice(chosen: Chosen, i: int) -> Choice:
-    """The mechanics of a touch: by its pair where edges count there, else by its route."""
-    way, body = chosen.ways[i], chosen.scene.body
-    edges = any(i in pair.touches and pair.edges for pair in chosen.pairs)
-    route, nearest = ROUTES[-1] if edges else way.route, way.case.nearest
-    return Choice(route.kind, {
-        "gap_m": way.case.gap_m, "thickness_m": body.thickness_m, "outline": body.has_outline, "reach": FINE.out_to,
-        "tabled": way.touch is not None and way.touch.rim is not None,
-        "disc_m": None if nearest is None or way.case.straight else nearest.disc_m}, route.leaves_out(way.case))
 
 
 def stored_choice(table: Table, touch: Touch, scene: Scene) -> Choice:
@@ -108,13 +96,13 @@ def _conductor(way: Way, paired: bool) -> Iterator[Choice]:
 def _neighbours(chosen: Chosen) -> Iterator[Choice]:
     scene, groups = chosen.scene, chosen.groups
     punches, thickness_m = scene.punches, scene.body.thickness_m
-    for i, j in groups:
-        yield Choice(Kind.PAIR, {"between": (i, j), "gap_m": edge_gap_m(punches[i], punches[j]),
-                                 "thickness_m": thickness_m})
-    if len(punches) > 2 or (len(punches) == 2 and not groups):
-        gap_m = min(edge_gap_m(punches[i], punches[j]) for i, j in itertools.combinations(range(len(punches)), 2)
-                    if not any(i in group and j in group for group in groups))
-        yield Choice(Kind.ALONE, {"count": len(punches), "pairs": bool(groups), "gap_m": gap_m,
+    for way in chosen.clusters:
+        yield Choice(way.route.kind, {"between": way.case.touches, "thickness_m": thickness_m, "gap_m": min(
+            edge_gap_m(one, other) for one, other in itertools.combinations(way.case.punches, 2))})
+    gaps_m = [edge_gap_m(punches[i], punches[j]) for i, j in itertools.combinations(range(len(punches)), 2)
+              if not any(i in group and j in group for group in groups)]
+    if gaps_m:
+        yield Choice(Kind.ALONE, {"count": len(punches), "pairs": bool(groups), "gap_m": min(gaps_m),
                                   "thickness_m": thickness_m}, expected(scene.body, punches, groups))
 
 

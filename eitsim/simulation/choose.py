@@ -1,31 +1,23 @@
 """How the touches of a scene are solved: decided here alone, once, as data, before anything is solved."""
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eitsim.electrics.cem.boundary_integral import unsolvable
-from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
-from eitsim.scene.choices import Kind, Why
+from eitsim.scene.choices import Why
 from eitsim.scene.electrodes import lengths, present
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene
+from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.material import Material
-from eitsim.simulation.routes import (
-    AXISYMMETRIC,
-    RIM_SHARE,
-    ROUTES,
-    WHOLE_DISC,
-    Case,
-    Pair,
-    Route,
-    fine_enough,
-    held,
-    pair_problem,
-)
+from eitsim.simulation.routes import known_routes
+from eitsim.simulation.routes.axisymmetric import fine_enough
+from eitsim.simulation.routes.route import NOT_MEANT, Case, Route
 from eitsim.simulation.validity import unresolvable
 from matcal.laws.law import Law
 from touchcal.choice import Choice
@@ -39,16 +31,13 @@ _DEEPEST = 0.97
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """How one touch is solved."""
+    """How one touch is solved, or several together."""
 
     case: Case
     route: Route
     why: Choice | None = None  # why no route serves; None where one does
     touch: Touch | None = None  # from a table; None where it is solved
-
-    def solved(self, law: Law, keep: bool) -> Touch:
-        """The touch."""
-        return self.touch or self.route.solve(self.case, law, keep)
+    cost_s: float = math.inf  # CPU time of a usual touch; infinite where no route serves
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,28 +47,33 @@ class Chosen:
     scene: Scene
     material: Material
     exact: bool
-    ways: tuple[Way, ...]  # one a touch
-    pairs: tuple[Pair, ...]
+    ways: tuple[Way, ...]  # one a touch, as if it were alone
+    clusters: tuple[Way, ...]  # of touches that are solved together
     table: Table | None = None  # that touches are taken from
     why: Choice | None = None  # why the scene cannot be solved; None where it can
 
     @property
-    def groups(self) -> tuple[tuple[int, int], ...]:
+    def groups(self) -> tuple[tuple[int, ...], ...]:
         """Numbers of the touches that are solved together."""
-        return tuple(pair.touches for pair in self.pairs)
+        return tuple(way.case.touches for way in self.clusters)
+
+    def way_of(self, i: int) -> Way:
+        """How a touch is solved, alone or with others."""
+        return next((way for way in self.clusters if i in way.case.touches), self.ways[i])
 
     def touches(self) -> tuple[Touch, ...]:
-        """All touches, solved as chosen, each alone and then in its pair."""
-        law = self.material.law
-        found = [way.solved(law, keep=self.table is not None) for way in self.ways]
-        for pair in self.pairs:
-            found[pair.touches[0]], found[pair.touches[1]] = pair.solve(found, law, self.scene, self.exact)
-        return tuple(found)
+        """All touches, solved as chosen."""
+        found, keep = {i: way.touch for i, way in enumerate(self.ways)}, self.table is not None
+        alone = [way for i, way in enumerate(self.ways) if way is self.way_of(i) and way.touch is None]
+        for way in (*alone, *self.clusters):
+            solved = way.route.solve_together(way.case, self.material.law, keep, [found[i] for i in way.case.touches])
+            found |= zip(way.case.touches, solved, strict=True)
+        return tuple(touch for touch in found.values() if touch is not None)
 
     def held(self) -> list[tuple[float, Touch]]:
         """The held touch at its times, s."""
         (way,) = self.ways
-        return held(way.route, way.case, self.material.law, self.material.series)
+        return way.route.held(way.case, self.material.law, self.material.series)
 
 
 def choose(scene: Scene, material: Material, *, exact: bool = False, table: Table | None = None) -> Chosen:
@@ -88,85 +82,77 @@ def choose(scene: Scene, material: Material, *, exact: bool = False, table: Tabl
     exact: leave nothing out that a route can solve; table: load paths, of which those touches are taken that they hold
     to the requested error, not with exact.
     """
-    ways, pairs = choose_ways(scene, exact=exact)
-    why = _why(scene, material, ways)
-    if table is not None and not exact:
-        ways = _from_table(table, material.law, scene, ways, pairs)
-    return Chosen(scene, material, exact, ways, pairs, None if exact else table, why)
+    ways, clusters = choose_ways(scene, exact=exact)
+    made = Chosen(scene, material, exact, ways, tuple(way for way in clusters if way.why is None),
+                  None if exact else table, _why(scene, material, ways, clusters))
+    return made if made.table is None else replace(made, ways=_from_table(made, made.table))
 
 
-def choose_ways(scene: Scene, *, exact: bool = False) -> tuple[tuple[Way, ...], tuple[Pair, ...]]:
-    """The way of each touch, whatever the material, and the pairs that are solved together."""
-    ways = [_alone(Case(scene, punch, exact)) for punch in scene.punches]
-    pairs = _pairs(scene, ways)
-    for i in itertools.chain(*(pair.touches for pair in pairs)):  # the pair adds what neighbour and edges change
-        ways[i] = replace(ways[i], route=AXISYMMETRIC)
-    return tuple(ways), pairs
+def choose_ways(scene: Scene, *, exact: bool = False) -> tuple[tuple[Way, ...], tuple[Way, ...]]:
+    """The way of each touch by itself, whatever the material, and those of touches that are to be solved together."""
+    ways = tuple(_way(Case(scene, (i,), exact)) for i in range(len(scene.punches)))
+    return ways, _together(scene, ways)
 
 
 def tabled_near_edge(scene: Scene, reach: float) -> int:
     """How many touches of a scene lie near an edge where a table of what edges change as far as a reach, thicknesses,
     may hold them."""
-    ways = [_alone(Case(scene, punch)) for punch in scene.punches]
-    return sum(way.case.near and way.case.straight and way.why is None and (
-        way.route.kind is not Kind.ALL_EDGES or way.case.added_up(reach) <= RIM_SHARE * scene.accuracy.signal)
-               for way in ways)
+    ways = [_way(Case(scene, (i,))) for i in range(len(scene.punches))]
+    return sum(way.case.near and way.why is None and way.route.storable(way.case, reach) for way in ways)
 
 
 def served(table: Table | None, law: Law, scene: Scene) -> tuple[Touch | None, ...]:
     """The touches of a scene that a table holds to the requested error; None for each that is to be solved."""
+    ways = [_way(Case(scene, (i,))) for i in range(len(scene.punches))]
+    return _stored(table, law, scene, [(way.route, way.case) for way in ways])
+
+
+def _stored(table: Table | None, law: Law, scene: Scene,
+            ways: Sequence[tuple[Route, Case]]) -> tuple[Touch | None, ...]:
+    """One a touch, by the route that solves it where the table does not hold it."""
     if table is None or scene.hold.time_s or (
             table.error.signal(scene.skin.strain) > TABLE_SHARE * scene.accuracy.signal):
-        return (None,) * len(scene.punches)
-    ways = [_alone(Case(scene, punch)) for punch in scene.punches]
-    return tuple(way.route.stored(way.case, law, table) for way in ways)
+        return (None,) * len(ways)
+    return tuple(route.stored(case, law, table) for route, case in ways)
 
 
-def _alone(case: Case) -> Way:
-    """The cheapest route that meets the requested error and serves; where none does, the first that meets it. To be
-    exact, the whole disc where it serves."""
-    if case.exact and not isinstance(WHOLE_DISC.serves(case), Choice):
-        return Way(case, WHOLE_DISC)
-    refused = None
-    for route in ROUTES:
-        if route is ROUTES[-1] or route.leaves_out(case) <= case.allowed:
-            why = route.serves(case)
-            if not isinstance(why, Choice):
-                return Way(case, route)
-            refused = refused or Way(case, route, why)
-    assert refused is not None
-    return refused
+def _way(case: Case) -> Way:
+    """The cheapest route that serves and meets the requested error, in an exact run the one for these; where none does,
+    the first that meets it and is refused, or the last of those that leave out least."""
+    ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
+            for route in known_routes.ROUTES if case.exact or not route.for_exact
+            if (answer := route.serves(case)) is not NOT_MEANT]
+    fine = [way for way in ways if way.route.leaves_out(case) <= case.allowed]
+    if serving := [way for way in fine if way.why is None]:
+        return min(serving, key=lambda way: (not way.route.for_exact, way.cost_s))
+    return fine[0] if fine else min(reversed(ways), key=lambda way: way.route.leaves_out(case))
 
 
-def _from_table(table: Table, law: Law, scene: Scene, ways: Sequence[Way],
-                pairs: Sequence[Pair]) -> tuple[Way, ...]:
-    """The ways with the touches that a table serves finely enough, with what each cost; one of a pair is taken where no
-    edge counts."""
-    begun, paired = cpu_s(), {i for pair in pairs for i in pair.touches}
-    found = [None if i in paired and way.case.near else touch if touch is not None and (
-        touch.rim is not None or fine_enough([touch], scene)) else None
-        for i, (way, touch) in enumerate(zip(ways, served(table, law, scene), strict=True))]
+def _from_table(chosen: Chosen, table: Table) -> tuple[Way, ...]:
+    """The ways with the touches that a table serves finely enough, with what each cost."""
+    begun, scene = cpu_s(), chosen.scene
+    stored = _stored(table, chosen.material.law, scene, [
+        (chosen.way_of(i).route, way.case) for i, way in enumerate(chosen.ways)])
+    found = [touch if touch is not None and (touch.rim is not None or fine_enough([touch], scene)) else None
+             for touch in stored]
     each = (cpu_s() - begun) / max(sum(touch is not None for touch in found), 1)
     return tuple(replace(way, touch=touch and replace(touch, cpu_s=each))
-                 for way, touch in zip(ways, found, strict=True))
+                 for way, touch in zip(chosen.ways, found, strict=True))
 
 
-def _pairs(scene: Scene, ways: Sequence[Way]) -> tuple[Pair, ...]:
-    """The touches, two each, that are solved together: those that must be, with exact any two that can, far from edges.
-    """
+def _together(scene: Scene, ways: Sequence[Way]) -> tuple[Way, ...]:
+    """The touches that must be solved together, or cannot; with exact any two that can, far from edges."""
     if len(ways) < 2 or scene.hold.time_s:
         return ()
-    two = ways[0].case.exact and len(ways) == 2 and not any(way.case.near for way in ways)
-    return tuple(Pair((group[0], group[1]), any(ways[i].case.near for i in group))
-                 for group in (((0, 1),) if two else _clusters(scene))
-                 if pair_problem(scene.body, [scene.punches[i] for i in group]) is None)
+    exact = ways[0].case.exact
+    if exact and len(ways) == 2 and not any(way.case.near for way in ways) and (
+            both := _way(Case(scene, (0, 1), exact))).why is None:
+        return (both,)
+    return tuple(_way(Case(scene, group, exact)) for group in clusters(
+        scene.body, scene.punches, _NEIGHBOUR_SHARE * scene.accuracy.signal))
 
 
-def _clusters(scene: Scene) -> tuple[tuple[int, ...], ...]:
-    return clusters(scene.body, scene.punches, _NEIGHBOUR_SHARE * scene.accuracy.signal)
-
-
-def _why(scene: Scene, material: Material, ways: Sequence[Way]) -> Choice | None:
+def _why(scene: Scene, material: Material, ways: Sequence[Way], together: Sequence[Way]) -> Choice | None:
     """Why a scene cannot be solved, with the nearest that can."""
     if why := unresolvable(scene, material):
         return why
@@ -177,7 +163,7 @@ def _why(scene: Scene, material: Material, ways: Sequence[Way]) -> Choice | None
     for i, way in enumerate(ways):
         if (why := _why_alone(way)) is not None:
             return why if len(ways) == 1 else replace(why, values={**why.values, "touch": i})
-    return _why_neighbours(scene) if len(ways) > 1 else None
+    return _why_neighbours(scene, together) if len(ways) > 1 else None
 
 
 def _why_alone(way: Way) -> Choice | None:
@@ -197,7 +183,7 @@ def _why_alone(way: Way) -> Choice | None:
         "clear_m": least_gap_m(scene), "radius_m": scene.body.edge.size_m})
 
 
-def _why_neighbours(scene: Scene) -> Choice | None:
+def _why_neighbours(scene: Scene, together: Sequence[Way]) -> Choice | None:
     body, punches = scene.body, scene.punches
     gap_m, i, j = _closest(scene, range(len(punches)))
     if gap_m <= 0:
@@ -205,12 +191,12 @@ def _why_neighbours(scene: Scene) -> Choice | None:
     if scene.hold.time_s:
         return Choice(Why.HELD_TOGETHER, {"count": len(punches)})
     allowed = _NEIGHBOUR_SHARE * scene.accuracy.signal
-    for group in _clusters(scene):
-        if (why := pair_problem(body, [punches[k] for k in group])) is not None:
-            gap_m, i, j = _closest(scene, group)
-            return replace(why, values={**why.values, "gap_m": gap_m, "between": (i, j),
-                                        "cost": expected(body, punches), "allowed": allowed,
-                                        "clear_m": gap_for(allowed / (len(punches) - 1), body.thickness_m)})
+    for way in together:
+        if way.why is not None:
+            gap_m, i, j = _closest(scene, way.case.touches)
+            return replace(way.why, values={**way.why.values, "gap_m": gap_m, "between": (i, j),
+                                            "cost": expected(body, punches), "allowed": allowed,
+                                            "clear_m": gap_for(allowed / (len(punches) - 1), body.thickness_m)})
     return None
 
 

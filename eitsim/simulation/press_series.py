@@ -13,7 +13,6 @@ import meshio
 import numpy as np
 
 from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_displacement
-from eitsim.electrics.sheet.sheet_conductance import driving_strain, surface_metric
 from eitsim.mechanics.rim.displacement_field import Places, displacement, gradient, widening
 from eitsim.mechanics.rim.half_disc_fields import INWARDS, Lattice, lattice_of, turn
 from eitsim.scene.edges.outline_electrodes import patch_loops, stretches_along
@@ -23,6 +22,7 @@ from eitsim.scene.outline_edge import edge_starts, places_along
 from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import Array, Touch, Volume
 from eitsim.scene.scene import Body, Punch, Scene, as_scene, profile_of
+from eitsim.sheet.sheet_conductance import driving_strain, surface_metric
 from eitsim.simulation.choose import choose
 from eitsim.simulation.material import material_of
 from eitsim.simulation.words import refusal

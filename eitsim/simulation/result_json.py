@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import extrapolated_share
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
 from eitsim.scene.scene import Scene, scene_tables
+from eitsim.sheet.sheet_conductance import extrapolated_share
 from eitsim.simulation.error_budget import error_budget, numerical_errors
 from matcal.card import MaterialCard, as_card, card_identity
 from touchcal.provenance import versions
@@ -73,7 +73,7 @@ def _rows(values: Array) -> list[list[float | None]]:
 
 def decisions(plan: Plan) -> list[dict[str, Any]]:
     """The decisions of a plan as plain JSON values; strain_bound only where it is not the error_bound."""
-    return [{"kind": d.kind.value, "decision": d.decision, "reason": d.reason, "error_bound": d.error_bound,
+    return [{"kind": d.kind, "decision": d.decision, "reason": d.reason, "error_bound": d.error_bound,
              "unbounded": d.unbounded}
             | ({} if d.strain_bound is None else {"strain_bound": d.strain_bound}) for d in plan.decisions]
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.mechanics.load_paths.build_rim_table import GRID, build_rim
 from eitsim.mechanics.load_paths.build_table import DEPTHS, Run, build
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.table import shape_of
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, RimTable, Table
 from eitsim.scene.scene import Scene, profile_of
+from eitsim.simulation.build_rim_table import GRID, build_rim
 from eitsim.simulation.material import material_of
 from matcal.card import MaterialCard
 from matcal.laws.law import Law

@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 
 from eitsim.electrics.forward.solve_forward import solve
-from eitsim.electrics.sheet.sheet_conductance import FoldedSkin
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strain
 from eitsim.scene.scene import Scene, as_scene
+from eitsim.sheet.sheet_conductance import FoldedSkin
 from eitsim.simulation.choose import Chosen, choose
 from eitsim.simulation.contact_end import with_conductors
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors

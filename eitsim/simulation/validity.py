@@ -6,11 +6,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import driving_strain
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene, profile_of
+from eitsim.sheet.sheet_conductance import driving_strain
 from eitsim.simulation.material import Material
 from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.law import Law

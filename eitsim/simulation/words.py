@@ -1,14 +1,17 @@
-"""Choices in words: the lines of a plan, and why a scene cannot be solved. Nothing reads these sentences back.
+"""Choices in words: the lines of a plan, and why a scene cannot be solved. Nothing reads these sentences back. Those of
+a route stand in its file.
 
 A template is filled with a choice's values, lengths in mm next to those in m.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from eitsim.scene.choices import Kind, Why
 from eitsim.scene.results import Decision
+from eitsim.simulation.routes import known_routes
+from eitsim.simulation.routes.route import Values, Words
 from touchcal.choice import Choice
 
 # Dipole moment of the touch, over the square of the punch's radius, by the strain that drives the skin: 14 mm,
@@ -17,15 +20,9 @@ DIPOLE_FORCES_N = (0.1, 1.0, 2.0)
 DIPOLE = {"normal": (-0.04, -0.42, -0.38), "principal": (0.04, 0.69, 1.42), "areal": (0.00, 0.49, 0.96)}
 _DRIVEN_BY = {"normal": "its strain through the thickness", "principal": "its largest strain in plane",
               "areal": "its change of area"}
-_CHANGE = ", as a change of the axisymmetric touch"
-_TABLED = "nothing is solved in three dimensions, and what the table may be off counts with its load path"
-_ERROR = "a coarser mesh with fewer harmonics tells the error, which counts in the result's own"
 _STAYS = "; exact does not change it, since nothing that does without it is built"
-_REMEDIES = {Kind.SOFT_ELECTRODES: "Where yours give way, as paint, foil and thin wires do, write soft = true in "
-                                   "[electrodes]."}
-
-Values = Mapping[str, Any]
-Words = tuple[str, str]  # what was decided, and why
+_REMEDIES: dict[str, str] = {
+    Kind.SOFT_ELECTRODES: "Where yours give way, as paint, foil and thin wires do, write soft = true in [electrodes]."}
 
 _LINES: dict[Kind, Words] = {
     Kind.FROM_REST: ("solved from rest at the force itself", "no load path is stored or interpolated"),
@@ -113,43 +110,6 @@ _LINES: dict[Kind, Words] = {
 }
 
 
-def _from_edge(of: Values) -> str:
-    edge = "nearest edge or hole of the skin" if of["outline"] else "rim"
-    return (f"the punch's edge is {of['gap_mm']:.1f} mm from the {edge}, {of['gap_m'] / of['thickness_m']:.1f} "
-            "thicknesses")
-
-
-def _axisymmetric(of: Values) -> Words:
-    disc = ("; solved on the disc of the outline's area, and bounded by what rims of discs change that are as near as "
-            "the edges in each quarter about it") if of["outline"] else ""
-    return "mechanics axisymmetric about the punch", _from_edge(of) + disc
-
-
-def _nearest_edge(of: Values) -> Words:
-    if of["tabled"]:
-        edge, bound = ("one edge", "; the bound is of the other edges") if of["outline"] else ("the rim", "")
-        return f"what {edge} changes of the axisymmetric touch, from a table", f"{_from_edge(of)}; {_TABLED}{bound}"
-    if not of["outline"]:
-        return f"mechanics in three dimensions near the rim{_CHANGE}", f"{_from_edge(of)}; {_ERROR}"
-    shape = "a straight one" if of["disc_m"] is None else f"part of a circle of {of['disc_mm']:.0f} mm"
-    return (f"mechanics in three dimensions near one edge{_CHANGE}",
-            f"{_from_edge(of)}, taken as {shape}; {_ERROR}; the bound is of the other edges")
-
-
-def _all_edges(of: Values) -> Words:
-    if of["tabled"]:
-        return "what several edges change of the axisymmetric touch, each from a table, added up", (
-            f"{_from_edge(of)}; {_TABLED}; the bound is of edges further away than {of['reach']:g} thicknesses")
-    edges, cut = ("several edges", "outline") if of["outline"] else ("the rim", "rim")
-    return (f"mechanics in three dimensions near {edges}{_CHANGE}",
-            f"{_from_edge(of)}; circles about the punch are cut where the {cut} cuts them; {_ERROR}; the bound is of "
-            f"edges further away than {of['reach']:g} thicknesses")
-
-
-def _whole_disc(of: Values) -> Words:
-    return f"exact: mechanics in three dimensions on the whole disc{_CHANGE}", f"{_from_edge(of)}; {_ERROR}"
-
-
 def _stored(of: Values) -> Words:
     ends = [f"{d * 1e3:g}" for d in of["diameters_m"]]
     where = f"{ends[0]} to {ends[-1]} mm" if of["spans"] else f"{', '.join(ends)} mm"
@@ -162,14 +122,6 @@ def _stored(of: Values) -> Words:
         f"{of['signal']:.1e}, and the surface's stretches {of['strain']:.1e} in L2{rim}; the bound is "
         f"{of['safety']:g} times the larger of depth and response; the table took {of['cpu_s']:.0f} CPU s, once, not "
         "counted in the cost of a touch")
-
-
-def _pair(of: Values) -> Words:
-    named = " and ".join(str(i + 1) for i in of["between"])
-    return (f"touches {named} solved together in three dimensions",
-            f"{of['gap_mm']:.1f} mm lie between their edges, {of['gap_m'] / of['thickness_m']:.1f} thicknesses; a "
-            "coarser mesh with fewer harmonics and the last pass over both tell the error, which counts in the "
-            "result's own")
 
 
 def _alone(of: Values) -> Words:
@@ -235,20 +187,17 @@ def _missing(of: Values) -> Words:
             "[electrodes]: no current passes; readings that need one are null")
 
 
-_MADE: dict[Kind, Callable[[Values], Words]] = {
-    Kind.AXISYMMETRIC: _axisymmetric, Kind.NEAREST_EDGE: _nearest_edge, Kind.ALL_EDGES: _all_edges,
-    Kind.WHOLE_DISC: _whole_disc, Kind.STORED: _stored, Kind.PAIR: _pair, Kind.ALONE: _alone,
+_MADE: dict[str, Callable[[Values], Words]] = {
+    Kind.STORED: _stored, Kind.ALONE: _alone,
     Kind.NO_VISCOELASTICITY: _no_viscoelasticity, Kind.STRAIN: _strain, Kind.FRICTION: _friction,
     Kind.SOFT_ELECTRODES: _soft_electrodes, Kind.MESH: _mesh, Kind.RINGS: _rings, Kind.MISSING: _missing}
 
 
 def decision(choice: Choice) -> Decision:
     """A choice of a plan as a line of it."""
-    kind, of = Kind(choice.kind), _in_mm(choice.values)
-    if kind in _MADE:
-        what, why = _MADE[kind](of)
-    else:
-        what, why = (part.format_map(of) for part in _LINES[kind])
+    kind, of = choice.kind, _in_mm(choice.values)
+    made = _MADE | {route.kind: route.words for route in known_routes.ROUTES}
+    what, why = made[kind](of) if kind in made else (part.format_map(of) for part in _LINES[Kind(kind)])
     return Decision(kind, what, why + (_STAYS if of.get("stays") else ""), choice.cost or 0.0, choice.cost is None,
                     of.get("strain_bound"), _REMEDIES.get(kind, ""))
 
@@ -259,14 +208,6 @@ def _in_mm(values: Values) -> dict[str, Any]:
                          if name.endswith("_m") and isinstance(value, float)}}
 
 
-# What the problem of a route, or of a pair, is called within a refusal.
-_PROBLEMS = {
-    Why.SLIPS: "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")",
-    Why.CREEPS: ("holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
-                 "loading_s = 0"),
-    Why.MORE_THAN_TWO: "two touches, not more, are solved together",
-    Why.PAIR_FRICTION: "only frictionless punches are solved together",
-    Why.PAIR_GAP: "two touches are solved together from a gap of {least_mm:.1f} mm on"}
 _REFUSALS = {
     Why.ELECTRODES: "{problem}",
     Why.CONDUCTIVITY_UNIT: (
@@ -290,14 +231,15 @@ _REFUSALS = {
 
 def refusal(why: Choice) -> str:
     """Why a scene cannot be solved, with the nearest that can, in words."""
-    kind, of = Why(why.kind), _in_mm(why.values)
+    kind, of = why.kind, _in_mm(why.values)
+    problems = {own: clause for route in known_routes.ROUTES for own, clause in route.problems.items()}
     touch = f"touch {of['touch'] + 1}: " if "touch" in of else ""
     if kind in _REFUSED:
         return touch + _REFUSED[kind](of)
-    if kind in _PROBLEMS:
-        problem = _PROBLEMS[kind].format_map(of)
+    if kind in problems:
+        problem = problems[kind].format_map(of)
         return touch + (_too_close(of, problem) if "between" in of else _near_edge(of, problem))
-    return touch + _REFUSALS[kind].format_map(of)
+    return touch + _REFUSALS[Why(kind)].format_map(of)
 
 
 def _too_thin(of: Values) -> str:
@@ -349,5 +291,5 @@ def _edges_of(of: Values) -> str:
     return f"the edges of touches {i + 1} and {j + 1}"
 
 
-_REFUSED: dict[Why, Callable[[Values], str]] = {
+_REFUSED: dict[str, Callable[[Values], str]] = {
     Why.TOO_THIN: _too_thin, Why.TOO_LIGHT: _too_light, Why.OFF_SKIN: _off_skin, Why.OVERLAP: _overlap}

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from eitsim.electrics.sheet.sheet_conductance import driving_strain
+from eitsim.sheet.sheet_conductance import driving_strain
 from reports.benchmarks.catalogue import BENCHES, by_problem, points
 from reports.benchmarks.precision_figures import panel
 from reports.document import style

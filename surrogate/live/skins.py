@@ -12,10 +12,10 @@ import numpy as np
 
 from eitsim.electrics.forward.gridded_fields import QUANTITIES
 from eitsim.electrics.forward.untouched import untouched_readings
-from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene, read_scene
+from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.choose import served
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.reuse import shape_for, table_for

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from eitsim.electrics.forward.untouched import untouched_readings
-from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.scene.scene import Scene, read_scene
+from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.material import material_of
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard, read_card

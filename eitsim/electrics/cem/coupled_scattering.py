@@ -13,9 +13,9 @@ from scipy.linalg import block_diag
 
 from eitsim.electrics.cem.floating_electrodes import shunt_ends, shunts
 from eitsim.electrics.cem.ring_scattering import Array, Indices, ring_share
-from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch, Skin
+from eitsim.sheet import sheet_conductance as sheet
 from matcal.laws.conductivity import Conductivity
 from touchcal.jit import compiled
 

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, Floating, SkinMesh, area_points, joined_over_areas
-from eitsim.electrics.sheet.sheet_conductance import added_metric, areal_stretch
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch
+from eitsim.sheet.sheet_conductance import added_metric, areal_stretch
 
 Touches = Sequence[tuple[Punch, Touch]]
 

@@ -13,9 +13,9 @@ from scipy.special import gammaln, xlogy
 
 from eitsim.electrics.cem.boundary_integral import Array, Complex, Rim
 from eitsim.electrics.cem.floating_electrodes import shunt, shunt_ends
-from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
+from eitsim.sheet import sheet_conductance as sheet
 from matcal.laws.conductivity import Conductivity
 
 Indices = NDArray[np.integer]

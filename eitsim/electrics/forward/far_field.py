@@ -10,15 +10,15 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, Indices, SkinMesh, gradients, potentials, quadrature_points
 from eitsim.electrics.cem.ring_scattering import FULL, Scattered, position, ring_share, scattered_gradient
 from eitsim.electrics.forward.skins import skin_of
-from eitsim.electrics.sheet.sheet_conductance import (
+from eitsim.scene.electrodes import contact_impedances
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import (
     principal_conductances,
     sheet_conductance,
     stretches,
     touched_conductance,
 )
-from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 
 # Degree of exactness of the quadrature where cells are not cut: that of products of their gradients; where touches meet

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_displacement
-from eitsim.electrics.sheet.sheet_conductance import added_metric, driving_strain, touched_conductance
 from eitsim.scene.results import Array, Touch
 from eitsim.scene.scene import Body, Punch, Scene
+from eitsim.sheet.sheet_conductance import added_metric, driving_strain, touched_conductance
 from matcal.laws.conductivity import Conductivity, conductivity
 from touchcal.errors import unknown_key
 

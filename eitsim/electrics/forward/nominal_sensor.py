@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, impedance, quadrature_points
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.sheet.sheet_conductance import driving_strains, surface_metric
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import Electrodes, contact_impedances
-from eitsim.scene.polygons import inside
+from eitsim.scene.polygons import Edges, inside
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Body, Drive, Punch
+from eitsim.sheet.sheet_conductance import driving_strains, surface_metric
 from touchcal.errors import NotConverged
 
 _SENSITIVITY = -2.0  # c(e) = exp(_SENSITIVITY e).
@@ -27,10 +27,6 @@ _DEFAULT_S = 6e-4  # Conductance, S, of the default skin, which the contact impe
 # Bearings of the touch from an electrode, over half the step between electrodes: a difference grows up to tenfold from
 # one to another, and mostly counts most between electrodes.
 _BEARINGS = (0.0, 0.5, 1.0)
-
-
-# (start, end) (edges, 2), m, ends of edges about a punch
-Edges = tuple[Array, Array]
 
 
 def signal_differences(body: Body, punch: Punch, touch: Touch, rough: RimField, field: RimField,

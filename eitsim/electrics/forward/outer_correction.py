@@ -19,11 +19,11 @@ from eitsim.electrics.forward.outline_electrics import TRIANGLES
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.electrics.outline.edge_response import Edges, edge_loads, edges_of, outgoing_waves
 from eitsim.electrics.outline.touch_mesh import fields_mesh
-from eitsim.electrics.sheet.sheet_conductance import sheet_conductance
 from eitsim.numerics.conductor_elimination import Elimination, solve_between
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import sheet_conductance
 from matcal.laws.conductivity import Conductivity
 
 # Up to so many thicknesses outside a contact cells are sampled in parts of so many thicknesses, the last that applies.

@@ -14,12 +14,12 @@ from skfem import ElementQuad2, ElementTriP1, ElementTriP2
 from eitsim.electrics.cem.assembly import Array, SkinMesh, centred, potentials, quadrature_points
 from eitsim.electrics.cem.floating_electrodes import floating, shunts
 from eitsim.electrics.forward.skins import skin_of
-from eitsim.electrics.sheet import sheet_conductance as sheet
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import contact_impedances, present, there
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch, Scene
+from eitsim.sheet import sheet_conductance as sheet
+from eitsim.sheet.sheet_conductance import touched_conductance
 from matcal.laws.conductivity import Conductivity
 
 Touches = tuple[tuple[Punch, Touch], ...]

@@ -20,12 +20,12 @@ from eitsim.electrics.forward.outline_electrics import OutlinedSkin
 from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
-from eitsim.electrics.sheet import sheet_conductance as sheet
 from eitsim.scene.channels import Channels, channel_changes
 from eitsim.scene.drive import protocol, read_out
 from eitsim.scene.electrodes import among_all, contact_impedances, present
 from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.sheet import sheet_conductance as sheet
 from matcal.laws.conductivity import Conductivity
 from touchcal.jit import cpu_s
 

@@ -21,7 +21,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import driving_strains
 from eitsim.mechanics.axisymmetric import friction_increments, indentation, surface
 from eitsim.mechanics.axisymmetric.continuation import carried_over, cold_start, load_continuation, warm_start
 from eitsim.mechanics.axisymmetric.friction_increments import FrictionHistory
@@ -32,6 +31,7 @@ from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
 from eitsim.scene.scene import FRICTIONS, STRAINS, Body, Punch, profile_of
+from eitsim.sheet.sheet_conductance import driving_strains
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged

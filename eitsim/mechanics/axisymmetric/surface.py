@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strains
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets
 from eitsim.mechanics.solid.grid import lagrange
+from eitsim.sheet.sheet_conductance import dipole, driving_strains
 from touchcal.arrays import Array
 
 # Gauss points a facet at which stretches are sampled, and at which areas and the dipole response are summed.

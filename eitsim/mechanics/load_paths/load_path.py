@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from eitsim.electrics.sheet.sheet_conductance import dipole, driving_strains
 from eitsim.mechanics.axisymmetric import surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, touch_of, under_force
 from eitsim.scene.results import of_strain
 from eitsim.scene.scene import STRAINS, Body, Punch
+from eitsim.sheet.sheet_conductance import dipole, driving_strains
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged

@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import changes, moved
 from eitsim.mechanics.load_paths.rim_table import change_from
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.correction import RimCorrection, apply_correction, within_face
 from eitsim.scene.nearest_edge import straight_edges
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
+from eitsim.sheet.sheet_conductance import changes, moved
 from touchcal.arrays import Array
 
 _ANGLES = 97  # Angles of a whole turn at which the sum is sampled, the first one twice.

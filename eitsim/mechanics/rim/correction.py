@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eitsim.electrics.forward.nominal_sensor import Edges, signal_differences
+from eitsim.scene.polygons import Edges
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch
-from touchcal.errors import NotConverged
 
 # Least error of the added depth, relative: what two finenesses may happen to share.
 _LEAST_ERROR = 0.03
@@ -32,6 +31,24 @@ class RimCorrection:
     force: float = 1.0  # ratio of the force to the axisymmetric one: 1 but where the depth is given
 
 
+@dataclass(frozen=True, eq=False)
+class TwoMeshes:
+    """A touch near an edge or a neighbour by two meshes, the errors of its signals still those of the axisymmetric one.
+    """
+
+    touch: Touch
+    alone: Touch  # the axisymmetric one
+    body: Body  # disc on which the signals of both meshes are to be compared, and the punch there
+    punch: Punch
+    rough: RimField  # what changes the axisymmetric touch by the coarser mesh, and by the finer one
+    fine: RimField
+    edges: Edges | None  # inside which alone the skin is; None: the disc
+    left: float  # error of a signal over its difference by both
+    part: float = 0.0  # part of what the change makes of the signal that counts as an error, too
+    settled: float = 0.0  # relative error of signals that counts in addition
+    problem: str = ""  # likely cause, a sentence, where the skin of either is none
+
+
 def apply_correction(touch: Touch, change: RimCorrection) -> Touch:
     """An axisymmetric touch with a change."""
     area = touch.contact_area_m2 * change.area
@@ -43,21 +60,18 @@ def apply_correction(touch: Touch, change: RimCorrection) -> Touch:
 
 
 def with_error(touch: Touch, rough: RimCorrection, change: RimCorrection, body: Body, punch: Punch,
-               edges: Edges | None = None, left: float = UNCONVERGED) -> Touch:
-    """An axisymmetric touch with a change, whose difference to a rougher one counts in the errors, that of signals so
-    many times and on the skin inside edges where they are given; NotConverged where either leaves no skin."""
+               edges: Edges | None = None, left: float = UNCONVERGED) -> TwoMeshes:
+    """An axisymmetric touch with a change, whose difference to a rougher one counts in all errors but those of signals,
+    where it counts so many times, on the skin inside edges where they are given."""
     out = apply_correction(touch, change)
-    signal = left * signal_differences(body, punch, touch, rough.field, change.field, edges)
-    if not np.all(np.isfinite(signal)):
-        raise NotConverged("the skin is turned inside out on one of two meshes: the signal's error is unknown.",
-                           estimate=change.field.metric, residuals=change.residuals)
     off = max(abs(change.depth_m - rough.depth_m), _LEAST_ERROR * abs(change.depth_m)) / out.depth_m
     off = max(off, abs(change.force - rough.force), _LEAST_ERROR * abs(change.force - 1))
-    return within_face(replace(
-        out, depth_error=float(touch.depth_error + off), signal_errors=touch.signal_errors + signal,
+    done = within_face(replace(
+        out, depth_error=float(touch.depth_error + off),
         sigma_max_error=_added(touch.sigma_max_error, rough.pressure, change.pressure),
         contact_area_error=_added(touch.contact_area_error, rough.area, change.area),
         iterations=touch.iterations + len(change.residuals), residuals=touch.residuals + change.residuals), punch)
+    return TwoMeshes(done, touch, body, punch, rough.field, change.field, edges, left)
 
 
 def _added(error: float | None, rough: float, fine: float) -> float | None:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eitsim.electrics.sheet.sheet_conductance import surface_metric
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
+from eitsim.sheet.sheet_conductance import surface_metric
 
 # numbers of touches that are solved together
 Groups = Sequence[Sequence[int]]

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.axisymmetric import friction_increments, solve_axisymmetric
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
@@ -27,7 +26,7 @@ from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
 from eitsim.mechanics.harmonics.equilibrium import fraction_non_elliptic, reaction, solve
 from eitsim.mechanics.rim.clipped_surface import contact_ratios, deformation, displacement, field, samples
-from eitsim.mechanics.rim.correction import UNCONVERGED, RimCorrection, no_correction, with_error
+from eitsim.mechanics.rim.correction import UNCONVERGED, RimCorrection, TwoMeshes, with_error
 from eitsim.mechanics.rim.displacement_field import volume_of
 from eitsim.mechanics.solid.grid import default_element_m, tensor_grid
 from eitsim.numerics.work_budget import bounded
@@ -132,7 +131,8 @@ class Load:
         return Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
 
 
-def solve_near_rim(law: Law, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
+def near_rim_on_two_meshes(law: Law, body: Body, punch: Punch, *, whole: bool = False,
+                           all_edges: bool = False) -> TwoMeshes:
     """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the
     axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
     (see `eitsim.scene.nearest_edge`), on a finer mesh than a rim; or with all_edges the whole of it, corners and holes
@@ -141,11 +141,11 @@ def solve_near_rim(law: Law, body: Body, punch: Punch, *, whole: bool = False, a
     outlined = not body.edge.is_round
     edge, one_edge = edges_from(body, punch) if all_edges and outlined else None, outlined and not all_edges
     if not whole:
-        return corrected(solve_touch(law, body, punch), law, body, punch, edge=edge,
-                         fine=ONE_EDGE if one_edge else FINE, rough=None if edge else ROUGH)
+        return on_two_meshes(solve_touch(law, body, punch), law, body, punch, edge=edge,
+                             fine=ONE_EDGE if one_edge else FINE, rough=None if edge else ROUGH)
     touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
     fine = replace(FULL_DISC, out_to=FINE.out_to) if outlined else FULL_DISC
-    return corrected(touch, law, body, punch, coarse=FINE, edge=edge, fine=ONE_EDGE_FINER if one_edge else fine)
+    return on_two_meshes(touch, law, body, punch, coarse=FINE, edge=edge, fine=ONE_EDGE_FINER if one_edge else fine)
 
 
 def edges_from(body: Body, punch: Punch) -> OffsetOutline:
@@ -164,16 +164,17 @@ def on_a_disc(body: Body, punch: Punch) -> tuple[Body, Punch]:
     return Body(Disc(body.edge.size_m), body.thickness_m), replace(punch, x_m=x, y_m=y)
 
 
-def corrected(touch: Touch, law: Law, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
-              fine: Resolution = FINE, rough: Resolution | None = None,
-              edge: OffsetDisc | OffsetOutline | None = None) -> Touch:
+def on_two_meshes(touch: Touch, law: Law, body: Body, punch: Punch, *, coarse: Resolution = COARSE,
+                  fine: Resolution = FINE, rough: Resolution | None = None,
+                  edge: OffsetDisc | OffsetOutline | None = None) -> TwoMeshes:
     """An axisymmetric touch with the rim's effect, of finenesses whose difference gives the error; NotConverged, with
     the likely cause, where no equilibrium is found. rough: with coarse in place of coarse with fine where fine takes
     too long. edge: the rim of another disc, m, in place of the body's, or all edges of an outline."""
+    cause = _likely_cause(touch, body, punch)
     try:
-        return _corrected(touch, law, body, punch, (rough, coarse, fine), edge)
+        return replace(_corrected(touch, law, body, punch, (rough, coarse, fine), edge), problem=cause)
     except NotConverged as error:
-        raise NotConverged(f"{error} {_likely_cause(touch, body, punch)}", estimate=error.estimate,
+        raise NotConverged(f"{error} {cause}", estimate=error.estimate,
                            residuals=error.residuals, load_fraction=error.load_fraction) from None
 
 
@@ -186,36 +187,36 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
 
 
 def _corrected(touch: Touch, law: Law, body: Body, punch: Punch, finenesses: Finenesses,
-               given: OffsetDisc | OffsetOutline | None) -> Touch:
+               given: OffsetDisc | OffsetOutline | None) -> TwoMeshes:
     started = cpu_s()
     if body.has_outline:
         edge = body.edge.nearest((punch.x_m, punch.y_m))
-        found = _added(touch, law, *on_a_disc(body, punch), given or OffsetDisc(edge.disc_m, edge.offset_m), finenesses)
-        assert found.rim is not None
+        meshes = _added(touch, law, *on_a_disc(body, punch), given or OffsetDisc(edge.disc_m, edge.offset_m),
+                        finenesses)
+        found = meshes.touch
         assert found.volume is not None
         towards = edge.towards if given is None else np.array([1.0, 0.0])
         edges = edges_from(body, punch)
         volume = replace(found.volume, axis_m=np.array([punch.x_m, punch.y_m]),
                          bearing_rad=math.atan2(towards[1], towards[0]), edges_m=np.stack([edges.start, edges.end], 1))
-        return replace(found, rim=replace(found.rim, towards=towards), volume=volume,
-                       cpu_s=touch.cpu_s + cpu_s() - started)
+        return replace(meshes, touch=replace(found, rim=replace(meshes.fine, towards=towards), volume=volume,
+                                             cpu_s=touch.cpu_s + cpu_s() - started))
     outline = given or OffsetDisc(body.radius_m, math.hypot(punch.x_m, punch.y_m))
-    return replace(_added(touch, law, body, punch, outline, finenesses), cpu_s=touch.cpu_s + cpu_s() - started)
+    meshes = _added(touch, law, body, punch, outline, finenesses)
+    return replace(meshes, touch=replace(meshes.touch, cpu_s=touch.cpu_s + cpu_s() - started))
 
 
 def _added(touch: Touch, law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline,
-           finenesses: Finenesses) -> Touch:
-    """The touch with what the rim of an outline, m, adds; its error is of signals on the body, a disc."""
+           finenesses: Finenesses) -> TwoMeshes:
+    """The touch with what the rim of an outline, m, adds; its signals are compared on the body, a disc."""
     before, after, left = _pair(law, body, punch, outline, *finenesses)
     coarser, change = change_of(before, body), change_of(after, body)
     change = replace(change, residuals=coarser.residuals + change.residuals)
     edges = (outline.start, outline.end) if isinstance(outline, OffsetOutline) else None
     out = with_error(touch, coarser, change, body, punch, edges, left)
-    way = _WAY if punch.friction == "stick" else 0.0
     volume = volume_of(after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law,
                        body.thickness_m, np.array([punch.x_m, punch.y_m]), math.atan2(punch.y_m, punch.x_m))
-    return replace(out, volume=volume, signal_errors=out.signal_errors + (way and way * signal_differences(
-        body, punch, touch, no_correction(change.field), change.field, edges)))
+    return replace(out, touch=replace(out.touch, volume=volume), part=_WAY if punch.friction == "stick" else 0.0)
 
 
 def _pair(law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, rough: Resolution | None,

@@ -21,7 +21,7 @@ from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, CutVolumeQuadra
 from eitsim.mechanics.harmonics.equilibrium import reaction, solve
 from eitsim.mechanics.rim.axis_transfer import AxisTransfer, view, view_all_around
 from eitsim.mechanics.rim.clipped_surface import Plane, deformation, displacement, field, samples
-from eitsim.mechanics.rim.correction import RimCorrection, with_error
+from eitsim.mechanics.rim.correction import RimCorrection, TwoMeshes, with_error
 from eitsim.mechanics.rim.interaction import edge_gap_m
 from eitsim.mechanics.rim.solve_near_rim import (
     COARSE,
@@ -94,8 +94,8 @@ class _Pair:
     residuals: tuple[float, ...]
 
 
-def solved_together(touches: Sequence[Touch], law: Law, body: Body, punches: Sequence[Punch], *,
-                    coarse: Resolution = COARSE, fine: Resolution = FINE, edges: bool = False) -> tuple[Touch, Touch]:
+def pair_on_two_meshes(touches: Sequence[Touch], law: Law, body: Body, punches: Sequence[Punch], *,
+                       coarse: Resolution = COARSE, fine: Resolution = FINE, edges: bool = False) -> list[TwoMeshes]:
     """Two axisymmetric touches with what each changes of the other, far from the rim, symmetric about the line through
     both axes; or with what all edges change, too, at several times the cost. Two finenesses and the last pass give the
     errors. Both punches slip freely, LEAST_GAP or more from each other. NotConverged where no equilibrium is found."""
@@ -107,9 +107,9 @@ def solved_together(touches: Sequence[Touch], law: Law, body: Body, punches: Seq
         around = edges_from(body, punches[i])
         one = with_error(touch, _change(rough, i, body, punches), _change(found, i, body, punches), disc, punch,
                          (around.start, around.end) if edges else None)
-        out.append(replace(one, depth_error=one.depth_error + found.moved,
-                           signal_errors=one.signal_errors + found.moved, cpu_s=touch.cpu_s + spent))
-    return out[0], out[1]
+        out.append(replace(one, settled=found.moved, touch=replace(
+            one.touch, depth_error=one.touch.depth_error + found.moved, cpu_s=touch.cpu_s + spent)))
+    return out
 
 
 def _on_discs(body: Body, punches: Sequence[Punch], edges: bool) -> list[tuple[Body, Punch]]:

@@ -15,12 +15,12 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, quadrature_points
 from eitsim.electrics.cem.ring_scattering import reaches
 from eitsim.electrics.mesh.ring_mesh import patch_radii
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline_electrodes import patch_loops
 from eitsim.scene.polygons import inside, squared_distance
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import touched_conductance
 from eitsim.simulation.derivatives.tangent import Settled, shifted, varied
 from matcal.laws.conductivity import Conductivity
 

@@ -19,10 +19,10 @@ from eitsim.electrics.cem.assembly import Array, centred, dissection, potentials
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.scene.drive import read_out, voltage_columns
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
 from eitsim.scene.scene import Scene
+from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.simulation.choose import choose, choose_ways
 from eitsim.simulation.derivatives.conductance_variation import conductance_change, rooms_m, variations
 from eitsim.simulation.derivatives.tangent import settled
@@ -121,14 +121,14 @@ def check_differentiable(scene: Scene) -> None:
 
 
 def _problem(scene: Scene) -> str:
-    ways, pairs = choose_ways(scene)
+    ways, clusters = choose_ways(scene)
     if scene.body.has_outline and any(way.case.near for way in ways):
         return ("a touch near the edge of an outline, where their meshes do not resolve what the edge changes: of a "
                 "punch 12 mm from one those by place were 4 and 13 % off. Move the punch inwards, or ask for less "
                 "accuracy (a larger signal in [accuracy]), which leaves edges out.")
     if scene.hold.time_s:
         return "a hold; leave out time_s in [hold]."
-    if pairs:
+    if clusters:
         return "touches solved together; give one [punch], or move them further from each other."
     if scene.channels.there:
         return "calibrated channels; give [electrodes] without calibrated, or leave out [channels]."

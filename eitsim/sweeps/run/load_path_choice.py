@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.mechanics.load_paths.build_rim_table import GRID
 from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
 from eitsim.mechanics.load_paths.table import with_diameters
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.scene import Punch
+from eitsim.simulation.build_rim_table import GRID
 from eitsim.simulation.choose import TABLE_SHARE, tabled_near_edge
 from eitsim.simulation.material import material_of
 from eitsim.simulation.reuse import shape_for, table_for
-from eitsim.simulation.routes import RIM_SHARE
+from eitsim.simulation.routes.nearest_alone import RIM_SHARE
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of

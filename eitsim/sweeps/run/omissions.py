@@ -43,7 +43,7 @@ def omissions(design: Design, cards: Cards, *, exact: bool) -> list[Omission]:
     costly = [[made for made in decisions if (made.error_bound > 0 or made.unbounded) and not (
         cards.draws is not None and made.kind is Kind.ONE_CARD)] for decisions in plans]
     rows = Counter(kind for decisions in costly for kind in {made.kind for made in decisions})
-    worst: dict[Kind, Decision] = {}
+    worst: dict[str, Decision] = {}
     for made in itertools.chain.from_iterable(costly):
         if made.kind not in worst or made.error_bound > worst[made.kind].error_bound:
             worst[made.kind] = made

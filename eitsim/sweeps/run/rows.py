@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from eitsim.electrics.forward.gridded_fields import values
-from eitsim.electrics.sheet.sheet_conductance import extrapolated_share
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.drive import protocol, voltage_columns
 from eitsim.scene.results import Result, Touch
 from eitsim.scene.scene import scene_from
+from eitsim.sheet.sheet_conductance import extrapolated_share
 from eitsim.simulation.material import material_of
 from eitsim.simulation.result_json import mechanical
 from eitsim.simulation.simulate import solve_scene

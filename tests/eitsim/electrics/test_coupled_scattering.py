@@ -14,12 +14,12 @@ from eitsim.electrics.cem.floating_electrodes import Touches, floating
 from eitsim.electrics.cem.ring_scattering import scattering
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.scene.drive import read_out
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from matcal.laws.conductivity import Conductivity
 
 LAW, SKIN, ORDERS = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal"), 12

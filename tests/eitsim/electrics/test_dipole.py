@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eitsim.electrics.sheet.sheet_conductance import dipole
+from eitsim.sheet.sheet_conductance import dipole
 
 
 @pytest.mark.parametrize("inside", [0.1, 3.0, 1e6])

@@ -12,11 +12,11 @@ import pytest
 from eitsim.electrics.cem.assembly import impedance, quadrature_points
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.ring_mesh import template
-from eitsim.electrics.sheet.sheet_conductance import sheet_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.drive import read_out
 from eitsim.scene.results import Readings, Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import sheet_conductance
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 

@@ -18,11 +18,11 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import Electrodes, contact_impedances
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Drive, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import touched_conductance
 from matcal.laws.conductivity import Conductivity
 
 LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))

@@ -15,6 +15,7 @@ from eitsim.mechanics.rim.correction import RimCorrection, with_error
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import STRAINS, Accuracy, Body, Punch, Scene
+from eitsim.simulation.near_edges import with_signal_errors
 from eitsim.simulation.simulate import ELECTRICS_SHARE, readings_of
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -70,7 +71,7 @@ def test_a_field_that_leaves_no_skin_is_infinitely_far(touch: Touch) -> None:
     assert np.all(apart(touch, 0.0, 2.5) == np.inf)
     whole, torn = (RimCorrection(field(size), 0.0, 1.0, 1.0, 1.0, 0.0, ()) for size in (0.0, 2.5))
     with pytest.raises(NotConverged, match="turned inside out"):
-        with_error(touch, whole, torn, Body(), PUNCH)
+        with_signal_errors(with_error(touch, whole, torn, Body(), PUNCH))
 
 
 def test_readings_are_no_finer_than_the_touch_is_known(touch: Touch) -> None:

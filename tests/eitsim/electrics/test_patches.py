@@ -15,10 +15,10 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.ring_mesh import template
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.electrodes import Electrodes, contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Punch, Skin
+from eitsim.sheet.sheet_conductance import touched_conductance
 from matcal.laws.conductivity import Conductivity
 
 LAW = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4))

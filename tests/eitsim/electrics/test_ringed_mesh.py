@@ -13,12 +13,12 @@ from eitsim.electrics.mesh.graded_mesh import Touches
 from eitsim.electrics.mesh.p2_triangles import EDGES, uniform_refinement
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.outline.touch_mesh import touch_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.scene.drive import read_out
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import touched_conductance
 from matcal.laws.conductivity import Conductivity
 
 LAW, SKIN = Conductivity(30.0, [-2, 2, -1], (-0.5, 0.4)), Skin(strain="normal")

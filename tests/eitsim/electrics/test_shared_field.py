@@ -9,11 +9,11 @@ import pytest
 
 from eitsim.electrics.forward.sheet_fields import surface_displacement
 from eitsim.electrics.forward.solve_forward import solve
-from eitsim.electrics.sheet.sheet_conductance import added_metric, solutions
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import added_metric, solutions
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 

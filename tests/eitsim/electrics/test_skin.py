@@ -10,7 +10,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from eitsim.electrics.cem.assembly import SkinMesh, impedance, quadrature_points
-from eitsim.electrics.sheet.sheet_conductance import (
+from eitsim.mechanics.harmonics.arcs import OffsetDisc
+from eitsim.scene.results import RimField, Touch
+from eitsim.scene.scene import Body, Punch, Skin
+from eitsim.sheet.sheet_conductance import (
     FoldedSkin,
     areal_stretch,
     changes,
@@ -25,9 +28,6 @@ from eitsim.electrics.sheet.sheet_conductance import (
     surface_metric,
     untouched_conductance,
 )
-from eitsim.mechanics.harmonics.arcs import OffsetDisc
-from eitsim.scene.results import RimField, Touch
-from eitsim.scene.scene import Body, Punch, Skin
 from matcal.laws.conductivity import Conductivity, conductivity, strip_conductivity
 
 LAW = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))

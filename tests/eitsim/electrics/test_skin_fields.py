@@ -12,11 +12,11 @@ from skfem import ElementQuad2, ElementTriP2
 
 from eitsim.electrics.forward.sheet_fields import skin_fields, surface_displacement, write_skin_vtu
 from eitsim.electrics.forward.solve_forward import solve
-from eitsim.electrics.sheet.sheet_conductance import moved, untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.drive import Drive, protocol
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import moved, untouched_conductance
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 

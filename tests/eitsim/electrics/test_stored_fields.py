@@ -19,10 +19,10 @@ from eitsim.electrics.forward.gridded_fields import (
     values,
 )
 from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_displacement
-from eitsim.electrics.sheet.sheet_conductance import sheet_conductance, stretches, surface_metric, touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Body, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import sheet_conductance, stretches, surface_metric, touched_conductance
 from eitsim.sweeps.dataset.hdf5_fields import encoded, joined
 from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.hyperfoam import Hyperfoam

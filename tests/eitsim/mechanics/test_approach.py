@@ -125,7 +125,7 @@ def test_a_force_that_squeezes_the_foam_flat_is_told_as_such(monkeypatch):
     def solved(*args, **keys):
         raise caught.value
 
-    monkeypatch.setattr("eitsim.simulation.routes.solve_touch", solved)
+    monkeypatch.setattr("eitsim.simulation.routes.axisymmetric.solve_touch", solved)
     scene = scene_from({})
     result = simulate(scene, CARD)
     assert result.outcome == "bottomed_out"
@@ -139,7 +139,7 @@ def test_a_finer_mesh_takes_over_where_the_default_one_resolves_nothing(monkeypa
             raise Unresolved("too coarse", estimate=None)
         return solve_touch(*args, element_m=4 * element_m, **keys)
 
-    monkeypatch.setattr("eitsim.simulation.routes.solve_touch", solved)
+    monkeypatch.setattr("eitsim.simulation.routes.axisymmetric.solve_touch", solved)
     assert simulate(scene_from({}), CARD).outcome == "ok"
 
 

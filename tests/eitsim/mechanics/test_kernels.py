@@ -66,5 +66,5 @@ def test_first_touches_compile_no_text(tmp_path):
                           env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)})
     met = json.loads(done.stdout)
     assert "eitsim.numerics.conductor_elimination" in met
-    assert "eitsim.electrics.sheet.sheet_conductance" in met
+    assert "eitsim.sheet.sheet_conductance" in met
     assert [module for module in met if "unicode" in module] == []

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim.electrics.sheet.sheet_conductance import changes, sheet_conductance, stretches
 from eitsim.mechanics.axisymmetric import friction_increments
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, mesh_hierarchy, solve_touch, under_force
 from eitsim.mechanics.contact.punch_contact import pressure
@@ -25,18 +24,19 @@ from eitsim.mechanics.rim.solve_near_rim import (
     ONE_EDGE,
     ONE_EDGE_FINER,
     Resolution,
-    corrected,
+    on_two_meshes,
     rim_change,
     set_up,
-    solve_near_rim,
 )
 from eitsim.mechanics.solid import spatial_response
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import RimField
 from eitsim.scene.scene import Body, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import changes, sheet_conductance, stretches
 from eitsim.simulation.edge_effects import rim_effect
+from eitsim.simulation.near_edges import solve_near_rim, with_signal_errors
 from eitsim.simulation.plan import make_plan
-from eitsim.simulation.routes import Case
+from eitsim.simulation.routes.route import Case
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -293,7 +293,7 @@ def test_harmonics_converge_geometrically():
 
 def test_a_touch_near_the_rim_tells_its_error_and_ends_smoothly():
     touch = solve_touch(FOAM, BODY, Punch(force_N=0.1))
-    got = corrected(touch, FOAM, BODY, at_gap(0.008), coarse=TINY, fine=COARSE)
+    got = with_signal_errors(on_two_meshes(touch, FOAM, BODY, at_gap(0.008), coarse=TINY, fine=COARSE))
     assert got.rim is not None
     assert got.force_N == touch.force_N
     assert touch.depth_m < got.depth_m < 1.01 * touch.depth_m
@@ -311,12 +311,12 @@ def test_a_hard_touch_takes_the_coarse_mesh_and_its_error_from_a_rough_one(becau
         return found(law, body, punch, outline, fineness, before)
 
     found, touch, punch = near_rim_solver._found, solve_touch(FOAM, BODY, Punch(force_N=0.1)), at_gap(0.001)
-    same = corrected(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE)
+    same = with_signal_errors(on_two_meshes(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE))
     if because.startswith("it"):
         monkeypatch.setattr(near_rim_solver, "_HARD", 0)
     else:
         monkeypatch.setattr(near_rim_solver, "_found", lost)
-    got = corrected(touch, FOAM, BODY, punch, rough=TINY, coarse=COARSE)
+    got = with_signal_errors(on_two_meshes(touch, FOAM, BODY, punch, rough=TINY, coarse=COARSE))
     assert got.depth_m == pytest.approx(same.depth_m, rel=1e-6)
     added, usual = (one.signal_errors - touch.signal_errors for one in (got, same))
     np.testing.assert_allclose(added, 1.5 * usual, rtol=1e-3)
@@ -324,7 +324,7 @@ def test_a_hard_touch_takes_the_coarse_mesh_and_its_error_from_a_rough_one(becau
 
 def test_where_the_rim_is_left_out_the_field_jumps_by_less_than_the_plan_says():
     gaps = np.arange(0.02, 0.06, 0.0001)
-    gap = float(next(g for g in gaps if not Case(Scene(), at_gap(float(g))).near))
+    gap = float(next(g for g in gaps if not Case(Scene(punches=(at_gap(float(g)),))).near))
     touch = solve_touch(FOAM, BODY, Punch(force_N=1.0))
     change = rim_change(FOAM, BODY, at_gap(gap, 1.0), COARSE)
     radius, share = change.field.radius_m, 1 - OffsetDisc(0.1, 0.093 - gap).start(change.field.radius_m) / np.pi
@@ -421,4 +421,4 @@ def test_a_failure_near_the_rim_tells_its_likely_cause():
     error_estimate = r"Likely cause: .*0\.39 mm from the rim, \d\.\d\d mm deep.* move it inwards"
     touch = solve_touch(FOAM, BODY, replace(punch, friction="none"), element_m=0.24e-3)
     with pytest.raises(NotConverged, match=error_estimate):
-        corrected(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE)
+        with_signal_errors(on_two_meshes(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE))

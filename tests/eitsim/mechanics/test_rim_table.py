@@ -10,7 +10,6 @@ import pytest
 
 from eitsim.electrics.forward.nominal_sensor import signal_differences
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.load_paths.build_rim_table import GRID, Grid, build_rim, checked, refined
 from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.load_path import Deviation
 from eitsim.mechanics.load_paths.rim_table import (
@@ -28,14 +27,16 @@ from eitsim.mechanics.load_paths.rim_table import (
 )
 from eitsim.mechanics.load_paths.table import shape_of, state, touch_from, with_diameters
 from eitsim.mechanics.load_paths.types import RimTable, Table
-from eitsim.mechanics.rim.solve_near_rim import ROUGH, corrected, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import ROUGH, on_two_meshes
 from eitsim.scene.choices import Kind
 from eitsim.scene.drive import as_tuples
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.simulation.assumptions import stored_choice
+from eitsim.simulation.build_rim_table import GRID, Grid, build_rim, checked, refined
 from eitsim.simulation.choose import served
+from eitsim.simulation.near_edges import solve_near_rim, with_signal_errors
 from eitsim.simulation.reuse import scene_shape
 from eitsim.simulation.simulate import solve_scene
 from eitsim.simulation.words import decision
@@ -119,8 +120,8 @@ def test_one_table_serves_straight_edges_of_any_outline(straight, body: Body) ->
     punch = pressed(straight, 8e-3, 0.09)
     alone = touch_from(straight, FOAM, body, punch)
     assert alone is not None
-    quick, fresh = near_rim_from(straight, alone, body, punch), corrected(
-        solve_touch(FOAM, body, punch), FOAM, body, punch, rough=ROUGH)
+    quick, fresh = near_rim_from(straight, alone, body, punch), with_signal_errors(on_two_meshes(
+        solve_touch(FOAM, body, punch), FOAM, body, punch, rough=ROUGH))
     assert quick is not None
     assert quick.rim is not None
     assert fresh.rim is not None
@@ -188,7 +189,7 @@ def test_a_scene_near_the_rim_says_what_it_may_cost(table) -> None:
     result = solve_scene(scene, CARD, table=table)
     assert result.outcome == "ok"
     (said,) = [d for d in result.plan.decisions if d.kind is Kind.STORED]
-    assert [d.decision for d in result.plan.decisions if d.kind is Kind.NEAREST_EDGE] == [
+    assert [d.decision for d in result.plan.decisions if d.kind == "nearest_edge"] == [
         "what the rim changes of the axisymmetric touch, from a table"]
     assert said.error_bound > max(table.error.depth, table.error.signal(scene.skin.strain))
 

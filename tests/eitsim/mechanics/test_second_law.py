@@ -11,8 +11,8 @@ import eitsim
 import matcal
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.load_paths.table import parts_of, shape_of
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.scene import Body, Punch
+from eitsim.simulation.near_edges import solve_near_rim
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.neo_hooke import NeoHooke
 

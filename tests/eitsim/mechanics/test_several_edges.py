@@ -8,18 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eitsim.electrics.sheet.sheet_conductance import changes
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline, circles, harmonics_at, orders
-from eitsim.mechanics.load_paths.build_rim_table import Grid, build_rim
 from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.rim_table import near_rim_from
 from eitsim.mechanics.load_paths.several_edges import near_edges_from, summed_changes
 from eitsim.mechanics.load_paths.table import shape_of, touch_from
 from eitsim.mechanics.rim.correction import RimCorrection
-from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import COARSE, rim_change
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.nearest_edge import straight_edges
 from eitsim.scene.scene import Body, Punch
+from eitsim.sheet.sheet_conductance import changes
+from eitsim.simulation.build_rim_table import Grid, build_rim
+from eitsim.simulation.near_edges import solve_near_rim
 from matcal.laws.hyperfoam import Hyperfoam
 
 LAW = Hyperfoam([9530.0], [8.0], [0.0], "longterm")

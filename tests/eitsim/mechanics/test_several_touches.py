@@ -12,16 +12,16 @@ from eitsim.electrics.cem.assembly import gradients, impedance, quadrature_point
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.ring_mesh import template
-from eitsim.electrics.sheet.sheet_conductance import (
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.scene.drive import read_out
+from eitsim.scene.results import Readings, Touch
+from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from eitsim.sheet.sheet_conductance import (
     principal_conductances,
     sheet_conductance,
     surface_metric,
     touched_conductance,
 )
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.scene.drive import read_out
-from eitsim.scene.results import Readings, Touch
-from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 

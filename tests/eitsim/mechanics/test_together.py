@@ -7,24 +7,25 @@ from functools import cache
 import numpy as np
 import pytest
 
-from eitsim.electrics.sheet.sheet_conductance import surface_metric, touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.axis_transfer import cubics, view, view_all_around
 from eitsim.mechanics.rim.interaction import clusters, interaction
-from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution, corrected
-from eitsim.mechanics.rim.two_punches import solved_together
+from eitsim.mechanics.rim.solve_near_rim import COARSE, Resolution, on_two_meshes
 from eitsim.scene.choices import Why
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Punch, Skin, scene_from
-from eitsim.simulation import routes as solving
+from eitsim.scene.scene import Body, Punch, Scene, Skin, scene_from
+from eitsim.sheet.sheet_conductance import surface_metric, touched_conductance
 from eitsim.simulation.choose import choose_ways
+from eitsim.simulation.near_edges import solved_together
 from eitsim.simulation.plan import make_plan
-from eitsim.simulation.routes import pair_problem
+from eitsim.simulation.routes import pair
+from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.choice import Choice
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0])
 LAW = Conductivity(30.0, [-2.0, 2.0, -1.0], (0.0, 0.4))
@@ -115,8 +116,8 @@ def test_far_from_edges_a_pair_with_all_edges_is_that_without():
 def test_near_an_edge_touches_far_from_each_other_are_those_alone_there():
     (one, _) = on_skin(0.0, 0.285, 0.06, 0.0, edges=True)
     punch = Punch(-0.037, 0.285, force_N=0.3)
-    alone_there = corrected(solve_touch(FOAM, SKIN, punch), FOAM, SKIN, punch, coarse=TINY, fine=COARSE)
-    base = solve_touch(FOAM, SKIN, punch).depth_m
+    alone = solve_touch(FOAM, SKIN, punch)
+    alone_there, base = on_two_meshes(alone, FOAM, SKIN, punch, coarse=TINY, fine=COARSE).touch, alone.depth_m
     print((one.depth_m - base) / base, (alone_there.depth_m - base) / base)
     assert one.depth_m - base == pytest.approx(alone_there.depth_m - base, rel=0.03)
     assert alone_there.depth_m > 1.001 * base
@@ -186,10 +187,10 @@ def test_what_neither_knows_is_refused():
     one, other = equal(10)
     for punches, why in (((one, Punch(other.x_m, friction="stick")), Why.PAIR_FRICTION), (equal(2.9), Why.PAIR_GAP),
                          ((*equal(10), Punch(0.06)), Why.MORE_THAN_TWO)):
-        problem = pair_problem(Body(), punches)
-        assert problem is not None
+        problem = pair.Pair().serves(Case(Scene(punches=punches), tuple(range(len(punches)))))
+        assert isinstance(problem, Choice)
         assert problem.kind is why
-    assert pair_problem(Body(), (one, other)) is None
+    assert isinstance(pair.Pair().serves(Case(Scene(punches=(one, other)), (0, 1))), float)
 
 
 def test_clusters_hold_those_that_matter_to_each_other():
@@ -208,7 +209,7 @@ def test_the_plan_says_who_is_solved_together_and_who_cannot_be():
         "touches 1 and 2 solved together in three dimensions")
     loose = scene_from({"punch": close, "accuracy": {"signal": 0.9}})
     assert choose_ways(loose)[1] == ()
-    assert [pair.touches for pair in choose_ways(loose, exact=True)[1]] == [(0, 1)]
+    assert [way.case.touches for way in choose_ways(loose, exact=True)[1]] == [(0, 1)]
     for change, reason in (({"friction": "stick"}, "only frictionless"), ({"x_mm": 16}, "from a gap of 3.0 mm on")):
         refusal = make_plan(scene_from({"punch": [close[0], close[1] | change]}), CARD).refusal
         assert reason in refusal
@@ -227,8 +228,8 @@ def test_the_plan_says_who_is_solved_together_and_who_cannot_be():
 
 @pytest.mark.slow
 def test_a_scene_of_two_close_touches_gives_readings(monkeypatch):
-    monkeypatch.setattr(solving, "COARSE", TINY)
-    monkeypatch.setattr(solving, "FINE", COARSE)
+    monkeypatch.setattr(pair, "COARSE", TINY)
+    monkeypatch.setattr(pair, "FINE", COARSE)
     raw = [{"x_mm": -11, "force_N": 0.15}, {"x_mm": 11, "force_N": 0.15}]
     scene = scene_from({"punch": raw})
     result = simulate(scene, CARD)

@@ -12,12 +12,13 @@ import pytest
 from eitsim.mechanics.axisymmetric.hold import relaxed
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.half_disc_fields import volume_fields
-from eitsim.mechanics.rim.solve_near_rim import FINE, Resolution, corrected
+from eitsim.mechanics.rim.solve_near_rim import FINE, Resolution, on_two_meshes
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.polygons import corners_and_edges
 from eitsim.scene.results import Section, Volume
 from eitsim.scene.scene import Body, Punch
 from eitsim.simulation.foam_fields import section_fields, write_vtu
+from eitsim.simulation.near_edges import with_signal_errors
 from matcal.laws.hyperfoam import Hyperfoam
 
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.array([0.0, 0.1, 0.0]))
@@ -31,7 +32,7 @@ TOP = {"hexahedron": [(4, 5, 6), (4, 6, 7)], "wedge": [(3, 5, 4)]}
 
 def near_rim(punch):
     touch = solve_touch(LAW, BODY, punch, element_m=0.24e-3)
-    return corrected(touch, LAW, BODY, punch, coarse=Resolution(12.0, 4, 9), fine=FINE)
+    return with_signal_errors(on_two_meshes(touch, LAW, BODY, punch, coarse=Resolution(12.0, 4, 9), fine=FINE))
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import numpy as np
 
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Punch, Scene, Skin
-from eitsim.simulation import routes
-from eitsim.simulation.routes import AXISYMMETRIC, Case
+from eitsim.simulation.routes import axisymmetric
+from eitsim.simulation.routes.route import Case
 from matcal.laws.hyperfoam import Hyperfoam
 
 LAW = Hyperfoam(np.array([9530.0]), np.array([8.0]), np.array([0.0]), "longterm")
@@ -18,13 +18,13 @@ SCENE = Scene(punches=(Punch(force_N=0.3),), accuracy=Accuracy(0.05))
 
 
 def solved(scene: Scene, *, keep: bool) -> Touch:
-    return AXISYMMETRIC.solve(Case(scene, scene.punches[0]), LAW, keep)
+    return axisymmetric.AXISYMMETRIC.solve(Case(scene), LAW, keep)
 
 
 def test_another_skin_and_a_conducting_punch_take_the_kept_touch(monkeypatch, tmp_path) -> None:
     """One solution serves another strain and a punch that conducts, bit for bit what was solved; another force none."""
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))
-    with patch.object(routes, "solve_touch", wraps=routes.solve_touch) as solve:
+    with patch.object(axisymmetric, "solve_touch", wraps=axisymmetric.solve_touch) as solve:
         direct = solved(SCENE, keep=False)
         first = solved(SCENE, keep=True)
         once = solve.call_count

@@ -9,10 +9,10 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from eitsim.electrics.sheet.sheet_conductance import FoldedSkin
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import Body, Punch, scene_from
+from eitsim.sheet.sheet_conductance import FoldedSkin
 from eitsim.simulation import simulate
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.validity import check_positive, positive_from

@@ -11,22 +11,22 @@ import pytest
 
 from eitsim.cli.output_files import OutputFiles, check_output_files
 from eitsim.electrics.forward.sheet_fields import write_skin_vtu
-from eitsim.electrics.sheet.sheet_conductance import added_metric, touched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.edges.outline_electrodes import middles_m
 from eitsim.scene.polygons import edge_distance_m
 from eitsim.scene.results import Decision, Readings
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Punch, Scene, rim_gap_m
+from eitsim.sheet.sheet_conductance import added_metric, touched_conductance
 from eitsim.simulation.derivatives.readings import check_differentiable
 from eitsim.simulation.edge_effects import least_gap_m, rim_effect
 from eitsim.simulation.error_budget import explain_excess
 from eitsim.simulation.foam_fields import write_vtu
+from eitsim.simulation.near_edges import solve_near_rim
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.result_json import result_document
-from eitsim.simulation.routes import Case
+from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
@@ -148,8 +148,8 @@ def test_the_least_gap_is_solved_in_a_corner_without_three_dimensions():
     for shift, alone in ((1e-4, True), (-1e-3, False)):
         scene_at = at(edge - gap - shift, edge - gap - shift, scene)
         assert make_plan(scene_at, CARD).refusal == ""
-        assert Case(scene_at, scene_at.punches[0]).near is not alone
-    assert not Case(scene, at(0.0, edge - gap + 1e-3, scene).punches[0]).near
+        assert Case(scene_at).near is not alone
+    assert not Case(at(0.0, edge - gap + 1e-3, scene)).near
     deep = edge - gap + 6e-3
     assert make_plan(at(0.0, deep, scene), CARD).refusal == ""
     corner = make_plan(at(deep, deep, scene), CARD)
@@ -168,7 +168,7 @@ def test_a_hole_carries_no_electrodes_along_the_outer_edge():
     at_hole = at(0.013, 0.0, hole)
     without = replace(hole, body=replace(hole.body, edge=replace(hole.body.outline, holes_m=())))
     assert rim_gap_m(hole.body, at_hole.punches[0]) == pytest.approx(0.003, abs=1e-4)
-    assert Case(at_hole, at_hole.punches[0]).near
+    assert Case(at_hole).near
     bound = stiffening(at_hole)
     assert "holes carry none" in bound.reason
     assert bound.error_bound == stiffening(at(0.013, 0.0, without)).error_bound < 1e-4

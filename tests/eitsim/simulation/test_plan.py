@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from eitsim.electrics.sheet.sheet_conductance import dipole, principal_conductances, stretches, untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.scene import STRAINS, Body, Punch, Skin, scene_from
+from eitsim.sheet.sheet_conductance import dipole, principal_conductances, stretches, untouched_conductance
 from eitsim.simulation.edge_effects import rim_effect
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.words import DIPOLE, DIPOLE_FORCES_N

@@ -10,7 +10,8 @@ import pytest
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import STRAINS, Body, Punch, scene_from
-from eitsim.simulation import routes
+from eitsim.simulation.routes import axisymmetric
+from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
@@ -37,8 +38,8 @@ def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch,
         sizes.append(element_m)
         return replace(touch, signal_errors=np.where(of_the_skin, error, 1.0), section=grown)
 
-    monkeypatch.setattr(routes, "solve_touch", solved)
-    told = routes.AXISYMMETRIC.solve(routes.Case(scene, scene.punches[0]), FOAM, keep=False)
+    monkeypatch.setattr(axisymmetric, "solve_touch", solved)
+    told = axisymmetric.AXISYMMETRIC.solve(Case(scene), FOAM, keep=False)
     assert len(sizes) == tries
     assert told.signal_errors[of_the_skin] == error
 

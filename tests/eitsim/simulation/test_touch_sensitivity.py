@@ -15,18 +15,19 @@ from eitsim.electrics.cem.assembly import SkinMesh, impedance, potentials, quadr
 from eitsim.electrics.cem.ring_scattering import reaches
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.sheet.sheet_conductance import touched_conductance
 from eitsim.mechanics.axisymmetric.indentation import equilibrium
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import reached
 from eitsim.mechanics.rim.solve_near_rim import COARSE as COARSE_RIM
-from eitsim.mechanics.rim.solve_near_rim import rim_change, solve_near_rim
+from eitsim.mechanics.rim.solve_near_rim import rim_change
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.results import RimField, Touch
 from eitsim.scene.scene import Accuracy, Body, Electrodes, Hold, Punch, Scene, Skin
+from eitsim.sheet.sheet_conductance import touched_conductance
 from eitsim.simulation.derivatives.conductance_variation import Variation, conductance_change, moved, variations
 from eitsim.simulation.derivatives.readings import Sensitivity, scene_sensitivity, write_sensitivity
 from eitsim.simulation.derivatives.tangent import Settled, changed, rim_line, sampled, settled
+from eitsim.simulation.near_edges import solve_near_rim
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam

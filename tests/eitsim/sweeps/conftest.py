@@ -14,7 +14,8 @@ from eitsim.mechanics.load_paths.build_table import Run, build
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
-from eitsim.simulation import reuse, routes
+from eitsim.simulation import reuse
+from eitsim.simulation.routes import axisymmetric
 from matcal.laws.hyperfoam import Hyperfoam
 
 Numbers = tuple[float, ...]
@@ -25,7 +26,7 @@ def solved_once(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
     """For tests of what a sweep does with its rows, not of their numbers: a touch alone, or a table of load paths, that
     this process has solved before for the same arguments is taken as it is. Slow tests solve them all."""
     if request.node.get_closest_marker("slow") is None:
-        monkeypatch.setattr(routes, "solve_touch", _touch)
+        monkeypatch.setattr(axisymmetric, "solve_touch", _touch)
         monkeypatch.setattr(reuse, "build", _table)
 
 

@@ -9,10 +9,10 @@ import pytest
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.forward.untouched import by_contact, untouched_impedance
-from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.drive import read_out
 from eitsim.scene.scene import Punch, Scene, scene_from
+from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.sweeps.measurement.instrument import Measured, Measurement, below, channels_of, level_db, measured
 from eitsim.sweeps.measurement.instrument_table import as_table, measurement_from
 from matcal.laws.conductivity import Conductivity

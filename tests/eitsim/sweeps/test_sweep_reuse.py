@@ -9,7 +9,8 @@ from unittest.mock import patch
 import pandas as pd
 import pytest
 
-from eitsim.simulation import reuse, routes
+from eitsim.simulation import reuse
+from eitsim.simulation.routes import axisymmetric
 from eitsim.sweeps.dataset.parquet import COST, read_dataset, read_manifest
 from eitsim.sweeps.dataset.sweep_record import Account
 from eitsim.sweeps.design.design import design_from
@@ -152,7 +153,7 @@ def test_another_strain_solves_no_touch_again(card: Path, tmp_path: Path) -> Non
     """Touches deeper than the table, which are solved, are kept by content."""
     deep = RAW | {"punch": RAW["punch"] | {"force_N": [0.35, 0.4]}}
     tables, counts = [], []
-    with patch.object(routes, "solve_touch", wraps=routes.solve_touch) as solve:
+    with patch.object(axisymmetric, "solve_touch", wraps=axisymmetric.solve_touch) as solve:
         for strain in ("principal", "normal"):
             sweep(design_from(deep | {"skin": {"strain": strain}}, 2), card, tmp_path / strain, reuse=True)
             tables.append(read_dataset(tmp_path / strain).table)

@@ -13,11 +13,11 @@ import eitsim
 import matcal
 import surrogate
 from eitsim.electrics.forward.untouched import untouched_readings
-from eitsim.electrics.sheet.sheet_conductance import untouched_conductance
 from eitsim.mechanics.load_paths import build_table
 from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.table import shape_of
 from eitsim.mechanics.load_paths.types import Table
+from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.material import material_of
 from surrogate.live.controls import Controls
 from surrogate.live.skins import FIELDS, SimulatedSkin, learned_skin, limits_of, simulated_skin

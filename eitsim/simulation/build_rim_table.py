@@ -27,6 +27,7 @@ from eitsim.mechanics.rim.correction import RimCorrection, with_error
 from eitsim.mechanics.rim.solve_near_rim import COARSE, FINE, LEAST_GAP, rim_changes
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Punch
+from eitsim.simulation.near_edges import with_signal_errors
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -186,7 +187,7 @@ def _changes(table: Table, place: Place) -> tuple[Touch, Punch, Iterator[RimCorr
 def _with_errors(table: Table, place: Place, touch: Touch, punch: Punch, rough: RimCorrection,
                  change: RimCorrection) -> Solved:
     """A change, its ratios those of the touch, and what it adds to the touch's errors."""
-    done = with_error(touch, rough, change, parts_of(table.shape, place[0])[1], punch)
+    done = with_signal_errors(with_error(touch, rough, change, parts_of(table.shape, place[0])[1], punch))
     wall = done.wall_contact_m2 / touch.wall_contact_m2 if touch.wall_contact_m2 > 0 else 1.0
     change = replace(change, depth_m=done.depth_m - touch.depth_m, pressure=done.sigma_max_Pa / touch.sigma_max_Pa,
                      area=done.contact_area_m2 / touch.contact_area_m2, wall=wall,

@@ -1,1 +1,0 @@
-"""From strain to sheet conductance."""

@@ -1,0 +1,1 @@
+"""The coated surface as a sheet: from strain to conductance."""

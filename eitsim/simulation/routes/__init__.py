@@ -1,0 +1,1 @@
+"""The ways in which touches are solved, a file each."""

@@ -1,0 +1,172 @@
+"""What a way to solve touches is: which it serves, what it leaves out, their solution, and its lines of a plan.
+
+A new way is one file with a class that inherits `Route`, and its line in `known_routes.py`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+from eitsim.mechanics.axisymmetric.hold import kept
+from eitsim.mechanics.load_paths.types import Table
+from eitsim.scene.choices import Why
+from eitsim.scene.nearest_edge import STRAIGHT_M, NearestEdge
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Punch, Scene, rim_gap_m
+from eitsim.simulation.edge_effects import (
+    EDGE_SHARE,
+    added_edges_cost,
+    effect_of_edges,
+    other_edges_effect,
+    outer_edge_effect,
+)
+from matcal.laws.law import Law
+from matcal.laws.prony import Prony
+from touchcal.choice import Choice
+
+NOT_MEANT = Choice(Why.NOT_MEANT)  # a route is for other touches, or other bodies
+
+Values = Mapping[str, Any]
+Words = tuple[str, str]  # what was decided, and why
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One touch of a scene, or several that are to be solved together, and what routes ask of them more than once."""
+
+    scene: Scene
+    touches: tuple[int, ...] = (0,)  # numbers of the touches
+    exact: bool = False
+
+    @cached_property
+    def punches(self) -> tuple[Punch, ...]:
+        """The punch of each touch."""
+        return tuple(self.scene.punches[i] for i in self.touches)
+
+    @property
+    def punch(self) -> Punch:
+        """The punch of one touch."""
+        (punch,) = self.punches
+        return punch
+
+    @cached_property
+    def each(self) -> tuple["Case", ...]:
+        """Every touch by itself."""
+        return (self,) if len(self.touches) == 1 else tuple(replace(self, touches=(i,)) for i in self.touches)
+
+    @cached_property
+    def gap_m(self) -> float:
+        """Distance of the nearest punch's edge to the nearest edge of the skin, m."""
+        return min(rim_gap_m(self.scene.body, punch) for punch in self.punches)
+
+    @cached_property
+    def by_edges(self) -> float:
+        """What all edges may change of the signal, at most."""
+        return max(effect_of_edges(self.scene, punch) for punch in self.punches)
+
+    @property
+    def near(self) -> bool:
+        """Whether neglecting edges may cost more of the signal than its share of the requested error."""
+        return self.gap_m <= 0 or self.by_edges > self.allowed
+
+    @property
+    def bare_holes(self) -> bool:
+        """Whether the skin has holes, and electrodes lie along its outer edge alone."""
+        return self.scene.electrodes.kind == "line" and len(self.scene.body.edge.loops) > 1
+
+    @property
+    def stiffening(self) -> float:
+        """What electrodes that do not give way may change: as much as the edges that carry them."""
+        return outer_edge_effect(self.scene, self.punch) if self.bare_holes else self.by_edges
+
+    @cached_property
+    def by_other_edges(self) -> float:
+        """What the edges but the nearest may change of the signal."""
+        return other_edges_effect(self.scene, self.punch) if self.scene.body.has_outline else 0.0
+
+    @cached_property
+    def nearest(self) -> NearestEdge | None:
+        """The nearest edge of an outline; None on a disc."""
+        body = self.scene.body
+        return body.edge.nearest((self.punch.x_m, self.punch.y_m)) if body.has_outline else None
+
+    @property
+    def straight(self) -> bool:
+        """Whether a table may serve it near its edge: that of a disc, or a straight one."""
+        return self.nearest is None or self.nearest.disc_m == STRAIGHT_M
+
+    @property
+    def allowed(self) -> float:
+        """What neglecting edges may cost of the signal."""
+        return EDGE_SHARE * self.scene.accuracy.signal
+
+    def added_up(self, reach: float) -> float:
+        """What adding up the changes by several edges, as far as a reach, thicknesses, may cost of the signal."""
+        return added_edges_cost(self.scene, self.punch, reach)
+
+    @property
+    def creeps(self) -> bool:
+        """Whether the touch is held while its deformation goes on."""
+        return bool(self.scene.hold.time_s) and not self.scene.hold.keeps_deformation
+
+
+class Route:
+    """A way to solve touches, one or several together; what is not said here a route says itself."""
+
+    kind: str  # what results call it, unlike those of all other decisions of a plan
+    for_exact = False  # whether it is for exact runs alone, and comes first there
+    # kind of a refusal of its own -> the clause that tells what is served, filled with the refusal's values
+    problems: ClassVar[Mapping[str, str]] = {}
+
+    def serves(self, case: Case) -> float | Choice:
+        """CPU time of a usual touch, s; NOT_MEANT, or why it cannot solve these touches."""
+        raise NotImplementedError
+
+    def leaves_out(self, case: Case) -> float:
+        """Relative error of the signal dV that it leaves out, at most."""
+        return 0.0
+
+    def solve(self, case: Case, law: Law, keep: bool) -> Touch:
+        """One touch; `keep` keeps it by its content, and takes one that was. NotConverged where none is found."""
+        raise NotImplementedError
+
+    def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> tuple[Touch, ...]:
+        """All touches of a case; known: those, without what others change, that a table of load paths holds."""
+        return tuple(touch or self.solve(one, law, keep) for one, touch in zip(case.each, known, strict=True))
+
+    def held(self, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
+        """A held touch at the times, s, that the scene asks for: here one that keeps its deformation."""
+        (touch,) = self.solve_together(case, law, False, (None,))
+        return kept(series, case.scene.hold, touch)
+
+    def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
+        """One touch from a table of load paths; None where it does not hold it to the requested error."""
+        return None
+
+    def storable(self, case: Case, reach: float) -> bool:
+        """Whether a table of what edges change as far as a reach, thicknesses, may hold one touch."""
+        return False
+
+    def of_touch(self, case: Case) -> "Route":
+        """The route that a plan names for every single one of these touches."""
+        return self
+
+    def choice(self, case: Case, touch: Touch | None) -> Choice:
+        """What a plan states of one touch; touch: as a table holds it."""
+        body = case.scene.body
+        return Choice(self.kind, {
+            "gap_m": case.gap_m, "thickness_m": body.thickness_m, "outline": body.has_outline,
+            "tabled": touch is not None and touch.rim is not None}, self.leaves_out(case))
+
+    def words(self, of: Values) -> Words:
+        """Its line of a plan for one touch, from the values of `choice`; or for several that it solves together, from
+        their numbers `between` and the least `gap_m` between two of them. Lengths are given in mm, too."""
+        raise NotImplementedError
+
+
+def from_edge(of: Values) -> str:
+    """Where a touch lies, in words."""
+    edge = "nearest edge or hole of the skin" if of["outline"] else "rim"
+    return (f"the punch's edge is {of['gap_mm']:.1f} mm from the {edge}, {of['gap_m'] / of['thickness_m']:.1f} "
+            "thicknesses")
