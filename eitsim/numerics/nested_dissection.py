@@ -49,15 +49,15 @@ class Dissection:
                                for block in self.blocks])
 
 
-def dissect(points: Array, blocks: list[Indices], last: int) -> Dissection:
+def dissect(points: Array, blocks: list[Indices], last: int, directions: Array = _DIRECTIONS) -> Dissection:
     """Dissection of the unknowns of elements, the last unknowns being shared by all and eliminated last. A block
-    (elements, k) holds numbers of unknowns; points (cells, 2) are where the elements of the first block are, which hold
-    none of the last unknowns. ValueError where an unknown before the last ones belongs to no element of the first
-    block."""
+    (elements, k) holds numbers of unknowns; points (cells, d) are where the elements of the first block are, which hold
+    none of the last unknowns; parts are cut across directions (n, d). ValueError where an unknown before the last ones
+    belongs to no element of the first block."""
     cells, size = blocks[0], 1 + max(int(block.max()) for block in blocks)
     depth = int(np.ceil(np.log2(max(1.0, cells.size / _LEAF))))
     cell = np.arange(len(cells))
-    _halve(points, cells, _DIRECTIONS, depth, cell, np.zeros(size, dtype=np.int64))
+    _halve(points, cells, directions, depth, cell, np.zeros(size, dtype=np.int64))
     leaf = np.repeat(np.arange(1 << depth), np.diff((len(cells) * np.arange((1 << depth) + 1)) >> depth))
     low, high = _range(cells[cell], leaf, size - last)
     element, leaves = [cell], [leaf]
@@ -127,7 +127,9 @@ def _halve(points, cells, directions, depth, order, mark):
             for direction in directions:
                 for c in range(start, stop):
                     trial[c] = order[c]
-                    key[c] = direction[0] * points[order[c], 0] + direction[1] * points[order[c], 1]
+                    key[c] = direction[0] * points[order[c], 0]
+                    for axis in range(1, len(direction)):
+                        key[c] += direction[axis] * points[order[c], axis]
                 _split(key, trial, start, stop, middle)
                 stamp += 1
                 for c in trial[start:middle]:

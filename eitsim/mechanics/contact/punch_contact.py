@@ -1,6 +1,7 @@
 """Contact of the foam's top with a rigid punch: penetration, its pressure and energy, and their derivatives."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ Indices = NDArray[np.int64]
 
 # Gauss points a facet.
 POINTS = 4
+_ON_AXIS = 1e-12  # Radius of points on the axis, about which nothing curves there.
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,20 @@ class RigidPunch:
     # penetration at which the pressure is twice what the penalty alone gives; from there on it grows with the third
     # power
     stiffening_penetration: float = np.inf
+
+
+class Faces(Protocol):
+    """Parts of a surface with Gauss points."""
+
+    @property
+    def shape(self) -> Array:
+        """(points, k) shape functions of their nodes."""
+        ...
+
+    @property
+    def weight(self) -> Array:
+        """(facets, points) quadrature weights, reference areas."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -70,6 +86,21 @@ def contact_state(punch: RigidPunch, facets: Facets, position: Array, depth: flo
     return ContactState(np.maximum(penetration, 0.0), np.stack([n_r, n_z], axis=-1), curvature, wall)
 
 
+def spatial_contact(punch: RigidPunch, seen: Array) -> ContactState:
+    """Contact state of points (facets, points, 3) of the surface seen from the punch's lowest point, upright; normal
+    and curvature have three components."""
+    x, y, height = np.moveaxis(seen, -1, 0)
+    radius = np.maximum(np.hypot(x, y), _ON_AXIS)
+    penetration, n_r, n_z, bend, wall = punch.profile.signed_distance(radius, height)
+    cosine, sine = x / radius, y / radius
+    down = np.stack([n_z * cosine, n_z * sine, -n_r], axis=-1)
+    around = np.stack([-sine, cosine, np.zeros_like(sine)], axis=-1)
+    curvature = (n_r / radius)[..., None, None] * around[..., :, None] * around[..., None, :]
+    curvature = curvature - bend[..., None, None] * down[..., :, None] * down[..., None, :]
+    return ContactState(np.maximum(penetration, 0.0), np.stack([n_r * cosine, n_r * sine, n_z], axis=-1), curvature,
+                        wall)
+
+
 def pressure(punch: RigidPunch, penetration: Array) -> Array:
     """Nominal pressure k g (1 + (g/f)^2) at penetrations g (...), not negative; k the stiffness, f the stiffening
     penetration."""
@@ -86,28 +117,29 @@ def penalty_energy_density(punch: RigidPunch, penetration: Array) -> Array:
     return punch.stiffness / 2 * penetration**2 * (1 + (penetration / punch.stiffening_penetration) ** 2 / 2)
 
 
-def energy(punch: RigidPunch, facets: Facets, at: ContactState) -> float:
+def energy(punch: RigidPunch, facets: Faces, at: ContactState) -> float:
     """Penalty energy over the reference surface."""
     return float(np.sum(facets.weight * penalty_energy_density(punch, at.penetration)))
 
 
-def forces(punch: RigidPunch, facets: Facets, at: ContactState) -> tuple[Array, float]:
-    """Derivatives of the energy by the facets' node positions (facets, p + 1, 2) and by the depth (the reaction)."""
+def forces(punch: RigidPunch, facets: Faces, at: ContactState) -> tuple[Array, float]:
+    """Derivatives of the energy by the facets' node positions (facets, p + 1, 2), or (facets, k, 3) in space, and by
+    the depth (the reaction)."""
     return assemble_load(facets, pressure(punch, at.penetration)[..., None] * at.normal)
 
 
-def complementary_forces(punch: RigidPunch, facets: Facets, at: ContactState) -> tuple[Array, float]:
+def complementary_forces(punch: RigidPunch, facets: Faces, at: ContactState) -> tuple[Array, float]:
     """As `forces`, of the complementary energy: pressure times penetration less the energy."""
     return assemble_load(facets, (pressure_slope(punch, at.penetration) * at.penetration)[..., None] * at.normal)
 
 
-def assemble_load(facets: Facets, by_position: Array) -> tuple[Array, float]:
+def assemble_load(facets: Faces, by_position: Array) -> tuple[Array, float]:
     """Derivatives, as of `forces`, of an integral from its integrand's by the position (facets, points, 2)."""
     push = facets.weight[..., None] * by_position
-    return np.einsum("fpi,pa->fai", push, facets.shape), float(np.sum(push[..., 1]))
+    return np.einsum("fpi,pa->fai", push, facets.shape), float(np.sum(push[..., -1]))
 
 
-def stiffness(punch: RigidPunch, facets: Facets, at: ContactState,
+def stiffness(punch: RigidPunch, facets: Faces, at: ContactState,
               negative_curvature_scale: float = 1.0) -> tuple[Array, Array, float]:
     """Second derivatives of the energy: facet blocks (facets, p + 1, 2, p + 1, 2), border (facets, p + 1, 2), corner.
     The part with the punch's curvature, which is never positive, is scaled by negative_curvature_scale."""
@@ -116,9 +148,9 @@ def stiffness(punch: RigidPunch, facets: Facets, at: ContactState,
     return assemble_stiffness(facets, point + bend[..., None, None] * at.curvature)
 
 
-def assemble_stiffness(facets: Facets, by_position: Array) -> tuple[Array, Array, float]:
+def assemble_stiffness(facets: Faces, by_position: Array) -> tuple[Array, Array, float]:
     """Second derivatives, as of `stiffness`, of an integral from its integrand's by the position
     (facets, points, 2, 2)."""
     point = facets.weight[..., None, None] * by_position
     blocks = np.einsum("fpij,pa,pb->faibj", point, facets.shape, facets.shape)
-    return blocks, np.einsum("fpi,pa->fai", point[..., 1], facets.shape), float(np.sum(point[..., 1, 1]))
+    return blocks, np.einsum("fpi,pa->fai", point[..., -1], facets.shape), float(np.sum(point[..., -1, -1]))

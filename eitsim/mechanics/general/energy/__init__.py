@@ -1,0 +1,1 @@
+"""Energy of a layer and its punches, and its minimum."""

@@ -1,0 +1,171 @@
+"""A layer under any number of rigid punches: energy of layer, contacts and dead forces, and its minimum.
+
+Unknowns x are the free displacements and, last, the punches' depths. Lengths are in thicknesses, stresses in mu_0,
+forces in mu_0 H^2. A punch whose force is given has its depth as an unknown; one whose depth is given keeps it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact.punch_contact import ContactState, RigidPunch, spatial_contact
+from eitsim.mechanics.general.energy import solid_assembly
+from eitsim.mechanics.general.meshing.wedge import Facets
+from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh
+from eitsim.numerics.linear_solvers import Solve, bordered
+from eitsim.numerics.multifrontal import Tree, factorise, tree
+from eitsim.numerics.newton import Minimum, System, minimise
+from matcal.laws.law import Law
+from touchcal.arrays import Array
+
+# Distance from a punch's edge, thicknesses, out to which the surface may touch it.
+_REACH = 1.0
+# Norm of the gradient over the forces' at which a solution is accepted.
+TOLERANCE = 1e-6
+_AROUND = np.arange(8) * np.pi / 8
+
+
+@dataclass(frozen=True)
+class Press:
+    """One punch, upright, and what is given of it."""
+
+    rigid: RigidPunch
+    axis: Array  # (2,)
+    force: float | None  # None where the depth is kept
+    # the force, or about the one that the depth takes, by which residuals are measured
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class LayerProblem:
+    """The discretised layer and what presses it."""
+
+    law: Law  # moduli over mu_0
+    mesh: WedgeMesh
+    presses: tuple[Press, ...]
+
+    @cached_property
+    def bearings(self) -> tuple[tuple[int, Facets], ...]:
+        """The facets that each punch may touch, with its number: those nearer to it than to any other."""
+        found = []
+        for faces in (self.mesh.around, self.mesh.flat):
+            middle = self.mesh.nodes[faces.nodes].mean(axis=1)[:, :2]
+            away = np.array([np.linalg.norm(middle - p.axis, axis=1) - p.rigid.profile.radius for p in self.presses])
+            owner = np.where(away.min(axis=0) < _REACH, away.argmin(axis=0), -1)
+            found += [(k, part_of(faces, np.flatnonzero(owner == k))) for k in range(len(self.presses))
+                      if np.any(owner == k)]
+        return tuple(found)
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The order of elimination, by cuts through the punches' axes, along and about them."""
+        middle = self.mesh.nodes[self.mesh.elements].mean(axis=1)
+        away = np.min([np.linalg.norm(middle[:, :2] - p.axis, axis=1) for p in self.presses], axis=0)
+        level = np.array([[np.cos(a), np.sin(a), 0.0, 0.0] for a in _AROUND])
+        steep = np.array([[0, 0, 1.0, 0], [0, 0, 0, 1.0], [0, 0, 1, 1], [0, 0, 1, -1]])
+        points = np.column_stack([middle, away])
+        return tree(points, np.vstack([level, steep]), self.mesh.elements, self.mesh.unknown)
+
+    @property
+    def scale(self) -> float:
+        return float(np.linalg.norm([p.scale for p in self.presses]))
+
+
+def part_of(faces: Facets, which: NDArray[np.int64]) -> Facets:
+    """Some facets (n,) of all."""
+    return replace(faces, element=faces.element[which], local=faces.local[which], nodes=faces.nodes[which],
+                   ends=faces.ends[which], weight=faces.weight[which])
+
+
+def contacts(model: LayerProblem, moved: Array, depths: Array) -> Iterator[tuple[int, Facets, ContactState]]:
+    """Number of the punch, facets, and their contact state, where nodes are displaced by (nodes, 3)."""
+    where = model.mesh.nodes + moved
+    for k, faces in model.bearings:
+        press = model.presses[k]
+        seen = faces.shape @ where[faces.nodes] - np.append(press.axis, -depths[k])
+        yield k, faces, spatial_contact(press.rigid, seen)
+
+
+def split(model: LayerProblem, x: Array) -> tuple[Array, Array]:
+    """Displacements (nodes, 3) and depths (punches,)."""
+    return solid_assembly.nodal(model.mesh, x[:model.mesh.unknowns]), x[model.mesh.unknowns:]
+
+
+def energy(model: LayerProblem, x: Array) -> float:
+    """Energy at x; infinite where the layer is turned inside out."""
+    moved, depths = split(model, x)
+    stored = solid_assembly.energy(model.law, model.mesh, moved)
+    if not np.isfinite(stored):
+        return np.inf
+    for k, faces, at in contacts(model, moved, depths):
+        stored += contact.energy(model.presses[k].rigid, faces, at)
+    return stored - sum(p.force * depth for p, depth in zip(model.presses, depths.tolist(), strict=True)
+                        if p.force is not None)
+
+
+def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0) -> System:
+    """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled."""
+    moved, depths = split(model, x)
+    push, matrices = solid_assembly.forces_and_matrices(model.law, model.mesh, moved, negative_curvature_scale)
+    count = len(model.presses)
+    reaction, corner, border = np.zeros(count), np.zeros(count), np.zeros((count, *push.shape))
+    for k, faces, at in contacts(model, moved, depths):
+        rigid = model.presses[k].rigid
+        on, back = contact.forces(rigid, faces, at)
+        blocks, edge, stiff = contact.stiffness(rigid, faces, at, negative_curvature_scale)
+        reaction[k], corner[k] = reaction[k] + back, corner[k] + stiff
+        np.add.at(push, faces.nodes, on)
+        np.add.at(border[k], faces.nodes, edge)
+        place = (3 * faces.local[:, :, None] + np.arange(3)).reshape(len(faces.local), -1)
+        size = place.shape[1]
+        np.add.at(matrices, (faces.element[:, None, None], place[:, :, None], place[:, None]),
+                  blocks.reshape(-1, size, size))
+    held = np.array([p.force is None for p in model.presses])
+    force = np.array([p.force or 0.0 for p in model.presses])
+    free = model.mesh.unknown >= 0
+
+    def factorised() -> Solve:
+        solve = factorise(model.tree, matrices)
+        for k in range(count):
+            edge = np.append(border[k][free] * (not held[k]), np.zeros(k))
+            solve = bordered(solve, edge, 1.0 if held[k] else corner[k])
+        return solve
+
+    return np.append(push[free], np.where(held, 0.0, reaction - force)), factorised
+
+
+def solve(model: LayerProblem, start: Array, tolerance: float = TOLERANCE) -> Minimum:
+    """The equilibrium from a start x; NotConverged as `minimise`."""
+    return minimise(lambda x: energy(model, x), lambda x, scale: system(model, x, scale), start, scale=model.scale,
+                    tolerance=tolerance)
+
+
+def reactions(model: LayerProblem, x: Array) -> Array:
+    """Forces (punches,) of the layer on the punches."""
+    out = np.zeros(len(model.presses))
+    for k, faces, at in contacts(model, *split(model, x)):
+        out[k] += contact.forces(model.presses[k].rigid, faces, at)[1]
+    return out
+
+
+def corrected_depths(model: LayerProblem, minimum: Minimum) -> Array:
+    """Depths (punches,), to first order without the contacts' penetration: less the derivative of the complementary
+    energy of all contacts by the forces."""
+    moved, depths = split(model, minimum.x)
+    slope = np.zeros((len(model.mesh.nodes), 3))
+    by_depth = np.zeros(len(depths))
+    for k, faces, at in contacts(model, moved, depths):
+        push, back = contact.complementary_forces(model.presses[k].rigid, faces, at)
+        np.add.at(slope, faces.nodes, push)
+        by_depth[k] += back
+    out, whole = depths.copy(), np.append(slope[model.mesh.unknown >= 0], by_depth)
+    for k, press in enumerate(model.presses):
+        if press.force is not None:
+            unit = np.zeros(len(whole))
+            unit[len(whole) - len(depths) + k] = 1.0
+            out[k] -= float(whole @ minimum.solve(unit))
+    return out

@@ -1,0 +1,119 @@
+"""What a solved layer shows at its surface: contact pressures and areas, curves where contact ends, mean stretches."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from eitsim.sheet.sheet_conductance import driving_strains
+from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact.punch_contact import spatial_contact
+from eitsim.mechanics.general.energy.equilibrium_of_many import LayerProblem, Press, contacts, split
+from eitsim.mechanics.general.meshing.wedge import Facets, facet_shapes
+from eitsim.mechanics.general.surface_field import SurfaceField
+from eitsim.scene.polygons import signed_area
+from touchcal.arrays import Array
+
+# Points along each side of a facet at which areas are summed, and directions and radii of a contact's curve.
+_FINE, _DIRECTIONS, _RADII, _REACH = 8, 64, 400, 1.0
+_ROUND = 2 * np.pi / _DIRECTIONS / np.sin(2 * np.pi / _DIRECTIONS)  # Area of a circle over that of its polygon.
+_SENSITIVITY = -2.0  # Conductivity of the nominal skin is exp(_SENSITIVITY strain).
+
+
+@dataclass(frozen=True)
+class PunchContact:
+    """Integrals of one punch's contact, in thicknesses and mu_0."""
+
+    largest: float  # contact pressure on the deformed surface, average over a facet
+    area: float  # current area seen along the axis inside the curve where contact ends
+    wall: float  # current area of the side wall that is touched
+
+
+def contact_integrals(model: LayerProblem, x: Array, field: SurfaceField) -> tuple[PunchContact, ...]:
+    """Pressures and areas of each punch's contact, by the curves of the field."""
+    moved, depths = split(model, x)
+    count = len(model.presses)
+    largest, wall, where = np.zeros(count), np.zeros(count), model.mesh.nodes + moved
+    for k, faces, at in contacts(model, moved, depths):
+        push = np.sum(faces.weight * contact.pressure(model.presses[k].rigid, at.penetration), axis=1)
+        position, size = _finely(faces, where)
+        at = spatial_contact(model.presses[k].rigid, position - np.append(model.presses[k].axis, -depths[k]))
+        largest[k] = max(largest[k], float((push / size.sum(axis=1)).max(initial=0.0)))
+        wall[k] += float(np.sum(size[(at.penetration > 0) & at.wall]))
+    curves = [curve + field.displacement_m(curve)[:, :2] for curve in field.contact_curves_m]
+    areas = [float(signed_area(curve)) / field.thickness_m**2 * _ROUND if len(curve) else 0.0 for curve in curves]
+    return tuple(PunchContact(*values) for values in zip(largest.tolist(), areas, wall.tolist(), strict=True))
+
+
+def _finely(faces: Facets, where: Array) -> tuple[Array, Array]:
+    """Positions (f, p, 3) and current areas (f, p) of many points."""
+    t = (np.arange(_FINE) + 0.5) / _FINE
+    if faces.quadrilateral:
+        at, share = np.column_stack([np.tile(2 * t - 1, _FINE), np.repeat(2 * t - 1, _FINE)]), 4 / _FINE**2
+    else:
+        both = np.column_stack([np.tile(t, _FINE), np.repeat(t, _FINE)])
+        at, share = np.where((both.sum(axis=1) > 1)[:, None], 1 - both[:, ::-1], both), 1 / (2 * _FINE**2)
+    value, slope = facet_shapes(faces.quadrilateral, at)
+    corners = where[faces.nodes]
+    along = np.einsum("pkd,fki->fpdi", slope, corners)
+    return value @ corners, share * np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=-1)
+
+
+def contact_curves(model: LayerProblem, x: Array, field: SurfaceField) -> tuple[Array, ...]:
+    """Closed curves (directions, 2), m, about each punch outside which no place touches it; empty without contact."""
+    depths, angle = x[model.mesh.unknowns:], 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    way = np.column_stack([np.cos(angle), np.sin(angle)])
+    sectors = [int(np.ceil(np.diff(one.circle.angles).max() / (2 * np.pi) * _DIRECTIONS)) for one in model.mesh.about]
+    return tuple(_curve(press, float(depth), field, way, sector)
+                 for press, depth, sector in zip(model.presses, depths, sectors, strict=True))
+
+
+def _curve(press: Press, depth: float, field: SurfaceField, way: Array, sector: int) -> Array:
+    """The outermost zeros of the penetration along rays, linear between places; the largest penetration of so many
+    directions, a sector of the mesh, counts, since its arcs are not quite those of a circle."""
+    radius = (press.rigid.profile.radius + _REACH) * np.arange(1, _RADII + 1) / _RADII
+    points = press.axis + radius[:, None] * way[:, None]
+    seen = np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2) - np.append(press.axis, -depth)
+    seen = seen + field.displacement_m(points * field.thickness_m) / field.thickness_m
+    inside = press.rigid.profile.signed_distance(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2]).penetration
+    inside = maximum_filter1d(inside, sector + 1, axis=0, mode="wrap")
+    if not (inside > 0).any(axis=1).all():
+        return np.empty((0, 2))
+    k, last = np.arange(len(way)), _RADII - 1 - np.argmax((inside > 0)[:, ::-1], axis=1)
+    after = np.minimum(last + 1, _RADII - 1)
+    drop = inside[k, last] - inside[k, after]
+    share = np.where(drop > 0, inside[k, last] / np.where(drop > 0, drop, 1.0), 0.0)
+    end = radius[last] + share * (radius[after] - radius[last])
+    return (press.axis + end[:, None] * way) * field.thickness_m
+
+
+def surface_points(model: LayerProblem, field: SurfaceField) -> Iterator[tuple[Array, Array]]:
+    """Places (n, 2), m, all over the meshed surface, and the reference areas (n,), m^2, that they stand for."""
+    for faces in (model.mesh.around, model.mesh.flat):
+        points = (faces.shape @ model.mesh.nodes[faces.nodes][..., :2]).reshape(-1, 2)
+        yield points * field.thickness_m, faces.weight.ravel() * field.thickness_m**2
+
+
+def strains_at(field: SurfaceField, points_m: Array) -> Array:
+    """(3, n) strains that drive a skin, by scene.STRAINS."""
+    metric, normal = field.metric_and_normal(points_m)
+    first, second = principal_stretches(metric)
+    return driving_strains(first, second, normal)
+
+
+def principal_stretches(metric: Array) -> tuple[Array, Array]:
+    """The larger and the smaller stretch (...) of metrics (..., 2, 2)."""
+    xx, xy, yy = metric[..., 0, 0], metric[..., 0, 1], metric[..., 1, 1]
+    first = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+    return first, np.sqrt(xx * yy - xy**2) / first
+
+
+def nominal_moments(field: SurfaceField, points_m: Array, area_m2: Array) -> Array:
+    """(3, 2, 2) integrals over the surface of what a touch changes of the conductance of a nominal skin over its own,
+    by scene.STRAINS: its signal in a uniform field, to first order, m^2."""
+    metric, normal = field.metric_and_normal(points_m)
+    first, second = principal_stretches(metric)
+    sheet = np.exp(_SENSITIVITY * driving_strains(first, second, normal)) / (first * second)
+    adjugate = np.stack([metric[:, 1, 1], -metric[:, 0, 1], -metric[:, 0, 1], metric[:, 0, 0]], -1).reshape(-1, 2, 2)
+    return np.einsum("n,snij->sij", area_m2, sheet[..., None, None] * adjugate - np.eye(2))

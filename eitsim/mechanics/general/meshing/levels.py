@@ -1,0 +1,71 @@
+"""How finely a layer is meshed, and its mesh: by where each punch's contact ends, and how near edges and others are."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eitsim.mechanics.general.meshing.section import Grading, Zone, heights, section
+from eitsim.mechanics.general.meshing.skin_plan import circles_about, plan
+from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh, wedge_mesh
+from eitsim.scene.scene import Body
+from touchcal.arrays import Array
+
+# Default element of the axisymmetric touch over the feature that it resolves (`solid.grid.default_element_m`).
+_DEFAULT = 0.12
+# Triangles outside the sections: growth per distance, largest size; shortest sector; all in thicknesses.
+_GROWTH, _LARGEST, _SHORTEST = 0.6, 1.0, 0.05
+# Largest distance from a punch's edge to where its section ends, and the part of the way to an edge or another punch.
+_SECTION, _SHARE = 1.0, 0.4
+# Least distance of a punch's edge from an edge of the skin or from another punch, thicknesses.
+LEAST_GAP = 0.03
+
+
+@dataclass(frozen=True)
+class Level:
+    """How finely a layer is meshed."""
+
+    element: float  # at the end of the contact, over the default one of the axisymmetric touch
+    growth: float  # of elements per distance from there
+    widest: float  # thicknesses
+    tallest: float  # thicknesses
+    sectors: int  # about a punch, at least
+    reach: float = 2.5  # distance from a punch's edge, thicknesses, at which the mesh ends
+
+    def grading(self, feature: float) -> Grading:
+        return Grading(self.element * _DEFAULT * feature, self.growth, self.widest, self.tallest, self.sectors)
+
+
+ROUGH = Level(8.0, 0.9, 0.7, 0.5, 8)
+COARSE = Level(4.0, 0.6, 0.5, 0.3, 12)
+FINE = Level(2.0, 0.45, 0.4, 0.25, 16, reach=3.0)
+
+
+def gaps(body: Body, centres: Array, radii: Array) -> Array:
+    """Distance (n,) of each punch's edge, thicknesses, to the nearest edge of the skin or other punch."""
+    room = np.asarray(body.edge.gap_m(centres * body.thickness_m)) / body.thickness_m - radii
+    between = np.linalg.norm(centres[:, None] - centres, axis=2) - radii[:, None] - radii
+    np.fill_diagonal(between, np.inf)
+    return np.minimum(room, between.min(axis=1))
+
+
+def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tuple[float, ...], level: Level, *,
+               bonded: bool = False) -> WedgeMesh:
+    """The mesh of a body about punches at centres (n, 2), thicknesses; sides free or bonded. ValueError where a punch
+    overhangs an edge or another punch or is nearer than LEAST_GAP."""
+    radii = np.array([zone.radius for zone in zones])
+    room = gaps(body, centres, radii)
+    if room.min() < LEAST_GAP:
+        least, unit_mm = int(room.argmin()), body.thickness_m * 1e3
+        raise ValueError(f"the edge of punch {least} (from 0) is {room[least] * unit_mm:.3g} mm from an edge of the "
+                         f"skin or from another punch; leave {LEAST_GAP * unit_mm:.3g} mm or more.")
+    loops = tuple(loop / body.thickness_m for loop in body.edge.loops)
+    outer = radii + np.minimum(_SECTION, _SHARE * room)
+    zones = tuple(replace(zone, end=min(zone.end, (zone.radius + 3 * float(r)) / 4))
+                  for zone, r in zip(zones, outer, strict=True))
+    circles = circles_about(centres, outer, level.sectors, loops, _SHORTEST)
+    gradings = [level.grading(feature) for feature in features]
+    layers = min((heights(g, zone, float(r)) for g, zone, r in zip(gradings, zones, outer, strict=True)),
+                 key=lambda h: h[-1] - h[-2])
+    seen = plan(circles, loops, max(level.growth, _GROWTH), _LARGEST, radii + level.reach)
+    sections = tuple(section(g, zone, float(r), layers) for g, zone, r in zip(gradings, zones, outer, strict=True))
+    return wedge_mesh(seen, sections, layers, bonded=bonded)

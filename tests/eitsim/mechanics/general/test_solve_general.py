@@ -1,0 +1,93 @@
+"""Touches solved together in three dimensions, against those solved alone, about an axis, and against symmetry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eitsim.sheet.sheet_conductance import driving_strains, stretches
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.general.layer_surface import principal_stretches
+from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
+from eitsim.mechanics.general.solve_general import GeneralSolution, predicted_cost, solve_general
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.scene import Body, Punch
+from matcal.laws.hyperfoam import Hyperfoam
+
+LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+FLAT = Punch(diameter_m=0.014, force_N=1.0)
+ROUGHER = Level(12.0, 1.2, 0.9, 0.6, 8)
+
+
+def _solved(body: Body, *punches: Punch) -> GeneralSolution:
+    return solve_general(LAW, body, punches, level=ROUGH, coarser=ROUGHER)
+
+
+@pytest.fixture(scope="module")
+def alone() -> GeneralSolution:
+    return _solved(Body(Disc(0.1)), FLAT)
+
+
+def test_one_touch_is_the_axisymmetric_one(alone: GeneralSolution) -> None:
+    exact, (touch,) = solve_touch(LAW, Body(Disc(0.1)), FLAT), alone.touches
+    assert abs(touch.depth_m / exact.depth_m - 1) < min(0.03, 2 * touch.depth_error)
+    assert touch.contact_area_m2 == pytest.approx(exact.contact_area_m2, rel=0.01)
+    assert touch.contact_radius_m == pytest.approx(exact.contact_radius_m, rel=0.02)
+    assert (touch.force_N, touch.sigma_ave_Pa) == (pytest.approx(1.0), pytest.approx(exact.sigma_ave_Pa, rel=0.01))
+    angle = np.linspace(0, 2 * np.pi, 9)[:-1]
+    radius = np.linspace(0.0, 0.02, 200)
+    points = radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    metric, normal = alone.field.metric_and_normal(points)
+    found = driving_strains(*principal_stretches(metric), normal)
+    expected = driving_strains(*stretches(exact, radius))[..., None]
+    missed = np.sqrt(np.sum((found - expected) ** 2 * radius[:, None], axis=(1, 2)))
+    assert np.all(missed < 0.3 * np.sqrt(8 * np.sum(expected**2 * radius[:, None], axis=(1, 2))))
+
+
+def test_a_kept_depth_gives_the_force_back(alone: GeneralSolution) -> None:
+    (touch,) = _solved(Body(Disc(0.1)), Punch(diameter_m=0.014, depth_m=alone.touches[0].depth_m)).touches
+    assert touch.depth_m == pytest.approx(alone.touches[0].depth_m, rel=1e-12)
+    assert touch.force_N == pytest.approx(1.0, rel=0.01)
+
+
+def test_far_from_a_touch_the_skin_is_as_it_was(alone: GeneralSolution) -> None:
+    far = np.array([[0.06, 0.0], [-0.05, 0.07]])
+    metric, normal = alone.field.metric_and_normal(far)
+    assert np.array_equal(metric, np.tile(np.eye(2), (2, 1, 1)))
+    assert np.array_equal(normal, np.ones(2))
+    assert np.array_equal(alone.field.displacement_m(far), np.zeros((2, 3)))
+
+
+def test_two_equal_touches_mirror_each_other() -> None:
+    body = Body(Outline("rectangle", width_m=0.07, height_m=0.04))
+    one, other = (Punch(x_m=x, diameter_m=0.01, force_N=0.3) for x in (-0.012, 0.012))
+    first, second = _solved(body, one, other).touches
+    assert first.depth_m == pytest.approx(second.depth_m, rel=2e-3)
+    lone = solve_touch(LAW, Body(Disc(0.1)), one)
+    assert first.depth_m == pytest.approx(lone.depth_m, rel=0.03)
+
+
+def test_friction_and_overlap_are_refused() -> None:
+    with pytest.raises(ValueError, match="friction"):
+        _solved(Body(Disc(0.1)), Punch(friction="stick"))
+    with pytest.raises(ValueError, match="another punch"):
+        _solved(Body(Disc(0.1)), Punch(x_m=-0.006), Punch(x_m=0.007))
+
+
+def test_the_cost_is_predicted_from_the_mesh_of_the_solution(alone: GeneralSolution) -> None:
+    cost = predicted_cost(LAW, Body(Disc(0.1)), [FLAT], level=ROUGH, coarser=ROUGHER)
+    assert cost.unknowns == alone.unknowns
+    assert 1 / 5 < cost.cpu_s / alone.cpu_s < 5
+    assert 3e8 < cost.memory_bytes < 1e9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("punch", [
+    FLAT, Punch(diameter_m=0.014, force_N=0.2), Punch(diameter_m=0.014, force_N=2.0),
+    Punch(profile="sphere", diameter_m=0.02), Punch(profile="cone", force_N=0.5),
+    Punch(profile="ellipse", force_N=0.5, fillet_m=0.001)], ids=str)
+def test_depths_are_within_half_a_percent_and_within_what_is_stated(punch: Punch) -> None:
+    body = Body(Disc(0.1))
+    exact, (touch,) = solve_touch(LAW, body, punch), solve_general(LAW, body, [punch], level=COARSE).touches
+    assert abs(touch.depth_m / exact.depth_m - 1) < min(5e-3, touch.depth_error)
