@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import ast
 import functools
+import graphlib
 import re
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
+
+import eitsim
+import matcal
+from eitsim.scene.scene import scene_from
 
 ROOT = Path(__file__).parents[1]
 # Packages from the ground up, each with its rooms from the ground up; a room imports only from rooms named before it.
@@ -118,6 +126,48 @@ def test_few_places_ask_whether_a_body_is_a_disc() -> None:
     most = {"eitsim/electrics": 4, "eitsim/mechanics": 5, "eitsim/sensors": 5, "eitsim/sweeps": 1,
             "eitsim/simulation": 21, "surrogate/bounds": 1, "surrogate/data": 1, "surrogate/cli": 1}
     assert {room: count for room, count in asks_of_the_edge().items() if count > most.get(room, 0)} == {}
+
+
+def climbs(work: Callable[[], object]) -> set[tuple[str, str, str]]:
+    """Calls from a module of eitsim to one that stands above it, of those that it does not import: (module, function,
+    what it calls), each once."""
+    modules_of = {str(path): name_of(path) for path in modules() if path.is_relative_to(ROOT / "eitsim")}
+    floor: dict[str, int] = {}
+    for module in graphlib.TopologicalSorter({one: imports()[one] for one in modules_of.values()}).static_order():
+        floor[module] = 1 + max((floor[other] for other in imports()[module] if other in floor), default=0)
+    found: set[tuple[str, str, str]] = set()
+
+    def seen(frame: FrameType, event: str, _: object) -> None:
+        called = modules_of.get(frame.f_code.co_filename) if event == "call" else None
+        caller = frame.f_back
+        while called and caller is not None and caller.f_code.co_filename not in modules_of:
+            caller = caller.f_back
+        if called and caller is not None:
+            module = modules_of[caller.f_code.co_filename]
+            if floor[called] > floor[module]:
+                found.add((module, caller.f_code.co_qualname, f"{called}.{frame.f_code.co_qualname}"))
+
+    sys.setprofile(seen)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return found
+
+
+@pytest.mark.parametrize(("scene", "most"), [({}, 8), ({"punch": {"conductor": True}}, 8), (
+    {"punch": {"x_mm": 85, "force_N": 0.2}}, 20)], ids=str)
+def test_a_scene_is_solved_downstairs(scene: dict[str, Any], most: int) -> None:
+    """What is passed down is data: only a solver of numerics asks what it solves, above it, for energies and systems.
+    """
+    card = matcal.MaterialCard("foam", matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm"),
+                               conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    given = scene_from(scene | {"accuracy": {"signal": 0.05}})
+    eitsim.simulate(given, card)  # imports and compiles
+    found = climbs(lambda: eitsim.simulate(given, card))
+    print(*sorted(found), sep="\n")
+    assert {module.split(".")[1] for module, *_ in found} == {"numerics"}
+    assert len(found) <= most
 
 
 def test_no_circle_and_few_floors() -> None:

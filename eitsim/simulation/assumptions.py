@@ -42,7 +42,8 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     paired = {i for group in chosen.groups for i in group}
     for i, way in enumerate(chosen.ways):
         solving = chosen.way_of(i)
-        yield solving.route.of_touch(solving.case).choice(way.case, way.touch)
+        route = solving.route.of_touch(solving.case)
+        yield Choice(route.kind, route.values(way.case, way.touch), route.leaves_out(way.case))
         if way.touch is not None and chosen.table is not None:
             yield stored_choice(chosen.table, way.touch, scene)
         elif way.case.punch.force_N is not None:

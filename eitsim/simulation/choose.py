@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eitsim.electrics.cem.boundary_integral import unsolvable
+from eitsim.mechanics.axisymmetric.hold import kept
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
 from eitsim.scene.choices import Why
@@ -63,17 +64,20 @@ class Chosen:
 
     def touches(self) -> tuple[Touch, ...]:
         """All touches, solved as chosen."""
-        found, keep = {i: way.touch for i, way in enumerate(self.ways)}, self.table is not None
-        alone = [way for i, way in enumerate(self.ways) if way is self.way_of(i) and way.touch is None]
-        for way in (*alone, *self.clusters):
-            solved = way.route.solve_together(way.case, self.material.law, keep, [found[i] for i in way.case.touches])
-            found |= zip(way.case.touches, solved, strict=True)
-        return tuple(touch for touch in found.values() if touch is not None)
+        law, keep = self.material.law, self.table is not None
+        found = [way.touch or way.route.solve(way.case, law, keep) if way is self.way_of(i) else way.touch
+                 for i, way in enumerate(self.ways)]
+        for way in self.clusters:
+            known = [found[i] for i in way.case.touches]
+            for i, touch in zip(way.case.touches, way.route.solve_together(way.case, law, keep, known), strict=True):
+                found[i] = touch
+        return tuple(touch for touch in found if touch is not None)
 
     def held(self) -> list[tuple[float, Touch]]:
         """The held touch at its times, s."""
-        (way,) = self.ways
-        return way.route.held(way.case, self.material.law, self.material.series)
+        (way,), law, series = self.ways, self.material.law, self.material.series
+        return way.route.solve_held(way.case, law, series) if way.case.creeps else (
+            kept(series, self.scene.hold, way.route.solve(way.case, law, keep=False)))
 
 
 def choose(scene: Scene, material: Material, *, exact: bool = False, table: Table | None = None) -> Chosen:

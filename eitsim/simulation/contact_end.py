@@ -4,7 +4,7 @@ Under strains in plane a touch raises the resistance of the skin and a conductor
 difference of two parts. An error of either counts as much as its part is larger than dV.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,22 +20,27 @@ Touches = tuple[tuple[Punch, Touch], ...]
 _UNKNOWN, _LEAST, _STEP = 0.01, 2e-3, 0.02
 
 
-def with_conductors(solved: Callable[[Touches], Readings], touches: Touches) -> Readings:
-    """Readings of touches, `solved` by a forward solver, and where punches conduct what their contacts leave."""
-    found = solved(touches)
-    if not any(punch.conductor for punch, _ in touches):
+def variants(touches: Touches) -> list[Touches]:
+    """Touches whose readings show what conducting punches make of those of the given ones: none conducts, and each in
+    turn has its contact end nearer; none where no punch conducts."""
+    ends = [(*touches[:k], (punch, replace(touch, contact_radius_m=touch.contact_radius_m * (1 - _step(touch)))),
+             *touches[k + 1:]) for k, (punch, touch) in enumerate(touches) if punch.conductor]
+    return [tuple((replace(punch, conductor=False), touch) for punch, touch in touches), *ends] if ends else []
+
+
+def with_conductors(found: Readings, touches: Touches, others: Sequence[Readings]) -> Readings:
+    """Readings of touches with what the contacts of conducting punches leave, by those of their `variants`."""
+    if not others:
         return found
-    size = _size(found)
-    insulated = solved(tuple((replace(punch, conductor=False), touch) for punch, touch in touches))
-    end = 0.0
-    for k, (punch, touch) in enumerate(touches):
-        if punch.conductor:
-            error = _radius_error(touch)
-            step = min(error, _STEP)
-            nearer = replace(touch, contact_radius_m=touch.contact_radius_m * (1 - step))
-            moved = solved((*touches[:k], (punch, nearer), *touches[k + 1:]))
-            end += _distance(moved, found) / size * error / step
+    size, (insulated, *moved) = _size(found), others
+    conducting = [touch for punch, touch in touches if punch.conductor]
+    end = sum(_distance(other, found) / size * _radius_error(touch) / _step(touch)
+              for other, touch in zip(moved, conducting, strict=True))
     return replace(found, conductors=ConductorPart(_size(insulated) / size, _distance(found, insulated) / size, end))
+
+
+def _step(touch: Touch) -> float:
+    return min(_radius_error(touch), _STEP)
 
 
 def _radius_error(touch: Touch) -> float:

@@ -22,13 +22,10 @@ _ELECTRIC = ("conductor", "contact_impedance_Ohm_m2")  # Fields of a punch that 
 Solve = Callable[[Law, Body, Punch], Touch]
 
 
-def kept_touch(how: str, solve: Solve, law: Law, body: Body, punch: Punch, keep: bool) -> tuple[Touch, int]:
-    """A touch solved this way and the nodes of its section; where it is to be kept the one that was before, with the
-    CPU time that it took now and without displacements inside the foam. Where the cache cannot be used, the table
-    of load paths that is kept there has said so."""
-    if not keep:
-        touch = solve(law, body, punch)
-        return touch, _nodes(touch)
+def kept_touch(how: str, solve: Solve, law: Law, body: Body, punch: Punch) -> tuple[Touch, int]:
+    """A touch that was kept, or solved this way and kept, and the nodes of its section, with the CPU time that it took
+    now and without displacements inside the foam. Where the cache cannot be used, the table of load paths that is kept
+    there has said so."""
     begun = cpu_s()
     key = {"touch": how, "law": [law.name, *values_of(law)], "body": asdict(body),
            "punch": {name: value for name, value in asdict(punch).items() if name not in _ELECTRIC}}
@@ -38,8 +35,9 @@ def kept_touch(how: str, solve: Solve, law: Law, body: Body, punch: Punch, keep:
 
 
 def _bare(touch: Touch) -> dict[str, NDArray[Any]]:
-    return to_arrays((replace(touch, section=None, volume=None), _nodes(touch)))
+    return to_arrays((replace(touch, section=None, volume=None), with_nodes(touch)[1]))
 
 
-def _nodes(touch: Touch) -> int:
-    return 0 if touch.section is None else len(touch.section.nodes_m)
+def with_nodes(touch: Touch) -> tuple[Touch, int]:
+    """A touch and the nodes of its section."""
+    return touch, 0 if touch.section is None else len(touch.section.nodes_m)

@@ -15,7 +15,7 @@ from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strai
 from eitsim.scene.scene import Scene, as_scene
 from eitsim.sheet.sheet_conductance import FoldedSkin
 from eitsim.simulation.choose import Chosen, choose
-from eitsim.simulation.contact_end import with_conductors
+from eitsim.simulation.contact_end import variants, with_conductors
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, plan_of
@@ -190,8 +190,9 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
     worst = max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain) for touch in touches))
     solver = partial(solve, scene.body, scene.skin, scene.electrodes, scene.drive, law=skin_law,
                      channels=scene.channels, signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
+    pressed = tuple(zip(scene.punches, touches, strict=True))
     try:
-        return with_conductors(solver, tuple(zip(scene.punches, touches, strict=True)))
+        return with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
     except FoldedSkin as error:
         raise _Refused(str(error)) from None
 

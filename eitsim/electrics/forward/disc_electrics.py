@@ -1,6 +1,5 @@
 """How the readings of a disc are solved: an integral equation along the rim, and meshes that follow touches."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -41,6 +40,9 @@ class DiscSkin:
     body: Body
     electrodes: Electrodes
     conductance_S: float
+
+    # whether errors are taken from rings cut once more and a series of harmonics, else from three quarters of these
+    by_series = False
 
     def impedance_Ohm(self) -> Array:
         """(N, N), of the untouched skin."""
@@ -111,15 +113,9 @@ class DiscSkin:
                         for harmonics in (HARMONICS, 3 * HARMONICS // 4))
         return whole, [(fewer, 1.0)]
 
-    def extrapolated(self, changed: Callable[[int], Array], parts: int, fine: Array, coarse: Array,
-                     difference: Callable[[Array, Array], float]) -> tuple[Array, float]:
-        """The change by rings cut without end, of fourth order, and its error, from rings in `parts` and in half."""
-        return fine + (fine - coarse) / 3, difference(fine, coarse) / 15
-
-    def multipole_error(self, cut: float, strain: float, varied: Callable[[int], list[float]],
-                        series: Callable[[], float], orders: int) -> float:
-        """By the rings, the strain outside them and three quarters of the harmonics."""
-        return MISSED + cut + sum(varied(3 * orders // 4)) + strain
+    def multipole_error(self, cut: float, strain: float, varied: list[float], series: float) -> float:
+        """By the rings, the strain outside them and fewer harmonics."""
+        return MISSED + cut + sum(varied) + strain
 
     def touch_mesh(self, touches: Touches) -> SkinMesh:
         """The mesh that dV is taken on, to be halved."""

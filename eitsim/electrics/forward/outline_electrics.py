@@ -2,7 +2,6 @@
 fields its edges send back."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh
@@ -25,10 +24,9 @@ from eitsim.scene.scene import Body, Electrodes, Punch
 Touches = tuple[tuple[Punch, Touch], ...]
 
 TRIANGLES = 2000  # Of the mesh of fields, about; cells near touches are sampled as the foam's thickness asks.
-# Relative errors of dV by "multipole": what no variation shows, and what is left over the change by rings half as many,
-# both extrapolated; by "mesh", what is left over the change by halving (second order), where an edge cuts a contact
-# between line electrodes, whose end the mesh follows, and with others.
-MISSED, LEFT_RINGS, LEFT, LEFT_CUT, LEFT_OTHERS = 2.5e-5, 1 / 3, 1 / 3, 0.1, 0.5
+# Relative errors of dV by "multipole": what no variation shows; by "mesh", what is left over the change by halving
+# (second order), where an edge cuts a contact between line electrodes, whose end the mesh follows, and with others.
+MISSED, LEFT, LEFT_CUT, LEFT_OTHERS = 2.5e-5, 1 / 3, 0.1, 0.5
 # The coarser mesh of a touch: error of the untouched readings outside its rings, and how much thinner these are than
 # those of a mesh of quadrilaterals.
 ROUGHLY, ROUGH = 5e-3, 1
@@ -41,6 +39,8 @@ class OutlinedSkin:
     body: Body
     electrodes: Electrodes
     conductance_S: float
+
+    by_series = True
 
     def impedance_Ohm(self) -> Array:
         return solve_untouched(self.body.outline, self.electrodes, self.conductance_S, READINGS).impedance_Ohm
@@ -80,17 +80,9 @@ class OutlinedSkin:
         """With edges known more roughly."""
         return couplings(self.body.outline, self.electrodes, self.conductance_S, circles, orders)
 
-    def extrapolated(self, changed: Callable[[int], Array], parts: int, fine: Array, coarse: Array,
-                     difference: Callable[[Array, Array], float]) -> tuple[Array, float]:
-        """By rings twice as many once more."""
-        finest = changed(2 * parts)
-        before, whole = fine + (fine - coarse) / 3, finest + (finest - fine) / 3
-        return whole, LEFT_RINGS * difference(whole, before)
-
-    def multipole_error(self, cut: float, strain: float, varied: Callable[[int], list[float]],
-                        series: Callable[[], float], orders: int) -> float:
+    def multipole_error(self, cut: float, strain: float, varied: list[float], series: float) -> float:
         """As squares, with what harmonics above would add."""
-        return math.hypot(MISSED, cut, strain, *varied(orders), series())
+        return math.hypot(MISSED, cut, strain, *varied, series)
 
     def touch_mesh(self, touches: Touches) -> SkinMesh:
         return outlined_mesh(self.body, self.electrodes, self.conductance_S, touches)

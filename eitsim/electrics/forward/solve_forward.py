@@ -37,6 +37,8 @@ ORDERS, PARTS = 16, (1, 2, 4, 8, 16)
 # Relative error of dV by "mesh" that halvings do not show, and the power of the number of nodes by which errors fall
 # from a rough mesh (quadratic elements whose sizes follow the solution).
 UNHALVED, RATE = 1.8e-4, 2
+# With edges, what is left over the change by rings cut once more, both extrapolated.
+LEFT_RINGS = 1 / 3
 # How many times the estimate must stay below the requested error where an edge changes a touch, and of a mesh not to be
 # halved again.
 MARGIN = 2
@@ -182,15 +184,18 @@ def _by_multipole(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
             break
         own = _scatterings(sensor, circles, parts)
         coarse, fine, last = fine, _changed(sensor, circles, own), parts
-    whole, cut = sensor.solver.extrapolated(
-        lambda parts: _changed(sensor, circles, _scatterings(sensor, circles, parts)), last, fine, coarse,
-        partial(_difference, sensor))
+    whole, cut = fine + (fine - coarse) / 3, _difference(sensor, fine, coarse) / 15
+    if sensor.solver.by_series:
+        finest = _changed(sensor, circles, _scatterings(sensor, circles, 2 * last))
+        before, whole = whole, finest + (finest - fine) / 3
+        cut = LEFT_RINGS * _difference(sensor, whole, before)
     meeting = change_where_they_meet(sensor.body, sensor.electrodes, sensor.conductance_S, touches, sensor.skin,
                                      sensor.law)
     outside, unsure = _outside(sensor, touches, rooms, circles, own, float(np.linalg.norm(fine)))
     strain = _difference(sensor, fine, fine + unsure)
-    error = sensor.solver.multipole_error(cut, strain, partial(_varied, sensor, circles, own, fine),
-                                          partial(_series_left, sensor, circles, own, fine), ORDERS)
+    error = sensor.solver.multipole_error(
+        cut, strain, _varied(sensor, circles, own, fine, ORDERS if sensor.solver.by_series else 3 * ORDERS // 4),
+        _series_left(sensor, circles, own, fine) if sensor.solver.by_series else 0.0)
     error += _overlap(sensor, touches) / 2 + _difference(sensor, fine, fine + meeting) / 4
     return _Change(whole + outside + meeting, error, 2 * ORDERS * len(touches), "multipole")
 

@@ -28,8 +28,8 @@ class AllEdges(Route):
         return other_edges_effect(case.scene, case.punch, FINE.out_to) if case.scene.body.has_outline else 0.0
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
-        solve = partial(solve_near_rim, whole=case.exact, all_edges=True)
-        return kept_touch("near several edges", solve, law, case.scene.body, case.punch, keep)[0]
+        solve, at = partial(solve_near_rim, whole=case.exact, all_edges=True), (law, case.scene.body, case.punch)
+        return kept_touch("near several edges", solve, *at)[0] if keep else solve(*at)
 
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         if table.rim is None or (touch := touch_from(table, law, case.scene.body, case.punch)) is None:

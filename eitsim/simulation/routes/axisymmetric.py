@@ -13,7 +13,7 @@ from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Punch, Scene
-from eitsim.simulation.kept_touches import kept_touch
+from eitsim.simulation.kept_touches import kept_touch, with_nodes
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words, from_edge
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
@@ -39,16 +39,15 @@ class Axisymmetric(Route):
         body, punch = case.scene.body, case.punch
         if not case.exact:
             with suppress(Unresolved):  # where the default mesh is too coarse to show the foam at the punch's edge
-                touch, nodes = kept_touch("default mesh", solve_touch, law, body, punch, keep)
+                touch, nodes = kept_touch("default mesh", solve_touch, law, body, punch) if keep else (
+                    with_nodes(solve_touch(law, body, punch)))
                 if fine_enough([touch], case.scene) or not _refinable(nodes, punch):
                     return touch
         finer = partial(solve_touch, element_m=default_element_m(body, punch) / 2)
-        return kept_touch("finer mesh", finer, law, body, punch, keep)[0]
+        return kept_touch("finer mesh", finer, law, body, punch)[0] if keep else finer(law, body, punch)
 
-    def held(self, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
+    def solve_held(self, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
         hold, body, punch = case.scene.hold, case.scene.body, case.punch
-        if hold.keeps_deformation:
-            return super().held(case, law, series)
         if not case.exact:
             found = solve_hold(law, series, body, punch, hold)
             if fine_enough([touch for _, touch in found[1:]], case.scene):

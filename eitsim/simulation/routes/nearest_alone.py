@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,8 +44,8 @@ class NearestAlone(Route):
         return case.by_other_edges
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
-        solve = partial(solve_near_rim, whole=case.exact)
-        return kept_touch("near the rim", solve, law, case.scene.body, case.punch, keep)[0]
+        solve, at = partial(solve_near_rim, whole=case.exact), (law, case.scene.body, case.punch)
+        return kept_touch("near the rim", solve, *at)[0] if keep else solve(*at)
 
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         touch = touch_from(table, law, case.scene.body, case.punch)
@@ -54,10 +54,9 @@ class NearestAlone(Route):
     def storable(self, case: Case, reach: float) -> bool:
         return case.straight
 
-    def choice(self, case: Case, touch: Touch | None) -> Choice:
-        made, nearest = super().choice(case, touch), case.nearest
-        disc_m = None if nearest is None or case.straight else nearest.disc_m
-        return replace(made, values={**made.values, "disc_m": disc_m})
+    def values(self, case: Case, touch: Touch | None) -> dict[str, Any]:
+        disc_m = None if case.nearest is None or case.straight else case.nearest.disc_m
+        return {**super().values(case, touch), "disc_m": disc_m}
 
     def words(self, of: Values) -> Words:
         if of["tabled"]:

@@ -40,8 +40,8 @@ class Pair(Route):
     def leaves_out(self, case: Case) -> float:
         return max(self.of_touch(case).leaves_out(one) for one in case.each)
 
-    def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> tuple[Touch, ...]:
-        alone = AXISYMMETRIC.solve_together(case, law, keep, known)
+    def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
+        alone = [touch or AXISYMMETRIC.solve(one, law, keep) for one, touch in zip(case.each, known, strict=True)]
         return solved_together(alone, law, case.scene.body, case.punches, coarse=FINE if case.exact else COARSE,
                                fine=FINEST if case.exact else FINE, edges=case.near)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
-from eitsim.mechanics.axisymmetric.hold import kept
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.choices import Why
 from eitsim.scene.nearest_edge import STRAIGHT_M, NearestEdge
@@ -131,14 +130,13 @@ class Route:
         """One touch; `keep` keeps it by its content, and takes one that was. NotConverged where none is found."""
         raise NotImplementedError
 
-    def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> tuple[Touch, ...]:
-        """All touches of a case; known: those, without what others change, that a table of load paths holds."""
-        return tuple(touch or self.solve(one, law, keep) for one, touch in zip(case.each, known, strict=True))
+    def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
+        """Several touches; known: those, without what others change, that a table of load paths holds."""
+        raise NotImplementedError
 
-    def held(self, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
-        """A held touch at the times, s, that the scene asks for: here one that keeps its deformation."""
-        (touch,) = self.solve_together(case, law, False, (None,))
-        return kept(series, case.scene.hold, touch)
+    def solve_held(self, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
+        """One held touch whose deformation goes on, at the times, s, that the scene asks for."""
+        raise NotImplementedError
 
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         """One touch from a table of load paths; None where it does not hold it to the requested error."""
@@ -152,15 +150,14 @@ class Route:
         """The route that a plan names for every single one of these touches."""
         return self
 
-    def choice(self, case: Case, touch: Touch | None) -> Choice:
+    def values(self, case: Case, touch: Touch | None) -> dict[str, Any]:
         """What a plan states of one touch; touch: as a table holds it."""
         body = case.scene.body
-        return Choice(self.kind, {
-            "gap_m": case.gap_m, "thickness_m": body.thickness_m, "outline": body.has_outline,
-            "tabled": touch is not None and touch.rim is not None}, self.leaves_out(case))
+        return {"gap_m": case.gap_m, "thickness_m": body.thickness_m, "outline": body.has_outline,
+                "tabled": touch is not None and touch.rim is not None}
 
     def words(self, of: Values) -> Words:
-        """Its line of a plan for one touch, from the values of `choice`; or for several that it solves together, from
+        """Its line of a plan for one touch, from `values`; or for several that it solves together, from
         their numbers `between` and the least `gap_m` between two of them. Lengths are given in mm, too."""
         raise NotImplementedError
 

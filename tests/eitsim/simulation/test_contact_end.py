@@ -12,7 +12,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.results import ConductorPart, Plan, Readings
 from eitsim.scene.scene import scene_from
-from eitsim.simulation.contact_end import with_conductors
+from eitsim.simulation.contact_end import variants, with_conductors
 from eitsim.simulation.error_budget import error_budget, explain_excess
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.simulate import simulate
@@ -59,11 +59,12 @@ def test_the_parts_of_skin_and_conductor_are_those_of_two_solutions() -> None:
         signal = np.array([[5.0 - 4.0 * one.conductor * pressed.contact_radius_m ** 2]])
         return Readings(signal, signal, signal, signal, 0.0, 0.0, 0, 0.0)
 
-    part = with_conductors(solved, ((punch, touch),)).conductors
+    pressed = ((punch, touch),)
+    part = with_conductors(solved(pressed), pressed, [solved(one) for one in variants(pressed)]).conductors
     assert part is not None
     assert (part.insulated, part.own, part.grown) == pytest.approx((5, 4, 5))
     assert part.end_error == pytest.approx(4 * 2 * 0.01, rel=0.01)
-    assert with_conductors(solved, ((replace(punch, conductor=False), touch),)).conductors is None
+    assert variants(((replace(punch, conductor=False), touch),)) == []
 
 
 def test_what_the_plan_left_out_counts_as_much_more_as_the_parts_are_larger() -> None:
