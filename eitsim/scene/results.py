@@ -209,11 +209,11 @@ class Readings:
 
 @dataclass(frozen=True)
 class Moment:
-    """A held touch at one time."""
+    """Held touches at one time."""
 
     # time since the end of loading, s
     time_s: float
-    touch: Touch
+    touches: tuple[Touch, ...]  # one a punch
     readings: Readings
 
 

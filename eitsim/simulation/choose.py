@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eitsim.electrics.cem.boundary_integral import unsolvable
-from eitsim.mechanics.axisymmetric.hold import kept
+from eitsim.mechanics.axisymmetric.hold import kept, relaxed
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
 from eitsim.scene.choices import Why
 from eitsim.scene.electrodes import lengths, present
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Scene
+from eitsim.scene.scene import Hold, Scene
 from eitsim.sheet.sheet_conductance import untouched_conductance
+from eitsim.simulation.creep import elastic_forces
 from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.material import Material
 from eitsim.simulation.routes import known_routes
@@ -50,6 +51,7 @@ class Chosen:
     exact: bool
     ways: tuple[Way, ...]  # one a touch, as if it were alone
     clusters: tuple[Way, ...]  # of touches that are solved together
+    elastic: bool = False  # whether held touches are taken as elastic ones at each time
     table: Table | None = None  # that touches are taken from
     why: Choice | None = None  # why the scene cannot be solved; None where it can
 
@@ -73,11 +75,36 @@ class Chosen:
                 found[i] = touch
         return tuple(touch for touch in found if touch is not None)
 
-    def held(self) -> list[tuple[float, Touch]]:
-        """The held touch at its times, s."""
-        (way,), law, series = self.ways, self.material.law, self.material.series
-        return way.route.solve_held(way.case, law, series) if way.case.creeps else (
-            kept(series, self.scene.hold, way.route.solve(way.case, law, keep=False)))
+    def held(self) -> list[tuple[float, tuple[Touch, ...]]]:
+        """The held touches at their times, s."""
+        law, series, hold = self.material.law, self.material.series, self.scene.hold
+        if self.elastic:
+            return self._held_as_elastic()
+        if hold.keeps_deformation:
+            each = [kept(series, hold, touch) for touch in self.touches()]
+            return [(moments[0][0], tuple(touch for _, touch in moments)) for moments in zip(*each, strict=True)]
+        (way,) = self.ways
+        return [(t, (touch,)) for t, touch in way.route.solve_held(way.case, law, series)]
+
+    def _held_as_elastic(self) -> list[tuple[float, tuple[Touch, ...]]]:
+        """Elastic touches under the forces that stand for the hold; a kept depth keeps them."""
+        first, *later = elastic_forces(self.material.law, self.material.series, self.scene)
+        loaded = self._elastic([punch.force_N and force for punch, force in zip(
+            self.scene.punches, first.force_N.tolist(), strict=True)])
+        found, touches = [(first, loaded)], loaded
+        for moment in later:
+            if self.scene.hold.control == "force":
+                touches = self._elastic([touch.force_N * by for touch, by in zip(
+                    loaded, (moment.force_N / first.force_N).tolist(), strict=True)])
+            found.append((moment, touches))
+        return [(moment.time_s, tuple(relaxed(touch, share) for touch, share in zip(
+            touches, moment.share.tolist(), strict=True))) for moment, touches in found]
+
+    def _elastic(self, forces_N: Sequence[float | None]) -> tuple[Touch, ...]:
+        """Touches of the instantaneous law under forces; at the scene's depth where none is given."""
+        punches = tuple(punch if force is None else replace(punch, force_N=force, depth_m=None)
+                        for punch, force in zip(self.scene.punches, forces_N, strict=True))
+        return choose(replace(_loaded(self.scene), punches=punches), self.material, exact=self.exact).touches()
 
 
 def choose(scene: Scene, material: Material, *, exact: bool = False, table: Table | None = None) -> Chosen:
@@ -87,9 +114,22 @@ def choose(scene: Scene, material: Material, *, exact: bool = False, table: Tabl
     to the requested error, not with exact.
     """
     ways, clusters = choose_ways(scene, exact=exact)
-    made = Chosen(scene, material, exact, ways, tuple(way for way in clusters if way.why is None),
+    if elastic := _creeps_otherwise(ways):
+        ways, clusters = choose_ways(_loaded(scene), exact=exact)
+    made = Chosen(scene, material, exact, ways, tuple(way for way in clusters if way.why is None), elastic,
                   None if exact else table, _why(scene, material, ways, clusters))
     return made if made.table is None else replace(made, ways=_from_table(made, made.table))
+
+
+def _creeps_otherwise(ways: Sequence[Way]) -> bool:
+    """Whether touches creep that no route steps in time: but one alone, without friction, far from edges."""
+    case = ways[0].case
+    return case.creeps and (len(ways) > 1 or case.near or case.punch.friction != "none")
+
+
+def _loaded(scene: Scene) -> Scene:
+    """The scene without what happens in time."""
+    return replace(scene, hold=Hold())
 
 
 def choose_ways(scene: Scene, *, exact: bool = False) -> tuple[tuple[Way, ...], tuple[Way, ...]]:
@@ -146,7 +186,7 @@ def _from_table(chosen: Chosen, table: Table) -> tuple[Way, ...]:
 
 def _together(scene: Scene, ways: Sequence[Way]) -> tuple[Way, ...]:
     """The touches that must be solved together, or cannot; with exact any two that can, far from edges."""
-    if len(ways) < 2 or scene.hold.time_s:
+    if len(ways) < 2:
         return ()
     exact = ways[0].case.exact
     if exact and len(ways) == 2 and not any(way.case.near for way in ways) and (
@@ -178,8 +218,6 @@ def _why_alone(way: Way) -> Choice | None:
     length_m = float(lengths(scene.electrodes)[0])
     if scene.electrodes.kind == "patch" and (onto_m := length_m - case.gap_m) >= 0:
         return Choice(Why.ON_ELECTRODES, {"onto_m": onto_m, "length_m": length_m})
-    if punch.friction != "none" and case.creeps:
-        return Choice(Why.FRICTION_CREEPS, {"friction": punch.friction})
     if way.why is None or way.why.kind is Why.OFF_SKIN:
         return way.why
     return replace(way.why, values={
@@ -192,8 +230,6 @@ def _why_neighbours(scene: Scene, together: Sequence[Way]) -> Choice | None:
     gap_m, i, j = _closest(scene, range(len(punches)))
     if gap_m <= 0:
         return Choice(Why.OVERLAP, {"gap_m": gap_m, "between": (i, j)})
-    if scene.hold.time_s:
-        return Choice(Why.HELD_TOGETHER, {"count": len(punches)})
     allowed = _NEIGHBOUR_SHARE * scene.accuracy.signal
     for way in together:
         if way.why is not None:

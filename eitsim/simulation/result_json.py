@@ -1,7 +1,7 @@
 """A result as plain JSON values: the keys of `result.json`, units in their names."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +47,7 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
         out["load_fraction"] = result.load_fraction
     if result.readings is None:
         return out
-    blocks = [mechanical(touch) for touch in result.touches]
-    mechanics: Mapping[str, Any] = {key: [block[key] for block in blocks] for key in blocks[0]}
-    return out | (blocks[0] if len(blocks) == 1 else mechanics) | {
+    return out | dict(_of_touches(result.touches)) | {
         "readings_V": _rows(result.readings.touched_V), "baseline_V": _rows(result.readings.baseline_V),
         "impedance_Ohm": _rows(result.readings.impedance_Ohm),
         **({"interaction": dict(result.interaction)} if result.interaction else {}),
@@ -66,6 +64,12 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
             if result.moments else {})
 
 
+def _of_touches(touches: Sequence[Touch]) -> Mapping[str, Any]:
+    """The mechanical outputs of one touch; lists of those of several."""
+    blocks = [mechanical(touch) for touch in touches]
+    return blocks[0] if len(blocks) == 1 else {key: [block[key] for block in blocks] for key in blocks[0]}
+
+
 def _rows(values: Array) -> list[list[float | None]]:
     """A matrix as lists, None where an electrode that it needs is missing."""
     return [[None if math.isnan(value) else value for value in row] for row in values.tolist()]
@@ -79,9 +83,9 @@ def decisions(plan: Plan) -> list[dict[str, Any]]:
 
 
 def moment_block(moment: Moment, plan: Plan, strain: str) -> dict[str, Any]:
-    """A held touch at one time as plain JSON values; the keys are those of the result, and the time itself."""
-    return {"time_s": moment.time_s, **mechanical(moment.touch), "readings_V": _rows(moment.readings.touched_V),
-            "error_estimate": error_budget(plan, numerical_errors((moment.touch,), moment.readings, strain),
+    """Held touches at one time as plain JSON values; the keys are those of the result, and the time itself."""
+    return {"time_s": moment.time_s, **_of_touches(moment.touches), "readings_V": _rows(moment.readings.touched_V),
+            "error_estimate": error_budget(plan, numerical_errors(moment.touches, moment.readings, strain),
                                            readings=moment.readings)}
 
 

@@ -143,7 +143,7 @@ def _solved(chosen: Chosen, plan: Plan) -> Result:
     try:
         if chosen.scene.hold.time_s:
             moments = _moments(chosen)
-            return _result(chosen, plan, (moments[-1].touch,), moments[-1].readings, moments)
+            return _result(chosen, plan, moments[-1].touches, moments[-1].readings, moments)
         touches = chosen.touches()
         return _result(chosen, plan, touches, readings_of(chosen.scene, touches, chosen.material.skin, chosen.exact),
                        ())
@@ -201,8 +201,8 @@ def _moments(chosen: Chosen) -> tuple[Moment, ...]:
     """A held touch with its readings; one solve serves all times where the strains stay as they were loaded."""
     held, scene = chosen.held(), chosen.scene
     skin_law, exact = chosen.material.skin, chosen.exact
-    if scene.hold.keeps_deformation:
-        readings = [readings_of(scene, (held[0][1],), skin_law, exact)] * len(held)
+    if scene.hold.keeps_deformation or (chosen.elastic and scene.hold.control == "depth"):
+        readings = [readings_of(scene, held[0][1], skin_law, exact)] * len(held)
     else:
-        readings = [readings_of(scene, (touch,), skin_law, exact) for _, touch in held]
-    return tuple(Moment(t, touch, reading) for (t, touch), reading in zip(held, readings, strict=True))
+        readings = [readings_of(scene, touches, skin_law, exact) for _, touches in held]
+    return tuple(Moment(t, touches, reading) for (t, touches), reading in zip(held, readings, strict=True))

@@ -45,6 +45,11 @@ _LINES: dict[Kind, Words] = {
     Kind.HOLD_STEPPED: (
         "a hold at constant {control}, stepped in time", "the deformation goes on, which no formula tells; halving the "
         "steps tells their error, which counts in the result's own"),
+    Kind.HOLD_ELASTIC: (
+        "a hold at constant {control}, as elastic touches", "near edges, together and with friction nothing is stepped "
+        "in time: each touch alone is, and an elastic touch under the force that makes it as deep stands for it at every "
+        "time. Of 24 lone touches the moment of the strain differed by {moment:.1%} at most at the end of loading, the "
+        "strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
     Kind.LOADED_AT_ONCE: ("loaded at once", "loading_s in [hold] is 0; instantaneous moduli"),
     Kind.LOADED_OVER: (
         "loaded over {loading_s:g} s at a constant rate (loading_s in [hold])",
@@ -221,12 +226,7 @@ _REFUSALS = {
     Why.ON_ELECTRODES: (
         "the punch's edge reaches {onto_mm:.1f} mm into the ring of {length_mm:g} mm that the patch electrodes lie on, "
         "where touches are not built; move the punch inwards by more than that, or make length_mm in [electrodes] "
-        "smaller."),
-    Why.FRICTION_CREEPS: (
-        "friction = \"{friction}\" in [punch] is built for holds that keep the deformation only: control = \"depth\" "
-        "and loading_s = 0 in [hold]. Ask for such a hold, or for friction = \"none\"."),
-    Why.HELD_TOGETHER: (
-        "a hold (time_s in [hold]) is built for one touch, {count} are given; give one [punch] or leave out time_s.")}
+        "smaller.")}
 
 
 def refusal(why: Choice) -> str:

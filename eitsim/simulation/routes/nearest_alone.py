@@ -78,7 +78,7 @@ def edge_problem(case: Case) -> Choice | None:
         return Choice(Why.OFF_SKIN, {"gap_m": case.gap_m, "least_m": least_m, "outline": case.scene.body.has_outline})
     if 0 < friction.coefficient(case.punch) < np.inf:
         return Choice(Why.SLIPS)
-    return Choice(Why.CREEPS) if case.creeps else None
+    return None
 
 
 def within_error(table: Table, scene: Scene) -> Table:
