@@ -86,8 +86,12 @@ def show_result(result: Result, document: dict[str, Any], scene: Path) -> None:
         keys = ("time_s", "delta_max_mm", "force_N", "sigma_ave_kPa", "sigma_max_kPa", "A_c_mm2")
         table = Table(*keys, title="hold, from the end of loading")
         for block in document["times"]:
-            table.add_row(*(f"{block[key]:.5g}" for key in keys))
+            table.add_row(*(", ".join(f"{value:.5g}" for value in _listed(block[key])) for key in keys))
         _console().print(table)
+
+
+def _listed(value: float | list[float]) -> list[float]:
+    return value if isinstance(value, list) else [value]
 
 
 def show_solved(document: dict[str, Any], out: Path | None) -> None:

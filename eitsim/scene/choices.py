@@ -9,7 +9,8 @@ Kind = StrEnum("Kind", (
     # the punch: what it conducts, its contact
     "INSULATED", "FLOATING", "END_BY_NEIGHBOUR", "END_BY_EDGE", "NO_FRICTION", "FRICTION", "RIGID_PUNCH",
     # time
-    "HOLD_KEPT", "HOLD_STEPPED", "HOLD_ELASTIC", "LOADED_AT_ONCE", "LOADED_OVER", "ONE_RELAXATION", "NO_MEMORY", "NO_VISCOELASTICITY",
+    "HOLD_KEPT", "HOLD_STEPPED", "HOLD_ELASTIC", "LOADED_AT_ONCE", "LOADED_OVER", "ONE_RELAXATION", "NO_MEMORY",
+    "NO_VISCOELASTICITY",
     # laws
     "OUTSIDE_FITS", "POSITIVE_IN_PART", "STRAIN", "ONE_CARD", "DRAWN_CARDS",
     # skin and electrodes
@@ -21,6 +22,8 @@ Kind = StrEnum("Kind", (
 Why = StrEnum("Why", (
     "CONDUCTIVITY_UNIT", "TOO_THIN", "TOO_SHALLOW", "TOO_LIGHT", "ELECTRODES", "TOO_DEEP", "ON_ELECTRODES",
     # of routes
-    "OFF_SKIN", "SLIPS", "NOT_MEANT",
+    "OFF_SKIN", "NOT_MEANT",
     # of neighbours
-    "OVERLAP", "MORE_THAN_TWO", "PAIR_FRICTION", "PAIR_GAP"))
+    "OVERLAP", "MORE_THAN_TWO", "PAIR_FRICTION", "PAIR_GAP",
+    # of what is solved in three dimensions
+    "RUBS", "TOUCHING"))

@@ -46,10 +46,10 @@ _LINES: dict[Kind, Words] = {
         "a hold at constant {control}, stepped in time", "the deformation goes on, which no formula tells; halving the "
         "steps tells their error, which counts in the result's own"),
     Kind.HOLD_ELASTIC: (
-        "a hold at constant {control}, as elastic touches", "near edges, together and with friction nothing is stepped "
-        "in time: each touch alone is, and an elastic touch under the force that makes it as deep stands for it at every "
-        "time. Of 24 lone touches the moment of the strain differed by {moment:.1%} at most at the end of loading, the "
-        "strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
+        "a hold at constant {control}, as elastic touches", "near edges, together and with friction nothing is "
+        "stepped in time: each touch alone is, and an elastic one under the force that makes it as deep stands for it "
+        "at every time. Of 24 lone touches the moment of the strain differed by {moment:.1%} at most, the strain (L2) "
+        "by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
     Kind.LOADED_AT_ONCE: ("loaded at once", "loading_s in [hold] is 0; instantaneous moduli"),
     Kind.LOADED_OVER: (
         "loaded over {loading_s:g} s at a constant rate (loading_s in [hold])",

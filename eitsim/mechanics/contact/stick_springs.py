@@ -1,8 +1,9 @@
-"""Springs that hold the surface of a clipped disc where it sticks to the punch.
+"""Springs that hold the surface of a clipped disc where it sticks to the punch, or rubs on it.
 
-Each point of contact that is held in the axisymmetric touch of the same mesh keeps its anchor there. A spring of the
-stiffness of `eitsim.mechanics.contact.friction` resists slip along the punch's profile, and another one slip around its
-axis. Both are linear about the axisymmetric touch, so that where no circle is cut its equilibrium stays one.
+Each point of contact that is held in the axisymmetric touch of the same mesh keeps its anchor there. A spring of
+`eitsim.mechanics.contact.friction`, with the largest shear that it had there, resists slip along the punch's profile.
+Where that one sticks, another one resists slip around its axis. Both are in balance with the axisymmetric touch, so
+that where no circle is cut its equilibrium stays one.
 """
 
 from dataclasses import dataclass
@@ -17,24 +18,30 @@ from touchcal.arrays import Array
 class StickSprings:
     """Springs at the points of the surface that the punch may touch."""
 
-    stiffness: Array  # (facets points, 1) nominal shear over slip; 0 where nothing holds
+    # (facets points, 2, 1) nominal shear over slip along the profile and around the axis; 0 where nothing holds
+    stiffness: Array
+    most: Array  # (facets points, 2, 1) slip that either takes up before it slips; infinite where it sticks
     # (facets points, 2, 3) directions in the local frame: along the profile, outwards and up, and around the axis
     direction: Array
     offset: Array  # (facets points, 2, 1) slip along them where nothing has moved
 
 
 def stick_springs(held: FrictionState | None, shape: tuple[int, ...]) -> StickSprings:
-    """The springs of a punch that sticks, held at (facets, points); of that shape and no stiffness without one."""
+    """The springs of a punch that rubs, held at (facets, points); of that shape and no stiffness without one."""
     count = int(np.prod(shape))
     direction, offset = np.zeros((count, 2, 3)), np.zeros((count, 2, 1))
+    stiffness, most = np.zeros((count, 2, 1)), np.full((count, 2, 1), np.inf)
     direction[:, 1, 1] = 1.0
     if held is None:
-        return StickSprings(np.zeros((count, 1)), direction, offset)
+        return StickSprings(stiffness, most, direction, offset)
     kept = slice(shape[0])
     direction[:, 0, ::2] = held.along[kept].reshape(count, 2)
     offset[:, 0, 0] = (held.slip - np.sum(held.along * held.moved, axis=-1))[kept].ravel()
-    stiffness = np.where(np.isinf(held.limit[kept]), held.stiffness, 0.0).reshape(count, 1)
-    return StickSprings(stiffness, direction, offset)
+    limit = held.limit[kept].ravel()
+    most[:, 0, 0] = limit / held.stiffness
+    stiffness[:, 0, 0] = np.where(limit > 0, held.stiffness, 0.0)
+    stiffness[:, 1, 0] = np.where(np.abs(held.slip[kept].ravel()) < most[:, 0, 0], held.stiffness, 0.0)
+    return StickSprings(stiffness, most, direction, offset)
 
 
 def slip(held: StickSprings, seen: Array) -> Array:
@@ -44,14 +51,18 @@ def slip(held: StickSprings, seen: Array) -> Array:
 
 def potential(held: StickSprings, seen: Array) -> Array:
     """Energy per reference area (facets points, angles)."""
-    return held.stiffness / 2 * np.sum(slip(held, seen) ** 2, axis=1)
+    size = np.abs(slip(held, seen))
+    elastic = np.minimum(size, held.most)
+    return np.sum(held.stiffness * elastic * (size - elastic / 2), axis=1)
 
 
 def pull(held: StickSprings, seen: Array) -> Array:
     """Derivative of the potential by the displacement (facets points, 3, angles)."""
-    return held.stiffness[:, None] * (np.swapaxes(held.direction, 1, 2) @ slip(held, seen))
+    taken = np.clip(slip(held, seen), -held.most, held.most)
+    return np.swapaxes(held.direction, 1, 2) @ (held.stiffness * taken)
 
 
-def tangent(held: StickSprings) -> Array:
-    """Second derivative of the potential (facets points, 3, 3, 1)."""
-    return (held.stiffness[:, None] * (np.swapaxes(held.direction, 1, 2) @ held.direction))[..., None]
+def tangent(held: StickSprings, seen: Array) -> Array:
+    """Second derivative of the potential (facets points, 3, 3, angles)."""
+    slope = np.where(np.abs(slip(held, seen)) < held.most, held.stiffness, 0.0)
+    return np.einsum("fsi,fsa,fsj->fija", held.direction, slope, held.direction)

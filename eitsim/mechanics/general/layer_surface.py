@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from eitsim.sheet.sheet_conductance import driving_strains
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import spatial_contact
 from eitsim.mechanics.general.energy.equilibrium_of_many import LayerProblem, Press, contacts, split
 from eitsim.mechanics.general.meshing.wedge import Facets, facet_shapes
 from eitsim.mechanics.general.surface_field import SurfaceField
 from eitsim.scene.polygons import signed_area
+from eitsim.sheet.sheet_conductance import driving_strains
 from touchcal.arrays import Array
 
 # Points along each side of a facet at which areas are summed, and directions and radii of a contact's curve.

@@ -124,7 +124,7 @@ def linearised(disc: ClippedDisc, x: Array, negative_curvature_scale: float = 1.
     bearing = (disc.facing.weight * contact.pressure_slope(disc.punch, touch.penetration))[:, None, None]
     bearing = bearing * touch.normal[:, :, None] * touch.normal[:, None]
     bearing = bearing + negative_curvature_scale * push[:, None, None] * touch.curvature
-    bearing = bearing + disc.facing.weight[:, None, None] * stick_springs.tangent(disc.springs)
+    bearing = bearing + disc.facing.weight[:, None, None] * stick_springs.tangent(disc.springs, seen(disc, x))
     unbalanced = 0.0 if disc.held else np.sum(pulled[:, 2]) - disc.force
     return np.append(unknowns_of(disc, on), unbalanced), Tangents(tangent, bearing)
 

@@ -21,6 +21,7 @@ import numpy as np
 from eitsim.mechanics.axisymmetric import friction_increments, solve_axisymmetric
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import mesh_hierarchy, solve_touch
+from eitsim.mechanics.contact import friction
 from eitsim.mechanics.contact.punch_contact import top_facets
 from eitsim.mechanics.harmonics.arcs import OffsetDisc, OffsetOutline
 from eitsim.mechanics.harmonics.clipped_disc import ClippedDisc, amplitudes, clipped_disc, unknowns_of
@@ -110,19 +111,20 @@ class Load:
     force: float | None
     depth: float | None
 
-    def state(self, model: IndentationProblem, sticks: bool) -> tuple[IndentationProblem, Equilibrium]:
+    def state(self, model: IndentationProblem, coefficient: float) -> tuple[IndentationProblem, Equilibrium]:
         """The problem with what holds the foam there, and its equilibrium; ValueError where nothing is given."""
         if self.force is not None:
-            if not sticks:
+            if not coefficient:
                 return model, solve_axisymmetric.under_force([model], self.force)[0]
             with bounded(friction_increments.FACTORISATIONS, model.grid.unknowns):
-                _, found = friction_increments.loaded(model, np.inf, friction_increments.at_rest(model), self.force)
+                rest = friction_increments.at_rest(model)
+                _, found = friction_increments.loaded(model, coefficient, rest, self.force)
         elif self.depth is not None:
             (state,) = solve_axisymmetric.at_depth([model], self.depth)
-            if not sticks:
+            if not coefficient:
                 return model, state
             with bounded(friction_increments.FACTORISATIONS, model.grid.unknowns):
-                _, found = friction_increments.at_depth_of(model, np.inf, self.depth, state.force)
+                _, found = friction_increments.at_depth_of(model, coefficient, self.depth, state.force)
         else:
             raise ValueError("a punch needs force_N or depth_m, got neither.")
         return replace(model, springs=found.springs), found.state
@@ -137,7 +139,7 @@ def near_rim_on_two_meshes(law: Law, body: Body, punch: Punch, *, whole: bool = 
     axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
     (see `eitsim.scene.nearest_edge`), on a finer mesh than a rim; or with all_edges the whole of it, corners and holes
     too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. The punch's edge lies on
-    the skin, and the punch slips freely or sticks. NotConverged where no equilibrium is found."""
+    the skin, and the punch slips freely, sticks or rubs. NotConverged where no equilibrium is found."""
     outlined = not body.edge.is_round
     edge, one_edge = edges_from(body, punch) if all_edges and outlined else None, outlined and not all_edges
     if not whole:
@@ -216,7 +218,7 @@ def _added(touch: Touch, law: Law, body: Body, punch: Punch, outline: OffsetDisc
     out = with_error(touch, coarser, change, body, punch, edges, left)
     volume = volume_of(after.disc, outline.scaled(1 / body.thickness_m), after.model, after.state, after.x, law,
                        body.thickness_m, np.array([punch.x_m, punch.y_m]), math.atan2(punch.y_m, punch.x_m))
-    return replace(out, touch=replace(out.touch, volume=volume), part=_WAY if punch.friction == "stick" else 0.0)
+    return replace(out, touch=replace(out.touch, volume=volume), part=0.0 if punch.friction == "none" else _WAY)
 
 
 def _pair(law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutline, rough: Resolution | None,
@@ -279,7 +281,7 @@ def _found(law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutli
     """The solution in an outline, m, from the axisymmetric state, or from one on another mesh; else by way of half the
     load."""
     model, load = set_up(law, body, punch, fineness)
-    return _under(model, load, punch.friction == "stick", outline.scaled(1 / body.thickness_m), fineness, before,
+    return _under(model, load, friction.coefficient(punch), outline.scaled(1 / body.thickness_m), fineness, before,
                   _HALVINGS)
 
 
@@ -315,9 +317,9 @@ def _widest(fineness: Resolution, away: float) -> float:
     return min(fineness.widest, fineness.grading * away) if away > _NEAR else fineness.widest
 
 
-def _under(model: IndentationProblem, load: Load, sticks: bool, outline: OffsetDisc | OffsetOutline,
+def _under(model: IndentationProblem, load: Load, coefficient: float, outline: OffsetDisc | OffsetOutline,
            fineness: Resolution, before: Solution | None, halvings: int) -> Solution:
-    model, state = load.state(model, sticks)
+    model, state = load.state(model, coefficient)
     disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles,
                         model.punch.profile.radius + fineness.out_to, held=load.force is None)
     with bounded(FACTORISATIONS, disc.unknowns):
@@ -328,7 +330,7 @@ def _under(model: IndentationProblem, load: Load, sticks: bool, outline: OffsetD
             except NotConverged:
                 if halvings == 0:
                     raise
-        half = _under(model, load.halved(), sticks, outline, fineness, None, halvings - 1)
+        half = _under(model, load.halved(), coefficient, outline, fineness, None, halvings - 1)
         found = solve(disc, half.x)
         return Solution(disc, model, state, found.x, half.residuals + found.residuals)
 

@@ -129,7 +129,7 @@ def _frames(law: Law, body: Body, punches: Sequence[Punch], fineness: Resolution
     parts = []
     for punch in punches:
         model, load = set_up(law, body, punch, fineness)
-        model, state = load.state(model, sticks=False)
+        model, state = load.state(model, 0.0)
         outline = edges_from(body, punch).scaled(1 / unit) if edges else OffsetDisc(_PLANE, 0.0)
         disc = clipped_disc(model, state, outline, fineness.harmonics, fineness.angles,
                             model.punch.profile.radius + fineness.out_to, held=load.force is None)

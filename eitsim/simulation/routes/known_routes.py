@@ -3,6 +3,7 @@ edge_touches.csv. A new route is one file and its line here."""
 
 from eitsim.simulation.routes.all_edges import ALL_EDGES
 from eitsim.simulation.routes.axisymmetric import AXISYMMETRIC
+from eitsim.simulation.routes.general import General
 from eitsim.simulation.routes.nearest_alone import NearestAlone
 from eitsim.simulation.routes.pair import Pair
 from eitsim.simulation.routes.route import Route
@@ -14,4 +15,5 @@ ROUTES: tuple[Route, ...] = (
     ALL_EDGES,
     WholeDisc(),
     Pair(),
+    General(),
 )

@@ -1,13 +1,9 @@
 """A touch with what the rim, or the nearest edge alone, changes of the axisymmetric one."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
-import numpy as np
-
-from eitsim.mechanics.contact import friction
 from eitsim.mechanics.load_paths.rim_table import near_rim_from, within
 from eitsim.mechanics.load_paths.table import touch_from
 from eitsim.mechanics.load_paths.types import Table
@@ -32,10 +28,6 @@ class NearestAlone(Route):
     """With what the rim, or the nearest edge alone, changes."""
 
     kind = "nearest_edge"
-    problems: ClassVar[Mapping[str, str]] = {
-        Why.SLIPS: "only a punch without friction, or one that sticks, is built (friction = \"none\" or \"stick\")",
-        Why.CREEPS: "holds (time_s in [hold]) that keep the deformation alone are built: control = \"depth\" and "
-                    "loading_s = 0"}
 
     def serves(self, case: Case) -> float | Choice:
         return edge_problem(case) or (6.0 if case.scene.body.has_outline else 1.9)
@@ -76,9 +68,7 @@ def edge_problem(case: Case) -> Choice | None:
     least_m = LEAST_GAP * case.scene.body.edge.size_m
     if case.gap_m < least_m:
         return Choice(Why.OFF_SKIN, {"gap_m": case.gap_m, "least_m": least_m, "outline": case.scene.body.has_outline})
-    if 0 < friction.coefficient(case.punch) < np.inf:
-        return Choice(Why.SLIPS)
-    return None
+    return NOT_MEANT if case.creeps else None
 
 
 def within_error(table: Table, scene: Scene) -> Table:

@@ -1,0 +1,50 @@
+"""Any touches that physics allows, one or several together, in three dimensions: what no other route serves."""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import ClassVar
+
+from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
+from eitsim.mechanics.general.solve_general import solve_general
+from eitsim.mechanics.rim.interaction import edge_gap_m
+from eitsim.scene.choices import Why
+from eitsim.scene.results import Touch
+from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge
+from matcal.laws.law import Law
+from touchcal.choice import Choice
+
+_ONE_S = 20.0  # CPU time of a usual touch (benchmarks/results/general_touches.csv).
+
+
+class General(Route):
+    """On a mesh of the neighbourhood of the touches, without friction."""
+
+    kind = "general"
+    problems: ClassVar[Mapping[str, str]] = {
+        Why.RUBS: "in three dimensions only punches without friction are built (friction = \"none\")",
+        Why.TOUCHING: "touches are solved together from a gap of {least_mm:.2g} mm on"}
+
+    def serves(self, case: Case) -> float | Choice:
+        body, least_m = case.scene.body, LEAST_GAP * case.scene.body.thickness_m
+        if case.gap_m < least_m:
+            return Choice(Why.OFF_SKIN, {"gap_m": case.gap_m, "least_m": least_m, "outline": body.has_outline})
+        if any(edge_gap_m(one, other) < least_m for one, other in combinations(case.punches, 2)):
+            return Choice(Why.TOUCHING, {"least_m": least_m})
+        if any(punch.friction != "none" for punch in case.punches):
+            return Choice(Why.RUBS)
+        return _ONE_S * len(case.punches)
+
+    def solve(self, case: Case, law: Law, keep: bool) -> Touch:
+        return self.solve_together(case, law, keep, ())[0]
+
+    def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
+        level, coarser = (FINE, COARSE) if case.exact else (COARSE, ROUGH)
+        return solve_general(law, case.scene.body, case.punches, level=level, coarser=coarser).touches
+
+    def words(self, of: Values) -> Words:
+        how = "a coarser mesh tells the error, which counts in the result's own"
+        if "between" not in of:
+            return "mechanics in three dimensions about the touch", f"{from_edge(of)}; {how}"
+        *first, last = (str(i + 1) for i in of["between"])
+        return (f"touches {', '.join(first)} and {last} solved together in three dimensions",
+                f"{of['gap_mm']:.1f} mm lie between the nearest edges of two; {how}")

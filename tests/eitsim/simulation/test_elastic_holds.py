@@ -1,0 +1,74 @@
+"""Holds that no route steps in time, as elastic touches: as deep as those alone, forces kept, stresses relaxed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eitsim.scene.choices import Kind
+from eitsim.scene.results import Result
+from eitsim.scene.scene import scene_from
+from eitsim.simulation.result_json import as_json
+from eitsim.simulation.simulate import simulate
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony, relaxation
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0], "longterm")
+SERIES = Prony([0.1505, 0.1696, 0.0604], [0.2936, 5.85, 81.672])
+CARD = MaterialCard("Table 1", FOAM, SERIES, Conductivity(30.0, [-2, 2, -1], (0.0, 0.4)))
+FAR = {"x_mm": -50.0, "force_N": 0.5}
+HOLD = {"time_s": [2.0, 60.0], "control": "force", "loading_s": 1.0}
+
+
+def solved(punches: list[dict[str, Any]], hold: dict[str, Any]) -> Result:
+    result = simulate(scene_from({"punch": punches, "hold": hold, "accuracy": {"signal": 0.05}}), CARD)
+    assert result.outcome == "ok", result.message
+    return result
+
+
+def kinds(result: Result) -> set[Kind]:
+    return {decision.kind for decision in result.plan.decisions}
+
+
+@pytest.mark.parametrize("control", ["force", "depth"])
+def test_two_touches_far_from_each_other_creep_as_each_alone(control: str) -> None:
+    hold = HOLD | {"control": control}
+    alone, both = solved([FAR], hold), solved([FAR, FAR | {"x_mm": 50.0}], hold)
+    assert Kind.HOLD_STEPPED in kinds(alone)
+    assert Kind.HOLD_ELASTIC in kinds(both)
+    for one, two in zip(alone.moments, both.moments, strict=True):
+        for touch in two.touches:
+            assert touch.depth_m == pytest.approx(one.touches[0].depth_m, rel=3e-3)
+            assert touch.force_N == pytest.approx(one.touches[0].force_N, rel=6e-3)
+
+
+def test_a_touch_near_the_rim_creeps_under_its_force() -> None:
+    near = solved([FAR | {"x_mm": 85.0}], HOLD)
+    forces, depths = zip(*((m.touches[0].force_N, m.touches[0].depth_m) for m in near.moments), strict=True)
+    assert forces == pytest.approx([0.5] * 3, rel=1e-9)
+    assert np.all(np.diff(depths) > 0)
+    decision = next(d for d in near.plan.decisions if d.kind == Kind.HOLD_ELASTIC)
+    assert near.error_estimate["signal"] > decision.error_bound > 0
+
+
+def test_touches_at_a_depth_kept_from_loading_at_once_relax_by_the_series() -> None:
+    hold = {"time_s": [2.0, 60.0], "control": "depth", "loading_s": 0.0}
+    both = solved([FAR, {"x_mm": 50.0, "depth_mm": 2.0}], hold)
+    assert Kind.HOLD_KEPT in kinds(both)
+    share = relaxation(SERIES, np.array([0.0, 2.0, 60.0]))
+    for k in range(2):
+        forces = np.array([moment.touches[k].force_N for moment in both.moments])
+        np.testing.assert_allclose(forces / forces[0], share, rtol=1e-9)
+    document = as_json(both, scene_from({"punch": [FAR, {"x_mm": 50.0, "depth_mm": 2.0}], "hold": hold}), CARD)
+    assert [len(block["force_N"]) for block in document["times"]] == [2, 2, 2]
+
+
+def test_a_touch_with_friction_creeps() -> None:
+    rubbed, smooth = (solved([FAR | {"friction": kind}], HOLD) for kind in ("stick", "none"))
+    assert Kind.HOLD_ELASTIC in kinds(rubbed)
+    for one, other in zip(rubbed.moments, smooth.moments, strict=True):
+        assert one.touches[0].depth_m == pytest.approx(other.touches[0].depth_m, rel=0.06)
