@@ -27,6 +27,9 @@ class Stretch:
     hoop: Array
     normal: Array  # through the thickness: J over the areal stretch
     widening: Array  # current radius over the reference radius, times its derivative by the reference radius
+    # (facets, points, 2) derivatives of the position by the reference radius and by the height
+    along: Array
+    up: Array
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:
     on_axis = facets.radius == 0
     hoop = np.where(on_axis, meridian, position[..., 0] / np.where(on_axis, 1.0, facets.radius))
     normal = (along[..., 0] * up[..., 1] - along[..., 1] * up[..., 0]) / meridian
-    return Stretch(position, meridian, hoop, normal, along[..., 0] * hoop)
+    return Stretch(position, meridian, hoop, normal, along[..., 0] * hoop, along, up)
 
 
 def samples(model: IndentationProblem, x: Array) -> tuple[Array, Stretch]:

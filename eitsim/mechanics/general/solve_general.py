@@ -9,20 +9,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eitsim.mechanics.general import layer_surface
-from eitsim.mechanics.general.energy import equilibrium_of_many as many
+from eitsim.mechanics.general.layer import layer_surface
+from eitsim.mechanics.general.mesh_errors import Corrected, CorrectedField, corrected, problem_alone
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
-from eitsim.mechanics.general.solved_layer import Solved, lone_touches, problem, solved
-from eitsim.mechanics.general.surface_field import SurfaceField
+from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import STRAINS, Body, Punch
+from eitsim.scene.scene import Body, Punch
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.jit import cpu_s
 
 # Error of the finer mesh over the difference of both, for depths and for signals.
 _DEPTH_LEFT, _SIGNAL_LEFT = 0.5, 0.5
+# Floors of both: what axisymmetric touches leave.
+_DEPTH_FLOOR, _SIGNAL_FLOOR = 1e-3, 5e-3
 # Bytes of a number of the factors and of an element's matrix, with what is kept of both at a time; and what the program
 # takes itself.
 _BYTES_ENTRY, _BYTES_ELEMENT, _BYTES_BASE = 12, 60_000, 300e6
@@ -35,9 +36,9 @@ class GeneralSolution:
     """Touches solved together."""
 
     touches: tuple[Touch, ...]  # one a punch; their arrays are means over the angle
-    field: SurfaceField  # of the whole surface
-    coarser: SurfaceField  # the same on the coarser mesh, by which errors are estimated
-    unknowns: int  # of the finer mesh
+    field: CorrectedField  # of the whole surface
+    coarser: CorrectedField  # the same on the coarser mesh, by which errors are estimated
+    unknowns: int  # of the finer mesh, and of those of each punch alone
     cpu_s: float
 
 
@@ -57,39 +58,41 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     ValueError where a punch rubs, overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
     started, lone = cpu_s(), lone_touches(law, body, punches)
-    rough, fine = (solved(problem(law, body, punches, lone, each, bonded), lone, body, punches)
-                   for each in (coarser, level))
+    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded), lone, body.thickness_m),
+                             lone, each) for each in (coarser, level))
     depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches)
     spent = cpu_s() - started
     touches = [touch_about(k, fine, rough, law, body) for k in range(len(punches))]
     touches = [replace(touch, depth_error=float(error), signal_errors=signal_errors, strain_errors=strain_errors,
                        cpu_s=spent / len(punches))
                for touch, error in zip(touches, depth_errors, strict=True)]
-    return GeneralSolution(tuple(touches), fine.field, rough.field, fine.model.mesh.unknowns, spent)
+    return GeneralSolution(tuple(touches), fine.field, rough.field, fine.unknowns, spent)
 
 
 def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH
                    ) -> Cost:
     """What `solve_general` takes, from the lone touches and the order of elimination, without solving."""
     lone = lone_touches(law, body, punches)
-    models = [problem(law, body, punches, lone, each) for each in (coarser, level)]
-    fine = models[-1]
+    whole = [problem(law, body, punches, lone, each) for each in (coarser, level)]
+    alone = [problem_alone(model, k, each) for model, each in zip(whole, (coarser, level), strict=True)
+             for k in range(len(punches))]
+    fine = whole[-1]
     memory = _BYTES_BASE + _BYTES_ENTRY * fine.tree.entries + _BYTES_ELEMENT * len(fine.mesh.elements)
-    each = [model.tree.operations / _PER_SECOND + _ELEMENT_S * len(model.mesh.elements) for model in models]
-    return Cost(fine.mesh.unknowns, memory, _ITERATIONS * sum(each))
+    each = [model.tree.operations / _PER_SECOND + _ELEMENT_S * len(model.mesh.elements) for model in whole + alone]
+    unknowns = fine.mesh.unknowns + sum(model.mesh.unknowns for model in alone[-len(punches):])
+    return Cost(unknowns, memory, _ITERATIONS * sum(each))
 
 
-def _errors(rough: Solved, fine: Solved, punches: Sequence[Punch]) -> tuple[Array, Array, Array]:
+def _errors(rough: Corrected, fine: Corrected, punches: Sequence[Punch]) -> tuple[Array, Array, Array]:
     """Relative errors (punches,) of depths, or of forces at given depths, and (3,) of signals and of strains, by
     scene.STRAINS."""
     held = np.array([punch.force_N is None for punch in punches])
-    forces = [many.reactions(each.model, each.minimum.x) for each in (rough, fine)]
-    depth = np.abs(np.where(held, forces[0] / forces[1], rough.depths / fine.depths) - 1) * _DEPTH_LEFT
+    depth = np.abs(np.where(held, rough.forces / fine.forces, rough.depths / fine.depths) - 1)
     points, areas = (np.concatenate(part) for part in zip(
-        *layer_surface.surface_points(fine.model, fine.field), strict=True))
+        *layer_surface.surface_points(fine.solved.field), strict=True))
     moments = [layer_surface.nominal_moments(each.field, points, areas) for each in (rough, fine)]
     strains = [layer_surface.strains_at(each.field, points) for each in (rough, fine)]
     signal = [float(np.linalg.norm(a - b) / np.linalg.norm(b)) for a, b in zip(*moments, strict=True)]
     missed = [float(np.sqrt(areas @ (a - b) ** 2 / (areas @ b**2))) for a, b in zip(*strains, strict=True)]
-    assert len(signal) == len(STRAINS)
-    return depth, _SIGNAL_LEFT * np.array(signal), np.array(missed)
+    return (np.maximum(_DEPTH_LEFT * depth, _DEPTH_FLOOR), np.maximum(_SIGNAL_LEFT * np.array(signal), _SIGNAL_FLOOR),
+            np.array(missed))

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
-from eitsim.mechanics.general import layer_surface
-from eitsim.mechanics.general.energy import equilibrium_of_many as many
-from eitsim.mechanics.general.energy.equilibrium_of_many import LayerProblem, Press
-from eitsim.mechanics.general.lone_touches import LoneTouch, added_up, lone_touch
+from eitsim.mechanics.general.layer import equilibrium_of_many as many
+from eitsim.mechanics.general.layer import layer_surface
+from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
+from eitsim.mechanics.general.layer.layer_field import LayerField
+from eitsim.mechanics.general.layer.lone_touches import LoneTouch, added_up, lone_touch
 from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
-from eitsim.mechanics.general.surface_field import SurfaceField
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.law import Law, over
@@ -27,9 +27,10 @@ class Solved:
     """The layer's equilibrium on one mesh."""
 
     model: LayerProblem
-    minimum: Minimum
+    x: Array  # (unknowns + punches,) as in `equilibrium_of_many`
+    residuals: tuple[float, ...]
     depths: Array  # (punches,) thicknesses, without the contacts' penetration
-    field: SurfaceField
+    field: LayerField
 
 
 def lone_touches(law: Law, body: Body, punches: Sequence[Punch]) -> tuple[LoneTouch, ...]:
@@ -52,15 +53,15 @@ def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneT
     return LayerProblem(over(law, law.mu_0_Pa), mesh, presses)
 
 
-def solved(model: LayerProblem, lone: tuple[LoneTouch, ...], body: Body, punches: Sequence[Punch]) -> Solved:
+def equilibrium(model: LayerProblem, lone: tuple[LoneTouch, ...], thickness_m: float) -> Solved:
     """Its equilibrium. NotConverged where none is found."""
     minimum = _reached(model, lone, added_up(lone, model), _HALVINGS)
-    depths = many.corrected_depths(model, minimum)
-    depths = np.array([depth if punch.depth_m is None else punch.depth_m / body.thickness_m
-                       for depth, punch in zip(depths, punches, strict=True)])
-    field = SurfaceField(model.mesh, many.split(model, minimum.x)[0], body.thickness_m, ())
-    return Solved(model, minimum, depths, replace(
-        field, contact_curves_m=layer_surface.contact_curves(model, minimum.x, field)))
+    held = [one.state.x[-1] - one.state.depth if press.force is None else 0.0
+            for one, press in zip(lone, model.presses, strict=True)]
+    field = LayerField(model.mesh, many.split(model, minimum.x)[0], thickness_m, ())
+    curves = layer_surface.contact_curves(model, minimum.x, field)
+    return Solved(model, minimum.x, minimum.residuals, many.corrected_depths(model, minimum) - held,
+                  replace(field, contact_curves_m=curves))
 
 
 def _reached(model: LayerProblem, lone: tuple[LoneTouch, ...], start: Array, halvings: int) -> Minimum:

@@ -7,6 +7,7 @@ import numpy as np
 from eitsim.mechanics.general.meshing.section import Grading, Zone, heights, section
 from eitsim.mechanics.general.meshing.skin_plan import circles_about, plan
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh, wedge_mesh
+from eitsim.scene.polygons import circle
 from eitsim.scene.scene import Body
 from touchcal.arrays import Array
 
@@ -16,6 +17,8 @@ _DEFAULT = 0.12
 _GROWTH, _LARGEST, _SHORTEST = 0.6, 1.0, 0.05
 # Largest distance from a punch's edge to where its section ends, and the part of the way to an edge or another punch.
 _SECTION, _SHARE = 1.0, 0.4
+# Distance of the rim of a disc that stands for an endless layer from where a mesh may end, thicknesses; its chords.
+_FAR, _CHORDS = 4.0, 72
 # Least distance of a punch's edge from an edge of the skin or from another punch, thicknesses.
 LEAST_GAP = 0.03
 
@@ -69,3 +72,11 @@ def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tu
     seen = plan(circles, loops, max(level.growth, _GROWTH), _LARGEST, radii + level.reach)
     sections = tuple(section(g, zone, float(r), layers) for g, zone, r in zip(gradings, zones, outer, strict=True))
     return wedge_mesh(seen, sections, layers, bonded=bonded)
+
+
+def mesh_alone(mesh: WedgeMesh, k: int, radius: float, level: Level) -> WedgeMesh:
+    """The mesh about punch k alone, with its very section and layers, on an endless layer; radius: the punch's."""
+    one = mesh.about[k]
+    rim = circle(one.circle.centre, radius + 2 * level.reach + _FAR, _CHORDS)
+    seen = plan((one.circle,), (rim,), max(level.growth, _GROWTH), _LARGEST, np.array([radius + level.reach]))
+    return wedge_mesh(seen, (one.section,), mesh.heights)

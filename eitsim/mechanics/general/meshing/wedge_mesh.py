@@ -41,6 +41,7 @@ class WedgeMesh:
     weight: Array
     about: tuple[Revolved, ...]
     plan: Plan
+    heights: Array  # (layers + 1,) of the plan's layers
     around: Facets  # quadrilaterals of the revolved sections: punch after punch, sector after sector, outwards
     flat: Facets  # triangles: fan after fan, sector after sector, then those of the plan
 
@@ -76,7 +77,7 @@ def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bon
     tops.append(len(elements) - len(plan.cells) + np.arange(len(plan.cells)))
     top = np.concatenate(tops)
     flat = facets(nodes, elements, top, np.tile(np.arange(12, 18), (len(top), 1)), np.empty((len(top), 0, 2)))
-    return WedgeMesh(nodes, elements, unknown, gradient, weight, tuple(about), plan,
+    return WedgeMesh(nodes, elements, unknown, gradient, weight, tuple(about), plan, heights,
                      facets(nodes, elements, element, local, ends), flat)
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from eitsim.mechanics.contact.punch_contact import RigidPunch
-from eitsim.mechanics.general.energy import equilibrium_of_many as many
-from eitsim.mechanics.general.energy import solid_assembly
-from eitsim.mechanics.general.energy.equilibrium_of_many import LayerProblem, Press
+from eitsim.mechanics.general.layer import equilibrium_of_many as many
+from eitsim.mechanics.general.layer import solid_assembly
+from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
+from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.meshing.levels import ROUGH, layer_mesh
 from eitsim.mechanics.general.meshing.section import Zone
-from eitsim.mechanics.general.surface_field import SurfaceField
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body
@@ -52,16 +52,16 @@ def test_a_uniform_deformation_is_held_exactly(layer: LayerProblem) -> None:
     moved = layer.mesh.nodes @ (f - np.eye(3)).T
     found = solid_assembly.displacement_gradient(layer.mesh, moved)
     assert found == pytest.approx(np.broadcast_to((f - np.eye(3)).ravel()[:, None], found.shape), abs=1e-12)
-    field = SurfaceField(layer.mesh, moved, BODY.thickness_m, ())
+    field = LayerField(layer.mesh, moved, BODY.thickness_m, ())
     rng = np.random.default_rng(2)
     angle, radius = rng.uniform(0, 2 * np.pi, 500), 0.025 * np.sqrt(rng.uniform(0, 1, 500))
     points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
-    metric, normal = field.metric_and_normal(points)
+    metric, normal = field.metric(points)
     areal = np.linalg.norm(np.cross(f[:, 0], f[:, 1]))
     assert metric == pytest.approx(np.broadcast_to((f.T @ f)[:2, :2], metric.shape), abs=1e-9)
     assert normal == pytest.approx(np.full(500, np.linalg.det(f) / areal), abs=1e-9)
     expected = np.column_stack([points, np.zeros(500)]) @ (f - np.eye(3)).T
-    assert field.displacement_m(points) == pytest.approx(expected, abs=1e-12)
+    assert field.displacement(points) == pytest.approx(expected, abs=1e-12)
 
 
 def test_a_held_punch_leaves_its_depth_alone(layer: LayerProblem) -> None:

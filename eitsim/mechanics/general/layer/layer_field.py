@@ -13,7 +13,7 @@ _TOGETHER = 20_000  # Places that are looked at together.
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceField:
+class LayerField:
     """How the surface is deformed at places (n, 2), m, of the untouched skin; as it was where the mesh ends."""
 
     mesh: WedgeMesh
@@ -23,21 +23,10 @@ class SurfaceField:
     # does
     contact_curves_m: tuple[Array, ...]
 
-    def metric(self, points_m: Array) -> Array:
-        """In-plane right Cauchy-Green tensor (n, 2, 2) of the surface."""
-        return self.metric_and_normal(points_m)[0]
-
-    def normal_stretch(self, points_m: Array) -> Array:
-        """Stretch (n,) normal to the deformed surface: J over the areal stretch."""
-        return self.metric_and_normal(points_m)[1]
-
-    def metric_and_normal(self, points_m: Array) -> tuple[Array, Array]:
-        """Both at points (..., 2)."""
-        f = self.deformation_gradient(points_m)
-        along = f[..., :2]
-        metric = np.swapaxes(along, -1, -2) @ along
-        areal = np.sqrt(metric[..., 0, 0] * metric[..., 1, 1] - metric[..., 0, 1] ** 2)
-        return metric, np.linalg.det(f) / areal
+    def metric(self, points_m: Array) -> tuple[Array, Array]:
+        """In-plane right Cauchy-Green tensor (..., 2, 2) of the surface, and stretch (...) normal to it, J over the
+        areal stretch, at points (..., 2)."""
+        return metric_of(self.deformation_gradient(points_m))
 
     def deformation_gradient(self, points_m: Array) -> Array:
         """F (..., 3, 3) at the surface; the identity where the mesh ends."""
@@ -53,7 +42,7 @@ class SurfaceField:
 
         return self._by_parts(points_m, at, (3, 3))
 
-    def displacement_m(self, points_m: Array) -> Array:
+    def displacement(self, points_m: Array) -> Array:
         """Displacement (..., 3), m, of the surface; none where the mesh ends."""
         def at(found: Places) -> Array:
             inside = found.element >= 0
@@ -68,3 +57,11 @@ class SurfaceField:
         points = np.reshape(points_m, (-1, 2)) / self.thickness_m
         parts = [at(places(self.mesh, points[k:k + _TOGETHER])) for k in range(0, len(points), _TOGETHER)]
         return np.concatenate([np.empty((0, *shape)), *parts]).reshape(*np.shape(points_m)[:-1], *shape)
+
+
+def metric_of(f: Array) -> tuple[Array, Array]:
+    """In-plane metric (..., 2, 2) and stretch (...) normal to the surface z = 0 of gradients F (..., 3, 3)."""
+    along = f[..., :2]
+    metric = np.swapaxes(along, -1, -2) @ along
+    areal = np.sqrt(metric[..., 0, 0] * metric[..., 1, 1] - metric[..., 0, 1] ** 2)
+    return metric, np.linalg.det(f) / areal

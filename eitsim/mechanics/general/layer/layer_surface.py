@@ -8,10 +8,11 @@ from scipy.ndimage import maximum_filter1d
 
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import spatial_contact
-from eitsim.mechanics.general.energy.equilibrium_of_many import LayerProblem, Press, contacts, split
+from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press, contacts, split
+from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.meshing.wedge import Facets, facet_shapes
-from eitsim.mechanics.general.surface_field import SurfaceField
 from eitsim.scene.polygons import signed_area
+from eitsim.scene.results import SurfaceField
 from eitsim.sheet.sheet_conductance import driving_strains
 from touchcal.arrays import Array
 
@@ -30,7 +31,7 @@ class PunchContact:
     wall: float  # current area of the side wall that is touched
 
 
-def contact_integrals(model: LayerProblem, x: Array, field: SurfaceField) -> tuple[PunchContact, ...]:
+def contact_integrals(model: LayerProblem, x: Array, field: LayerField) -> tuple[PunchContact, ...]:
     """Pressures and areas of each punch's contact, by the curves of the field."""
     moved, depths = split(model, x)
     count = len(model.presses)
@@ -41,7 +42,7 @@ def contact_integrals(model: LayerProblem, x: Array, field: SurfaceField) -> tup
         at = spatial_contact(model.presses[k].rigid, position - np.append(model.presses[k].axis, -depths[k]))
         largest[k] = max(largest[k], float((push / size.sum(axis=1)).max(initial=0.0)))
         wall[k] += float(np.sum(size[(at.penetration > 0) & at.wall]))
-    curves = [curve + field.displacement_m(curve)[:, :2] for curve in field.contact_curves_m]
+    curves = [curve + field.displacement(curve)[:, :2] for curve in field.contact_curves_m]
     areas = [float(signed_area(curve)) / field.thickness_m**2 * _ROUND if len(curve) else 0.0 for curve in curves]
     return tuple(PunchContact(*values) for values in zip(largest.tolist(), areas, wall.tolist(), strict=True))
 
@@ -60,7 +61,7 @@ def _finely(faces: Facets, where: Array) -> tuple[Array, Array]:
     return value @ corners, share * np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=-1)
 
 
-def contact_curves(model: LayerProblem, x: Array, field: SurfaceField) -> tuple[Array, ...]:
+def contact_curves(model: LayerProblem, x: Array, field: LayerField) -> tuple[Array, ...]:
     """Closed curves (directions, 2), m, about each punch outside which no place touches it; empty without contact."""
     depths, angle = x[model.mesh.unknowns:], 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     way = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -69,13 +70,13 @@ def contact_curves(model: LayerProblem, x: Array, field: SurfaceField) -> tuple[
                  for press, depth, sector in zip(model.presses, depths, sectors, strict=True))
 
 
-def _curve(press: Press, depth: float, field: SurfaceField, way: Array, sector: int) -> Array:
+def _curve(press: Press, depth: float, field: LayerField, way: Array, sector: int) -> Array:
     """The outermost zeros of the penetration along rays, linear between places; the largest penetration of so many
     directions, a sector of the mesh, counts, since its arcs are not quite those of a circle."""
     radius = (press.rigid.profile.radius + _REACH) * np.arange(1, _RADII + 1) / _RADII
     points = press.axis + radius[:, None] * way[:, None]
     seen = np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2) - np.append(press.axis, -depth)
-    seen = seen + field.displacement_m(points * field.thickness_m) / field.thickness_m
+    seen = seen + field.displacement(points * field.thickness_m) / field.thickness_m
     inside = press.rigid.profile.signed_distance(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2]).penetration
     inside = maximum_filter1d(inside, sector + 1, axis=0, mode="wrap")
     if not (inside > 0).any(axis=1).all():
@@ -88,16 +89,16 @@ def _curve(press: Press, depth: float, field: SurfaceField, way: Array, sector: 
     return (press.axis + end[:, None] * way) * field.thickness_m
 
 
-def surface_points(model: LayerProblem, field: SurfaceField) -> Iterator[tuple[Array, Array]]:
+def surface_points(field: LayerField) -> Iterator[tuple[Array, Array]]:
     """Places (n, 2), m, all over the meshed surface, and the reference areas (n,), m^2, that they stand for."""
-    for faces in (model.mesh.around, model.mesh.flat):
-        points = (faces.shape @ model.mesh.nodes[faces.nodes][..., :2]).reshape(-1, 2)
+    for faces in (field.mesh.around, field.mesh.flat):
+        points = (faces.shape @ field.mesh.nodes[faces.nodes][..., :2]).reshape(-1, 2)
         yield points * field.thickness_m, faces.weight.ravel() * field.thickness_m**2
 
 
 def strains_at(field: SurfaceField, points_m: Array) -> Array:
     """(3, n) strains that drive a skin, by scene.STRAINS."""
-    metric, normal = field.metric_and_normal(points_m)
+    metric, normal = field.metric(points_m)
     first, second = principal_stretches(metric)
     return driving_strains(first, second, normal)
 
@@ -112,7 +113,7 @@ def principal_stretches(metric: Array) -> tuple[Array, Array]:
 def nominal_moments(field: SurfaceField, points_m: Array, area_m2: Array) -> Array:
     """(3, 2, 2) integrals over the surface of what a touch changes of the conductance of a nominal skin over its own,
     by scene.STRAINS: its signal in a uniform field, to first order, m^2."""
-    metric, normal = field.metric_and_normal(points_m)
+    metric, normal = field.metric(points_m)
     first, second = principal_stretches(metric)
     sheet = np.exp(_SENSITIVITY * driving_strains(first, second, normal)) / (first * second)
     adjugate = np.stack([metric[:, 1, 1], -metric[:, 0, 1], -metric[:, 0, 1], metric[:, 0, 0]], -1).reshape(-1, 2, 2)

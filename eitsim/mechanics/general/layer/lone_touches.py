@@ -3,11 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from eitsim.mechanics.axisymmetric import indentation, surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, mesh_hierarchy, under_force
-from eitsim.mechanics.general.energy.equilibrium_of_many import LayerProblem
+from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem
 from eitsim.mechanics.general.meshing.section import Zone
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m, feature_m
@@ -18,7 +19,7 @@ from touchcal.arrays import Array
 
 # Radius of the disc that stands for an endless layer, thicknesses outside the punch's edge, and its elements, in
 # default sizes.
-_ENDLESS, _ELEMENT = 6.0, 2.0
+_ENDLESS, _ELEMENT = 6.0, 1.0
 # Fine elements reach this far outside the reference radius at which the contact ends, and inside where the foam stands
 # under the punch's round edge, in features of the punch (`solid.grid.feature_m`).
 _OUTSIDE, _UNDER = 0.5, 2.0
@@ -45,6 +46,43 @@ class LoneTouch:
         inside = reference[(reference < end) & (now < edge)]
         start = float(inside.max()) if len(inside) else 0.0
         return Zone(start, end + _OUTSIDE * self.feature, profile.radius, profile.sharp_tip)
+
+
+@dataclass(frozen=True, eq=False)
+class LoneSurface:
+    """The surface of a lone touch about its axis, lengths in thicknesses."""
+
+    radius: Array  # (n,) reference radii, increasing
+    # (n, 5) displacement gradient there: rr, rz, zr, zz and hoop; (n, 2) displacement
+    cubics: PchipInterpolator
+    moved: PchipInterpolator
+
+    def gradient(self, away: Array) -> Array:
+        """Displacement gradients (n, 3, 3) at places (n, 2) about the axis; none outside the last radius."""
+        radius = np.hypot(*away.T)
+        outwards = np.column_stack([away / np.maximum(radius, 1e-300)[:, None], np.zeros(len(away))])
+        outwards[radius == 0] = [1.0, 0.0, 0.0]
+        upwards = np.array([0.0, 0.0, 1.0])
+        around = np.cross(upwards, outwards)
+        rr, rz, zr, zz, hoop = (self.cubics(np.clip(radius, *self.radius[[0, -1]])) * (
+            radius <= self.radius[-1])[:, None]).T[..., None, None]
+        out, turn, up = outwards[:, :, None], around[:, :, None], upwards[None, :, None]
+        flat, side, high = (np.swapaxes(part, 1, 2) for part in (out, turn, up))
+        return rr * out * flat + rz * out * high + zr * up * flat + zz * up * high + hoop * turn * side
+
+    def displacement(self, away: Array) -> Array:
+        """Displacements (n, 3) at places (n, 2) about the axis."""
+        radius = np.hypot(*away.T)
+        values = self.moved(np.clip(radius, *self.radius[[0, -1]])) * (radius <= self.radius[-1])[:, None]
+        return np.column_stack([values[:, :1] * away / np.maximum(radius, 1e-300)[:, None], values[:, 1]])
+
+
+def lone_surface(touch: LoneTouch) -> LoneSurface:
+    """Cubics between the samples of a lone touch's surface."""
+    radius, at = surface.samples(touch.model, touch.state.x)
+    gradient = np.column_stack([at.along[:, 0] - 1, at.up[:, 0], at.along[:, 1], at.up[:, 1] - 1, at.hoop - 1])
+    moved = np.column_stack([at.position[:, 0] - radius, at.position[:, 1]])
+    return LoneSurface(radius, PchipInterpolator(radius, gradient), PchipInterpolator(radius, moved))
 
 
 def lone_touch(law: Law, body: Body, punch: Punch) -> LoneTouch:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import ContactState, RigidPunch, spatial_contact
-from eitsim.mechanics.general.energy import solid_assembly
+from eitsim.mechanics.general.layer import solid_assembly
 from eitsim.mechanics.general.meshing.wedge import Facets
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh
 from eitsim.numerics.linear_solvers import Solve, bordered

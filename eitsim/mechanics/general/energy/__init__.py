@@ -1,1 +1,0 @@
-"""Energy of a layer and its punches, and its minimum."""

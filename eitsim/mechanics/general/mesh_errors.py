@@ -1,0 +1,107 @@
+"""What a mesh leaves of each punch alone, taken away from what it leaves of all of them.
+
+Next to a contact's end a mesh in three dimensions leaves far more than an axisymmetric one, and about as much whether
+edges and other punches are near or not. The same punch alone on the same section shows it; in its place comes the
+axisymmetric touch.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eitsim.mechanics.axisymmetric import surface
+from eitsim.mechanics.general.layer import equilibrium_of_many as many
+from eitsim.mechanics.general.layer import layer_surface
+from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem
+from eitsim.mechanics.general.layer.layer_field import LayerField, metric_of
+from eitsim.mechanics.general.layer.layer_surface import PunchContact
+from eitsim.mechanics.general.layer.lone_touches import LoneSurface, LoneTouch, lone_surface
+from eitsim.mechanics.general.meshing.levels import Level, mesh_alone
+from eitsim.mechanics.general.solved_layer import Solved, equilibrium
+from touchcal.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedField:
+    """A layer's surface with, for each punch alone, the axisymmetric surface in place of the mesh's own; places
+    (..., 2) in m."""
+
+    field: LayerField
+    alone: tuple[LayerField, ...]
+    exact: tuple[LoneSurface, ...]
+    axes_m: Array  # (punches, 2)
+    contact_curves_m: tuple[Array, ...]  # as of LayerField
+
+    def metric(self, points_m: Array) -> tuple[Array, Array]:
+        """In-plane right Cauchy-Green tensor (..., 2, 2) of the surface, and stretch (...) normal to it."""
+        return metric_of(self.deformation_gradient(points_m))
+
+    def deformation_gradient(self, points_m: Array) -> Array:
+        """F (..., 3, 3) at the surface."""
+        out = self.field.deformation_gradient(points_m)
+        for field, exact, axis in zip(self.alone, self.exact, self.axes_m, strict=True):
+            away = np.reshape(points_m - axis, (-1, 2)) / field.thickness_m
+            out = out + exact.gradient(away).reshape(out.shape) - (field.deformation_gradient(points_m) - np.eye(3))
+        return out
+
+    def displacement(self, points_m: Array) -> Array:
+        """Displacement (..., 3), m, of the surface."""
+        out = self.field.displacement(points_m)
+        for field, exact, axis in zip(self.alone, self.exact, self.axes_m, strict=True):
+            away = np.reshape(points_m - axis, (-1, 2)) / field.thickness_m
+            out = out + exact.displacement(away).reshape(out.shape) * field.thickness_m - field.displacement(points_m)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """A solved layer without what its mesh leaves of each punch alone; thicknesses and mu_0."""
+
+    solved: Solved
+    depths: Array  # (punches,)
+    forces: Array  # (punches,)
+    contacts: tuple[PunchContact, ...]
+    field: CorrectedField
+    unknowns: int  # of all its meshes
+
+
+def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corrected:
+    """The layer, and each punch alone on its section. NotConverged where one of them is not found."""
+    model = solved.model
+    alone = [equilibrium(problem_alone(model, k, level), (one,), solved.field.thickness_m)
+             for k, one in enumerate(lone)]
+    depths, forces = solved.depths.copy(), many.reactions(model, solved.x)
+    contacts, curves = [], []
+    for k, (one, own) in enumerate(zip(lone, alone, strict=True)):
+        press, exact = model.presses[k], surface.contact_of(one.model, one.state.x)
+        if press.force is not None:
+            depths[k] += one.state.depth - own.depths[0]
+            forces[k] = press.force
+        else:
+            forces[k] *= one.state.force / many.reactions(own.model, own.x)[0]
+        (mine,) = layer_surface.contact_integrals(own.model, own.x, own.field)
+        whole = layer_surface.contact_integrals(model, solved.x, solved.field)[k]
+        area = min(exact.area, np.pi * press.rigid.profile.radius**2)
+        contacts.append(PunchContact(whole.largest * float(exact.pressure.max()) / mine.largest,
+                                     whole.area + area - mine.area, max(whole.wall + exact.wall - mine.wall, 0.0)))
+        curves.append(_moved_out(solved.field.contact_curves_m[k], own.field.contact_curves_m[0],
+                                 press.axis * solved.field.thickness_m, exact.radius * solved.field.thickness_m))
+    axes = np.array([press.axis for press in model.presses]) * solved.field.thickness_m
+    field = CorrectedField(solved.field, tuple(own.field for own in alone), tuple(map(lone_surface, lone)), axes,
+                           tuple(curves))
+    unknowns = model.mesh.unknowns + sum(own.model.mesh.unknowns for own in alone)
+    return Corrected(solved, depths, forces, tuple(contacts), field, unknowns)
+
+
+def problem_alone(model: LayerProblem, k: int, level: Level) -> LayerProblem:
+    """Punch k alone on its section, on an endless layer."""
+    press = model.presses[k]
+    return replace(model, mesh=mesh_alone(model.mesh, k, press.rigid.profile.radius, level), presses=(press,))
+
+
+def _moved_out(curve: Array, alone: Array, axis: Array, end: float) -> Array:
+    """A curve of contact moved along its radii by what the mesh leaves of a lone one, whose radius is `end`."""
+    if not len(curve) or not len(alone):
+        return curve
+    radius, own = (np.linalg.norm(each - axis, axis=1) for each in (curve, alone))
+    return axis + (curve - axis) * ((radius + end - own) / radius)[:, None]
