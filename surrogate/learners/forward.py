@@ -185,9 +185,12 @@ def _past(learner: TouchInversion, found: Inversion, value: Array) -> Array:
     """(2, n, outputs) one-sided standard deviations of mechanical outputs that reach the punches outside the training
     range."""
     past = np.zeros((2, *value.shape))
-    if found.outer is not None:
+    if found.outer is not None and found.smallest is not None:
         k, nodes = found.broad, _table_response(learner, found.outer.table)[0]
-        past[:, k] = one_sided(found.outer, nodes, value[k]) * np.sqrt(np.maximum(found.misfit[k], 1.0))[:, None]
+        touch = np.concatenate([np.repeat(found.touch[k, None, :2], 2, axis=1), found.smallest], axis=2).reshape(-1, 4)
+        small = mechanical_response.respond(learner.response, learner.forward.ring, touch, np.zeros(
+            (len(touch), learner.forward.materials))).value.reshape(-1, 2, value.shape[1])
+        past[:, k] = found.reached(value[k], nodes, small)
     return past
 
 

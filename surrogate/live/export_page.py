@@ -42,6 +42,7 @@ RIM_LEFT = 0.15
 _POLICY = ("default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
            "form-action 'none'")
 _SCRIPTS = ("skin.js", "drawing.js", "press.js", "learned_map.js", "browser_skin.js", "page.js")
+UNFLAGGED = "another punch is not flagged on this page"
 MISFIT_FACTOR = 3.0  # misfit over the worst validation row's from which the page calls a frame unlike a touch
 
 
@@ -65,7 +66,8 @@ def export_page(model: SweepModel, path: Path | str) -> None:
     --------
     >>> export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
     """
-    data = {"hello": hello(model, pressable(model), "exported", usual_noise_V(model)), "map": document(model)}
+    greeting = hello(model, pressable(model), "exported", usual_noise_V(model))
+    data = {"hello": greeting | {"assumes": f"{greeting['assumes']}; {UNFLAGGED}"}, "map": document(model)}
     text = _whole(json.dumps(data, allow_nan=False))
     if len(text.encode()) > MOST_BYTES:
         raise ValueError(f"the page would have {len(text.encode()) / 1e6:.1f} MB, at most {MOST_BYTES / 1e6:g} are "

@@ -69,12 +69,18 @@ class Posterior:
     # (2, n, D, G - 1) places on each interval, 0 to 1, between which its punches are likely; NaN where none is
     likely: Array
     cost: Array  # (n,) least squared distance of the strengths from the table's, in standard deviations
-    deviance: Array  # (n,) -2 log of the largest likelihood of the table's punches
+    profile: Array  # (n, D) -2 log of the largest likelihood of each diameter
+    profile_N: Array  # (n, D) the forces that it is at
+
+    @property
+    def deviance(self) -> Array:
+        """(n,) -2 log of the largest likelihood of the table's punches."""
+        return np.asarray(self.profile.min(axis=1), np.float64)
 
     def some(self, rows: Mask) -> Posterior:
         """Those of some frames."""
         return Posterior(self.table, self.radial[rows], self.log_weight[rows], self.along[rows], self.spread[rows],
-                         self.likely[:, rows], self.cost[rows], self.deviance[rows])
+                         self.likely[:, rows], self.cost[rows], self.profile[rows], self.profile_N[rows])
 
     @cached_property
     def draws(self) -> tuple[Index, Array]:
@@ -148,8 +154,12 @@ def posterior(table: Table, located: Located, inner: Posterior | None = None) ->
     least = np.min(nearest + added, axis=(1, 2)) if inner is None else (
         inner.deviance - 2 * inner.table.log_diameter.max())
     likely = _likely(nearest, cost, added, best, width, least)
+    along = np.clip(best, 0, 1)
+    force_N = table.force_N[:, :-1] + along * np.diff(table.force_N, axis=1)
+    at = np.argmin(nearest + size, axis=2)[..., None]
+    profile, profile_N = (np.take_along_axis(one, at, axis=2)[..., 0] for one in (nearest + size, force_N))
     return Posterior(table, radial, log_weight, *_truncated(best, width, mass), likely, nearest.min(axis=(1, 2)),
-                     np.min(nearest + size, axis=(1, 2)))
+                     profile, profile_N)
 
 
 @compiled

@@ -36,11 +36,12 @@ from surrogate.forward_map.inversion.diameter_force_posterior import (
 )
 from surrogate.forward_map.inversion.known_diameters import Selected
 from surrogate.forward_map.inversion.multipole_location import Located, locate, on_range
-from surrogate.forward_map.inversion.outside_diameters import asked_for, outside
+from surrogate.forward_map.inversion.outside_diameters import asked_for, outside, smallest
 from surrogate.forward_map.inversion.reading_covariance import Drift, Uncertainty, no_drift, of, whitened
 from surrogate.forward_map.inversion.rim_starts import rim_starts
 from surrogate.forward_map.load_coordinates import to_touch, to_unknown, touch_slope
 from surrogate.forward_map.multipole_series import combined
+from surrogate.statistics.conformal import COVERAGE, normal
 from surrogate.statistics.levenberg_marquardt import Minimum, inverse, minimise
 from touchcal.arrays import Array, Index, Mask
 
@@ -85,6 +86,16 @@ class Inversion:
     past: Array  # (2, n, 4) as below and above, as far as the punches outside the training range that are allowed
     other: Mask  # (n,) whether these are asked for, no trained punch being a likely one
     outer: Posterior | None = None  # what broad touches allow of these; None where none is known
+    smallest: Array | None = None  # (broad, 2, 2) d and F of the smallest ones that are allowed
+
+    def reached(self, values: Array, outside: Array, smallest: Array) -> Array:
+        """(2, broad, k) one-sided standard deviations, from values (broad, k) of broad touches to the likely punches of
+        the outer table, of values (RADII or 1, D, G, k), and to the smallest ones, of values (broad, 2, k)."""
+        assert self.outer is not None
+        off = np.where(np.isnan(smallest), 0.0, smallest - values[:, None])
+        ends = np.maximum([-off.min(axis=1), off.max(axis=1)], 0.0) / normal(COVERAGE)
+        widened = np.sqrt(np.maximum(self.misfit[self.broad], 1.0))[:, None]
+        return np.maximum(one_sided(self.outer, outside, values), ends) * widened
 
 
 def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drift | None = None) -> Inversion:
@@ -221,7 +232,8 @@ def _with_punches(forward: ForwardMap, signal: Array, found: Inversion, located:
     if not np.any(tells):
         return replace(found, broad=usable)
     punches = punches.some(tells)
-    return replace(found, punches=punches, broad=usable, outer=outside(forward, located.some(usable), punches))
+    return replace(found, punches=punches, broad=usable, outer=outside(forward, located.some(usable), punches),
+                   smallest=smallest(forward, punches))
 
 
 def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
@@ -239,8 +251,8 @@ def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
         least = LEAST_SIDE * np.sqrt(np.einsum("npp->np", spread[k, 2:, 2:]))
         sides[:, k, 2:] = np.maximum(one_sided(found.punches, nodes, mean) * np.sqrt(widened[k]), least)
     past, other = found.past.copy(), found.other.copy()
-    if found.punches is not None and found.outer is not None:
-        past[:, k, 2:] = one_sided(found.outer, found.outer.table.touch[None], touch[k, 2:]) * np.sqrt(widened[k])
+    if found.punches is not None and found.outer is not None and found.smallest is not None:
+        past[:, k, 2:] = found.reached(touch[k, 2:], found.outer.table.touch[None], found.smallest)
         other[k] = asked_for(found.punches, found.outer)
     return replace(found, touch=touch, covariance=spread, inside=within_bounds(forward, touch), below=sides[0],
                    above=sides[1], past=past, other=other)

@@ -5,6 +5,10 @@ growing as that of its processes does, and the prior of a punch falls by e with 
 signal then allows belong to the intervals of d and F. Where no trained punch is within the profile likelihood's
 interval of COVERAGE about the likeliest one of all, a touch is by another punch (a likelihood ratio at an end of the
 range: Self, Liang, J. Am. Stat. Assoc. 82 (1987) 605).
+
+A smaller punch presses harder than any trained one under the same force, and there the map errs by more than its
+processes state. So the signal is taken to rule it out no more than it does the smallest trained one, and its force is
+where the likeliest forces of the trained diameters go on, straight or bent as they are in logarithms.
 """
 
 from functools import lru_cache
@@ -15,10 +19,11 @@ from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion.diameter_force_posterior import Posterior, Table, make_table, posterior, table_of
 from surrogate.forward_map.inversion.multipole_location import Located
 from surrogate.statistics.conformal import COVERAGE, normal
-from touchcal.arrays import Mask
+from touchcal.arrays import Array, Mask
 
 SOFT = 0.25  # log d outside the range over which the prior falls by e
 REACH, STEPS = 0.4, 12  # log d up to which punches on either side are tried, and how many
+COURSE, FEWEST = 0.2, 3  # log d above the least trained one over which forces go on below it, and fewest diameters
 
 
 @lru_cache(maxsize=8)
@@ -43,3 +48,19 @@ def outside(forward: ForwardMap, located: Located, inner: Posterior) -> Posterio
 def asked_for(inner: Posterior, outer: Posterior) -> Mask:
     """(n,) whether no trained punch is a likely one."""
     return inner.deviance - outer.deviance > normal(COVERAGE) ** 2
+
+
+def smallest(forward: ForwardMap, inner: Posterior) -> Array | None:
+    """(n, 2, 2) d, mm, and F, N, of the smallest punch that belongs to the interval of each frame, where the forces go
+    on straight and bent, in logarithms, among those of the training; NaN where the least trained one does not."""
+    if outside_table(forward) is None:
+        return None
+    log_d = np.log(inner.table.d_mm / inner.table.d_mm[0])
+    near = log_d <= max(COURSE, log_d[min(FEWEST, len(log_d)) - 1])
+    powers = np.column_stack([log_d, log_d**2])
+    slope, bend = np.linalg.pinv(powers[near]) @ np.log(inner.profile_N / inner.profile_N[:, :1]).T[near]
+    left = normal(COVERAGE) ** 2 - (inner.profile[:, 0] - inner.deviance)
+    off = -np.clip(np.where(left > 0, left, np.nan) * SOFT / 2, 0.0, REACH)
+    log_F = np.log(inner.profile_N[:, :1]) + np.stack([slope * off, slope * off + bend * off**2], axis=1)
+    force_N = np.clip(np.exp(log_F), *forward.bounds[:, 2])
+    return np.stack(np.broadcast_arrays(inner.table.d_mm[0] * np.exp(off)[:, None], force_N), axis=2)

@@ -209,6 +209,34 @@ def test_punches_outside_the_range_count_as_far_as_the_signal_allows_them(learne
     assert past[1] == 14.0
 
 
+@pytest.mark.parametrize("bend", [0.0, 2.0])
+@pytest.mark.parametrize("left", [0.0, 0.5, 2.0])
+def test_forces_of_smaller_punches_go_on_as_those_of_the_trained_ones(
+        learned: ForwardMap, bend: float, left: float) -> None:
+    """Along the tangent and the parabola of log F over log d, as far as the prior alone reaches from a smallest trained
+    punch that the signal has ruled out by so much."""
+    table = diameter_force_posterior.make_table(learned)
+    inner = diameter_force_posterior.posterior(table, measured(learned, 14.0, 0.5, np.array([0.02, 1e-3, 1e-2])))
+    log_d = np.log(table.d_mm / table.d_mm[0])
+    profile, profile_N = np.r_[left, np.zeros(len(log_d) - 1)][None], np.exp(0.4 * log_d + bend * log_d**2)[None]
+    found = outside_diameters.smallest(learned, replace(inner, profile=profile, profile_N=profile_N))
+    assert found is not None
+    off = -0.5 * outside_diameters.SOFT * (1.6449**2 - left)
+    assert found[0, :, 0] == pytest.approx(table.d_mm[0] * np.exp(off), rel=1e-4)
+    assert found[0, :, 1] == pytest.approx(np.exp([0.4 * off, 0.4 * off + bend * off**2]), rel=1e-4)
+
+
+def test_a_smallest_trained_punch_that_is_ruled_out_rules_out_smaller_ones(learned: ForwardMap) -> None:
+    table = diameter_force_posterior.make_table(learned)
+    inner = diameter_force_posterior.posterior(table, measured(learned, 14.0, 0.5, np.array([0.02, 3e-4, 1.0])))
+    found = outside_diameters.smallest(learned, inner)
+    assert found is not None
+    assert np.all(np.isnan(found))
+
+
 def test_known_punches_leave_no_room_outside(learned: ForwardMap) -> None:
     known = replace(learned, known_mm=np.array([10.0, 14.0, 18.0]))
     assert outside_diameters.outside_table(known) is None
+    table = diameter_force_posterior.make_table(learned)
+    inner = diameter_force_posterior.posterior(table, measured(learned, 14.0, 0.5, np.array([0.02, 1e-3, 1e-2])))
+    assert outside_diameters.smallest(known, inner) is None

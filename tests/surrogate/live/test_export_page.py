@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ import pytest
 import surrogate
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.load_coordinates import to_unknown
-from surrogate.live.export_page import MOST_BYTES, export_page, pressable
+from surrogate.live.export_page import MOST_BYTES, UNFLAGGED, export_page, pressable
 from surrogate.live.skins import limits_of
 
 PLACE_MM = 0.2  # the most that a place read in the browser may differ from that of `predict`
@@ -102,6 +104,14 @@ def test_the_map_in_the_browser_is_that_of_the_model(
     off = np.linalg.norm(found - expected, axis=1) / np.linalg.norm(expected, axis=1)
     assert off.max() < 1e-8
     assert differs_mm(page, model, fresh_V, 2e-4) < PLACE_MM
+
+
+def test_the_page_says_that_it_flags_no_other_punch(inner_model: surrogate.Model, tmp_path: Path) -> None:
+    export_page(inner_model, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assumes = json.loads(re.findall(r'id="learned">(.*)</script>', text)[0])["hello"]["assumes"]
+    assert assumes.startswith("one punch, profile flat")
+    assert assumes.endswith(UNFLAGGED)
 
 
 def test_other_methods_have_no_map_to_export(sweep: Path, tmp_path: Path) -> None:
