@@ -29,7 +29,7 @@ app = application("Touch foam with a conductive skin: contact mechanics, skin co
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 CardOption = Annotated[Path | None, typer.Option("--card", help="Material card; else the scene's own `card` key.")]
 
-GROWTH = ("note: the signal need not grow with the force where strain = \"normal\" drives the skin or the punch "
+GROWTH = ("note: the signal need not grow with the force here, as strain = \"normal\" drives the skin or a punch "
           "conducts: two forces may give one amplitude. `surrogate evaluate` of a model of a sweep over forces shows "
           "where.")
 
@@ -50,7 +50,8 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
         print_json({"plan": decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
     else:
         show_plan(made)
-        print(GROWTH)
+        if parsed.skin.strain == "normal" or any(punch.conductor for punch in parsed.punches):
+            print(GROWTH)
     if made.refusal:
         raise ValueError(f"{scene}: {made.refusal}")
 

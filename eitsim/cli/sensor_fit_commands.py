@@ -149,6 +149,7 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     from eitsim.sensors.calibration.ideal_frames import frame_noise, ideal_frames, live_readings, to_ideal
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.recording import write_recording
+    from eitsim.sensors.untouched_scatter import change_noise
 
     check_out(out)
     check_apart({"--out": out}, (recording, sensor))
@@ -156,13 +157,19 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     known = calibrated.sensor
     patterns, each = known.protocol.shape
     read = open_recording(recording, kind=known.kind, readings=patterns * each)
-    found = to_ideal(calibrated, live_readings(read))
+    there = live_readings(read)
+    found = to_ideal(calibrated, there)
     frames = ideal_frames(found, calibrated, read)
     write_recording(frames, out)
-    noise = frame_noise(calibrated, found)
+    scatter = change_noise(read, there, found.matrix)
+    noise = frame_noise(calibrated, found, change_V=scatter)
     if as_json:
-        print_json({"out": out, "frames": len(frames.readings), "left": found.left, "noise_V": noise})
+        print_json({"out": out, "frames": len(frames.readings), "left": found.left, "change_noise_V": scatter,
+                    "noise_V": noise})
     else:
         print(f"frames: {out} ({len(frames.readings)}); {100 * found.left:.2g} % of the ideal sensor's signals are "
               f"not in the calibrated one's")
-        print(f"noise, with the error of the map: {noise:.3g} V a reading (--noise-V of `surrogate predict`)")
+        print("noise of a touched less an untouched frame, corrected: "
+              + ("not known from one untouched frame; the misfit of the calibration stands for it" if scatter is None
+                 else f"{scatter:.3g} V a reading, by untouched frames as far from each other in time"))
+        print(f"with the error of the map: {noise:.3g} V a reading (--noise-V of `surrogate predict`)")

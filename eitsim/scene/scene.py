@@ -406,7 +406,7 @@ def _electrodes(raw: Any) -> Electrodes:
         open_ends.update(infinite if key == IMPEDANCES.get(given.kind) else [])
         values[name] = tuple(_value(f"{key} in [electrodes]", 1.0 if k in infinite else cell, per,
                                     Electrodes.shape if per is None else 0.0) for k, cell in enumerate(cells))
-    if any(k != int(k) for k in given.missing):
+    if any(not isinstance(k, int | float) or k % 1 for k in given.missing):
         raise ValueError(f"missing in [electrodes] must hold numbers of electrodes, from 0, got {list(given.missing)}.")
     return replace(given, **values, missing=tuple(sorted(open_ends.union(int(k) for k in given.missing))))
 

@@ -9,9 +9,10 @@ import numpy as np
 from eitsim.sensors.companions import FEWEST, LIKELY, supports
 from eitsim.sensors.conventions import MEAN, pattern_name, predicted
 from eitsim.sensors.disc_field import ring_kernel
-from eitsim.sensors.order_evidence import CERTAIN, admitted, reciprocal
+from eitsim.sensors.order_evidence import CERTAIN, admitted, measuring_twice, reciprocal
 from eitsim.sensors.outlined_skin import OutlinedSkin
 from eitsim.sensors.recognition import (
+    NEAREST,
     Account,
     Order,
     account_of,
@@ -31,9 +32,9 @@ _ONE = 0.2  # those that spread less than this do, or are of no disc: orders wit
 _LEVEL = 0.7  # one number is added to all readings where that leaves less than this of what stays unexplained
 # A disc that leaves more than this of a frame unexplained says nothing of its order.
 EXPLAINED = 0.35
-# Exchanged leads are looked for where the part unexplained lies between these, in the likeliest accounts, and named
-# where one exchange leaves this share of it.
-_WELL, _HOPELESS, _TRIED, _BETTER = 0.02, 0.7, 4, 0.6
+_MANY = 192  # orders that are compared with imperfect discs where none of those nearest to an even one is right
+# Exchanged leads are looked for where the part unexplained lies between these, in the likeliest accounts.
+_WELL, _HOPELESS, _TRIED = 0.02, 0.7, 4
 _NEGATIVE = -0.02  # of the r.m.s.: a reading below it has a sign
 
 
@@ -113,6 +114,11 @@ def identified(profile: Array | None, signals: Array, orders: Sequence[Order], *
     left = admitted(profile, silent, orders)
     if profile is not None:
         fit, found = _fit_of_kind(profile, left, kind, skin)
+        if fit.unexplained > _TRUSTED and len(fewer := measuring_twice(profile, left)) < len(left):
+            left = fewer
+            fit, found = _fit_of_kind(profile, left, kind, skin)
+        if fit.unexplained > EXPLAINED and skin is None:
+            fit, found = _fit_of_kind(profile, left, kind, skin, most=_MANY)
         unexplained, level = fit.unexplained, fit.level
         if unexplained < EXPLAINED and fit.log_likelihood > unordered(profile) + CERTAIN:
             kept, doubtful = fit.orders, fit.counts < 1
@@ -171,19 +177,20 @@ class _Fit:
     level: float = 0.0
 
 
-def _fit_of_kind(profile: Array, orders: Sequence[Order], kind: str, skin: OutlinedSkin | None) -> tuple[_Fit, str]:
+def _fit_of_kind(profile: Array, orders: Sequence[Order], kind: str, skin: OutlinedSkin | None, *,
+                 most: int = NEAREST) -> tuple[_Fit, str]:
     """The fit of a frame and its sign; of one without negative readings the better with and without sign, or with one
     number added to all readings where that explains far more."""
     if kind == "magnitude":
-        return _fit(profile, orders, skin, signed=False), "magnitude"
-    fit = _fit(profile, orders, skin, signed=True)
+        return _fit(profile, orders, skin, signed=False, most=most), "magnitude"
+    fit = _fit(profile, orders, skin, signed=True, most=most)
     sign = {1: "positive", -1: "negative"}[fit.sign]
     if not has_sign(profile):
-        sizes = _fit(profile, orders, skin, signed=False)
+        sizes = _fit(profile, orders, skin, signed=False, most=most)
         fit, sign = (sizes, "magnitude") if sizes.log_likelihood > fit.log_likelihood + CERTAIN else (fit, "either")
     spread = _spread(profile)
     if skin is None and (fit.counts < 1 or spread < _NEARLY_ONE):
-        on = _fit(profile, orders, None, signed=True, level=True)
+        on = _fit(profile, orders, None, signed=True, level=True, most=most)
         if on.log_likelihood > fit.log_likelihood + CERTAIN and on.unexplained * spread < _LEVEL * fit.unexplained:
             return on, {1: "positive", -1: "negative"}[on.sign]
         if spread < _ONE:
@@ -192,21 +199,35 @@ def _fit_of_kind(profile: Array, orders: Sequence[Order], kind: str, skin: Outli
 
 
 def _fit(profile: Array, orders: Sequence[Order], skin: OutlinedSkin | None, *, signed: bool,
-         level: bool = False) -> _Fit:
+         level: bool = False, most: int = NEAREST) -> _Fit:
     """The likeliest orders, with two leads exchanged where that alone makes one of them much better."""
-    best = accounts(profile, orders, signed=signed, skin=skin, level=level)
-    first = best[0]
-    if _WELL < first.unexplained < _HOPELESS and not level:
-        tried = sorted((new for one in best[:_TRIED] for new in _exchanges(profile, one, skin)),
-                       key=lambda each: -each[0].log_likelihood)
-        (new, order, leads), rest = tried[0], tried[1:]
-        if (new.log_likelihood > first.log_likelihood + CERTAIN and new.unexplained < first.unexplained * _BETTER
-                and all(new.log_likelihood > other.log_likelihood + CERTAIN for other, _, _ in rest)):
-            return _Fit((order,), new.log_likelihood, new.unexplained, new.sign, 1.0, leads)
+    best = accounts(profile, orders, signed=signed, skin=skin, level=level, most=most)
     spread = 1.0 if level else _spread(profile)
-    counts = min(1.0, (_TRUSTED * spread / first.unexplained) ** 2) if skin is None else 1.0
+    if not level and (found := _with_exchange(profile, best, spread, skin)) is not None:
+        return found
+    first = best[0]
+    counts = _counts(first, spread, skin)
     kept = tuple(one.order for one in best if counts * (first.log_likelihood - one.log_likelihood) < CERTAIN)
     return _Fit(kept, first.log_likelihood, first.unexplained, first.sign, counts, level=first.level)
+
+
+def _with_exchange(profile: Array, best: Sequence[Account], spread: float, skin: OutlinedSkin | None) -> _Fit | None:
+    """The likeliest order with two leads exchanged, where that is likelier than none and any other exchange."""
+    first = best[0]
+    if not _WELL < first.unexplained < _HOPELESS:
+        return None
+    tried = sorted((new for one in best[:_TRIED] for new in _exchanges(profile, one, skin)),
+                   key=lambda each: -each[0].log_likelihood)
+    (new, order, leads), rest = tried[0], [first, *(one for one, _, _ in tried[1:])]
+    counts = _counts(new, spread, skin)
+    if any(counts * (new.log_likelihood - other.log_likelihood) <= CERTAIN for other in rest):
+        return None
+    return _Fit((order,), new.log_likelihood, new.unexplained, new.sign, 1.0, leads)
+
+
+def _counts(account: Account, spread: float, skin: OutlinedSkin | None) -> float:
+    """How much of what an account says counts, from 0 to 1."""
+    return min(1.0, (_TRUSTED * spread / account.unexplained) ** 2) if skin is None else 1.0
 
 
 def _spread(profile: Array) -> float:

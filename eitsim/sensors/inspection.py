@@ -1,18 +1,18 @@
 """What the readings of a sensor say of themselves, without a model and with one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import among_all, identical, present
-from eitsim.sensors import reading_checks
+from eitsim.sensors import reading_checks, untouched_scatter
 from eitsim.sensors.companions import FEWEST, in_step, late_readings
 from eitsim.sensors.conventions import MEAN, counts_for, counts_for_two
 from eitsim.sensors.identification import CERTAIN, Identified, has_sign, identified, stated
-from eitsim.sensors.order_evidence import not_taken, vouched
+from eitsim.sensors.order_evidence import as_silent, not_taken, vouched
 from eitsim.sensors.outlined_skin import OutlinedSkin, on_body, outlined_skin, read_between
 from eitsim.sensors.reading_checks import Apart
 from eitsim.sensors.recognition import (
@@ -47,6 +47,7 @@ class Inspection:
     dead_electrodes: tuple[int, ...]
     late: Index  # readings of a row that belong to the frame before it
     noise: float | None  # of a reading over the frame's r.m.s.; None without repeated untouched frames
+    lasting: float | None  # likewise, what lasts over untouched frames
     drift: float | None  # from the first untouched frames to the last, over the first
     repeat: Apart | None  # patterns driven twice in a frame
     source_against_sink: Apart | None  # patterns with source and sink exchanged
@@ -109,9 +110,12 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     found = stated(profile, own, kind=kind) if own is not None else identified(
         profile, signals, _orders(values.shape[1], counts, known), kind=kind, silent=silent, expected=known, skin=skin)
     agrees = _agrees(found, known, counts[0]) if known is not None else None
-    if agrees is False and known is not None and own is None and (
-            found.doubtful or vouched(profile, silent, Order(counts[0], known))):
-        agrees = None
+    if agrees is False and known is not None and own is None:
+        described = Order(counts[0], known)
+        if vouched(profile, silent, described) and as_silent(described, found.plausible, silent):
+            found, agrees = replace(found, plausible=(*found.plausible, described)), None
+        elif found.doubtful:
+            agrees = None
     kind = "magnitude" if kind == "voltage" and found.sign == "magnitude" else kind
     pairs = known if known is not None else found.order.pairs if found.order else None
     count = counts[0] if len(counts) == 1 else found.plausible[0].count if not found.doubtful and len(
@@ -129,9 +133,9 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
                                  on_body(known, placements[0] if placements else (1, 0), counts[0]))
             lost = sorted({*lost, *reading_checks.silent_electrodes(profile, model, known, counts[0])})
     idle = not_taken(pairs, silent) if pairs is not None else np.zeros_like(dead)
-    return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead & ~idle),
-                      np.flatnonzero(idle), tuple(lost), np.flatnonzero(late), reading_checks.noise(untouched),
-                      reading_checks.drift(untouched), *compared, placements=placements)
+    scatter = [of(untouched) for of in (untouched_scatter.noise, untouched_scatter.lasting, untouched_scatter.drift)]
+    return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead & ~idle), np.flatnonzero(idle),
+                      tuple(lost), np.flatnonzero(late), *scatter, *compared, placements=placements)
 
 
 def _kind(recording: Recording, values: Array) -> str:

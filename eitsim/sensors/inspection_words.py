@@ -54,7 +54,8 @@ def document(found: Inspection) -> dict[str, Any]:
             "level": one.level or None, "readings_not_taken": found.not_taken.tolist(),
             "dead_readings": found.dead_readings.tolist(), "dead_electrodes": list(found.dead_electrodes),
             "late_readings": found.late.tolist(), "noise": found.noise,
-            "noise_dB": None if not found.noise else 20 * float(np.log10(found.noise)), "drift": found.drift,
+            "noise_dB": None if not found.noise else 20 * float(np.log10(found.noise)), "lasting": found.lasting,
+            "drift": found.drift,
             **{name: _apart(getattr(found, name)) for name in ("repeat", "source_against_sink", "reciprocity")},
             "cautions": list(cautions(found)), "questions": list(questions(found))}
 
@@ -86,7 +87,9 @@ def rows(found: Inspection) -> Iterator[tuple[str, str]]:
                               _elsewhere(found) else "agrees with the readings",
                               False: "contradicted by the readings", None: allowed}[found.agrees]
     if found.noise is not None:
-        yield "noise", f"{percent(found.noise)} of the frame's r.m.s. a reading, by successive untouched frames"
+        yield "noise", f"{percent(found.noise)} of the frame's r.m.s. a reading, from one untouched frame to the next"
+    if found.lasting is not None:
+        yield "lasting changes", f"{percent(found.lasting)} of it, standard deviation over the untouched frames"
     if found.drift is not None:
         yield "drift", f"{percent(found.drift)} of the untouched frame from the first tenth of them to the last"
     for name, what in (("repeat", "a pattern driven twice"), ("source_against_sink", "source and sink exchanged"),

@@ -4,7 +4,7 @@ Readings that hold no measurement are those of driven electrodes, of dead electr
 which they are has the marginal likelihood of the few exceptions that are left. By reciprocity readings with drive and
 measurement exchanged are the same, whatever the body, and whatever is added to all readings. Both exclude orders before
 a disc compares those that are left, since no error of a model makes either. So does what a frame measures twice, most
-often with source and sink exchanged: readings that are the same by chance are few.
+often with source and sink exchanged, where no disc explains the frame: of an even one many readings are the same.
 """
 
 from collections.abc import Sequence
@@ -40,15 +40,23 @@ def admitted(profile: Array | None, silent: Mask, orders: Sequence[Order]) -> li
             kept = [one for one, log in zip(kept, likely, strict=True) if log > likely.max() - CERTAIN]
     if profile is None:
         return kept
-    repeated = np.array([repeated_difference(profile, one.pairs) for one in kept])
-    if (repeated <= _TWICE).any():
-        most = max(_FARTHER * np.nanmin(repeated), _TWICE)
-        kept = [one for one, off in zip(kept, repeated, strict=True) if off <= most]
     exchanged = np.array([exchanged_difference(profile, one.pairs) for one in kept])
     least = np.nanmin(exchanged) if np.isfinite(exchanged).any() else np.inf
     if least > _RECIPROCAL:
         return kept
     return [one for one, off in zip(kept, exchanged, strict=True) if not off > max(_FARTHER * least, _LEAST)]
+
+
+def measuring_twice(profile: Array, orders: Sequence[Order]) -> list[Order]:
+    """The orders that what a frame (readings,) measures twice leaves: where some say that readings which are the same
+    are so, those and the reciprocal ones that measure nothing twice, since an even ring has readings that mirror each
+    other; else all."""
+    repeated = np.array([repeated_difference(profile, one.pairs) for one in orders])
+    if not (repeated <= _TWICE).any():
+        return list(orders)
+    most = max(_FARTHER * np.nanmin(repeated), _TWICE)
+    return [one for one, off in zip(orders, repeated, strict=True)
+            if off <= most or (np.isnan(off) and exchanged_difference(profile, one.pairs) <= _RECIPROCAL)]
 
 
 def reciprocal(profile: Array, orders: Sequence[Order]) -> list[Order]:
@@ -62,6 +70,11 @@ def vouched(profile: Array | None, silent: Mask, order: Order) -> bool:
     none, *driven = _silences(order, silent)
     return max(driven) > none + CERTAIN or (profile is not None and (
         bool(reciprocal(profile, [order])) or repeated_difference(profile, order.pairs) <= _TWICE))
+
+
+def as_silent(order: Order, others: Sequence[Order], silent: Mask) -> bool:
+    """Whether readings that hold no measurement are about as likely under an order as under others."""
+    return not silent.any() or silence(order, silent) > max(silence(one, silent) for one in others) - CERTAIN
 
 
 def at_driven(pairs: Index) -> Mask:

@@ -1,9 +1,8 @@
-"""What readings say of the instrument without a model: noise, drift, dead channels, repeats, reciprocity.
+"""What readings say of the instrument without a model: dead channels, repeats, reciprocity.
 
 Two lists of numbers that should be the same, a and later b, are |a - b| / |a| from each other, 2-norms.
 """
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -16,11 +15,9 @@ from touchcal.arrays import Array, Index, Mask
 # Readings that an ohmmeter makes the same and that, all together, differ by as much as they are have nothing in common:
 # no model of a passive body is made of them. Gains against ground alone may well make half of that.
 NO_OHMMETER = 1.0
-_ENDS = 0.1  # part of the untouched frames at either end that drift is taken between
 _MOSTLY = 0.8  # an electrode is dead where this part of its readings is
 _SILENT = 0.1  # an electrode is dead whose readings are this part of a model's, where the median electrode's are all
 _STILL = 10  # frames over which a reading of a board with few bits may well not change
-_FEWEST = 3  # untouched frames that noise is taken from
 
 
 @dataclass(frozen=True)
@@ -79,35 +76,6 @@ def mean_frame(frames: Array) -> Array:
     """(readings,) mean over the frames (frames, readings) in which each reading is there; NaN where it never is."""
     there = np.isfinite(frames).sum(axis=0)
     return np.divide(np.nansum(frames, axis=0), there, out=np.full(frames.shape[1], np.nan), where=there > 0)
-
-
-def noise(untouched: Array) -> float | None:
-    """Standard deviation of one reading by the third differences of successive untouched frames (frames, readings),
-    which leave out ramps and slow waves, over the frames' r.m.s.; empty frames do not count; None of fewer than three.
-    """
-    untouched = _not_empty(untouched)
-    if len(untouched) < _FEWEST:
-        return None
-    order = min(3, len(untouched) - 1)
-    squares = np.nanmean(np.diff(untouched, order, axis=0) ** 2) / math.comb(2 * order, order)
-    return float(np.sqrt(squares / np.nanmean(untouched**2)))
-
-
-def drift(untouched: Array) -> float | None:
-    """Change from the first tenth of untouched frames (frames, readings) to the last over the first, 2-norms; empty
-    frames do not count; None of fewer than three."""
-    untouched = _not_empty(untouched)
-    if len(untouched) < _FEWEST:
-        return None
-    part = max(1, int(_ENDS * len(untouched)))
-    first, last = mean_frame(untouched[:part]), mean_frame(untouched[-part:])
-    kept = np.isfinite(first) & np.isfinite(last)
-    return float(np.linalg.norm((last - first)[kept]) / np.linalg.norm(first[kept]))
-
-
-def _not_empty(frames: Array) -> Array:
-    """Frames (frames, readings) with a reading."""
-    return frames[np.isfinite(frames).any(axis=1)]
 
 
 def repeats(values: Array, pairs: Index, current: Array, *, signed: bool) -> Apart | None:

@@ -22,7 +22,7 @@ from touchcal.arrays import Array, Index
 _WIDTHS, _WIDTH, _CONTACTS = (0.2, 0.5, 0.8), 0.5, (0.0, 0.3, 1.0, 3.0)
 _MODEL, _FLOOR, _DEGREES, _LEAST = 0.2, 0.02, 4.0, 1e-3
 # How much worse than the best one of the second comparison may be, a reading; most orders looked at, most compared.
-_NEAR, _MOST_NEAR, _MOST = 0.25, 512, 64
+_NEAR, _MOST_NEAR, NEAREST = 0.25, 512, 64
 # Second comparison: standard deviations of the imperfections granted, all times a common scale: of angles over the
 # spacing, of the sheet's waves, of channels' gains, of contacts; and of the kernel's steps. The noise and that scale
 # are what fits best.
@@ -85,12 +85,13 @@ def orders_of_sensor(pairs: Index, count: int) -> list[Order]:
 
 
 def accounts(profile: Array, orders: Sequence[Order], *, signed: bool, skin: OutlinedSkin | None = None,
-             level: bool = False) -> list[Account]:
+             level: bool = False, most: int = NEAREST) -> list[Account]:
     """The orders that may have made an untouched frame (readings,), the likeliest first, one of each set that no ring
     can tell.
 
     signed: whether readings have a sign; level: whether one number is added to all of them. NaN is a dead channel.
-    skin: what they are compared with in the place of a disc, electrodes numbered in every way.
+    skin: what they are compared with in the place of a disc, electrodes numbered in every way; most: how many orders
+    are compared with imperfect discs, those nearest to an even one.
     """
     profile = profile / np.sqrt(np.nanmean(profile**2))
     if skin is not None:
@@ -101,12 +102,12 @@ def accounts(profile: Array, orders: Sequence[Order], *, signed: bool, skin: Out
         size = float(np.sqrt(np.nanmean((profile - about) ** 2))) or 1.0
         profile = (profile - about) / size
     losses, signs = _compared(profile, orders, signed, level)
-    ranked = [k for k in np.argsort(losses, kind="stable")[:_MOST_NEAR]
-              if losses[k] < losses.min() + _NEAR * len(profile)]
+    nearest = np.argsort(losses, kind="stable")[:_MOST_NEAR]
+    ranked = nearest[losses[nearest] < losses.min() + _NEAR * len(profile)] if most == NEAREST else nearest
     classes: dict[tuple[int, bytes], int] = {}
     for k in ranked:
         classes.setdefault((orders[k].count, canonical(orders[k].pairs, orders[k].count, signed)), int(k))
-        if len(classes) == _MOST:
+        if len(classes) == most:
             break
     made = [_account(profile, orders[k], int(signs[k]), level=level) for k in classes.values()]
     if level:
@@ -143,7 +144,7 @@ def _on_skin(profile: Array, orders: Sequence[Order], skin: OutlinedSkin, signed
     ranked = [k for k in np.argsort(losses, kind="stable")[:_MOST_NEAR]
               if losses[k] < losses.min() + _NEAR * len(profile)]
     best: dict[bytes, Account] = {}
-    for k in ranked[:2 * _MOST]:
+    for k in ranked[:2 * NEAREST]:
         one = _account(profile, placed[k], int(signs[k]), skin)
         key = canonical(one.order.pairs, skin.count, signed)
         if key not in best or one.log_likelihood > best[key].log_likelihood:

@@ -49,6 +49,7 @@ def explain_excess(requested: float, error_estimate: float, numerical: float, pl
         f" Skin and conductor nearly cancel: without conducting the signal would be {part.insulated:.2g} times as "
         "large, and errors of either part count as much more.")
     left_out = plan.error_bound * _grown(readings)
+    floor = "" if numerical < 1 else " The signal is below what is resolved here, and may as well be 0."
     return (f"the signal's error may be {error_estimate:.3g}, more than the {requested:g} asked for (signal in "
             f"[accuracy]): {numerical:.3g} is numerical, {left_out:.3g} what the plan left out, most of that "
-            f"\"{largest.decision}\".{largest.remedy and ' ' + largest.remedy}{against}")
+            f"\"{largest.decision}\".{largest.remedy and ' ' + largest.remedy}{against}{floor}")

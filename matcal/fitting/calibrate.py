@@ -18,6 +18,7 @@ from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
 from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
 from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift, with_zero
+from matcal.fitting.uncertainty.two_nu import TwoNu, two_nu
 from matcal.laws.deformation_modes import MODES
 from matcal.laws.known_laws import law_type
 from matcal.laws.law import Law
@@ -109,6 +110,7 @@ class FittedLaws:
     cpu_s: Mapping[str, float]  # stage -> CPU seconds
     predicted: tuple[Predicted, ...] = ()  # tests kept out of the fit, and the errors with which its laws predict them
     data_checks: tuple[DataCheck, ...] = ()  # what the records themselves say about stability
+    two_nu: TwoNu | None = None  # nu by lateral strains and by all else, where there are both
 
     @property
     def decisions(self) -> tuple[str, ...]:
@@ -143,7 +145,8 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     stages = {"records": said, "relaxation": prony.decisions if prony else (), "law": how, "checks": checks,
               "skin": skin.decisions if skin else ()}
     spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
-    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data)
+    both = two_nu(law, prony) if law else None
+    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both)
 
 
 def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions) -> PronyFit:

@@ -32,8 +32,8 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge, _assumed,
-             _set, _held, _misfit, _at_bound, _open_nu, _undetermined, _band, _predictions, _coverage, _rate, _loss,
-             _series, _step, _skin)
+             _set, _held, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions, _coverage, _rate,
+             _loss, _series, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -258,6 +258,19 @@ def _open_nu(card: MaterialCard) -> Iterator[str]:
     then = f"; mu_0 lies between {mu_0['lo'] / 1e3:.3g} and {mu_0['hi'] / 1e3:.3g} kPa with it" if mu_0 else ""
     yield (f"nu is not determined by these tests: its 95 % interval is {where}, searched from {low:g} to {high:g}"
            f"{then}. Add lateral strain or a volumetric test, or give a known value with --poisson.")
+
+
+def _two_nu(card: MaterialCard) -> Iterator[str]:
+    """Lateral strains that contradict the nu of the stresses, or the one that was given."""
+    nu = card.fit.get("nu", {})
+    if not nu.get("contradicted"):
+        return
+    lateral, other = (f"{lo:.3g}" if f"{lo:.3g}" == f"{hi:.3g}" else f"{lo:.3g} to {hi:.3g}"
+                      for lo, hi in (nu["by_lateral_strain"], nu["without"]))
+    rest = (f"the stresses of the tests alone say {other}, and neither holds the other" if "value" in nu else
+            f"nu = {other} was {nu['how']}, and they were not used")
+    yield (f"The lateral strains say that nu is {lateral}; {rest}. Check their sign and unit, what they are measured "
+           "on, and the sizes of the specimens.")
 
 
 def _undetermined(card: MaterialCard) -> Iterator[str]:

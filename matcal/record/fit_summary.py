@@ -42,6 +42,9 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
                           for n, i in found.uncertainty.derived.items()}
         out["intervals"] = OF_THIS_LAW if found.fit.moves is None else OF_ONE_FORM
         out |= {"nu": _nu_part(found.fit, found.uncertainty)} if found.fit.moves is None else {}
+        if found.two_nu is not None:
+            out["nu"] |= {"by_lateral_strain": list(found.two_nu.lateral), "without": list(found.two_nu.other),
+                          "contradicted": found.two_nu.apart}
         out["not_determined"] = list(found.uncertainty.not_determined)
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:

@@ -20,10 +20,11 @@ from eitsim.sensors.calibration.skin_fit import FEWEST, SkinFit, fit_skin
 from eitsim.sensors.calibration.skin_law import SkinPresses, check_skin, held_label, skin_presses
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit, fit_best, random_starts, staged
 from eitsim.sensors.labels import Labels, labels_of
-from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame, noise
+from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 from eitsim.sensors.taken_readings import idle_readings
+from eitsim.sensors.untouched_scatter import change_noise
 from matcal.card import MaterialCard
 from touchcal.arrays import Array
 
@@ -106,8 +107,7 @@ def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None
     found = replace(found, size=_size(found, presses, seed))
     if card is None or found.reason:
         return found
-    rest = np.real(recording.readings[recording.untouched])
-    return replace(found, skin=_skin(found, presses, labels, card, rest, seed))
+    return replace(found, skin=_skin(found, presses, labels, card, recording, seed))
 
 
 def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
@@ -176,9 +176,9 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
     return min((sized(sign) for sign in signs), key=lambda each: each.held_out)
 
 
-def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCard, rest: Array,
+def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCard, recording: Recording,
           seed: int) -> FittedSkin:
-    """What the presses say of a card's skin and foam, on the calibrated sensor; rest: (frames, m) untouched."""
+    """What the presses say of a card's skin and foam, on the calibrated sensor."""
     assert found.instrument is not None
     assert found.fit is not None
     assert found.size is not None
@@ -212,9 +212,8 @@ def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCa
 
     common = errors_of_instrument(found.instrument, found.fit, replace(scene, punches=held.punches), held.signals({}),
                                   seed)
-    scatter = np.sqrt(2) * (noise(rest) or 0.0) * float(np.sqrt(np.nanmean(rest**2)))
     fit = fit_skin(signals, presses.signal[held.rows][:, there], held.groups, common=sign * common[..., there],
-                   noise_V=scatter, seed=seed)
+                   noise_V=change_noise(recording, there) or 0.0, seed=seed)
     return FittedSkin(card, len(held.rows), (*np.delete(own.touch, held.rows).tolist(),),
                       (*own.touch[held.too_deep].tolist(),), (*own.touch[held.rows][fit.odd].tolist(),), lies, fit)
 

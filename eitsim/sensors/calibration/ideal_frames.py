@@ -76,9 +76,10 @@ def least_squares_map(real: Array, ideal: Array, noise: float, there: Mask) -> A
     return np.diag(there.astype(float)) + np.linalg.solve(gram, real @ (ideal - real).T).T
 
 
-def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0) -> float:
-    """Standard deviation, V, of a corrected reading of a touched frame, r.m.s.: noise of both frames through the map,
-    and its error for a touch as large as a pixel, over sensors drawn by the standard deviations of the parameters.
+def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0, change_V: float | None = None) -> float:
+    """Standard deviation, V, of a corrected reading of a touched frame, r.m.s.: change_V, of touched less untouched
+    frames through the map (`change_noise`; None: as if each frame scattered by the misfit of the calibration), and the
+    map's error for a touch as large as a pixel, over sensors drawn by the standard deviations of the parameters.
 
     These are taken as independent, which makes the draws wider than the posterior, and the signals as linear in them:
     of a sensor far from the calibrated one, as by leaks that give back energy, no body is made.
@@ -90,8 +91,8 @@ def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0) -> 
         step = _STEP * held.gauged(calibrated.sd * chance.standard_normal(held.size))
         change = found.matrix @ (signals(calibrated, calibrated.state + step) - middle) / _STEP
         error += float(np.mean(np.sum(change**2, axis=0))) / _DRAWS
-    noise = 2 * calibrated.misfit**2 * np.sum(found.matrix**2)
-    return float(np.sqrt((error + noise) / len(found.matrix)))
+    square = 2 * calibrated.misfit**2 * np.sum(found.matrix**2) / len(found.matrix) if change_V is None else change_V**2
+    return float(np.sqrt(error / len(found.matrix) + square))
 
 
 def live_readings(recording: Recording) -> Mask:

@@ -93,11 +93,17 @@ def nu_sentences(nu: Sequence[float], poisson: Poisson | None, curves: Sequence[
     return [out + (f"; {', '.join(at)} stopped at that bound: do not read it." if at else ".")]
 
 
+def stress_says_nu(curves: Sequence[Curve]) -> bool:
+    """Whether stresses alone may say nu: of two modes, one of which is not shear."""
+    kinds = {c.experiment.kind for c in curves}
+    return len(kinds - {"shear"}) > 0 and len(kinds) > 1
+
+
 def _require_data(poisson: str, curves: Sequence[Curve]) -> None:
     kinds = {c.experiment.kind for c in curves}
     lateral = any(c.experiment.lateral is not None for c in curves)
     volumetric = "volumetric" in kinds and len(kinds) > 1
-    if lateral or volumetric or (poisson == "fit" and len(kinds - {"shear"}) > 0 and len(kinds) > 1):
+    if lateral or volumetric or (poisson == "fit" and stress_says_nu(curves)):
         return
     requested = (
         "the lateral strain next to the axial one (a column lateral strain), or a volumetric test next to another mode"

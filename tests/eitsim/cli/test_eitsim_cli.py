@@ -160,7 +160,11 @@ def test_a_run_says_what_each_quantity_is_and_the_plan_in_one_line(command: Comm
     assert re.search(r"unknown +laws used outside", planned)
 
 
-def test_a_plan_says_that_the_signal_need_not_grow_with_the_force(command: Command, folder: Path) -> None:
-    done = command("eitsim", "plan", "scene.toml", cwd=folder)
-    assert done.returncode == 0, done.stderr
-    assert "two forces may give one amplitude" in done.stdout
+def test_a_plan_says_that_the_signal_need_not_grow_with_the_force_where_that_is_so(command: Command,
+                                                                                   folder: Path) -> None:
+    plain = (folder / "scene.toml").read_text()
+    for name, more, said in (("scene", "", False), ("normal", '[skin]\nstrain = "normal"\n', True)):
+        (folder / f"{name}.toml").write_text(plain + more)
+        done = command("eitsim", "plan", f"{name}.toml", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        assert ("two forces may give one amplitude" in done.stdout) == said

@@ -78,7 +78,7 @@ def test_each_electrode_keeps_what_it_is_given_and_comes_back():
     ({"contact_impedance_Ohm_m": [1.0] * 15 + [-1.0]}, "positive, got -1"),
     ({"contact_impedance_Ohm_m": float("nan")}, "finite"), ({"contact_impedance_Ohm_m2": 1}, "no effect with kind"),
     ({"length_mm": 5}, "length_mm .*no effect"), ({"kind": "patch", "length_mm": 100}, "length_mm .*less than radius"),
-    ({"missing": [16]}, "0 to 15, got 16"), ({"missing": [0.5]}, "missing"),
+    ({"missing": [16]}, "0 to 15, got 16"), ({"missing": [0.5]}, "missing"), ({"missing": [[]]}, "missing"),
     ({"missing": list(range(3, 16))}, "no reading"), ({"angles_deg": [0, 90, 180]}, "angles_deg .*16 numbers"),
     ({"count": 4, "angles_deg": [0, 180, 90, 270]}, "counter-clockwise"),
     ({"count": 4, "angles_deg": [0, 90, 180, 361]}, "one turn"),

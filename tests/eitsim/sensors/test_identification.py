@@ -37,6 +37,13 @@ def test_scrambled_baselines_are_named_and_none_wrongly(simulated: ModuleType, c
     assert verdicts["named"] >= named
 
 
+@pytest.mark.parametrize(("case", "seed"), [
+    ("imperfect", 2002), ("exchanged", 2007), pytest.param("exchanged", 2011, marks=pytest.mark.slow)])
+def test_readings_that_mirror_each_other_are_not_taken_twice(simulated: ModuleType, case: str, seed: int) -> None:
+    """8 electrodes, where orders with repeats fit the symmetry; 32, whose imperfections hide exchanged leads best."""
+    assert simulated.row(seed, case)["verdict"] == "named"
+
+
 def test_an_even_ring_is_asked_what_symmetry_hides(simulated: ModuleType) -> None:
     """Which way drives move where readings move with them: the same numbers on an even ring."""
     seeds = [seed for seed in range(2000, 2030) if (one := simulated.scrambled(seed, "even").convention).rotating

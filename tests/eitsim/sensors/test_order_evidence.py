@@ -14,7 +14,7 @@ from eitsim.sensors.inspection_words import cautions
 from eitsim.sensors.order_evidence import at_driven, exchanged_difference, not_taken, repeated_difference, silence
 from eitsim.sensors.recognition import Order, canonical
 from eitsim.sensors.recording import Recording
-from eitsim.sensors.sensor_file import drive_of_pairs, read_pairs, sensor_from
+from eitsim.sensors.sensor_file import drive_of_pairs, read_pairs, read_sensor, sensor_from
 from eitsim.sensors.unmeasured import unmeasured
 
 CASES = Path(__file__).parents[4] / "shared" / "cases" / "eit"
@@ -153,6 +153,28 @@ def test_public_recordings_are_right_or_asked_and_their_file_is_not_contradicted
     assert not free.late.size
     told = inspect(recording, sensor_from({"drive": drive_of_pairs(ADJACENT, 16)}, Path()))
     assert told.agrees is not False
+
+
+@cases
+def test_a_tank_s_symmetry_does_not_exclude_its_order() -> None:
+    found = inspect(open_recording(CASES / "01_kaufmann_skip7_mat" / "vhvi.mat"))
+    assert is_order(found, Convention(16, 16, 7, "pair", 7, "all", False, 0, 1).pairs())
+    assert found.identified.unexplained < 0.002
+
+
+@cases
+@pytest.mark.parametrize("name", ["drop3.csv", "drop4.csv"])
+def test_an_order_far_from_an_even_disc_is_the_first_of_those_asked_for(name: str) -> None:
+    found = inspect(open_recording(CASES / "03_montreal_moving_target" / name)).identified
+    pairs = Convention(16, 16, 1, "pair", 1, "undriven", False, 0, 1).pairs()
+    assert found.order is None
+    assert canonical(found.plausible[0].pairs, 16, False) == canonical(pairs, 16, False)
+
+
+@cases
+def test_a_file_under_which_other_pairs_would_be_0_is_contradicted() -> None:
+    folder = CASES / "02_golfball_phantom_mat"
+    assert inspect(open_recording(folder / "vhvi.mat"), read_sensor(folder / "sensor_named.toml")).agrees is False
 
 
 @cases

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from eitsim.sensors import reading_checks
-from eitsim.sensors.companions import late_readings
 from eitsim.sensors.recording import Recording
 
 # Two currents between electrodes 0 and 2, exchanged, one of them twice, and one that 1 and 3 drive.
@@ -70,31 +69,6 @@ def test_reciprocity_compares_drive_and_measurement_exchanged() -> None:
     assert found is not None
     assert (found.together, found.compared) == (pytest.approx(0.1), 1)
     assert reading_checks.reciprocity(np.ones((1, 2)), pairs[1:], np.ones(2), signed=True) is None
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("kind", ["ramp", "breath", "delays"])
-def test_slow_changes_are_no_noise_and_no_late_readings(kind: str, seed: int) -> None:
-    """Changes 30 times the noise: of temperature, and periods of ten frames, with the phase of each reading its own."""
-    random, time, level = np.random.default_rng(seed), np.arange(300)[:, None], frame(seed)
-    slow = {"ramp": 1 - np.exp(-time / 80), "breath": np.sin(2 * np.pi * time / 10),
-            "delays": np.sin(2 * np.pi * (time - np.arange(len(PAIRS)) / len(PAIRS)) / 10)}[kind]
-    sd = 1e-3 * np.sqrt(np.mean(level**2))
-    values = level * (1 + 0.03 * slow) + sd * random.normal(size=(300, len(PAIRS)))
-    found = reading_checks.noise(values)
-    assert found is not None
-    assert 0.5 < found / 1e-3 < 2
-    assert not late_readings(values[1:] - values[0]).any()
-
-
-def test_noise_is_that_of_one_reading_whatever_drifts() -> None:
-    random = np.random.default_rng(1)
-    untouched = frame()[None] * (1 + np.linspace(0, 0.1, 500)[:, None]) + 0.02 * random.normal(size=(500, len(PAIRS)))
-    found = reading_checks.noise(untouched)
-    assert found == pytest.approx(0.02 / np.sqrt(np.mean(untouched**2)), rel=0.05)
-    assert reading_checks.drift(untouched) == pytest.approx(0.09, rel=0.1)
-    assert reading_checks.noise(untouched[:2]) is None
-    assert reading_checks.drift(untouched[:2]) is None
 
 
 def test_dead_channels_and_electrodes() -> None:

@@ -80,3 +80,5 @@ def test_what_the_plan_left_out_counts_as_much_more_as_the_parts_are_larger() ->
     assert grown["signal"] == pytest.approx(6 * plain["signal"])
     assert grown["depth"] == plain["depth"]
     assert "6 times as large" in explain_excess(0.01, 0.5, 0.1, Plan(made.decisions), readings)
+    assert "may as well be 0" not in explain_excess(0.01, 0.5, 0.1, Plan(made.decisions), readings)
+    assert "may as well be 0" in explain_excess(0.01, 19.6, 19.5, Plan(made.decisions), readings)
