@@ -13,7 +13,7 @@ _NEAR_RIM = {"solved near the rim", "table near the rim"}
 
 
 def near_edge(rows: pd.DataFrame) -> Mask:
-    """(rows,) whether the mechanics of a touch were solved with an edge near it; of earlier rows by what they hold instead."""
+    """(rows,) whether the mechanics of a touch were solved with an edge near it; of earlier rows by their codes."""
     words, kinds = (rows[name] if name in rows else pd.Series(None, rows.index, dtype=object)
                     for name in (METHODS[0], KIND))
     return np.array([not FAR.issuperset(kind.split(", ")) if isinstance(kind, str) else
