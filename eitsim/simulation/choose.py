@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from eitsim.electrics.cem.boundary_integral import unsolvable
+from eitsim.electrics.forward.skins import skin_of
 from eitsim.mechanics.axisymmetric.hold import kept, relaxed
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
@@ -200,9 +200,8 @@ def _why(scene: Scene, material: Material, ways: Sequence[Way], together: Sequen
     """Why a scene cannot be solved, with the nearest that can."""
     if why := unresolvable(scene, material):
         return why
-    if (scene.electrodes.kind == "line" and not scene.body.has_outline and material.card.conductivity is not None and (
-            problem := unsolvable(scene.body, present(scene.electrodes),
-                                  untouched_conductance(material.skin, scene.skin)))):
+    if material.card.conductivity is not None and (problem := skin_of(
+            scene.body, present(scene.electrodes), untouched_conductance(material.skin, scene.skin)).problem()):
         return Choice(Why.ELECTRODES, {"problem": problem})
     for i, way in enumerate(ways):
         if (why := _why_alone(way)) is not None:

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from eitsim.scene.edges.outline import Outline
-from eitsim.scene.nearest_edge import nearest_edge, quarter_distances_m
-from eitsim.scene.scene import Punch, Scene, rim_gap_m
+from eitsim.scene.edges.edge import Edge
+from eitsim.scene.scene import Punch, Scene
 
 # Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
 # by the rim of depth, of the strain that drives the skin (2-norm) and of dV (2-norm), for 8 mm and 0.3 N, 14 mm and 1
@@ -38,16 +37,14 @@ def rim_effect(gap_m: float, thickness_m: float, strain: str) -> float:
 
 
 def effect_of_edges(scene: Scene, punch: Punch) -> float:
-    """What neglecting the rim may cost; with an outline what all its edges and holes may change."""
-    if scene.body.has_outline:
-        return _edges_effect(scene, scene.body.outline, punch)
-    return rim_effect(rim_gap_m(scene.body, punch), scene.body.thickness_m, scene.skin.strain)
+    """What neglecting the rim, or all edges and holes of an outline, may cost."""
+    return _edges_effect(scene, scene.body.edge, punch)
 
 
-def _edges_effect(scene: Scene, outline: Outline, punch: Punch) -> float:
-    """What the edges of an outline may change: the sum of what the rim of a disc would, as near as the nearest edge in
-    each quarter about the punch."""
-    gaps = quarter_distances_m(outline, (punch.x_m, punch.y_m)) - punch.diameter_m / 2
+def _edges_effect(scene: Scene, edge: Edge, punch: Punch) -> float:
+    """What an edge may change: the sum of what the rim of a disc would, as near as the nearest part of it in each
+    quarter about the punch."""
+    gaps = edge.quarters_m((punch.x_m, punch.y_m)) - punch.diameter_m / 2
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps.tolist())
 
 
@@ -59,7 +56,7 @@ def outer_edge_effect(scene: Scene, punch: Punch) -> float:
 def other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -> float:
     """What the edges but the nearest may cost: the sum of what the rim of a disc would, as near as the nearest of them
     in each quarter about the punch; outside: of those further from its edge than so many thicknesses."""
-    others = nearest_edge(scene.body.outline, (punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
+    others = scene.body.edge.nearest((punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in others.tolist()
                if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
 
@@ -77,7 +74,7 @@ def least_gap_m(scene: Scene) -> float:
     """Least distance, m, of a punch's edge to the rim, or to both edges of a right-angled corner, at which neglecting
     them costs no more than its share of the requested error; infinite beyond ten thicknesses."""
     thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
-    ways = (1.0, 1.0, math.sqrt(2), math.sqrt(2)) if scene.body.has_outline else (1.0,)
-    near = np.array([sum(rim_effect(way * gap * thickness, thickness, scene.skin.strain) for way in ways)
+    near = np.array([sum(rim_effect(way * gap * thickness, thickness, scene.skin.strain) for way in
+                         scene.body.edge.corner)
                      for gap in gaps]) > EDGE_SHARE * scene.accuracy.signal
     return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness)

@@ -322,8 +322,7 @@ def _electrodes(scene: Scene, punch: Punch, touch: Touch) -> Block:
     cells = [(kind, np.concatenate([numbers + start for (own, _, numbers), start in zip(parts, first, strict=False)
                                     if own == kind])) for kind in dict.fromkeys(kind for kind, _, _ in parts)]
     number = np.repeat(np.arange(len(parts), dtype=float), np.diff(first))
-    if scene.body.has_outline:
-        number[number >= scene.electrodes.count] = -1
+    number[number >= scene.electrodes.count] = -1
     return Block("electrodes", np.column_stack([plane, np.zeros(len(plane))]), cells,
                  {"displacement_m": surface_displacement(plane, ((punch, touch),)), "electrode": number})
 

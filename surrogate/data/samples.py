@@ -12,7 +12,8 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from eitsim.scene.drive import voltage_columns
-from eitsim.sweeps.dataset.parquet import METHODS, NEAR_RIM, RELAXATION, TOUCH, Dataset, read_dataset
+from eitsim.sweeps.dataset.parquet import RELAXATION, TOUCH, Dataset, read_dataset
+from eitsim.sweeps.dataset.touch_kinds import near_edge
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.measurement.instrument_table import TABLE
 from surrogate.data import material_states, outputs
@@ -110,7 +111,7 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> SweepSamples:
     return SweepSamples(signal_V=signal, target=target, group=group, ring=ring, scene=scene,
                         baseline_V=touched - signal, card=rows["card_sample"].to_numpy(np.int64), material=material,
                         signal_sd=signal_sd,
-                        row_hash=_hashes(scene, target), near_edge=_near_edge(rows), measurement=measurement,
+                        row_hash=_hashes(scene, target), near_edge=near_edge(rows), measurement=measurement,
                         relaxation=data.manifest.get(RELAXATION, {}), profile=_profile(data.design["tables"]))
 
 
@@ -137,12 +138,6 @@ def _places(rows: pd.DataFrame) -> Array | None:
         return None
     found = rows[list(TOUCH[:2])].to_numpy(np.float64)
     return found[np.isfinite(found).all(axis=1)]
-
-
-def _near_edge(rows: pd.DataFrame) -> Mask:
-    if METHODS[0] not in rows.columns:
-        return np.zeros(len(rows), bool)
-    return rows[METHODS[0]].astype(str).str.contains(NEAR_RIM, regex=False).to_numpy(bool)
 
 
 def _check_one_touch(folder: Path, rows: pd.DataFrame) -> None:

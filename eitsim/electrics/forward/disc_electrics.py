@@ -7,11 +7,19 @@ import numpy as np
 
 from eitsim.electrics.cem import ring_scattering as rings
 from eitsim.electrics.cem.assembly import Array, SkinMesh, impedance
-from eitsim.electrics.cem.boundary_integral import HARMONICS, Complex, RimAdmittance, rim_admittance, solve_rim
+from eitsim.electrics.cem.boundary_integral import (
+    HARMONICS,
+    Complex,
+    RimAdmittance,
+    rim_admittance,
+    solve_rim,
+    unsolvable,
+)
 from eitsim.electrics.cem.ring_scattering import Circle, Coupling
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh, template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.electrodes import IMPEDANCES, contact_impedances, identical
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
@@ -27,6 +35,9 @@ _PATCH_LEVEL, _PATCH_RINGS, _PATCH_LAST = 6, 36, 4e-3
 _IMAGE_LEVEL, _EVEN, _NARROWING, _NARROWEST = 2, 28, 8, 2e-3
 # Step of the logarithm of a contact impedance; the central difference is off by some step^2, over the derivative.
 _STEP = 1e-3
+# By how much rings at the lines of the contact are thinner on a mesh for derivatives than on that of readings: force
+# and law change the conductance in a ring there that is as thin as the elements of the foam's mesh.
+THINNER = 8
 _FIELDS_LEVEL = 2  # Level of the mesh of a touched skin's fields.
 # Relative errors of dV: by "multipole", what no variation shows; by "mesh", what is left over the change by the last
 # halving, where the rim cuts the contact, and elsewhere.
@@ -43,6 +54,10 @@ class DiscSkin:
 
     # whether errors are taken from rings cut once more and a series of harmonics, else from three quarters of these
     by_series = False
+
+    def problem(self) -> str:
+        """Why the electrodes cannot be solved, with the remedy; empty where they can."""
+        return unsolvable(self.body, self.electrodes, self.conductance_S) if self.electrodes.kind == "line" else ""
 
     def impedance_Ohm(self) -> Array:
         """(N, N), of the untouched skin."""
@@ -120,6 +135,15 @@ class DiscSkin:
     def touch_mesh(self, touches: Touches) -> SkinMesh:
         """The mesh that dV is taken on, to be halved."""
         return alike_mesh(self.body, self.electrodes, touches)
+
+    def rooms_m(self, touches: Touches) -> list[float]:
+        """Radii, m, of the circles about the punches in which nodes of that mesh may move, free of edges and
+        electrodes; ValueError where a contact leaves them."""
+        return rings.reaches(Body(Disc(float(patch_radii(self.body, self.electrodes)[0]))), touches)
+
+    def sensitivity_mesh(self, touches: Touches) -> tuple[SkinMesh, int]:
+        """The mesh that derivatives are taken on, to be halved, and how often that is done already."""
+        return alike_mesh(self.body, self.electrodes, touches, thinner=THINNER), 0
 
     def rough_mesh(self, touches: Touches, cut: bool) -> SkinMesh | None:
         """A coarser mesh that shows the error; none."""

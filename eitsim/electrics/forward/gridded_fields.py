@@ -120,8 +120,9 @@ def check_one_grid(drawn: Sequence[tuple[str, str]]) -> None:
 
 def check_on_skin(stored: StoredFields, body: Body) -> None:
     """ValueError where the grid does not lie on such a skin."""
-    if stored.grid == "polar" and not body.edge.is_round:
-        raise ValueError(f"grid = \"polar\" in [{TABLE}] lies on discs alone; leave it out on a skin with an outline.")
+    if stored.grid not in body.edge.grids:
+        raise ValueError(f"grid = \"{stored.grid}\" in [{TABLE}] lies on discs alone; leave it out on a skin with an "
+                         "outline.")
 
 
 def coordinates(stored: StoredFields, body: Body) -> dict[str, Array]:

@@ -4,9 +4,11 @@ fields its edges send back."""
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from eitsim.electrics.cem.assembly import Array, SkinMesh
 from eitsim.electrics.cem.boundary_integral import Complex
-from eitsim.electrics.cem.ring_scattering import Circle, Coupling, admissible_radius
+from eitsim.electrics.cem.ring_scattering import Circle, Coupling, admissible_radius, reaches
 from eitsim.electrics.outline.adapted_mesh import READINGS, impedance_by_log_contact, solve_untouched
 from eitsim.electrics.outline.edge_admittance import (
     CLOSELY,
@@ -18,6 +20,8 @@ from eitsim.electrics.outline.edge_admittance import ROUGHLY as ROUGH_SLIDING
 from eitsim.electrics.outline.edge_response import arriving, couplings, edge_responses
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.outline.touch_mesh import fields_mesh, touch_mesh
+from eitsim.scene.edges.outline_electrodes import patch_loops
+from eitsim.scene.polygons import inside, squared_distance
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
@@ -41,6 +45,10 @@ class OutlinedSkin:
     conductance_S: float
 
     by_series = True
+
+    def problem(self) -> str:
+        """Meshes solve all that may be given."""
+        return ""
 
     def impedance_Ohm(self) -> Array:
         return solve_untouched(self.body.outline, self.electrodes, self.conductance_S, READINGS).impedance_Ohm
@@ -86,6 +94,22 @@ class OutlinedSkin:
 
     def touch_mesh(self, touches: Touches) -> SkinMesh:
         return outlined_mesh(self.body, self.electrodes, self.conductance_S, touches)
+
+    def rooms_m(self, touches: Touches) -> list[float]:
+        out = reaches(self.body, touches)
+        for k, loop in enumerate(patch_loops(self.electrodes) if self.electrodes.kind == "surface" else ()):
+            ends = np.roll(loop, -1, axis=0)
+            for i, (punch, touch) in enumerate(touches):
+                place = np.array([punch.x_m, punch.y_m])
+                away = float(np.sqrt(squared_distance(place, loop, ends).min()))
+                if inside(place, loop, ends) or away <= touch.contact_radius_m:
+                    raise ValueError(f"sensitivities are not built for a contact that reaches an electrode, as touch "
+                                     f"{i + 1} does number {k} (from 0); move the punch off it.")
+                out[i] = min(out[i], away)
+        return out
+
+    def sensitivity_mesh(self, touches: Touches) -> tuple[SkinMesh, int]:
+        return self.touch_mesh(touches), 1
 
     def rough_mesh(self, touches: Touches, cut: bool) -> SkinMesh | None:
         """Between line electrodes, where no edge cuts a contact."""

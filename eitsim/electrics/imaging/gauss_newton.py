@@ -220,8 +220,7 @@ def on_grid(mosaic: Pixels, images: Array) -> tuple[Array, Array, Array]:
 
 def _target(mosaic: Pixels) -> NDArray[np.bool_]:
     """(t,) the pixels of the noise figure's target: about the disc's middle, or the pixel farthest from all edges."""
-    gap = mosaic.body.edge.gap_m(mosaic.centre_m)
-    middle = np.zeros(2) if mosaic.body.edge.is_round else mosaic.centre_m[np.argmax(gap)]
+    middle = mosaic.body.edge.inmost_m(mosaic.centre_m)
     return np.hypot(*(mosaic.centre_m - middle).T) < _TARGET * mosaic.body.edge.size_m
 
 

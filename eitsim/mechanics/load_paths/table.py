@@ -17,6 +17,7 @@ from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.mechanics.load_paths.load_path import ERRORS, FIELDS, NUMBERS, depth_at, hermite
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
 from eitsim.scene.edges.disc import Disc
+from eitsim.scene.nearest_edge import STRAIGHT_M
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch, profile_of
 from matcal.laws.known_laws import law_of
@@ -42,7 +43,8 @@ def shape_of(law: Law, body: Body, punch: Punch, diameters_m: Iterable[float] = 
     unit = body.thickness_m
     diameters = _rounded([d / unit for d in sorted(diameters_m) or [punch.diameter_m]])
     disc, fillet = _rounded([body.edge.size_m / unit, punch.fillet_m / unit])
-    shape = DimensionlessProblem(law.name, _parameters(law), disc, fillet, diameters, spans, body.has_outline)
+    shape = DimensionlessProblem(law.name, _parameters(law), disc, fillet, diameters, spans,
+                                 body.edge.table_rim_m == STRAIGHT_M)
     return with_diameters(shape, diameters, spans=spans)
 
 

@@ -191,10 +191,10 @@ def _likely_cause(touch: Touch, body: Body, punch: Punch) -> str:
 def _corrected(touch: Touch, law: Law, body: Body, punch: Punch, finenesses: Finenesses,
                given: OffsetDisc | OffsetOutline | None) -> TwoMeshes:
     started = cpu_s()
-    if body.has_outline:
+    disc, on_disc = on_a_disc(body, punch)
+    if disc is not body:
         edge = body.edge.nearest((punch.x_m, punch.y_m))
-        meshes = _added(touch, law, *on_a_disc(body, punch), given or OffsetDisc(edge.disc_m, edge.offset_m),
-                        finenesses)
+        meshes = _added(touch, law, disc, on_disc, given or OffsetDisc(edge.disc_m, edge.offset_m), finenesses)
         found = meshes.touch
         assert found.volume is not None
         towards = edge.towards if given is None else np.array([1.0, 0.0])

@@ -24,6 +24,12 @@ class Disc:
 
     name = "the rim"
     is_round = True
+    corner = (1.0,)
+    grids = ("square", "polar")
+
+    @property
+    def table_rim_m(self) -> float:
+        return self.radius_m
 
     @property
     def loops(self) -> tuple[Array, ...]:
@@ -58,6 +64,9 @@ class Disc:
         offset = float(np.hypot(x, y))
         towards = np.array([x, y]) / offset if offset else np.array([1.0, 0.0])
         return NearestEdge(self.radius_m, offset, towards, np.full(4, np.inf))
+
+    def inmost_m(self, points_m: Array) -> Array:
+        return np.zeros(2)
 
     def quarters_m(self, point_m: ArrayLike) -> Array:
         return np.array([float(self.gap_m(point_m)), np.inf, np.inf, np.inf])

@@ -24,6 +24,22 @@ class Edge(Protocol):
         ...
 
     @property
+    def table_rim_m(self) -> float:
+        """Radius, m, of the disc for whose rim tables of what edges change are made: its own, or that of a straight
+        edge."""
+        ...
+
+    @property
+    def corner(self) -> tuple[float, ...]:
+        """Distances of its parts from a place in its usual corner, over that to the nearest."""
+        ...
+
+    @property
+    def grids(self) -> tuple[str, ...]:
+        """Grids on which fields of the skin may be stored."""
+        ...
+
+    @property
     def loops(self) -> tuple[Array, ...]:
         """Corners (n, 2), m, of the outer edge, counter-clockwise, then of every hole, clockwise."""
         ...
@@ -58,6 +74,10 @@ class Edge(Protocol):
 
     def nearest(self, point_m: ArrayLike) -> NearestEdge:
         """The part nearest to a point (2,) as part of the rim of a disc, and how near all others are."""
+        ...
+
+    def inmost_m(self, points_m: Array) -> Array:
+        """Its middle (2,), m: the centre of a disc, else of points (n, 2) the one farthest from it."""
         ...
 
     def quarters_m(self, point_m: ArrayLike) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from eitsim.scene.drive import as_tuples
 from eitsim.scene.edges.outline_electrodes import check_on_outline, stretches_along, with_positions
 from eitsim.scene.electrodes import PLACES, Electrodes
-from eitsim.scene.nearest_edge import NearestEdge, nearest_edge, quarter_distances_m
+from eitsim.scene.nearest_edge import STRAIGHT_M, NearestEdge, nearest_edge, quarter_distances_m
 from eitsim.scene.outline_edge import path_along, places_along
 from eitsim.scene.polygons import (
     KINDS,
@@ -52,6 +52,9 @@ class Outline:
 
     name = "the nearest edge of the skin"
     is_round = False
+    table_rim_m = STRAIGHT_M
+    corner = (1.0, 1.0, math.sqrt(2), math.sqrt(2))
+    grids = ("square",)
 
     def __post_init__(self) -> None:
         for name in ("points_m", "holes_m"):
@@ -87,6 +90,9 @@ class Outline:
 
     def nearest(self, point_m: ArrayLike) -> NearestEdge:
         return nearest_edge(self, point_m)
+
+    def inmost_m(self, points_m: Array) -> Array:
+        return points_m[np.argmax(self.gap_m(points_m))]
 
     def quarters_m(self, point_m: ArrayLike) -> Array:
         return quarter_distances_m(self, point_m)

@@ -13,13 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, gradients, quadrature_points
-from eitsim.electrics.cem.ring_scattering import reaches
-from eitsim.electrics.mesh.ring_mesh import patch_radii
-from eitsim.scene.edges.disc import Disc
-from eitsim.scene.edges.outline_electrodes import patch_loops
-from eitsim.scene.polygons import inside, squared_distance
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Electrodes, Punch, Skin
+from eitsim.scene.scene import Punch, Skin
 from eitsim.sheet.sheet_conductance import touched_conductance
 from eitsim.simulation.derivatives.tangent import Settled, shifted, varied
 from matcal.laws.conductivity import Conductivity
@@ -41,29 +36,11 @@ class Variation:
     velocity: Array  # (n, 2) velocity of the mesh's nodes, m a unit
 
 
-def rooms_m(body: Body, electrodes: Electrodes, touches: Touches) -> list[float]:
-    """Radii, m, of the circles about the punches in which nodes of a mesh may move, free of edges and electrodes;
-    ValueError where a contact leaves them."""
-    if not body.has_outline:
-        return reaches(Body(Disc(float(patch_radii(body, electrodes)[0]))), touches)
-    out = reaches(body, touches)
-    if electrodes.kind == "surface":
-        for k, loop in enumerate(patch_loops(electrodes)):
-            ends = np.roll(loop, -1, axis=0)
-            for i, (punch, touch) in enumerate(touches):
-                place = np.array([punch.x_m, punch.y_m])
-                away = float(np.sqrt(squared_distance(place, loop, ends).min()))
-                if inside(place, loop, ends) or away <= touch.contact_radius_m:
-                    raise ValueError(f"sensitivities are not built for a contact that reaches an electrode, as touch "
-                                     f"{i + 1} does number {k} (from 0); move the punch off it.")
-                out[i] = min(out[i], away)
-    return out
-
-
 def variations(nodes_m: Array, bases: Sequence[Settled], law: Conductivity,
                rooms: Sequence[float]) -> Iterator[Variation]:
     """x_mm, y_mm, F_N or depth_mm, and d_mm of each touch (with _1, _2, ... where there are several), mu_i_Pa and
-    alpha_i of the foam, a_1, a_2, a_3 of the skin; nodes (n, 2) of a mesh move with them, in the rooms of `rooms_m`."""
+    alpha_i of the foam, a_1, a_2, a_3 of the skin; nodes (n, 2) of a mesh move with them, within radii, m, `rooms`,
+    about the punches."""
     touches = [(base.punch, base.touch) for base in bases]
     sides, still = [list(varied(base)) for base in bases], np.zeros_like(nodes_m)
     for i, (own, room) in enumerate(zip(sides, rooms, strict=True)):

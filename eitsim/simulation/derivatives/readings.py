@@ -16,24 +16,19 @@ import numpy as np
 
 from eitsim.electrics.cem.adjoint import impedance_by_contact, impedance_by_field, readings_by
 from eitsim.electrics.cem.assembly import Array, centred, dissection, potentials, quadrature_points
+from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
-from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
-from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.scene.drive import read_out, voltage_columns
 from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
 from eitsim.scene.scene import Scene
 from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.simulation.choose import choose, choose_ways
-from eitsim.simulation.derivatives.conductance_variation import conductance_change, rooms_m, variations
+from eitsim.simulation.derivatives.conductance_variation import conductance_change, variations
 from eitsim.simulation.derivatives.tangent import settled
 from eitsim.simulation.material import material_of
 from eitsim.simulation.words import refusal
 from matcal.card import MaterialCard
 from touchcal.csv_numbers import cells
-
-# By how much the mesh's rings at the lines of the contact are thinner than those of the readings' own: force and law
-# change the conductance in a ring there that is as thin as the elements of the foam's mesh.
-THINNER = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +69,10 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
     bases = [settled(law, scene.body, way.case.punch, near_rim=way.case.near) for way in chosen.ways]
     touches = tuple((base.punch, base.touch) for base in bases)
     electrodes = present(scene.electrodes)
-    rooms = rooms_m(scene.body, electrodes, touches)
     free = untouched_conductance(skin_law, scene.skin)
-    outlined = scene.body.has_outline
-    mesh = outlined_mesh(scene.body, electrodes, free, touches) if outlined else (
-        alike_mesh(scene.body, electrodes, touches, thinner=THINNER))
-    for _ in range(halvings - 1 if outlined else halvings):
+    skin = skin_of(scene.body, electrodes, free)
+    rooms, (mesh, halved) = skin.rooms_m(touches), skin.sensitivity_mesh(touches)
+    for _ in range(halvings - halved):
         mesh = uniform_refinement(mesh)
     z = contact_impedances(electrodes)
     field = touched_conductance(quadrature_points(mesh), touches, scene.skin, skin_law)

@@ -25,7 +25,7 @@ class AllEdges(Route):
         return edge_problem(case) or 12.0 if case.scene.body.has_outline else NOT_MEANT
 
     def leaves_out(self, case: Case) -> float:
-        return other_edges_effect(case.scene, case.punch, FINE.out_to) if case.scene.body.has_outline else 0.0
+        return other_edges_effect(case.scene, case.punch, FINE.out_to)
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         solve, at = partial(solve_near_rim, whole=case.exact, all_edges=True), (law, case.scene.body, case.punch)

@@ -47,8 +47,7 @@ class NearestAlone(Route):
         return case.straight
 
     def values(self, case: Case, touch: Touch | None) -> dict[str, Any]:
-        disc_m = None if case.nearest is None or case.straight else case.nearest.disc_m
-        return {**super().values(case, touch), "disc_m": disc_m}
+        return {**super().values(case, touch), "disc_m": None if case.straight else case.nearest.disc_m}
 
     def words(self, of: Values) -> Words:
         if of["tabled"]:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.choices import Why
-from eitsim.scene.nearest_edge import STRAIGHT_M, NearestEdge
+from eitsim.scene.nearest_edge import NearestEdge
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch, Scene, rim_gap_m
 from eitsim.simulation.edge_effects import (
@@ -82,18 +82,17 @@ class Case:
     @cached_property
     def by_other_edges(self) -> float:
         """What the edges but the nearest may change of the signal."""
-        return other_edges_effect(self.scene, self.punch) if self.scene.body.has_outline else 0.0
+        return other_edges_effect(self.scene, self.punch)
 
     @cached_property
-    def nearest(self) -> NearestEdge | None:
-        """The nearest edge of an outline; None on a disc."""
-        body = self.scene.body
-        return body.edge.nearest((self.punch.x_m, self.punch.y_m)) if body.has_outline else None
+    def nearest(self) -> NearestEdge:
+        """The nearest part of the edge."""
+        return self.scene.body.edge.nearest((self.punch.x_m, self.punch.y_m))
 
     @property
     def straight(self) -> bool:
         """Whether a table may serve it near its edge: that of a disc, or a straight one."""
-        return self.nearest is None or self.nearest.disc_m == STRAIGHT_M
+        return self.nearest.disc_m == self.scene.body.edge.table_rim_m
 
     @property
     def allowed(self) -> float:

@@ -41,7 +41,6 @@ TOUCH = ("x_mm", "y_mm", "d_mm", "F_N")
 COST = ("cpu_s", "mechanics_cpu_s", "electrics_cpu_s", "fields_cpu_s")
 # How touches and readings of a row were solved, in words.
 METHODS = ("mechanics_method", "electrics_method")
-NEAR_RIM = "near the rim"  # what the first says where an edge of the skin was near the touch
 # Share of a row's signal that comes from skin strained outside the fitted range; rows of earlier sets have none.
 EXTRAPOLATED = "signal_share_extrapolated"
 FIXED = ("scene", "outcome", *TOUCH, *OUTPUTS, "card_sample", "signal_error", "cpu_s")

@@ -14,13 +14,16 @@ from eitsim.scene.scene import scene_from
 from eitsim.sheet.sheet_conductance import extrapolated_share
 from eitsim.simulation.material import material_of
 from eitsim.simulation.result_json import mechanical
+from eitsim.simulation.routes.known_routes import ROUTES
 from eitsim.simulation.simulate import solve_scene
 from eitsim.sweeps.dataset import parquet
+from eitsim.sweeps.dataset.touch_kinds import KIND
 from eitsim.sweeps.design.card_draws import Cards, card_at, columns, recorded
 from eitsim.sweeps.design.design import Design, card_number, representative_scene, tables_at
 from eitsim.sweeps.run.row_columns import blank_keys, keys_of, numbered
 from touchcal.jit import cpu_s
 
+_KINDS = {route.kind for route in ROUTES}
 
 def solve_rows(design: Design, cards: Cards, indices: list[int], *, exact: bool = False,
                table: Table | None = None) -> list[dict[str, Any]]:
@@ -68,14 +71,15 @@ def blank_row(design: Design, cards: Cards) -> dict[str, Any]:
     readings = math.prod(protocol(first.drive, first.electrodes.count).shape)
     names = ("signal_error", "depth_error", *parquet.COST, "skin_fraction_extrapolated", parquet.EXTRAPOLATED,
              "fraction_non_elliptic", *columns(cards), *voltage_columns(readings), *voltage_columns(readings, "dv"))
-    words = dict.fromkeys(("outcome", "message", *parquet.METHODS), "")
+    words = dict.fromkeys(("outcome", "message", KIND, *parquet.METHODS), "")
     return {"scene": -1, **words, "card_sample": -1} | blank_keys(design) | dict.fromkeys(names, np.nan)
 
 
 def _values(result: Result) -> dict[str, Any]:
     if result.readings is None:
         return {"cpu_s": result.cost["cpu_s"]}
-    row = {"mechanics_method": ", ".join(dict.fromkeys(_method(touch) for touch in result.touches)),
+    row = {KIND: ", ".join(dict.fromkeys(one.kind for one in result.plan.decisions if one.kind in _KINDS)),
+           "mechanics_method": ", ".join(dict.fromkeys(_method(touch) for touch in result.touches)),
            "electrics_method": result.readings.method, "signal_error": result.error_estimate["signal"],
            "depth_error": result.error_estimate["depth"], "cpu_s": result.cost["cpu_s"],
            "mechanics_cpu_s": sum(touch.cpu_s for touch in result.touches), "electrics_cpu_s": sum(
@@ -95,4 +99,4 @@ def _method(touch: Touch) -> str:
     how = "table" if touch.iterations == 0 else "solved"
     if touch.rim is None:
         return how
-    return f"{how} with a neighbour" if touch.rim.neighbour else f"{how} {parquet.NEAR_RIM}"
+    return f"{how} with a neighbour" if touch.rim.neighbour else f"{how} near the rim"

@@ -109,6 +109,7 @@ def test_paths_that_are_not_found_leave_every_touch_solved_directly(card: Path, 
     monkeypatch.setattr(reuse, "DEPTHS", (0.065, 0.07, 0.075))
     assert account(card, tmp_path / "a", 2).method == done.method
     assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"solved"}
+    assert set(read_dataset(tmp_path / "a").table["mechanics_kind"]) == {"axisymmetric"}
 
 
 class _Deadly:
