@@ -70,4 +70,4 @@ def _eight(values: Array) -> list[float]:
     return [*values.tolist(), *[0.0] * (8 - values.size)]
 
 
-TARGET = Target("LS-DYNA", write, commented_file("$"))
+TARGET = Target("LS-DYNA", write, commented_file("$"), similar={"neo_hooke": "*MAT_HYPERELASTIC_RUBBER"})
