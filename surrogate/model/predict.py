@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from surrogate.data import outputs
+from surrogate.data.flags import WORDS, Flag, in_words
 from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
 from surrogate.data.outputs import ROUNDING
@@ -26,7 +27,6 @@ from surrogate.learners.novelty import (
 )
 from surrogate.learners.registry import METHODS
 from surrogate.model.drift_choice import drift_groups
-from surrogate.model.flags import WORDS, Flag, in_words
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.odd_frames import Causes, causes_of, oddness

@@ -8,13 +8,13 @@ import numpy as np
 
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import OTHER_BASELINE, relative_difference
+from surrogate.data.flags import WORDS, Flag
 from surrogate.data.frame_rows import Lines
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.invert import Inversion, invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
-from surrogate.model.flags import WORDS, Flag
 from surrogate.model.missing_channels import named, silent
 from surrogate.model.predict import WEAK, Predictions, Predictor, read_touches
 from surrogate.model.trained import TrainedModel

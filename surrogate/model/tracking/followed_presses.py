@@ -133,8 +133,7 @@ def read_of(found: PressReading, k: int, place_mm: Array, dead: Mask) -> Read:
     covariance[np.diag_indices(PARTS)] = sd**2
     covariance[0, 1] = covariance[1, 0] = correlation * sd[0] * sd[1]
     flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[k])))
-    return Read(TOUCH, value, covariance, half, half, flag,
-                row_of(place_mm, width, scalars))
+    return Read(TOUCH, value, covariance, half, half, flag, row_of(place_mm, width, scalars), int(found.kinds[k]))
 
 
 def row_of(place: Array, half_width: Array, scalars: tuple[ScalarReading, ...]) -> Array:
