@@ -35,12 +35,12 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         if not 0 <= self.strain_zero_sd < _MOST_ZERO:
-            raise ValueError(f"--strain-zero {self.strain_zero_sd:g}: the standard deviation of a strain zero lies "
+            raise ValueError(f"`strain_zero_sd` {self.strain_zero_sd:g}: the standard deviation of a strain zero lies "
                              f"between 0 and {_MOST_ZERO:g}, for example 0.002.")
         self._check_law()
         if self.stable_range is not None and self.stable is None:
-            raise ValueError(f"--stable-range {','.join(f'{end:g}' for end in self.stable_range)}: no law is held "
-                             "stable, so there is nothing to hold it over. Add --stable drucker or --stable elliptic, "
+            raise ValueError(f"`stable_range` {','.join(f'{end:g}' for end in self.stable_range)}: no law is held "
+                             "stable, so there is nothing to hold it over. Add `stable` drucker or `stable` elliptic, "
                              "or leave it out.")
 
     def _check_law(self) -> None:
@@ -49,12 +49,12 @@ class FitOptions:
         names = [p.name for p in kind.parameters]
         if has_terms(kind):
             return
-        given = {"--order": self.order != "auto", "--stable": self.stable is not None,
-                 "--poisson": self.poisson not in (None, "fit") and not (
+        given = {"order": self.order != "auto", "stable": self.stable is not None,
+                 "poisson": self.poisson not in (None, "fit") and not (
                      "nu" in names and isinstance(self.poisson, int | float))}
         if wrong := [flag for flag, used in given.items() if used]:
-            raise ValueError(f"{wrong[0]} is not a choice of the law {self.law}, whose parameters are "
-                             f"{', '.join(names)}; it is one of a law with terms. Leave it out, or leave --law out.")
+            raise ValueError(f"`{wrong[0]}` is not a choice of the law {self.law}, whose parameters are "
+                             f"{', '.join(names)}; it is one of a law with terms. Leave it out, or leave `law` out.")
 
     @property
     def given(self) -> dict[str, float]:
@@ -64,14 +64,14 @@ class FitOptions:
     def check_used(self, experiments: Sequence[Experiment]) -> None:
         """ValueError for a choice that no test can obey."""
         kinds, plain = ", ".join(dict.fromkeys(e.kind for e in experiments)), FitOptions()
-        of_law = {"--law": self.law != plain.law, "--order": self.order != plain.order,
-                  "--poisson": self.poisson != plain.poisson,
-                  "--stable": self.stable is not None, "--residual": self.residual != plain.residual,
-                  "--weight": bool(self.weights)}
+        of_law = {"law": self.law != plain.law, "order": self.order != plain.order,
+                  "poisson": self.poisson != plain.poisson,
+                  "stable": self.stable is not None, "residual": self.residual != plain.residual,
+                  "weights": bool(self.weights)}
         given = [flag for flag, differs in of_law.items() if differs]
         if given and not any(e.kind in MODES for e in experiments):
-            raise ValueError(f"{given[0]} is about the law of a stress-strain curve, and the tests are {kinds} only. "
+            raise ValueError(f"`{given[0]}` is about the law of a stress-strain curve, and the tests are {kinds} only. "
                              f"Leave it out, or add one of {', '.join(MODES)}.")
         if self.prony_terms != plain.prony_terms and not any(e.kind == "relaxation" for e in experiments):
-            raise ValueError(f"--prony-terms {self.prony_terms}: the tests are {kinds} only, and a Prony series needs "
+            raise ValueError(f"`prony_terms` {self.prony_terms}: the tests are {kinds} only, and a Prony series needs "
                              "a relaxation test. Leave it out, or add relaxation=FILE.")

@@ -58,14 +58,15 @@ def read_draws(card: MaterialCard | Path | str) -> Draws:
     broken."""
     card = as_card(card)
     if not card.posterior:
-        raise ValueError(f"{card.file or card.name}: the card has no posterior. Fit it again with --posterior.")
+        raise ValueError(f"{card.file or card.name}: the card has no posterior. Fit it again with one: `matcal fit "
+                         "--posterior`.")
     if (path := card.file) is None or "file" not in card.posterior:
         raise ValueError(f"card '{card.name}' was not saved, and its draws lie next to its file. Save the calibration "
                          "first.")
     file = path.parent / str(card.posterior["file"])
     if not file.exists():
         raise InputFileError(file, f"the posterior that {path.name} names is not there. Keep {file.parent.name} "
-                                   "next to the card, or fit it again with --posterior.")
+                                   "next to the card, or fit it again with the posterior.")
     try:
         kind = Hyperfoam if card.law is None else type(card.law)
         found = _stored(regular(file), [p.name for p in kind.parameters])
@@ -77,7 +78,7 @@ def read_draws(card: MaterialCard | Path | str) -> Draws:
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, StopIteration) as error:
         why = str(error) or "it holds no draws"
         raise InputFileError(file, f"no posterior that `matcal fit --posterior` wrote, or a damaged one ({why}). "
-                                   "Restore it from a copy, or fit it again with --posterior.") from None
+                                   "Restore it from a copy, or fit it again.") from None
     omega = None if (omega := found.get("omega")) is None else np.ravel(omega)
     law = {p.name: found[p.name] for p in kind.parameters if p.name in found}
     return Draws(law, kind, found.get("prony_g"), found.get("prony_tau_s"), found.get("conductivity_S_per_m"), omega)

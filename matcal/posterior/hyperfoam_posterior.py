@@ -136,7 +136,7 @@ def law_part(fit: Fit, points: float, prony: PronyFit | None, ridge: Ridge | Non
     fit = replace(fit, curves=tuple(of_mean_foam(c) for c in fit.curves))  # factors are drawn, not taken
     law = fit.law
     if np.ptp(law.nu) > 0:
-        raise ValueError(f"--posterior is built for one nu for all terms, the law has {law.nu.tolist()}. Use --poisson "
+        raise ValueError(f"`posterior` is built for one nu for all terms, the law has {law.nu.tolist()}. Use `poisson` "
                          "fit or one value.")
     known, differ = nuisance(fit), specimens(fit.curves, law)
     nu = law.nu[:1] if ridge is None else _nu_nodes(ridge)

@@ -121,7 +121,7 @@ def sample(fit: Fit | None, uncertainty: Uncertainty | None, prony: PronyFit | N
     joint = _Joint(_law_part(fit, uncertainty, relaxing) if fit is not None and uncertainty is not None else None,
                    prony_posterior.series_part(relaxing) if relaxing is not None else None)
     if joint.law is None and joint.series is None and skin is None:
-        raise ValueError("--posterior has nothing to sample: give a stress-strain, relaxation or conductivity file; a "
+        raise ValueError("`posterior` has nothing to sample: give a stress-strain, relaxation or conductivity file; a "
                          "stress that does not relax has no series to sample.")
     chains = _run(joint, fit, relaxing, seed, advance) if joint.law or joint.series else None
     along = conductivity_posterior.skin_chains(skin, 2 * _KEPT, rng) if skin is not None else None

@@ -91,9 +91,9 @@ def _equal_foam(law: Law, name: str, into: Target) -> Hyperfoam:
         raise ValueError(f"{into.similar[law.name]} of {into.title} is another law than {law.name} of card '{name}': "
                          "it takes the volume out of the stretches and adds a term of the volume alone, so that "
                          "stresses differ wherever the volume changes. Export the card to febio, which has its law, "
-                         f"or fit it with --poisson 0, where a hyperfoam equals it, or with --law {into.laws[0]}.")
+                         f"or fit it with `poisson` 0, where a hyperfoam equals it, or with `law` {into.laws[0]}.")
     raise ValueError(f"the law of card '{name}' is {law.name}, and matcal writes {', '.join(into.laws)} alone for "
-                     f"{into.title}. Fit it with --law {into.laws[0]}, or enter its parameters by hand.")
+                     f"{into.title}. Fit it with `law` {into.laws[0]}, or enter its parameters by hand.")
 
 
 def _comment(card: MaterialCard, into: Target, units: Units, written: Written, warnings: tuple[str, ...]

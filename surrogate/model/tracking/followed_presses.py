@@ -66,7 +66,7 @@ class FollowedPresses:
         reader = model.reader
         if not isinstance(reader, PressReader) or reader.place is None:
             raise ValueError("this model reads no place by families of readers, which a touch is followed by. Train it "
-                             "on labels x_mm and y_mm, with no other --method.")
+                             "on labels x_mm and y_mm, with no other `method`.")
         self.readings = model.readings
         self.columns = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
                         for end in ("", "_lo90", "_hi90")]

@@ -90,9 +90,9 @@ def test_relaxation_is_fitted_through_the_law() -> None:
 
 
 @pytest.mark.parametrize(("choice", "expected"), [
-    ({"law": "neohook"}, "law 'neohook' is unknown"), ({"law": "neo_hooke", "order": 2}, "--order is not a choice"),
-    ({"law": "neo_hooke", "stable": "drucker"}, "--stable is not a choice"),
-    ({"law": "neo_hooke", "poisson": (0.1, 0.2)}, "--poisson is not a choice")])
+    ({"law": "neohook"}, "law 'neohook' is unknown"), ({"law": "neo_hooke", "order": 2}, "`order` is not a choice"),
+    ({"law": "neo_hooke", "stable": "drucker"}, "`stable` is not a choice"),
+    ({"law": "neo_hooke", "poisson": (0.1, 0.2)}, "`poisson` is not a choice")])
 def test_choices_that_the_law_does_not_have_are_refused(choice, expected) -> None:
     with pytest.raises(ValueError, match=expected):
         FitOptions(**choice)
