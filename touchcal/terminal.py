@@ -89,7 +89,8 @@ def _with_options(text: str, app: typer.Typer, arguments_of: Mapping[str, str]) 
 def _options_of(command: Any) -> dict[str, str]:
     """Parameter -> option, of a command and those below it."""
     below = [_options_of(each) for each in getattr(command, "commands", {}).values()]
-    own = {str(param.name).lower(): option for param in command.params for option in param.opts if option.startswith("--")}
+    own = {str(param.name).lower(): option for param in command.params for option in param.opts
+           if option.startswith("--")}
     return {name: option for options in (*below, own) for name, option in options.items()}
 
 
