@@ -25,7 +25,8 @@ import numpy as np
 import pandas as pd
 from conditions import earlier, quick, shown, written
 
-from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
+from matcal.fitting.calibrate import FittedLaws, calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, intervals
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam

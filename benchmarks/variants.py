@@ -32,12 +32,12 @@ import pandas as pd
 from conditions import earlier, quick, shown, written
 from faithful import PAPER
 
+from benchmarks.paper.section import paper_value
 from eitsim.scene.scene import STRAINS, Skin
 from eitsim.sheet import sheet_conductance
 from eitsim.sweeps.design.design import design_from
 from eitsim.sweeps.run.sweep import sweep
 from matcal.laws.conductivity import Conductivity, conductivity
-from reports.paper.section import paper_value
 from surrogate.data import outputs
 from surrogate.data.samples import SweepSamples, read_samples, split, take
 from surrogate.learners.bayesian_network import ensemble

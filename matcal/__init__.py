@@ -7,7 +7,7 @@ from touchcal.lazy import attach
 
 if TYPE_CHECKING:
     from matcal.card import MaterialCard, read_card, write_card
-    from matcal.fitting.calibrate import FitOptions
+    from matcal.fitting.fit_options import FitOptions
     from matcal.laws.conductivity import Conductivity
     from matcal.laws.deformation_modes import nominal_stress
     from matcal.laws.hyperfoam import Hyperfoam
@@ -24,7 +24,7 @@ __getattr__, __dir__, __all__ = attach(__name__, {
     "Calibration": "matcal.record.calibration",
     "Conductivity": "matcal.laws.conductivity",
     "Experiment": "matcal.reduction.experiment",
-    "FitOptions": "matcal.fitting.calibrate",
+    "FitOptions": "matcal.fitting.fit_options",
     "Hyperfoam": "matcal.laws.hyperfoam",
     "MaterialCard": "matcal.card",
     "Prony": "matcal.laws.prony",

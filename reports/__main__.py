@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,6 +29,11 @@ Results = Annotated[Path, typer.Option(help="Folder of the benchmarks' tables.")
 @app.callback()
 def reports() -> None:
     """Reports: the paper walked through, and the stored results of benchmarks."""
+    try:
+        import_module("benchmarks.report")
+    except ModuleNotFoundError:
+        raise ValueError("these reports are made in the folder of the source, by what lies in its benchmarks. Run this "
+                         "there.") from None
 
 
 @app.command()
@@ -39,7 +45,7 @@ def precision(out: Out, results: Results = RESULTS) -> None:
 
     Example: python -m reports precision --out precision.pdf
     """
-    from reports.benchmarks.precision import report
+    from benchmarks.report.precision import report
 
     _write(report, results, out, "precision.pdf")
 
@@ -53,7 +59,7 @@ def stability(out: Out, results: Results = RESULTS) -> None:
 
     Example: python -m reports stability --out stability.pdf
     """
-    from reports.benchmarks.stability import report
+    from benchmarks.report.stability import report
 
     _write(report, results, out, "stability.pdf")
 
@@ -64,7 +70,7 @@ def real_skins(out: Out, results: Results = RESULTS) -> None:
 
     Example: python -m reports real-skins --out real_skins.pdf
     """
-    from reports.benchmarks.real_skins import report
+    from benchmarks.report.real_skins import report
 
     _write(report, results, out, "real_skins.pdf")
 
@@ -80,7 +86,7 @@ def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run 
 
     Example: python -m reports pictures reports/out/touch.json
     """
-    from reports.benchmarks.readme_pictures import write
+    from benchmarks.report.readme_pictures import write
 
     for path in write(result, results, out):
         print(f"picture: {path}")
@@ -88,7 +94,7 @@ def pictures(result: Annotated[Path, typer.Argument(help="Result of `eitsim run 
 
 def _write(report: Callable[[Path], Report], results: Path, out: Path, name: str) -> None:
     """Write a report of stored tables into a PDF, or into `name` in a folder, and say where."""
-    from reports.benchmarks.stored_tables import write
+    from benchmarks.report.stored_tables import write
 
     place = out / name if out.is_dir() else out
     if place.suffix != ".pdf":
@@ -121,10 +127,10 @@ def paper(out: Annotated[Path, typer.Option(help="Folder of the report; what lie
 
     Example: python -m reports paper --full --card card.json --sweep sweep --out full
     """
+    from benchmarks.paper.paper_report import make
+    from benchmarks.paper.paper_report import write as write_paper
+    from benchmarks.paper.stages_plan import FULL, QUICK, planned
     from eitsim.sweeps.run.folder import sole_writer
-    from reports.paper.paper_report import make
-    from reports.paper.paper_report import write as write_paper
-    from reports.paper.stages_plan import FULL, QUICK, planned
 
     for flag, given, file in (("--card", card, card), ("--sweep", sweep, sweep and sweep / "design.json")):
         if file is not None and not file.is_file():

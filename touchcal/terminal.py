@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import os
+import re
 import select
 import sys
 import tempfile
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
@@ -47,9 +49,10 @@ def _options(version: Annotated[bool, typer.Option("--version", is_eager=True, c
     """Options of a program itself."""
 
 
-def run(app: typer.Typer, name: str) -> None:
+def run(app: typer.Typer, name: str, arguments_of: Mapping[str, str] = MappingProxyType({})) -> None:
     """Run `app`; exit 0 done, 2 bad usage or input, 3 not converged, 141 (no word) where a pipe's reader left.
-    `--debug` anywhere shows the traceback."""
+    `--debug` anywhere shows the traceback. Errors name arguments in backticks, which are printed as the options of the
+    commands: those of their names, and `arguments_of`, argument -> option."""
     if sys.stdout is None:
         print(f"{name}: standard output is closed. Open it, or send it to a file or /dev/null.", file=sys.stderr)
         sys.exit(BAD_INPUT)
@@ -71,8 +74,24 @@ def run(app: typer.Typer, name: str) -> None:
             raise
         if isinstance(error, BrokenPipeError) and _reader_left():
             _end_of_pipe()
-        print(f"{name}: {_sentence(error)}", file=sys.stderr)
+        print(f"{name}: {_with_options(_sentence(error), app, arguments_of)}", file=sys.stderr)
         sys.exit(NOT_CONVERGED if isinstance(error, NotConverged) else BAD_INPUT)
+
+
+def _with_options(text: str, app: typer.Typer, arguments_of: Mapping[str, str]) -> str:
+    """A message with `argument` as the --option of a command that takes it."""
+    from typer.main import get_command
+
+    options = {**_options_of(get_command(app)), **arguments_of}
+    return re.sub(r"`(\w+)`", lambda found: options.get(found[1].lower(), found[0]), text)
+
+
+def _options_of(command: Any) -> dict[str, str]:
+    """Parameter -> option, of a command and those below it."""
+    below = [_options_of(each) for each in getattr(command, "commands", {}).values()]
+    own = {str(param.name).lower(): option for param in command.params for option in param.opts
+           if option.startswith("--")}
+    return {name: option for options in (*below, own) for name, option in options.items()}
 
 
 def _reader_left() -> bool:

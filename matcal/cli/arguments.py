@@ -11,7 +11,7 @@ from touchcal.terminal import numbers
 
 if TYPE_CHECKING:
     from matcal.card import MaterialCard
-    from matcal.fitting.calibrate import FitOptions
+    from matcal.fitting.fit_options import FitOptions
 
 # rows of `matcal predict` over what was fitted
 _POINTS = 11
@@ -20,7 +20,7 @@ _POINTS = 11
 def fit_options(order: str, poisson: str | None, stable: str | None, stable_range: str | None, residual: str,
                 weight: Sequence[str], prony_terms: str, strain_zero: float, law: str) -> FitOptions:
     """The options behind the flags of `matcal fit`; ValueError names the flag that cannot be read."""
-    from matcal.fitting.calibrate import FitOptions
+    from matcal.fitting.fit_options import FitOptions
 
     return FitOptions(_count("--order", order), _poisson(poisson), stable, _stretches(stable_range), residual,
                       _weights(weight), _count("--prony-terms", prony_terms), strain_zero, law.replace("-", "_"))

@@ -279,4 +279,4 @@ def _write_report(card: Path, out: Path, quiet: bool = False) -> None:
 
 def main() -> None:
     """Entry point."""
-    run(app, "matcal")
+    run(app, "matcal", {"weights": "--weight", "strain_zero_sd": "--strain-zero"})

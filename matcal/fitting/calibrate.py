@@ -2,16 +2,16 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from matcal.fitting.conductivity_fit import ConductivityFit, fit_conductivity
-from matcal.fitting.general_fit import fit_law
+from matcal.fitting.fit_options import FitOptions
+from matcal.fitting.fitters import Fitter, fitter_of
 from matcal.fitting.hyperfoam.cross_prediction import Predicted, predictions, unstable_within
 from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
-from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit, fit, quick_law
-from matcal.fitting.hyperfoam.poisson import FITTED, FOAM, Poisson
+from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
 from matcal.fitting.relaxation.record_thinning import thinned
@@ -20,81 +20,14 @@ from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
 from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift, with_zero
 from matcal.fitting.uncertainty.two_nu import TwoNu, two_nu
 from matcal.laws.deformation_modes import MODES
-from matcal.laws.known_laws import law_type
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
 from touchcal.number_words import percent
 
 _TURNS, _SETTLED = 6, 1e-5  # turns of (series, law) at most, and the change of g below which they have settled
-_MOST_ZERO = 0.1  # most standard deviation of a strain zero
-_FEW = 3  # starts of the fit that only refines the records
 _FACTOR_TURNS = 2  # fits that find the factors of specimens
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
-
-
-@dataclass(frozen=True)
-class FitOptions:
-    """What the user may choose about a calibration.
-
-    ValueError for a range over which no law is held stable.
-
-    >>> FitOptions(order=2, weights={"shear": 2.0}).prony_terms
-    'auto'
-    """
-
-    order: int | str = "auto"  # terms of the law: 1 to 6, or "auto"
-    # one Poisson-like ratio for all terms, one a term, "fit" (one), "fit-each", or None: a foam's 0
-    poisson: Poisson | None = None
-    stable: str | None = None  # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
-    stable_range: tuple[float, float] | None = None  # principal stretches between which it must; None: the curves'
-    residual: str = "relative"  # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
-    weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
-    prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 30, or "auto"
-    strain_zero_sd: float = 0.0  # standard deviation of the strain zero of tests that do not state one
-    law: str = "hyperfoam"  # name of the foam's law, one of matcal.laws.known_laws
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.strain_zero_sd < _MOST_ZERO:
-            raise ValueError(f"--strain-zero {self.strain_zero_sd:g}: the standard deviation of a strain zero lies "
-                             f"between 0 and {_MOST_ZERO:g}, for example 0.002.")
-        self._check_law()
-        if self.stable_range is not None and self.stable is None:
-            raise ValueError(f"--stable-range {','.join(f'{end:g}' for end in self.stable_range)}: no law is held "
-                             "stable, so there is nothing to hold it over. Add --stable drucker or --stable elliptic, "
-                             "or leave it out.")
-
-    def _check_law(self) -> None:
-        """ValueError for an unknown law, and for a choice that it does not have."""
-        names = [p.name for p in law_type(self.law).parameters]
-        if self.law == "hyperfoam":
-            return
-        given = {"--order": self.order != "auto", "--stable": self.stable is not None,
-                 "--poisson": self.poisson not in (None, "fit") and not (
-                     "nu" in names and isinstance(self.poisson, int | float))}
-        if wrong := [flag for flag, used in given.items() if used]:
-            raise ValueError(f"{wrong[0]} is not a choice of the law {self.law}, whose parameters are "
-                             f"{', '.join(names)}; it is one of hyperfoam. Leave it out, or leave --law out.")
-
-    @property
-    def given(self) -> dict[str, float]:
-        """Parameters of a law other than hyperfoam that are not fitted."""
-        return {"nu": float(self.poisson)} if isinstance(self.poisson, int | float) else {}
-
-    def check_used(self, experiments: Sequence[Experiment]) -> None:
-        """ValueError for a choice that no test can obey."""
-        kinds, plain = ", ".join(dict.fromkeys(e.kind for e in experiments)), FitOptions()
-        of_law = {"--law": self.law != plain.law, "--order": self.order != plain.order,
-                  "--poisson": self.poisson != plain.poisson,
-                  "--stable": self.stable is not None, "--residual": self.residual != plain.residual,
-                  "--weight": bool(self.weights)}
-        given = [flag for flag, differs in of_law.items() if differs]
-        if given and not any(is_curve(e) for e in experiments):
-            raise ValueError(f"{given[0]} is about the law of a stress-strain curve, and the tests are {kinds} only. "
-                             f"Leave it out, or add one of {', '.join(MODES)}.")
-        if self.prony_terms != plain.prony_terms and not any(e.kind == "relaxation" for e in experiments):
-            raise ValueError(f"--prony-terms {self.prony_terms}: the tests are {kinds} only, and a Prony series needs "
-                             "a relaxation test. Leave it out, or add relaxation=FILE.")
 
 
 @dataclass(frozen=True)
@@ -127,11 +60,12 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     experiments, said = with_drift([thinned(with_zero(e, options.strain_zero_sd)) for e in experiments])
     relaxing = [e for e in experiments if e.kind == "relaxation"]
     curves = weigh(experiments, options.residual, options.weights)
-    prony = _prony(relaxing, curves, options) if relaxing else None
+    fitter = fitter_of(options)
+    prony = _prony(relaxing, curves, options, fitter) if relaxing else None
     series_s = time.process_time() - started
     law, uncertainty, how = None, None, ()
     if curves:
-        law, how = _law(curves, prony, options)
+        law, how = _law(curves, prony, fitter)
         uncertainty = linearised(law, prony)
         how = (*how, *uncertainty.decisions)
     kept_out = _predicted(predicted, law, prony)
@@ -149,17 +83,17 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both)
 
 
-def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions) -> PronyFit:
+def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions, fitter: Fitter) -> PronyFit:
     """Series through the shape of the law, which is fitted again with each series until they agree."""
     if not curves:
         return fit_prony(relaxing, None, options.prony_terms)
-    law = _shape(curves, options)
+    law = fitter.shape(curves)
     first = fit_prony(relaxing, law, options.prony_terms)
-    law = _corrected(curves, first, options)
+    law = _corrected(curves, first, fitter)
     found = chosen = fit_prony(relaxing, law, options.prony_terms)  # chosen again, through a law that knows its rate
     terms, left = chosen.prony.g.size, np.inf
     for turn in range(3, _TURNS + 1):
-        law = _corrected(curves, found, options)
+        law = _corrected(curves, found, fitter)
         before, found = found.prony, fit_prony(relaxing, law, terms)
         left = float(np.abs(found.prony.g - before.g).max()) if found.prony.g.size == before.g.size else np.inf
         if left < _SETTLED:
@@ -168,25 +102,8 @@ def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: Fit
                            [f"Series and law still changed after {_TURNS} turns by {left:.1g} in g."])
 
 
-def _corrected(curves: Sequence[Curve], found: PronyFit, options: FitOptions) -> Law:
-    return _shape([with_history(c, found.prony) for c in curves], options)
-
-
-def _shape(curves: Sequence[Curve], options: FitOptions) -> Law:
-    """A law of the curves for their shape, on the way."""
-    if options.law != "hyperfoam":
-        return _fitted(curves, options, thorough=False).law
-    nu = FOAM if options.poisson is None or isinstance(options.poisson, str) else float(np.mean(options.poisson))
-    return quick_law(curves, options.order, nu)
-
-
-def _fitted(curves: Sequence[Curve], options: FitOptions, *, thorough: bool = True) -> Fit:
-    """The law of the options; not thorough: a hyperfoam with one nu from few starts, each without single modes."""
-    if options.law != "hyperfoam":
-        return fit_law(curves, law_type(options.law), options.given, thorough)
-    if not thorough:
-        return fit(curves, *_with_one_nu(options), starts=_FEW, thorough=False)
-    return fit(curves, options.order, options.poisson, stable=options.stable, stable_range=options.stable_range)
+def _corrected(curves: Sequence[Curve], found: PronyFit, fitter: Fitter) -> Law:
+    return fitter.shape([with_history(c, found.prony) for c in curves])
 
 
 def _with_decisions(found: PronyFit, chosen: PronyFit, options: FitOptions, more: Sequence[str]) -> PronyFit:
@@ -204,50 +121,39 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Law) -> lis
     return out
 
 
-def _law(curves: tuple[Curve, ...], prony: PronyFit | None, options: FitOptions) -> tuple[Fit, tuple[str, ...]]:
+def _law(curves: tuple[Curve, ...], prony: PronyFit | None, fitter: Fitter) -> tuple[Fit, tuple[str, ...]]:
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
-    curves = _with_factors(curves, options)
-    curves, moved = _refined(curves, options)
-    found = _fitted(curves, options)
+    curves = _with_factors(curves, fitter)
+    curves, moved = _refined(curves, fitter)
+    found = fitter.fit(curves)
     return found, (_moduli_sentence(curves, prony.prony if prony else None), *factor_sentences(curves), *moved,
                    *found.decisions)
 
 
-def _with_factors(curves: tuple[Curve, ...], options: FitOptions) -> tuple[Curve, ...]:
+def _with_factors(curves: tuple[Curve, ...], fitter: Fitter) -> tuple[Curve, ...]:
     """Replicates with the factors of their specimens, from laws that are fitted without and then with them."""
     for _ in range(_FACTOR_TURNS if replicated(curves) else 0):
-        curves = with_factors(curves, _fitted(curves, options, thorough=False).law)
+        curves = with_factors(curves, fitter.quick(curves).law)
     return curves
 
 
-def _refined(curves: tuple[Curve, ...], options: FitOptions) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
+def _refined(curves: tuple[Curve, ...], fitter: Fitter) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
     """The curves with contact, load zero and drift refined, by the order that needs least to explain them. A term too
     many takes up what is an error of the record: each lower order of nearly the same residual refines the records its
     own way, and the criterion of orders decides, the corrections' own prior counted."""
     if not any(uncertain(curve) for curve in curves):
         return curves, ()
-    first = _fitted(curves, options, thorough=False)
+    first = fitter.quick(curves)
     best = refined_records(first)
-    order, nu = _with_one_nu(options)
-    if not best[1] or order != "auto" or not first.orders:
+    if not best[1] or not first.orders:
         return best
     chosen = next(row for row in first.orders if row.order == first.law.alpha.size)
     near = [row.order for row in first.orders if row.order < chosen.order and row.rms < NEARLY * chosen.rms]
     if not near:
         return best
-    tried = {n: refined_records(fit(curves, n, nu, starts=_FEW, thorough=False)) for n in near} | {chosen.order: best}
+    tried = {n: refined_records(fitter.quick(curves, n)) for n in near} | {chosen.order: best}
     return min(tried.values(), key=lambda refined: min(
-        row.bic for row in fit(refined[0], order, nu, starts=_FEW, thorough=False).orders) + surprise(refined[0]))
-
-
-def _with_one_nu(options: FitOptions) -> tuple[int | str, float | str | None]:
-    """Order and nu of the fit that refines the records: one nu for all terms."""
-    if options.poisson is None:
-        return options.order, None
-    if isinstance(options.poisson, str):
-        return options.order, "fit" if options.poisson in FITTED else options.poisson
-    values = np.atleast_1d(options.poisson)
-    return options.order if values.size == 1 else values.size, float(values.mean())
+        row.bic for row in fitter.quick(refined[0]).orders) + surprise(refined[0]))
 
 
 def _moduli_sentence(curves: Sequence[Curve], prony: Prony | None) -> str:

@@ -44,7 +44,8 @@ def fit_law(curves: Sequence[Curve], kind: type[Law], given: Mapping[str, float]
     cost = float(np.sum(found.residual**2))
     return Fit(law, curves, Optimum(np.zeros(0), np.zeros(0), cost, (cost,), int(found.nfev)), (), (), alone,
                (weight_sentence(curves), _sentence(law, given, kept), *alone_sentences(curves, alone, exponents=False)),
-               time.process_time() - start, moves=np.eye(len(free))[:, free], parameters=_errors(law, found))
+               time.process_time() - start, moves=np.eye(len(free))[:, free], parameters=_errors(law, found),
+               given=tuple(given))
 
 
 def _searched(curves: tuple[Curve, ...], kind: type[Law], given: Mapping[str, float]) -> tuple[Law, Any]:

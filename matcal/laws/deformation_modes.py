@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from matcal.laws.hyperfoam import kirchhoff_per_modulus
 from matcal.laws.law import Law
+from matcal.laws.law_stack import LawStack
 from matcal.laws.prony import Prony, convolve
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
@@ -97,6 +98,18 @@ def second_piola(law: Law, mode: str, strain: ArrayLike) -> Array:
     e = _checked(mode, strain)
     x = log_stretches(law, mode, e)
     return _components(mode, e, x, law.kirchhoff(x))
+
+
+def stacked_second_piola(laws: LawStack, mode: str, strain: ArrayLike, near: Array | None = None) -> Array:
+    """`second_piola` of D laws at strains (n,), (D, n, C); NaN where one has no free faces without stress. `near`
+    (n, 3): the stretches of a law like them, from which free faces are sought."""
+    e = np.broadcast_to(_checked(mode, strain), (len(laws.vectors), np.size(strain)))
+    x = _shared_nu_stretches(mode, e, laws.hencky_ratio[0]) if near is None else np.broadcast_to(near, (*e.shape, 3))
+    try:
+        x = _freed(laws, mode, x) if mode in _AXES else x
+    except NotConverged as error:
+        x = np.asarray(error.estimate)
+    return _components(mode, e, x, laws.kirchhoff(x))
 
 
 def lateral_strain(law: Law, mode: str, strain: ArrayLike) -> Array:

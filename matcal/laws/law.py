@@ -112,15 +112,11 @@ class Law:
 
     def kirchhoff(self, x: ArrayLike) -> Array:
         """Principal Kirchhoff stresses tau_k = dU/dx_k, Pa, (..., 3), at logarithmic stretches x (..., 3)."""
-        return np.stack(np.broadcast_arrays(*self.stress_at(self.numbers, *_columns(x))), axis=-1)
+        return kirchhoff_of(type(self), self.numbers, x)
 
     def tangent(self, x: ArrayLike) -> Array:
         """d tau_k/dx_l = d2U/dx_k dx_l, Pa, (..., 3, 3), symmetric, at logarithmic stretches x (..., 3)."""
-        columns = _columns(x)
-        out = np.empty((*columns[0].shape, 3, 3))
-        for (k, m), value in zip(ENTRIES, self.tangent_at(self.numbers, *columns), strict=True):
-            out[..., k, m] = out[..., m, k] = value
-        return out
+        return tangent_of(type(self), self.numbers, x)
 
     def difference(self, mean: ArrayLike, half: ArrayLike, third: ArrayLike) -> Array:
         """Divided difference (tau_1 - tau_2)/(x_1 - x_2), Pa, at x_1, x_2 = mean +- half and x_3, of any one shape."""
@@ -130,6 +126,25 @@ class Law:
 
 # Rows and columns that `Law.tangent_at` gives.
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def kirchhoff_of(kind: type[Law], numbers: Array, x: ArrayLike) -> Array:
+    """`Law.kirchhoff` of the numbers of one law, or (K, D, 1) of D laws at x (D, n, 3)."""
+    return np.stack(np.broadcast_arrays(*kind.stress_at(numbers, *_columns(x))), axis=-1)
+
+
+def tangent_of(kind: type[Law], numbers: Array, x: ArrayLike) -> Array:
+    """`Law.tangent`, as `kirchhoff_of`."""
+    columns = _columns(x)
+    out = np.empty((*columns[0].shape, 3, 3))
+    for (k, m), value in zip(ENTRIES, kind.tangent_at(numbers, *columns), strict=True):
+        out[..., k, m] = out[..., m, k] = value
+    return out
+
+
+def has_terms(kind: type[Law]) -> bool:
+    """Whether a law is a sum of terms, whose number a fit chooses."""
+    return any(p.each_term for p in kind.parameters)
 
 
 def check(law: Law) -> None:

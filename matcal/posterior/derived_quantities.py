@@ -3,16 +3,13 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.interpolate import BarycentricInterpolator
 
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN
-from matcal.laws.deformation_modes import design, nominal_stress
-from matcal.posterior.draws import Draws, law_of
+from matcal.posterior.drawn_laws import moduli_of, stress_of
+from matcal.posterior.draws import Draws
 from touchcal.arrays import Array
 
 _WATCHED = (0.3, 0.65, 1.0)  # shares of the fitted range at which stresses are watched
-_NU_NODES = 9  # values of nu between which stresses are interpolated
 
 
 def derived_of(draws: Draws) -> dict[str, Array]:
@@ -22,12 +19,12 @@ def derived_of(draws: Draws) -> dict[str, Array]:
     out: dict[str, Array] = {}
     if len(draws) == 0:
         return out
-    if draws.mu_Pa.shape[1]:
-        mu_0 = draws.mu_Pa.sum(axis=1)
-        out = {"mu_0_Pa": mu_0, "E_0_Pa": _young(draws),
-               "plateau_Pa": -stress_of(draws, "uniaxial", [PLATEAU_STRAIN])[:, 0]}
-        if np.ptp(draws.nu) > 0 and not np.any(np.ptp(draws.nu, axis=1)):
-            out["nu"] = draws.nu[:, 0]
+    if draws.law:
+        mu_0, E_0 = moduli_of(draws)
+        out = {"mu_0_Pa": mu_0, "E_0_Pa": E_0, "plateau_Pa": -stress_of(draws, "uniaxial", [PLATEAU_STRAIN])[:, 0]}
+        nu = draws.law.get("nu")
+        if nu is not None and np.ptp(nu) > 0 and not np.any(np.ptp(nu, axis=1)):
+            out["nu"] = nu[:, 0]
     if draws.g is not None:
         out["g_infinity"] = 1 - draws.g.sum(axis=1)
         if "mu_0_Pa" in out:
@@ -54,30 +51,3 @@ def watched(draws: Draws, ranges: Mapping[str, tuple[float, float]]) -> dict[str
     if draws.tau_s is not None:
         out |= {f"ln tau_{k + 1}": np.log(column) for k, column in enumerate(draws.tau_s.T)}
     return out
-
-
-def stress_of(draws: Draws, mode: str, strain: ArrayLike) -> Array:
-    """Nominal stress of every draw at strains (n,), Pa, (D, n); where nu differs from draw to draw but not from term
-    to term, interpolated between a few values of it."""
-    e = np.asarray(strain, dtype=float)
-    if draws.nu.shape[1] > 1 and np.any(np.ptp(draws.nu, axis=1) > 0):
-        return np.stack([nominal_stress(law_of(draws, k), mode, e) for k in range(len(draws))])
-    nu = draws.nu[:, 0]
-    if np.ptp(nu) == 0:
-        return _stress(draws, mode, e, float(nu[0]))
-    middle, half = (nu.max() + nu.min()) / 2, np.ptp(nu) / 2
-    nodes = middle + half * np.cos(np.pi * np.arange(_NU_NODES) / (_NU_NODES - 1))
-    weight = BarycentricInterpolator(nodes, np.eye(_NU_NODES))(nu)
-    each = np.stack([_stress(draws, mode, e, float(v)) for v in nodes])
-    return np.einsum("dk,kdn->dn", weight, each)
-
-
-def _stress(draws: Draws, mode: str, e: Array, nu: float) -> Array:
-    columns = design(mode, e, draws.alpha.ravel(), nu).reshape(e.size, *draws.alpha.shape)
-    return np.einsum("ndk,dk->dn", columns, draws.mu_Pa)
-
-
-def _young(draws: Draws) -> Array:
-    beta = draws.nu / (1 - 2 * draws.nu)
-    bulk, mu = np.sum(2 * draws.mu_Pa * (1 / 3 + beta), axis=1), draws.mu_Pa.sum(axis=1)
-    return 9 * bulk * mu / (3 * bulk + mu)

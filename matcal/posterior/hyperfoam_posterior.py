@@ -8,13 +8,12 @@ relaxation test the rate effect follows the sampled series exactly in its times 
 scaled with the sampled one.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator, CubicSpline
 
-from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam, weighted_model
+from matcal.fitting.hyperfoam.curves import of_mean_foam, weighted_model
 from matcal.fitting.hyperfoam.design_table import Table, tabulate
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents
 from matcal.fitting.hyperfoam.poisson import lateral_cost
@@ -24,14 +23,22 @@ from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.uncertainty.linear_response import PRIOR_MODULI
 from matcal.fitting.uncertainty.nu_ridge import Ridge
 from matcal.fitting.uncertainty.nuisance import nuisance
-from matcal.laws.deformation_modes import push_forward, second_piola
 from matcal.laws.hyperfoam import Hyperfoam
-from matcal.laws.prony import Prony, decaying
+from matcal.posterior.draws import Draws, foam_draws
+from matcal.posterior.record_effects import (
+    common_factor,
+    contrasts,
+    log_omega,
+    omega_inside,
+    rate_effect,
+    rate_spline,
+    series_effect,
+)
 from matcal.statistics.linear_marginals import conditional, log_marginal, triangles
 from touchcal.arrays import Array
 
+SPREAD = 0.4  # of the widest start in exponents, ln noise, ln omega
 _NU_NODES, _NU_NODES_PER_UNIT, _MOST_NU_NODES = 5, 40, 25  # values of nu that are tabulated, more for a wide range
-_PER_DECADE = 12  # relaxation times, in each decade, at which the rate effect is tabulated
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,69 @@ class LawPart:
         """Sampled numbers: exponents, ln sigma, nu where fitted, ln omega with replicates."""
         return self.order + 1 + (self.nu.size > 1) + (self.factor.shape[1] > 0)
 
+    def log_density(self, x: Array, ln_tau: Array | None, g: Array | None, share: float = 1.0) -> Array:
+        """(W,) log density at (alpha, ln sigma, nu?, ln omega?) (W, size), moduli and nuisances integrated
+        out, for series with (W, M) ln_tau and g; `share` of the points is counted."""
+        alpha = x[:, :self.order]
+        inside = (alpha[:, 0] > self.allowed.low) & (alpha[:, -1] < self.allowed.high)
+        inside &= np.all(np.diff(alpha, axis=1) >= self.allowed.gap, axis=1) & (np.abs(x[:, self.order]) < 20)
+        if self.nu.size > 1:
+            inside &= (x[:, self.order + 1] > self.nu.min()) & (x[:, self.order + 1] < self.nu.max())
+        if self.factor.shape[1]:
+            inside &= omega_inside(x[:, -1])
+        out = np.full(x.shape[0], -np.inf)
+        if inside.any():
+            series = (None, None) if ln_tau is None or g is None else (ln_tau[inside], g[inside])
+            y, points = x[inside], share * self.effective_sample_size
+            out[inside] = log_marginal(_triangles(self, y, *series, points)) - points * y[:, self.order]
+            if self.lateral is not None:
+                out[inside] -= 0.5 * points * self.lateral(y[:, self.order + 1]) * np.exp(-2 * y[:, self.order])
+            if self.factor.shape[1]:
+                out[inside] += log_omega(y[:, -1])
+        return out
+
+    def draws(self, x: Array, ln_tau: Array | None, g: Array | None, rng: np.random.Generator) -> Draws:
+        """Laws at sampled points (W, size), with omega where there are replicates."""
+        moved = rng.standard_normal((x.shape[0], self.stated.shape[1])) @ self.stated.T
+        solved = conditional(_triangles(self, x, ln_tau, g, self.effective_sample_size, moved), rng)
+        nu = x[:, self.order + 1] if self.nu.size > 1 else np.full(x.shape[0], self.nu[0])
+        scatter = self.factor.shape[1] > 0
+        omega = np.exp(x[:, -1]) if scatter else np.zeros(x.shape[0])
+        common = common_factor(omega, self.factor.shape[1] + 1, rng)
+        return foam_draws(solved[:, :self.order] * self.mu_0_Pa * common[:, None], x[:, :self.order],
+                          np.repeat(nu[:, None], self.order, axis=1), omega=omega if scatter else None)
+
+    def start(self, fit: Fit) -> tuple[Array, Array]:
+        """(size,) the fit in the coordinates that are sampled, and the widest spread of starts about it."""
+        alpha = fit.law.alpha + 0.01 * np.arange(self.order)
+        more = ([float(fit.law.nu[0])] if self.nu.size > 1 else []) + ([np.log(0.05)] if self.factor.shape[1] else [])
+        spread = np.full(self.size, SPREAD)
+        if self.nu.size > 1:
+            spread[self.order + 1] = 0.1 * np.ptp(self.nu)
+        return np.r_[alpha, 0.5 * np.log(max(fit.optimum.cost, 1e-14)), more], spread
+
+    @property
+    def prior(self) -> str:
+        """The prior of everything in the law's self."""
+        a = self.allowed
+        words = [f"alpha uniform between {a.low:.3g} and {a.high:.3g}, in order, at distances of {a.gap:.2g} at least",
+                 f"mu_i normal about 0 with {PRIOR_MODULI:g} mu_0, mu_0 positive", "ln sigma flat",
+                 "contact points, load zeros and drifts normal with their own errors"]
+        if self.stated.shape[1]:
+            words.append("stated scatter normal, about the fit, not inferred")
+        if self.nu.size > 1:
+            words.append(f"nu uniform between {self.nu.min():.3g} and {self.nu.max():.3g}")
+        if self.factor.shape[1]:
+            words.append(f"ln of the specimens' stiffness normal with omega, omega half-normal with {PRIOR_OMEGA:g}")
+        return "; ".join(words) + f"; {self.effective_sample_size:.0f} effective points"
+
+    @property
+    def remedy(self) -> str:
+        """What may help chains that do not converge; empty where nothing is known."""
+        return "" if self.order == 1 else (
+            f"Give --order {self.order - 1}: with fewer terms the exponents are better separated. Or add a test in "
+            "another mode.")
+
 
 def law_part(fit: Fit, points: float, prony: PronyFit | None, ridge: Ridge | None = None) -> LawPart:
     """Tables of a fit whose residuals are worth `points`, and of the nu along the ridge that it leaves open; ValueError
@@ -66,83 +136,25 @@ def law_part(fit: Fit, points: float, prony: PronyFit | None, ridge: Ridge | Non
     fit = replace(fit, curves=tuple(of_mean_foam(c) for c in fit.curves))  # factors are drawn, not taken
     law = fit.law
     if np.ptp(law.nu) > 0:
-        raise ValueError(f"--posterior is built for one nu for all terms, the law has {law.nu.tolist()}. Use --poisson "
+        raise ValueError(f"`posterior` is built for one nu for all terms, the law has {law.nu.tolist()}. Use `poisson` "
                          "fit or one value.")
     known, differ = nuisance(fit), specimens(fit.curves, law)
     nu = law.nu[:1] if ridge is None else _nu_nodes(ridge)
     allowed = allowed_exponents(fit.curves, float(law.nu[0]))
-    times, rate = _rate_effect(fit.curves, law, prony)
+    times, rate = rate_effect(fit.curves, law, prony)
     more = np.column_stack([known.effect, differ.stated, differ.factor, weighted_model(fit.curves, law)[:, None], rate])
     tables = _tables(fit, nu, (allowed.low, allowed.high), more)
     basis = tables[0].basis
-    held = basis.T @ rate
-    spline = CubicSpline(np.log(times), held.T) if prony is not None and np.any(rate) else None
-    fitted_rate = series_effect(spline, np.log(prony.prony.tau_s)[None], prony.prony.g[None])[0] \
-        if spline is not None and prony is not None else np.zeros(basis.shape[1])
+    spline, fitted_rate = rate_spline(times, basis.T @ rate, prony)
     lateral = None
     if ridge is not None and any(c.experiment.lateral is not None for c in fit.curves):
         grid = np.linspace(nu.min(), nu.max(), 33)
         lateral = CubicSpline(grid, [lateral_cost(fit.curves, Hyperfoam(np.ones(1), np.ones(1), np.full(1, v)))
                                      for v in grid])
-    factor = basis.T @ differ.factor @ _contrasts(differ.factor.shape[1])
+    factor = basis.T @ differ.factor @ contrasts(differ.factor.shape[1])
     return LawPart(tables, nu, lateral, basis.T @ known.effect, known.mean, basis.T @ differ.stated, factor, spline,
                    fitted_rate, basis.T @ weighted_model(fit.curves, law), allowed, law.alpha.size, law.mu_0_Pa, points,
                    differ.decisions)
-
-
-def log_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, share: float = 1.0) -> Array:
-    """(W,) log density at (alpha, ln sigma, nu?, ln omega?) (W, size), moduli and nuisances integrated out, for series
-    with (W, M) ln_tau and g; `share` of the points is counted."""
-    alpha = x[:, :part.order]
-    inside = (alpha[:, 0] > part.allowed.low) & (alpha[:, -1] < part.allowed.high)
-    inside &= np.all(np.diff(alpha, axis=1) >= part.allowed.gap, axis=1) & (np.abs(x[:, part.order]) < 20)
-    if part.nu.size > 1:
-        inside &= (x[:, part.order + 1] > part.nu.min()) & (x[:, part.order + 1] < part.nu.max())
-    if part.factor.shape[1]:
-        inside &= (x[:, -1] > -12) & (x[:, -1] < 2)
-    out = np.full(x.shape[0], -np.inf)
-    if inside.any():
-        series = (None, None) if ln_tau is None or g is None else (ln_tau[inside], g[inside])
-        y, points = x[inside], share * part.effective_sample_size
-        out[inside] = log_marginal(_triangles(part, y, *series, points)) - points * y[:, part.order]
-        if part.lateral is not None:
-            out[inside] -= 0.5 * points * part.lateral(y[:, part.order + 1]) * np.exp(-2 * y[:, part.order])
-        if part.factor.shape[1]:
-            out[inside] += y[:, -1] - 0.5 * np.exp(2 * y[:, -1]) / PRIOR_OMEGA**2
-    return out
-
-
-def draw_law(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None,
-             rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
-    """Moduli (Pa) and exponents (W, N), nu (W,) and omega (W,), 0 without replicates, at sampled points."""
-    moved = rng.standard_normal((x.shape[0], part.stated.shape[1])) @ part.stated.T
-    solved = conditional(_triangles(part, x, ln_tau, g, part.effective_sample_size, moved), rng)
-    nu = x[:, part.order + 1] if part.nu.size > 1 else np.full(x.shape[0], part.nu[0])
-    omega = np.exp(x[:, -1]) if part.factor.shape[1] else np.zeros(x.shape[0])
-    common = omega / np.sqrt(part.factor.shape[1] + 1) * rng.standard_normal(x.shape[0])
-    return solved[:, :part.order] * part.mu_0_Pa * np.exp(-common)[:, None], x[:, :part.order], nu, omega
-
-
-def start_law(part: LawPart, fit: Fit) -> Array:
-    """(size,) the fit in the coordinates that are sampled."""
-    alpha = fit.law.alpha + 0.01 * np.arange(part.order)
-    more = ([float(fit.law.nu[0])] if part.nu.size > 1 else []) + ([np.log(0.05)] if part.factor.shape[1] else [])
-    return np.r_[alpha, 0.5 * np.log(max(fit.optimum.cost, 1e-14)), more]
-
-
-def prior_words(part: LawPart) -> str:
-    """The prior of everything in the law's part."""
-    a = part.allowed
-    words = [f"alpha uniform between {a.low:.3g} and {a.high:.3g}, in order, at distances of {a.gap:.2g} at least",
-             f"mu_i normal about 0 with {PRIOR_MODULI:g} mu_0, mu_0 positive", "ln sigma flat",
-             "contact points, load zeros and drifts normal with their own errors"]
-    if part.stated.shape[1]:
-        words.append("stated scatter normal, about the fit, not inferred")
-    if part.nu.size > 1:
-        words.append(f"nu uniform between {part.nu.min():.3g} and {part.nu.max():.3g}")
-    if part.factor.shape[1]:
-        words.append(f"ln of the specimens' stiffness normal with omega, omega half-normal with {PRIOR_OMEGA:g}")
-    return "; ".join(words) + f"; {part.effective_sample_size:.0f} effective points"
 
 
 def _triangles(part: LawPart, x: Array, ln_tau: Array | None, g: Array | None, points: float,
@@ -176,14 +188,6 @@ def _columns(part: LawPart, x: Array) -> Array:
     return np.einsum("wk,kwnr->wrn", weight, each)
 
 
-def _contrasts(count: int) -> Array:
-    """(S, S - 1) orthonormal differences of S numbers. What S factors have in common scales the law and nothing else:
-    no test sees it, it is independent of the differences, and it is drawn from its prior."""
-    if not count:
-        return np.zeros((0, 0))
-    return np.linalg.qr(np.column_stack([np.ones(count), np.eye(count)[:, 1:]]))[0][:, 1:]
-
-
 def _tables(fit: Fit, nu: Array, bounds: tuple[float, float], more: Array) -> tuple[Table, ...]:
     """One table for each nu, all on a basis that holds every one of them."""
     first = tabulate(fit.curves, float(nu[0]), bounds, more)
@@ -204,27 +208,3 @@ def _nu_nodes(ridge: Ridge) -> Array:
     count = min(_NU_NODES + int(_NU_NODES_PER_UNIT * (hi - lo)), _MOST_NU_NODES)
     nodes = np.cos(np.pi * np.arange(count) / (count - 1))
     return np.sort((lo + hi) / 2 + (hi - lo) / 2 * nodes)
-
-
-def _rate_effect(curves: Sequence[Curve], law: Hyperfoam, prony: PronyFit | None) -> tuple[Array, Array]:
-    """Times (T,) and the fitted law's weighted stress (n, T) that relaxes with each, per unit g/g_inf."""
-    n = sum(c.experiment.value.size for c in curves)
-    if prony is None:
-        return np.ones(1), np.zeros((n, 0))
-    low, high = np.log10(prony.bounds_s)
-    times = np.logspace(low, high, int(np.ceil((high - low) * _PER_DECADE)) + 2)
-    parts = []
-    for curve in curves:
-        e, kind = curve.experiment.strain, curve.experiment.kind
-        if curve.kernel is None or curve.experiment.time_s is None:
-            parts.append(np.zeros((e.size, times.size)))
-            continue
-        slow = decaying(Prony(np.zeros(times.size), times), curve.experiment.time_s, second_piola(law, kind, e))
-        parts.append(np.sum(push_forward(kind, e) * slow, axis=-1).T / curve.scale_Pa[:, None])
-    return times, np.concatenate(parts)
-
-
-def series_effect(rate: CubicSpline, ln_tau: Array, g: Array) -> Array:
-    """(W, r) sum of g_i/g_inf times the effect of tau_i."""
-    share = g / (1 - g.sum(axis=1, keepdims=True))
-    return np.einsum("wm,wmr->wr", share, rate(ln_tau))

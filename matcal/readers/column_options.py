@@ -32,21 +32,21 @@ def parse_selection(text: str) -> Selection:
         if k == 0 and len(parts) == 3:
             where, *parts = parts
         if len(parts) != 2 or not all(parts):
-            raise ValueError(f"--columns '{text}': '{item}' is not QUANTITY=COLUMN[:UNIT]. Example: {EXAMPLE}.")
+            raise ValueError(f"`columns` '{text}': '{item}' is not QUANTITY=COLUMN[:UNIT]. Example: {EXAMPLE}.")
         key, value = parts
         if key == "sheet":
             sheet = value
             continue
         if key == "block":
             if not value.isdecimal() or int(value) < 1:
-                raise ValueError(f"--columns '{text}': block={value} must be the number of a block, from 1.")
+                raise ValueError(f"`columns` '{text}': block={value} must be the number of a block, from 1.")
             block = int(value)
             continue
         if key not in QUANTITIES:
-            raise ValueError(f"--columns '{text}': quantity '{key}' is unknown; known: "
+            raise ValueError(f"`columns` '{text}': quantity '{key}' is unknown; known: "
                              f"{', '.join(q for q in QUANTITIES if q != 'block')}, sheet and block.")
         if key in columns:
-            raise ValueError(f"--columns '{text}': {key} is given twice.")
+            raise ValueError(f"`columns` '{text}': {key} is given twice.")
         name, colon, unit = value.rpartition(":")
         columns[key] = (name, unit) if colon and name else (value, None)
     return Selection(where, columns, sheet, text, block)
@@ -71,6 +71,6 @@ def selections_of(inputs: Sequence[Any], given: Sequence[Selection]) -> list[dic
         out.append(chosen)
     used = [id(selection) for chosen in out for selection in chosen.values()]
     if unused := next((s for s in given if id(s) not in used), None):
-        raise ValueError(f"--columns '{unused.text}' fits no file. Begin it with the name of a file or a kind that is "
+        raise ValueError(f"`columns` '{unused.text}' fits no file. Begin it with the name of a file or a kind that is "
                          f"given (kinds: {', '.join(KINDS)}), or with neither.")
     return out

@@ -164,7 +164,7 @@ def _selected(grid: Grid, header: Header, selection: Selection) -> dict[str, _Co
         index = _index(grid, header, requested)
         if before := next((q for q, column in out.items() if column.index == index), None):
             raise InputFileError(
-                grid.path, f"--columns '{selection.text}': column {index + 1} '{shown(header.cells[index][0])}' is "
+                grid.path, f"`columns` '{selection.text}': column {index + 1} '{shown(header.cells[index][0])}' is "
                 f"given as {before} and as {quantity}. Choose another for one of them. {_listed(header)}",
                 line=header.line)
         name, own = header.cells[index]
@@ -182,7 +182,7 @@ def _index(grid: Grid, header: Header, requested: str) -> int:
     if requested.isdecimal() and 1 <= int(requested) <= len(names):
         return int(requested) - 1
     problem = "is the name of several columns" if requested.casefold() in names else "is no column"
-    raise InputFileError(grid.path, f"--columns: '{requested}' {problem}. {_listed(header)}", line=header.line)
+    raise InputFileError(grid.path, f"`columns`: '{requested}' {problem}. {_listed(header)}", line=header.line)
 
 
 def _listed(header: Header) -> str:
@@ -363,9 +363,9 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
         other = next(iter(measures(unit)), None) or measured(unit)
         why = f"which measures {other}, not {quantity}" if other else "which is not known"
         raise InputFileError(grid.path, f"column '{name}' has the unit '{shown(unit)}'"
-                                        f"{' by --columns' if column.chosen else ''}, {why}. Units of {quantity}: "
+                                        f"{' by `columns`' if column.chosen else ''}, {why}. Units of {quantity}: "
                                         f"{', '.join(COMMON[QUANTITIES[quantity]])}. Write one of them in the file, or "
-                                        f"give it with --columns, for example {flag_for(grid, header)}",
+                                        f"give it with `columns`, for example {flag_for(grid, header)}",
                              line=header.line)
     if others := measures(unit) if unit else []:
         problem = (f"has the unit '{shown(unit)}', which is no unit of {quantity} but of {others[0]}: names and units, "
@@ -375,7 +375,7 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
     problem = f"has the unit '{shown(unit)}', which is no unit of {quantity}" if unit else "has no unit"
     example = {"Pa": "kPa", "m": "mm", "A": "mA", "": "-"}.get(QUANTITIES[quantity], QUANTITIES[quantity])
     raise InputFileError(grid.path, f"column '{name}' {problem}. Put a row of units below the names (for example "
-                                    f"-,kPa), write '{name} ({example})', or give --columns with the unit, for example "
+                                    f"-,kPa), write '{name} ({example})', or give `columns` with the unit, for example "
                                     f"{flag_for(grid, header)}", line=header.line)
 
 

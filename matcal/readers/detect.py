@@ -44,7 +44,7 @@ def _read_file(path: Path, selection: Selection | None) -> Recording:
     source = _open(path, selection.sheet if selection else None)
     reader = next(reader for reader in vendors.readers() if _recognises(reader, source))
     if selection is not None and selection.block is not None and not reader.has_blocks:
-        raise InputFileError(path, f"--columns asks for block {selection.block}, but only MTS 793 files have blocks.")
+        raise InputFileError(path, f"`columns` asks for block {selection.block}, but only MTS 793 files have blocks.")
     found = reader.read(source, selection)
     return replace(found, synthetic=True) if _is_synthetic(source) else found
 
@@ -71,7 +71,7 @@ def _open(path: Path, sheet: str | None) -> Source:
         return Source(path, "", grid, notes)
     text, encoding = decode(data, path, lambda cell: quantity_of(split_name(cell)[0]) is not None)
     if sheet is not None:
-        raise InputFileError(path, f"--columns asks for sheet '{sheet}', but this is text without sheets.")
+        raise InputFileError(path, f"`columns` asks for sheet '{sheet}', but this is text without sheets.")
     return Source(path, text, notes=() if encoding == "utf-8" else (f"read as {encoding}.",))
 
 

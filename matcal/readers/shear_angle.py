@@ -19,7 +19,7 @@ def gamma_of(angle: Array, unit: str, name: str) -> tuple[Array, str, str]:
     most = float(np.max(np.abs(angle)))
     if most > MOST:
         raise ValueError(f"column '{name}' reaches an angle of {np.degrees(most):.4g} degrees, which no shear has. If "
-                         f"it is gamma itself, give it with --columns strain={name}:-")
+                         f"it is gamma itself, give it with `columns` strain={name}:-")
     gamma = np.tan(angle)
     said = f"column '{name}' is the shear angle: gamma = tan(angle)."
     far = float(np.max(np.abs(gamma)))

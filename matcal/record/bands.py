@@ -78,7 +78,8 @@ def share_inside(curve: Curve, law: Law, source: Draws | Uncertainty) -> float:
 
 
 def _band(source: Draws | Uncertainty, mode: str, strain: Array) -> tuple[Array, Array]:
-    from matcal.posterior.draws import Draws, stress_band
+    from matcal.posterior.drawn_laws import stress_band
+    from matcal.posterior.draws import Draws
 
     return stress_band(source, mode, strain) if isinstance(source, Draws) else _linear_band(source, mode, strain)
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from matcal.card import MaterialCard
-from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
+from matcal.fitting.calibrate import FittedLaws, calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.readers.column_options import parse_selection, selections_of
 from matcal.record.write import check_place, make_card, write_record
 from matcal.reduction.reduce import Given, read_and_reduce, tests_of
@@ -114,9 +115,6 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     selected = selections_of([*own, *others], [parse_selection(text) for text in columns])
     reduced = read_and_reduce(own, specimen, selected[:len(own)], branch)
     options.check_used(reduced.experiments)
-    if posterior and options.law != "hyperfoam":
-        raise ValueError(f"--posterior is built for hyperfoam, and the law is {options.law}. Leave it out: the card "
-                         "holds the intervals of the fit; or leave --law out.")
     compared = read_and_reduce(others, specimen, selected[len(own):], branch)
     laws = calibrate(reduced.experiments, options, compared.experiments)
     files = tuple(dict.fromkeys([*reduced.files, *compared.files, *reduced.also_read, *compared.also_read]))

@@ -159,7 +159,7 @@ def _extrapolated(card: MaterialCard, mode: str, at: np.ndarray) -> np.ndarray |
 
 def _drawn(draws: Draws, name: str) -> bool:
     """Whether the draws hold the part that a prediction is made of."""
-    part = {"stress_Pa": draws.mu_Pa if draws.mu_Pa.shape[1] else None, "normalised_stress": draws.g,
+    part = {"stress_Pa": draws.law or None, "normalised_stress": draws.g,
             "conductivity_S_per_m": draws.conductivity_S_per_m}
     return part[name] is not None
 

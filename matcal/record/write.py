@@ -85,11 +85,11 @@ def check_place(out: Path, inputs: Iterable[Path] = ()) -> None:
         raise ValueError(f"{out} is a folder, and a card is a file. Choose another name.")
     folder = folder_of(out)
     if folder.is_dir() and (strange := sorted(p.name for p in folder.iterdir() if p.suffix not in WRITTEN)):
-        raise ValueError(f"--out {out}: its data would replace {folder}, which holds {strange[0]}, no part of an "
+        raise ValueError(f"`out` {out}: its data would replace {folder}, which holds {strange[0]}, no part of an "
                          "earlier fit. Choose another name.")
     for path in inputs:
         if path.resolve() == out.resolve() or folder.resolve() in path.resolve().parents:
-            raise ValueError(f"--out {out} would replace {path}, which is read. Choose another name.")
+            raise ValueError(f"`out` {out} would replace {path}, which is read. Choose another name.")
 
 
 def write_record(card: MaterialCard, found: FittedLaws, out: Path, posterior: Posterior | None = None) -> MaterialCard:

@@ -74,7 +74,7 @@ def _stroke(recording: Recording) -> Stroke:
     path = recording.paths[0]
     if missing := [q for q in ("displacement", "force") if q not in recording.columns]:
         raise InputFileError(path, f"no {missing[0]} column; found: {', '.join(recording.names.values())}. Name it "
-                                   f"{missing[0]}, or give every column that is used: --columns displacement=COLUMN:mm,"
+                                   f"{missing[0]}, or give every column that is used: `columns` displacement=COLUMN:mm,"
                                    "force=COLUMN:N,time=COLUMN:s.")
     if np.ptp(recording.columns["force"]) == 0:
         raise InputFileError(path, f"column '{recording.names['force']}' never changes, so there is no load in it.")

@@ -49,7 +49,7 @@ def specimen_of(kind: str, recording: Recording, given: Path | None, *,
     differing = _differing(sizes, _by_file(kind, table, own, path), recording)
     if differing and given is None:
         raise InputFileError(path, f"{differing}, as [{kind}] of {toml.name} says. Correct one of them, or give "
-                                   f"--specimen {toml.name}.")
+                                   f"`specimen` {toml.name}.")
     said = f"Specimen from [{kind}] of {toml.name}"
     if added:
         said += f", completed by what {path.name} itself states: {_keys(added)}"
@@ -94,13 +94,13 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
     except InputFileError as error:
         if own:
             raise InputFileError(path, f"{error.problem} The file itself states {_words(recording.properties)}; a "
-                                       f"table [{kind}] in --specimen specimen.toml completes it.") from None
+                                       f"table [{kind}] in `specimen` specimen.toml completes it.") from None
         if given is not None:
             raise InputFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
                                         f"{_needed(kind)}.") from None
         raise InputFileError(path, f"displacement and force need the specimen's size: {path.name} does not state it, "
                                    f"and {path.with_suffix('.toml')} or {path.parent / 'specimen.toml'} has no table "
-                                   f"[{kind}]. Give --specimen specimen.toml with {_needed(kind)} below [{kind}]."
+                                   f"[{kind}]. Give `specimen` specimen.toml with {_needed(kind)} below [{kind}]."
                              ) from None
     return sizes, (_by_its_own(recording, kind, given),), ()
 

@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from matcal.card import MaterialCard
-from matcal.laws.deformation_modes import nominal_stress
-from matcal.posterior.draws import Draws, law_of, read_draws
+from matcal.posterior.drawn_laws import moduli_of, stress_of
+from matcal.posterior.draws import Draws, read_draws
 from reports.calibration.card_record import Array
 from reports.calibration.first_page import PLATEAU_STRAIN
 from reports.document import style
@@ -32,23 +32,24 @@ def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
 def derived(draws: Draws, card: MaterialCard) -> ReportFigure:
     """Histograms of the derived quantities over the draws, each with its middle 95 %."""
     quantities = _quantities(draws)
-    count = len(quantities) + (draws.alpha.shape[1] > 0)
+    alpha = draws.law.get("alpha", np.empty((len(draws), 0)))
+    count = len(quantities) + (alpha.shape[1] > 0)
     columns = count if count <= 4 else 3
     figure = style.sheet(38 * -(-count // columns))
     panels = list(figure.subplots(-(-count // columns), columns, squeeze=False).flat)
     for axes, column in zip(panels, quantities.values(), strict=False):
         _histogram(axes, column)
-    if draws.alpha.shape[1]:
-        _exponents(panels[len(quantities)], draws.alpha)
+    if alpha.shape[1]:
+        _exponents(panels[len(quantities)], alpha)
     for axes in panels[count:]:
         axes.axis("off")
     said = "; ".join(f"{column.words} {_middle(column.values)} {column.unit}".replace(" –", "")
                      for column in quantities.values())
-    spans = ", ".join(_middle(draws.alpha[:, i]) for i in range(draws.alpha.shape[1]))
+    spans = ", ".join(_middle(column) for column in alpha.T)
     caption = (f"Posterior over {counted(len(draws), 'draw')}, 95 % shaded: {said}."
                + (f" The exponents run over {spans}." if spans else "") + _checked(card))
     data = pd.DataFrame({name: column.values for name, column in quantities.items()}
-                        | {f"alpha_{i + 1}": draws.alpha[:, i] for i in range(draws.alpha.shape[1])})
+                        | {f"alpha_{i + 1}": column for i, column in enumerate(alpha.T)})
     return ReportFigure("posterior", figure, caption, {"posterior": data})
 
 
@@ -63,7 +64,7 @@ class _Column:
 
 def _quantities(draws: Draws) -> dict[str, _Column]:
     """Name with unit -> what the draws say of it."""
-    out = _foam_quantities(draws) if draws.mu_Pa.shape[1] else {}
+    out = _foam_quantities(draws) if draws.law else {}
     if draws.g is not None:
         out["g_infinity"] = _Column("Long-term share of the modulus", "–", 1 - draws.g.sum(axis=1))
     if draws.conductivity_S_per_m is not None:
@@ -74,9 +75,7 @@ def _quantities(draws: Draws) -> dict[str, _Column]:
 
 
 def _foam_quantities(draws: Draws) -> dict[str, _Column]:
-    mu_0 = draws.mu_Pa.sum(axis=1)
-    plateau = np.array([-float(nominal_stress(law_of(draws, k), "uniaxial", PLATEAU_STRAIN))
-                        for k in range(len(draws))])
+    mu_0, plateau = moduli_of(draws)[0], -stress_of(draws, "uniaxial", [PLATEAU_STRAIN])[:, 0]
     (factor, unit), (second, other) = pascals(mu_0), pascals(plateau)
     return {f"mu_0_{unit}": _Column("Initial shear modulus μ₀", unit, factor * mu_0),
             f"plateau_{other}": _Column("Plateau stress at 40 % strain", other, second * plateau)}

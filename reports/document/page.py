@@ -49,7 +49,7 @@ class Table:
 class Report:
     """Everything that a template is filled with."""
 
-    template: str  # name of the template without its ending
+    template: str | Path  # name of a template of this package without its ending, or the file of another
     title: str
     subtitle: str
     footer: Mapping[str, Any]  # what `provenance.footer` returns
@@ -76,14 +76,14 @@ def write_pdf(report: Report, out: Path) -> None:
         work = Path(folder)
         _stage(report, work)
         written = _export(report.plates, work, files)
-        pdf = _compile(report.template, work)
+        pdf = _compile(Path(report.template).stem, work)
     (files / CONTENTS).write_text(json.dumps({"inputs": report.footer["inputs"], "files": written}, indent=1) + "\n")
     out.write_bytes(pdf)
 
 
 def _stage(report: Report, work: Path) -> None:
     """Templates and values, side by side; values travel as JSON and are never read as markup."""
-    for template in Path(__file__).parents[1].rglob("*.typ"):
+    for template in (*Path(__file__).parents[1].rglob("*.typ"), *_own(report)):
         (work / template.name).write_bytes(template.read_bytes())
     values = {"title": report.title, "subtitle": report.subtitle, "footer": report.footer, "findings": report.findings,
               "plates": {plate.name: plate.caption for plate in report.plates},
@@ -93,6 +93,10 @@ def _stage(report: Report, work: Path) -> None:
               "style": {"accent": style.ACCENT, "grey": style.GREY, "faint": style.FAINT, "ink": style.INK,
                         "warning": style.SECOND, "good": style.THIRD, "usable": style.USABLE}}
     (work / "data.json").write_text(json.dumps(values, allow_nan=False), encoding="utf-8")
+
+
+def _own(report: Report) -> list[Path]:
+    return [report.template] if isinstance(report.template, Path) else []
 
 
 def read_contents(files: Path) -> dict[str, Any]:

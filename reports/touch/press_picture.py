@@ -137,7 +137,7 @@ def draw_press(series: Path | str, out: Path | str) -> Path:
 def check_picture(out: Path) -> None:
     """ValueError for a suffix that is none of SUFFIXES, and where pyvista or what it draws with is missing."""
     if out.suffix not in SUFFIXES:
-        raise ValueError(f"--out {out}: a picture is a .png, an animation a .gif; give a name that ends so.")
+        raise ValueError(f"`out` {out}: a picture is a .png, an animation a .gif; give a name that ends so.")
     try:
         import pyvista  # noqa: F401
     except ImportError as error:

@@ -164,4 +164,4 @@ def limits_of(found: Derivatives, spread: MaterialSpread, noise_db: float, mater
     return [{"noise_db": noise_db, "noise_V": noise_V, "material": material, "output": name,
              "unit": outputs.of(name).unit, "limit": float(sd[k]),
              "correlation_d_F": float(correlation(covariance, "d", "F"))}
-            for k, name in enumerate(outputs.NAMES[:outputs.TOUCH])]
+            for k, name in enumerate(outputs.TOUCHES)]

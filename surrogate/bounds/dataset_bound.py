@@ -56,7 +56,7 @@ def floors(folder: Path | str, card_path: Path, noise_db: Sequence[float], *, ma
     samples, card = read_samples(folder), read_card(card_path)
     if samples.ring.sheet is not None:
         raise ValueError(f"{folder}: limits over a data set are taken from few places and the turns of a disc, and its "
-                         "skin has an outline. Give --scene FILE for the limit at a touch, with --map all over the "
+                         "skin has an outline. Give `scene` FILE for the limit at a touch, with `map` all over the "
                          "skin; evaluate without a card.")
     prior = prior_of(samples)
     table = table_for(example_of(folder), card, prior, each=each)
@@ -120,7 +120,7 @@ def _at_place(table: SlopeTable, where: Domain, place: int, noise_V: float, spre
 def _gradients(samples: SweepSamples) -> dict[str, Gradient]:
     """Derivatives of the mechanical outputs by d and F, of processes learned from some of the rows."""
     some = take(samples, spread_evenly(len(samples), _ROWS))
-    names, touch = outputs.NAMES[outputs.TOUCH:], some.target[:, :outputs.TOUCH]
+    names, touch = outputs.RESPONSES, some.target[:, :outputs.TOUCH]
     learned = mechanical_response.fit(some.ring, touch, some.target[:, outputs.TOUCH:], names,
                                       np.zeros((len(touch), 0)))
 

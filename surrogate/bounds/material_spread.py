@@ -17,7 +17,7 @@ from matcal.laws.law import Law, differentiable, vector, with_vector
 from matcal.posterior.draws import card_of
 from touchcal.arrays import Array
 
-_PARTS = ("hyperfoam", "conductivity")  # parts of a card that readings at rest follow
+_PARTS = ("law", "conductivity")  # parts of a card that readings at rest follow
 # Uniaxial strains at which laws are compared, from nearly flat to where the skin next to a punch is stretched; the
 # stress over mu_0 that counts as small.
 _STRAINS = np.concatenate([np.linspace(-0.9, -0.02, 45), np.linspace(0.02, 0.5, 12)])

@@ -89,7 +89,7 @@ def _ends(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     found = []
     for level, material in dict.fromkeys((row["noise_db"], row["material"]) for row in rows):
         part = [row for row in rows if (row["noise_db"], row["material"]) == (level, material)]
-        for name in outputs.NAMES[:outputs.TOUCH]:
+        for name in outputs.TOUCHES:
             unit = outputs.of(name).unit
             each = [row[f"sd_{name}_{unit}"] for row in part]
             found += [{"noise_db": level, "material": material, "output": f"{name}, {word}", "unit": unit,

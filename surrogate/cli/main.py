@@ -334,4 +334,4 @@ def _print_collapses(model: SweepModel) -> None:
 
 def main() -> None:
     """Entry point."""
-    run(app, "surrogate")
+    run(app, "surrogate", {"map": "--map"})

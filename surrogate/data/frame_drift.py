@@ -39,7 +39,7 @@ def by_gain(ring: Ring, baseline_V: Array) -> Array:
     scale = float(foreseen @ baseline_V / (foreseen @ foreseen))
     if np.linalg.norm(scale * foreseen - baseline_V) > FORESEEN * np.linalg.norm(baseline_V):
         raise ValueError("the electrodes' potentials cannot be foreseen from the untouched frame of this sensor, and "
-                         "drifts of gains are not known. Leave gain out of --drift.")
+                         "drifts of gains are not known. Leave gain out of `drift`.")
     out = np.zeros((len(rows), len(ring.angle_rad)))
     out[rows, ring.read] = scale * potential[ring.read, rows]
     out[rows, ring.ground] = -scale * potential[ring.ground, rows]
@@ -91,7 +91,7 @@ def frame_drift(ring: Ring, baseline_V: Array, gain_sd: float = 0.0, contact_sd:
     if contact_sd:
         if scene is None:
             raise ValueError("what a contact impedance changes of the readings follows from the sensor's electrodes; "
-                             "give --scene FILE, or --data DIR.")
+                             "give `scene` FILE, or `data` DIR.")
         sheet = conductance_of(scene, baseline_V)
         found = replace(found, contact=contact_sd * by_contact(scene.body, scene.electrodes, scene.drive, sheet))
     return found

@@ -180,7 +180,7 @@ def read_lines(path: Path, readings: int) -> Lines:
     found = frames_of(lines, in_order(readings)) if named is None else frames_of(lines[1:], named)
     if not len(found.line):
         raise InputFileError(path, f"it holds no frame. Expected rows of {readings} voltages, the untouched one first "
-                                   "or in a file for --baseline.")
+                                   "or in a file for `baseline`.")
     if all(found.problem):
         raise InputFileError(path, f"{found.problem[0]}; no line of it is a frame.", line=int(found.line[0]))
     return found
@@ -199,5 +199,5 @@ def first_frame(lines: Lines, where: str) -> Array:
     """(readings,) V of the first line, as the untouched frame; ValueError where it is none."""
     if lines.problem[0]:
         raise ValueError(f"{where}, line {lines.line[0]}: {lines.problem[0]}. The first frame is the untouched one: "
-                         "fix it, or give --baseline FILE.")
+                         "fix it, or give `baseline` FILE.")
     return lines.volts[0]

@@ -1,12 +1,21 @@
-"""The eight quantities that a surrogate reads from voltages: name, column of the data set, unit."""
+"""The quantities that a surrogate reads from voltages: name, column of the data set, unit, and what they are of."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from touchcal.arrays import Array
+
+
+class Role(Enum):
+    """What a quantity is of: models differ in how they read them."""
+
+    PLACE = "place of the touch"
+    LOAD = "its punch and force"
+    RESPONSE = "what follows mechanically from the touch"
 
 
 @dataclass(frozen=True)
@@ -15,15 +24,22 @@ class Output:
 
     name: str  # name on the command line and in results
     column: str  # column of the data set
-    unit: str  # unit of the column
+    unit: str  # unit of the column, one of SI
+    role: Role
 
 
-ALL = (Output("x0", "x_mm", "mm"), Output("y0", "y_mm", "mm"), Output("d", "d_mm", "mm"), Output("F", "F_N", "N"),
-       Output("sigma_max", "sigma_max_kPa", "kPa"), Output("sigma_ave", "sigma_ave_kPa", "kPa"),
-       Output("A_c", "A_c_mm2", "mm2"), Output("delta_max", "delta_max_mm", "mm"))
+# Every quantity, those of a touch itself first; a further one is a line here.
+ALL = (Output("x0", "x_mm", "mm", Role.PLACE), Output("y0", "y_mm", "mm", Role.PLACE),
+       Output("d", "d_mm", "mm", Role.LOAD), Output("F", "F_N", "N", Role.LOAD),
+       Output("sigma_max", "sigma_max_kPa", "kPa", Role.RESPONSE),
+       Output("sigma_ave", "sigma_ave_kPa", "kPa", Role.RESPONSE),
+       Output("A_c", "A_c_mm2", "mm2", Role.RESPONSE), Output("delta_max", "delta_max_mm", "mm", Role.RESPONSE))
 NAMES = tuple(output.name for output in ALL)
+PLACES = tuple(output.name for output in ALL if output.role is Role.PLACE)
+RESPONSES = tuple(output.name for output in ALL if output.role is Role.RESPONSE)
+TOUCHES = tuple(output.name for output in ALL if output.role is not Role.RESPONSE)
+TOUCH = len(TOUCHES)  # numbers of a touch itself, the first of all
 ROUNDING = 1e-9  # part of a value by which rounding may move it past an end of a range
-TOUCH = 4  # the first four are the touch itself, the first two its place, the others its mechanical response
 # Unit of a column -> the SI unit, and how many of it one is.
 SI = {"mm": ("m", 1e-3), "N": ("N", 1.0), "kPa": ("Pa", 1e3), "mm2": ("m2", 1e-6)}
 

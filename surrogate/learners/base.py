@@ -142,4 +142,4 @@ class Learner(Protocol):
         """The learner on frames between which the instrument drifted with the covariance root root' of the readings, of
         a root (readings, k), V; for methods that model the signal."""
         raise ValueError(f"{type(self).__name__} does not know drift of the instrument between the untouched and the "
-                         "touched frame; --method forward does.")
+                         "touched frame; `method` forward does.")

@@ -50,13 +50,13 @@ class TouchInversion(Learner):
         if rows.ring.sheet is not None:
             if rows.ring.sheet.on_surface:
                 raise ValueError('method "forward" learns from electrodes along the edge; those of this sweep lie on '
-                                 'the surface (kind = "surface" in [electrodes]). Take --method ridge, network or gp.')
+                                 'the surface (kind = "surface" in [electrodes]). Take `method` ridge, network or gp.')
             rows = _by_one_edge_at_most(rows)
         states = material_states.states(material_states.fit(rows.material), rows.material)
         touch = rows.target[:, :outputs.TOUCH]
-        mechanical = tuple(name for name in outputs.NAMES[outputs.TOUCH:] if name in training.names)
+        mechanical = tuple(name for name in outputs.RESPONSES if name in training.names)
         response = mechanical_response.fit(rows.ring, touch, rows.targets(mechanical), mechanical, states)
-        order = [*outputs.NAMES[:outputs.TOUCH], *mechanical]
+        order = [*outputs.TOUCHES, *mechanical]
         near = rows.near_edge if rows.ring.sheet is not None else None
         forward, error_V = forward_map.fit_with_errors(rows.ring, touch, rows.signal_V, states, rows.signal_sd, near)
         if not training.known_punches:
@@ -89,7 +89,7 @@ class TouchInversion(Learner):
         one amplitude."""
         known = len(self.forward.known_mm) > 0
         twice = any(curve["two_answers_N"] for curve in self.amplitude()["diameters"])
-        return np.array([(known and name == "d") or (twice and name not in outputs.NAMES[:2]) for name in names])
+        return np.array([(known and name == "d") or (twice and name not in outputs.PLACES) for name in names])
 
     def reads(self, touch: Array) -> Mask:
         """(n,) whether touches (n, 4) lie where the map holds: on a skin with an outline no nearer to its edges than

@@ -57,7 +57,7 @@ def pictured(model: Model) -> Pictured:
                         ("x_mm", "y_mm", "d_mm", "F_N"))
     if not isinstance(model.reader, PressReader) or model.reader.place is None:
         raise ValueError("this model reads no place by families of readers, which the page shows. Train it on labels "
-                         "x_mm and y_mm, with no other --method.")
+                         "x_mm and y_mm, with no other `method`.")
     places = model.reader.place.direction.places
     about = (*PLACE, *(one.name for one in model.reader.scalars)), "mV" if model.kind == "voltage" else ""
     if model.skin is not None:

@@ -189,7 +189,7 @@ def serve(show: Show, port: int = 0, say: Callable[[str], object] = print) -> No
         try:
             listening.bind((HOST, port))
         except OSError as error:
-            raise ValueError(f"port {port} cannot be used ({error.strerror}). Choose another with --port, or leave it "
+            raise ValueError(f"port {port} cannot be used ({error.strerror}). Choose another with `port`, or leave it "
                              "out.") from None
         listening.listen()
         port, token = listening.getsockname()[1], secrets.token_urlsafe(24)

@@ -48,7 +48,7 @@ def recorded_show(model: Model, path: Path, untouched_V: Array | None = None,
     """
     recording = open_recording(path, kind=model.kind, readings=pictured(model).readings)
     if rate_hz is not None and recording.time_s is not None:
-        raise ValueError(f"{path} has a clock, time_s, so that --rate would have no effect. Leave it out.")
+        raise ValueError(f"{path} has a clock, time_s, so that `rate` would have no effect. Leave it out.")
     frames = np.asarray(recording.readings, np.float64)
     moments, marked = recorded_moments(frames, recording.time_s, rate_hz or RATE_HZ), marks_presses(recording)
     if marked and untouched_V is None and noise_V is None and isinstance(model, PressModel):

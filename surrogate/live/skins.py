@@ -124,7 +124,7 @@ def forward_of(model: TrainedModel) -> ForwardMap:
     """The learned map of a forward model; ValueError for another method."""
     if not isinstance(model.learner, TouchInversion):
         raise ValueError(f"the model's method is {model.method}, and only forward has a map from touch to signal. Give "
-                         "--simulate CARD, or train with --method forward.")
+                         "`simulate` CARD, or train with `method` forward.")
     return model.learner.forward
 
 
@@ -180,7 +180,7 @@ def limits_of(model: TrainedModel) -> Limits:
     and F."""
     missing = [name for name in ("x0", "y0", "d", "F") if name not in model.names]
     if missing:
-        raise ValueError(f"the model does not read {', '.join(missing)}, which the page shows. Train with --outputs "
+        raise ValueError(f"the model does not read {', '.join(missing)}, which the page shows. Train with `outputs` "
                          "all.")
     k = {name: model.names.index(name) for name in ("x0", "y0", "d", "F")}
     lowest, highest = model.trained.lowest, model.trained.highest

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from surrogate.data.outputs import NAMES
+from surrogate.data.outputs import of
 from surrogate.model.trained import TrainedModel
 
 MOST = 8  # diameters that are listed; more are a range
@@ -14,8 +14,8 @@ def assumed_punch(model: TrainedModel) -> str:
     d_mm = np.asarray(getattr(getattr(model.learner, "forward", None), "known_mm", ()))
     if 1 <= len(d_mm) <= MOST:
         sizes = "of no diameter but " + ", ".join(f"{d:g}" for d in d_mm) + " mm"
-    elif NAMES[2] in model.names:
-        k = model.names.index(NAMES[2])
+    elif (diameter := of("d").name) in model.names:
+        k = model.names.index(diameter)
         sizes = f"of {model.trained.lowest[k]:g} to {model.trained.highest[k]:g} mm"
     else:
         sizes = "of the trained diameters"

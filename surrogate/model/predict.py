@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from surrogate.data import outputs
+from surrogate.data.flags import WORDS, Flag, in_words
 from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
 from surrogate.data.outputs import ROUNDING
@@ -26,7 +27,6 @@ from surrogate.learners.novelty import (
 )
 from surrogate.learners.registry import METHODS
 from surrogate.model.drift_choice import drift_groups
-from surrogate.model.flags import WORDS, Flag, in_words
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import named, silent, why_not, without
 from surrogate.model.odd_frames import Causes, causes_of, oddness
@@ -101,7 +101,7 @@ def prepare(model: TrainedModel, baseline_V: Array, noise: ReadingNoise | float 
     known = noise if isinstance(noise, ReadingNoise) else white_noise(noise, len(baseline_V))
     if not 0 <= known.white_V <= known.rms_V < np.inf:
         raise ValueError(f"the noise of one reading must be a finite number of volts from 0, got {known.white_V:g}. "
-                         "Give --noise-V VOLTS, or untouched frames that scatter less.")
+                         "Give `noise_V` VOLTS, or untouched frames that scatter less.")
     lost = silent(baseline_V[None], model.baseline_V)[0] | (False if dead is None else dead)
     scale = interval_scale(model, known) if calibrate else one_factor(np.ones(len(model.names)))
     span, drift = fit_novelty(model.ring, model.calibration.signal_V), drift or no_drift(len(baseline_V))
@@ -247,7 +247,7 @@ def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Ma
     coverage is promised there. None is wider than the range of the training."""
     factor = np.maximum(np.clip(strange, 1.0, MOST_WIDENED), np.where(outside, OUTSIDE_WIDENED, 1.0))
     span = model.trained.highest - model.trained.lowest
-    punch = np.array([name not in ("x0", "y0") for name in model.names])
+    punch = np.array([name not in outputs.PLACES for name in model.names])
     wide = np.maximum(half_width * factor[:, None], np.where(outside[:, None] & punch, span, 0.0))
     return np.minimum(wide, np.where(span > 0, span, np.inf))
 
@@ -305,7 +305,7 @@ def _columns(model: TrainedModel, units: Sequence[str]) -> list[str]:
 
 def numbers_of(model: TrainedModel, found: Predictions) -> Array:
     """(n, 3 outputs + parts) value, lowest and highest of each output, then parts, in the order of `columns`."""
-    low = outputs.lowest(found.value, found.below, [name not in ("x0", "y0") for name in model.names])
+    low = outputs.lowest(found.value, found.below, [name not in outputs.PLACES for name in model.names])
     ends = (found.value, low, found.value + found.above)
     return np.column_stack([np.stack(ends, axis=2).reshape(len(found.value), 3 * len(model.names)),
                             found.force_parts])

@@ -63,7 +63,7 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
                 say(f"line {rows[0][0]} on: {words}")
                 warned = True
     if ready is None:
-        raise ValueError(f"{STREAM} held no frame. Give the untouched one first, or --baseline FILE.")
+        raise ValueError(f"{STREAM} held no frame. Give the untouched one first, or `baseline` FILE.")
     return Counts(answered, flagged)
 
 

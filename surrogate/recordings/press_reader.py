@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 from typing import Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eitsim.sensors.labels import PLACE, Labels
 from surrogate.data.dead_readings import too_many
@@ -104,7 +105,8 @@ class PressReading:
 
     place: Reading | None
     scalars: tuple[ScalarReading, ...]
-    flag: tuple[str, ...]  # (n,) why not to trust a frame; empty where nothing speaks against it
+    kinds: NDArray[np.int64]  # (n,) why not to trust a frame, sums of `surrogate.data.flags.Flag`
+    flag: tuple[str, ...]  # (n,) the same in words; empty where nothing speaks against it
 
 
 def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectation | None = None) -> PressReader:
@@ -175,7 +177,7 @@ def read(reader: Reader, presses: Presses) -> PressReading:
                         bounds=replace(place.bounds, half_width=half_width))
     scalars = tuple(replace(one, value=np.where(unread, np.nan, one.value), half_width=np.hypot(one.half_width, extra))
                     for one, extra in zip(found.scalars, added[:, 2:].T, strict=True))
-    return PressReading(place, scalars, found.flag)
+    return PressReading(place, scalars, found.kinds, found.flag)
 
 
 @lru_cache(maxsize=32)
@@ -211,7 +213,7 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
         old, of_old = scalar_reader.read_old(one, spared, where, presses.age)
         bounds = chosen(signals.spared(presses), of_old, bounds)
         scalars.append(ScalarReading(one.name, np.where(signals.spared(presses), old, value), bounds.half_width[:, 0]))
-    return PressReading(place, tuple(scalars), flags(reader.signals, presses, strange))
+    return PressReading(place, tuple(scalars), *flags(reader.signals, presses, strange))
 
 
 def tried(learn: Callable[[], Found], left_out: list[str]) -> Found | None:

@@ -5,8 +5,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surrogate.data.dead_readings import too_many
+from surrogate.data.flags import WORDS, Flag, in_words
 from surrogate.recordings.baselines import Drift, interpolated, learn_drift
 from surrogate.recordings.dead_channels import Readings, filled, learn_readings
 from surrogate.recordings.late_readings import with_late
@@ -93,23 +95,16 @@ def learn_signals(presses: Presses, late: Index, count: int | None = None) -> tu
                    REACH * reach + float(np.median(size)), presses.clocked), signal
 
 
-def flags(signals: Signals, presses: Presses, strange: Mask) -> tuple[str, ...]:
-    """(n,) why not to trust a press, `strange` those whose pattern is; empty where nothing speaks against it."""
+def flags(signals: Signals, presses: Presses, strange: Mask) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """(n,) why not to trust a press, as a sum of `Flag`, `strange` those whose pattern is, and in words; 0 and empty
+    where nothing speaks against it."""
     dead = np.isnan(presses.signal)
-    size = np.linalg.norm(signals.whole(presses), axis=1)
-    weak, strong = size < WEAK * signals.weakest, size > signals.strongest
-    old = signals.old(presses)
+    size, old = np.linalg.norm(signals.whole(presses), axis=1), signals.old(presses)
     beyond = old & (presses.age > signals.oldest)
-    words = [(signals.cut(presses), "the frame that follows, which holds some readings of this one, is not there"),
-             (old & ~beyond, "the untouched frame is older than any in training, and the intervals are wider for it"),
-             (beyond, "the untouched frame is older than any in training, and so much that the intervals may not hold"),
-             (strange, "a pattern unlike those of the training presses"),
-             (weak, "weaker than any training press"),
-             (strong, "stronger than nearly all training presses: what it says of depth or force may be too little"),
-             (signals.elsewhere(presses), "the untouched frame is unlike those of training, as in another session: the "
-                                          "intervals may not hold")]
-    return tuple(too_many(one) or "; ".join([f"{one.sum()} dead channels filled in"] * bool(one.any())
-                                            + [text for mask, text in words if mask[row]])
-                 for row, one in enumerate(dead))
-
-
+    masks = {Flag.DEAD_FILLED: dead.any(axis=1), Flag.NOTHING_FOLLOWS: signals.cut(presses), Flag.OLD: old & ~beyond,
+             Flag.TOO_OLD: beyond, Flag.OTHER_PATTERN: strange, Flag.WEAK: size < WEAK * signals.weakest,
+             Flag.STRONG: size > signals.strongest, Flag.OTHER_SESSION: signals.elsewhere(presses)}
+    kinds = sum((int(kind) * mask for kind, mask in masks.items()), np.zeros(len(dead), np.int64))
+    words = [too_many(row) or in_words(kind, {Flag.DEAD_FILLED: f"{row.sum()} {WORDS[Flag.DEAD_FILLED]}"})
+             for kind, row in zip(kinds.tolist(), dead, strict=True)]
+    return kinds, tuple(words)

@@ -8,13 +8,13 @@ import numpy as np
 
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import OTHER_BASELINE, relative_difference
+from surrogate.data.flags import WORDS, Flag
 from surrogate.data.frame_rows import Lines
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.invert import Inversion, invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
-from surrogate.model.flags import WORDS, Flag
 from surrogate.model.missing_channels import named, silent
 from surrogate.model.predict import WEAK, Predictions, Predictor, read_touches
 from surrogate.model.trained import TrainedModel
@@ -56,13 +56,13 @@ def learner_of(model: TrainedModel) -> TouchInversion:
     """The forward map of a model; ValueError for other methods."""
     if not isinstance(model.learner, TouchInversion):
         raise ValueError(f"this asks for a map from touches to readings, and the model is of method {model.method}. "
-                         "Train one with --method forward.")
+                         "Train one with `method` forward.")
     if model.learner.forward.materials:
         raise ValueError("the model was trained on several cards, whose readings the simulator of one card has not. "
                          "Train one on a sweep without [material] draws.")
-    if missing := [name for name in outputs.NAMES[:outputs.TOUCH] if name not in model.names]:
-        raise ValueError(f"the model does not tell {missing[0]}, and --direct and --posterior read x0, y0, d and F. "
-                         "Train one with --outputs all.")
+    if missing := [name for name in outputs.TOUCHES if name not in model.names]:
+        raise ValueError(f"the model does not tell {missing[0]}, and `direct` and `posterior` read x0, y0, d and F. "
+                         "Train one with `outputs` all.")
     return model.learner
 
 
@@ -77,7 +77,7 @@ def whole(lines: Lines, model: TrainedModel) -> Lines:
 def check_whole(dead: Mask) -> None:
     """ValueError for channels (readings,) that are dead in every frame."""
     if dead.any():
-        raise ValueError(f"{named(dead)}, in every frame, and --direct, --posterior and --touches 2 need all. Fix it, "
+        raise ValueError(f"{named(dead)}, in every frame, and `direct`, `posterior` and `touches` 2 need all. Fix it, "
                          "or predict without them.")
 
 
@@ -96,7 +96,7 @@ def check_baseline(simulated_V: Array, baseline_V: Array) -> None:
     separation = relative_difference(baseline_V, simulated_V)
     if separation > OTHER_BASELINE:
         raise ValueError(f"the untouched frame differs by {separation:.0%} from the simulator's: card, scene and "
-                         "frames are not of one sensor, drive and unit. Give the --card and --data or --scene of these "
+                         "frames are not of one sensor, drive and unit. Give the `card` and `data` or `scene` of these "
                          "frames.")
 
 
@@ -108,7 +108,7 @@ def direct_row(model: TrainedModel, simulator: Simulator, one: One, noise_V: flo
     closer.
     """
     learner = learner_of(model)
-    names = outputs.NAMES[:outputs.TOUCH]
+    names = outputs.TOUCHES
     if not np.isfinite(one.learned.value).any():
         return _direct_row(one, np.full(4, np.nan), np.full(4, np.nan), "none", None, one.learned.flag[0])
     found = invert(learner.forward, one.signal_V[None], noise_V)
@@ -182,7 +182,7 @@ def pair_row(model: TrainedModel, line: int, signal_V: Array, noise_V: float) ->
 
 def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | None, flag: str) -> Row:
     row: Row = {"line": one.line}
-    for name, v, h in zip(outputs.NAMES[:outputs.TOUCH], value, half, strict=True):
+    for name, v, h in zip(outputs.TOUCHES, value, half, strict=True):
         unit = outputs.of(name).unit
         row |= {f"{name}_{unit}": v, f"{name}_lo90_{unit}": v - h, f"{name}_hi90_{unit}": v + h}
     cost = {"misfit": np.nan, "residual_V": np.nan, "left_out_error": np.nan, "simulations": 0, "cpu_s": np.nan}
@@ -235,7 +235,7 @@ def _posterior(learner: TouchInversion, simulator: Simulator | None, one: One, n
 def _values(model: TrainedModel, learner: TouchInversion, found: Posterior, seed: int) -> dict[str, Array]:
     """Draws of every output of the model: the touch, and its learned response with that one's own scatter."""
     values = dict(zip(outputs.NAMES, found.draws.T, strict=False))
-    mechanical = [name for name in model.names if name in outputs.NAMES[outputs.TOUCH:]]
+    mechanical = [name for name in model.names if name in outputs.RESPONSES]
     if mechanical:
         answer = mechanical_response.respond(learner.response, learner.forward.ring, found.draws,
                                              np.zeros((len(found.draws), 0)))

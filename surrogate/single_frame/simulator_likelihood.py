@@ -59,8 +59,8 @@ def simulator_of(card_path: Path, *, data: Path | None = None, scene: Path | Non
     """The simulator of a card and of a scene file or of the design of a data set; a card without a posterior is taken
     as exact. ValueError unless one of data and scene is given, or where the card's posterior cannot be used."""
     if (data is None) == (scene is None):
-        raise ValueError("the simulator needs one sensor; give --data DIR, the data set whose design tells it, or "
-                         "--scene FILE.")
+        raise ValueError("the simulator needs one sensor; give `data` DIR, the data set whose design tells it, or "
+                         "`scene` FILE.")
     card = read_card(card_path)
     spread = spread_of(card, card_path) if card.posterior else known_material()
     made = example_of(data) if data is not None else read_scene(Path(str(scene)))
@@ -75,7 +75,7 @@ def check_sensor(simulator: Simulator, ring: Ring) -> None:
     # the foreseen modes aside
     if not same_ring(replace(ring_of(simulator.scene), modes=ring.modes), ring):
         raise ValueError("the scene's body, electrodes or drive are not those that the model was trained on. Give the "
-                         "model's own data set with --data, or a --scene with its [body], [electrodes] and [drive].")
+                         "model's own data set with `data`, or a `scene` with its [body], [electrodes] and [drive].")
 
 
 def untouched_of(simulator: Simulator) -> Array:

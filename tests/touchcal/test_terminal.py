@@ -86,3 +86,16 @@ def test_a_closed_output_and_a_reader_that_left_end_a_command_without_a_tracebac
     done = subprocess.run(["bash", "-c", f'"$0" -c "$1" lines {how}', sys.executable, program],
                           capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (status, words)
+
+
+def test_errors_name_arguments_and_commands_their_options(capsys, monkeypatch) -> None:
+    app = application("A program.")
+
+    @app.command()
+    def weigh(strain_zero: float = 0.0) -> None:
+        raise ValueError("`strain_zero` 3, `weights` and `no_option`: leave `weigh --at` out.")
+
+    monkeypatch.setattr(sys, "argv", ["scales", "weigh"])
+    with pytest.raises(SystemExit):
+        run(app, "scales", {"weights": "--weight"})
+    assert "--strain-zero 3, --weight and `no_option`: leave `weigh --at` out." in capsys.readouterr().err

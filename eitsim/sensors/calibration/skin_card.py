@@ -65,9 +65,8 @@ def skin_draws(skin: FittedSkin, seed: int = 0) -> Draws:
     cards = [changed(card, dict(zip(fit.names, one.tolist(), strict=True))) for one in values]
     laws = [one.conductivity for one in cards if one.conductivity is not None]
     conductivity = np.array([law.c0_S_per_m * np.r_[1.0, law.a] for law in laws])
-    if card.hyperfoam is None or (card.hyperfoam.moduli == "instantaneous" and card.prony is None):
-        none = np.empty((_DRAWS, 0))
-        return Draws(none, none, none, conductivity_S_per_m=conductivity)
-    foams = [with_moduli(one, "longterm") for one in cards]
-    mu, alpha, nu = (np.array([getattr(foam, name) for foam in foams]) for name in ("mu_Pa", "alpha", "nu"))
-    return Draws(mu, alpha, nu, conductivity_S_per_m=conductivity)
+    if card.law is None or (card.law.moduli == "instantaneous" and card.prony is None):
+        return Draws({}, conductivity_S_per_m=conductivity)
+    laws = [with_moduli(one, "longterm") for one in cards]
+    drawn = {p.name: np.array([np.ravel(getattr(law, p.name)) for law in laws]) for p in card.law.parameters}
+    return Draws(drawn, type(card.law), conductivity_S_per_m=conductivity)

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from matcal.card import MaterialCard, require
+from matcal.laws.law import moduli_of
 from matcal.posterior.draws import Draws, card_of, read_draws
 from touchcal.errors import unknown_key
 from touchcal.provenance import file_identity
 
 Array = NDArray[np.float64]
 
-PARTS = ("hyperfoam", "prony", "conductivity")
+PARTS = ("law", "prony", "conductivity")
+_ALSO = {"hyperfoam": "law"}  # further words for a part
 _CHOICE, _ORDER, _SPECIMEN = 1, 2, 3  # What the seed is split for.
 _DOMAIN = 0x63617264  # Keeps these draws separate from those of scenes and measurements of the same seed.
 
@@ -66,12 +68,14 @@ def material_from(raw: Any) -> Material | None:
         value = raw.get(key, least)
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             raise ValueError(f"{key} in [material] must be a whole number from {least}, got {value!r}.")
-    parts = raw.get("parts", [])
+    given = raw.get("parts", [])
+    parts = [_ALSO.get(part, part) if isinstance(part, str) else part for part in given] if isinstance(
+        given, list) else given
     if not isinstance(parts, list) or any(part not in PARTS for part in parts) or ("parts" in raw and not parts):
-        raise ValueError(f"parts in [material] must be a list of some of {', '.join(PARTS)}, got {parts!r}.")
-    if raw.get("specimen") and parts and "hyperfoam" not in parts:
-        raise ValueError("specimen in [material] is true, and parts leaves the hyperfoam out, whose moduli scatter. "
-                         "Add \"hyperfoam\" to parts, or leave specimen out.")
+        raise ValueError(f"parts in [material] must be a list of some of {', '.join(PARTS)}, got {given!r}.")
+    if raw.get("specimen") and parts and "law" not in parts:
+        raise ValueError("specimen in [material] is true, and parts leaves the law out, whose moduli scatter. "
+                         "Add \"law\" to parts, or leave specimen out.")
     if not raw.get("posterior", True):
         return None
     return Material(raw.get("draws", 0), raw.get("rows_per_draw", 1), tuple(p for p in PARTS if p in parts),
@@ -154,22 +158,22 @@ def recorded(cards: Cards, number: int) -> dict[str, Any]:
 
 
 def columns(cards: Cards) -> list[str]:
-    """Names of the parameters that vary: mu_1_Pa ..., alpha_1 ..., nu_1 ..., g_1 ..., tau_1_s ..., c0_S_per_m, a_1 to
-    a_3."""
+    """Names of the parameters that vary: of the law, as mu_1_Pa ..., alpha_1 ..., nu_1 ..., of a hyperfoam, then
+    g_1 ..., tau_1_s ..., c0_S_per_m, a_1 to a_3."""
     blocks = {} if cards.draws is None else _blocks(cards.draws)
     return [name.format(i + 1) for name, block in blocks.items() for i in range(block.shape[1])]
 
 
 def foam_varies(cards: Cards) -> bool:
     """Whether rows have laws of the foam of their own."""
-    return cards.draws is not None and cards.draws.mu_Pa.shape[1] > 0
+    return cards.draws is not None and bool(cards.draws.law)
 
 
 def _blocks(draws: Draws) -> dict[str, Array]:
     """Name -> (D, terms) of the parameters that are drawn."""
     blocks = {}
-    if draws.mu_Pa.shape[1]:
-        blocks |= {"mu_{}_Pa": draws.mu_Pa, "alpha_{}": draws.alpha, "nu_{}": draws.nu}
+    for p in draws.kind.parameters if draws.law else ():
+        blocks[p.numbered] = draws.law[p.name]
     if draws.g is not None and draws.tau_s is not None:
         blocks |= {"g_{}": draws.g, "tau_{}_s": draws.tau_s}
     if (c := draws.conductivity_S_per_m) is not None:
@@ -179,8 +183,8 @@ def _blocks(draws: Draws) -> dict[str, Array]:
 
 def held_by(draws: Draws) -> Iterator[str]:
     """Names of the parts that draws hold, some of PARTS."""
-    if draws.mu_Pa.shape[1]:
-        yield "hyperfoam"
+    if draws.law:
+        yield "law"
     if draws.g is not None:
         yield "prony"
     if draws.conductivity_S_per_m is not None:
@@ -188,20 +192,19 @@ def held_by(draws: Draws) -> Iterator[str]:
 
 
 def _taken(held: Draws, chosen: NDArray[np.int64], parts: tuple[str, ...]) -> Draws:
-    none = np.empty((len(chosen), 0))
-    mu, alpha, nu = (a[chosen] if "hyperfoam" in parts else none for a in (held.mu_Pa, held.alpha, held.nu))
-    g, tau = (a[chosen] if a is not None and "prony" in parts else None for a in (held.g, held.tau_s))
-    c = held.conductivity_S_per_m
-    return Draws(mu, alpha, nu, g, tau, c[chosen] if c is not None and "conductivity" in parts else None)
+    left_out = {name: None for part, names in (("prony", ("g", "tau_s")), ("conductivity", ("conductivity_S_per_m",)))
+                for name in names if part not in parts}
+    return replace(held, law=held.law if "law" in parts else {}, omega=None, **left_out).taken(chosen)
 
 
 def _as_labelled(draws: Draws, card: MaterialCard, factor: Array) -> Draws:
     """Draws whose moduli, long-term in the posterior, are times a factor (D,) and as the card labels its own."""
-    if card.hyperfoam is not None and card.hyperfoam.moduli == "instantaneous" and draws.mu_Pa.shape[1]:
+    if card.law is not None and card.law.moduli == "instantaneous" and draws.law:
         left = 1 - draws.g.sum(axis=1) if draws.g is not None else require(
             card, "prony", "turning long-term draws into instantaneous moduli").g_infinity
         factor = factor / left
-    return replace(draws, mu_Pa=draws.mu_Pa * factor[:, None])
+    moduli = moduli_of(draws.kind) if draws.law else []
+    return replace(draws, law={**draws.law, **{name: draws.law[name] * factor[:, None] for name in moduli}})
 
 
 def _stiffness(held: Draws, chosen: NDArray[np.int64], seed: int, path: Path) -> Array:

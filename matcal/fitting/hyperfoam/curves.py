@@ -177,7 +177,7 @@ def _stated(experiment: Experiment) -> tuple[Array, str]:
     floor = _LEAST_DEVIATION * float(np.median(size))
     if floor == 0:
         raise ValueError(f"{experiment.kind} ({', '.join(experiment.source)}): at least half of the stated deviations "
-                         "are 0. Use --residual relative or absolute.")
+                         "are 0. Use `residual` relative or absolute.")
     return np.maximum(size, floor), f"the standard deviation stated in the file, not less than {floor:.3g} Pa"
 
 

@@ -90,6 +90,8 @@ class Fit:
     moves: Array | None = None
     # parameter -> {value, stderr} where the search gives it; empty for a hyperfoam
     parameters: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    # names of parameters that were given, of a law other than a hyperfoam
+    given: tuple[str, ...] = ()
 
     @property
     def nu_fitted(self) -> str | None:

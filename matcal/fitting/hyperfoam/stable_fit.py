@@ -45,7 +45,7 @@ def search_stable(criterion: str, log_range: tuple[float, float],
     """The law of `search` that satisfies `criterion` wherever all three logarithmic stretches lie in `log_range`.
     Raises ValueError for another criterion and NotConverged, with the last law, where violations remain."""
     if criterion not in CRITERIA:
-        raise ValueError(f"--stable {criterion} is unknown; known: {', '.join(CRITERIA)}.")
+        raise ValueError(f"`stable` {criterion} is unknown; known: {', '.join(CRITERIA)}.")
     held = _first_states(criterion, log_range)
     for _ in range(_ROUNDS):
         law = search(lambda alpha, nu, held=held: rows(criterion, held, alpha, nu))
@@ -54,8 +54,8 @@ def search_stable(criterion: str, log_range: tuple[float, float],
         if not broken.x.size:
             return law
         held = held + broken
-    raise NotConverged(f"--stable {criterion}: after {_ROUNDS} rounds the best law still violates it at stretches "
-                       f"{np.round(np.exp(broken.x[0]), 3).tolist()}. Narrow --stable-range or lower --order.",
+    raise NotConverged(f"`stable` {criterion}: after {_ROUNDS} rounds the best law still violates it at stretches "
+                       f"{np.round(np.exp(broken.x[0]), 3).tolist()}. Narrow `stable_range` or lower `order`.",
                        estimate=law)
 
 

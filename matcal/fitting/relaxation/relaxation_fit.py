@@ -183,7 +183,7 @@ def _tried(tables: Sequence[HoldTable], orders: Sequence[int], bounds_s: tuple[f
 def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, float]) -> tuple[int, ...]:
     if terms != "auto":
         if terms not in range(1, TERMS[-1] + 1):
-            raise ValueError(f"--prony-terms '{terms}' is unknown; known: auto, 1 to {TERMS[-1]}.")
+            raise ValueError(f"`prony_terms` '{terms}' is unknown; known: auto, 1 to {TERMS[-1]}.")
         return (int(terms),)
     points = min(int(np.count_nonzero(h.held)) for h in holds)
     room = int(np.log(bounds_s[1] / bounds_s[0]) / np.log(LEAST_RATIO))

@@ -109,7 +109,7 @@ def _chosen(grid: Grid, filled: list[tuple[int, _Block]], requested: int) -> lis
     kept = [(k, block) for k, block in filled if k == requested]
     if not kept:
         there = ", ".join(f"{k} ({len(block.rows)} rows)" for k, block in filled)
-        raise InputFileError(grid.path, f"--columns asks for block {requested}; blocks with numbers: "
+        raise InputFileError(grid.path, f"`columns` asks for block {requested}; blocks with numbers: "
                                         f"{there or 'none'}.")
     return kept
 
@@ -183,7 +183,7 @@ def _joined(parts: list[tuple[int, Recording]], notes: list[str]) -> Recording:
         if "time" in before.columns and after.columns["time"][0] < before.columns["time"][-1]:
             raise InputFileError(
                 after.paths[0], f"block {m} starts at {after.columns['time'][0]:g} s, before block {k} ends at "
-                f"{before.columns['time'][-1]:g} s: they have no common clock. Choose one, for example --columns "
+                f"{before.columns['time'][-1]:g} s: they have no common clock. Choose one, for example `columns` "
                 f'"{after.paths[0].name}=block={k}", or put each into a file of its own.', line=after.first_line)
     first = parts[0][1]
     columns = {q: np.concatenate([part.columns[q] for _, part in parts]) for q in first.columns}

@@ -33,7 +33,7 @@ def read_workbook(data: bytes, path: Path, sheet: str | None = None) -> tuple[Gr
         raise InputFileError(path, f"no table of numbers in two or more columns on any sheet ({names}).")
     if len(tables) > 1:
         raise InputFileError(path, f"{len(tables)} sheets hold tables: {', '.join(map(repr, map(shown, tables)))}. "
-                                   f"Choose one, for example --columns \"{path.name}=sheet={next(iter(tables))}\".")
+                                   f"Choose one, for example `columns` \"{path.name}=sheet={next(iter(tables))}\".")
     (name, grid), = tables.items()
     return grid, (f"sheet '{shown(name)}' read, the only one with a table.",) if len(grids) > 1 else ()
 

@@ -53,4 +53,4 @@ def hyperfoam_data(material: Material) -> list[str]:
     return rows([number(v, WIDTH) for v in (*pairs, *law.nu)], PER_LINE)
 
 
-TARGET = Target("Abaqus", write, commented_file("**"))
+TARGET = Target("Abaqus", write, commented_file("**"), similar={"neo_hooke": "*HYPERELASTIC, NEO HOOKE"})

@@ -61,4 +61,4 @@ def _data(values: Sequence[float]) -> list[str]:
             for i in range(0, len(values), PER_LINE)]
 
 
-TARGET = Target("Ansys Mechanical APDL", write, commented_file("!"))
+TARGET = Target("Ansys Mechanical APDL", write, commented_file("!"), similar={"neo_hooke": "TB,HYPER,,,,NEO"})

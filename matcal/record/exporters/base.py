@@ -1,7 +1,7 @@
 """The seam of every exporter: what a target gets (`Material`), what it gives (`Written`), and its name (`Target`)."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -82,6 +82,8 @@ class Target:
     # joins the sentences of the comment and the lines of input into the text of a file
     assemble: Callable[[Sequence[str], Sequence[str]], str]
     laws: tuple[str, ...] = ("hyperfoam",)  # names of the laws that `write` can write
+    # law that `write` cannot write -> the target's own keyword of a law of this name, which is another one
+    similar: Mapping[str, str] = field(default_factory=dict)
 
 
 def refuse_more_terms(material: Material, most: int, title: str) -> None:
@@ -94,7 +96,8 @@ def refuse_more_terms(material: Material, most: int, title: str) -> None:
 
 def moduli_note(material: Material) -> str:
     """The sentence that says which moduli were written."""
-    return f"Moduli: {MEANING[material.law.moduli]}, mu_0 = {material.mu.sum():.8g} {material.units.stress_name}"
+    return (f"Moduli: {MEANING[material.law.moduli]}, mu_0 = {material.law.mu_0_Pa * material.units.stress:.8g} "
+            f"{material.units.stress_name}")
 
 
 def elastic_warning(material: Material, reason: str) -> tuple[str, ...]:

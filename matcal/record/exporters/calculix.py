@@ -32,4 +32,4 @@ def write(material: Material) -> Written:
     return Written(lines, tuple(notes), elastic_warning(material, "CalculiX 2.20 has none for hyperfoam"))
 
 
-TARGET = Target("CalculiX", write, commented_file("**"))
+TARGET = Target("CalculiX", write, commented_file("**"), similar={"neo_hooke": "*HYPERELASTIC, NEO HOOKE"})

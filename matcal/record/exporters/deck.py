@@ -1,12 +1,17 @@
 """A material card as input of a finite-element program, with a comment that says what it is and what it is not."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
+
 from matcal.card import MaterialCard, as_card, with_moduli
 from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
+from matcal.laws.neo_hooke import NeoHooke
 from matcal.record.cautions import cautions
 from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
 from matcal.record.exporters.formatting import number
@@ -69,13 +74,26 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
                          "whatever the units that are written.")
     card = as_card(card)
     law = with_moduli(card, moduli or "card")
-    if law.name not in into.laws:
-        raise ValueError(f"the law of card '{card.name}' is {law.name}, and matcal writes {', '.join(into.laws)} alone "
-                         f"for {into.title}. Fit it with --law {into.laws[0]}, or enter its parameters by hand.")
-    material = Material(card.name, law, card.prony, UNITS[units], density_kg_per_m3, moduli is not None)
+    written_as = law if law.name in into.laws else _equal_foam(law, card.name, into)
+    material = Material(card.name, written_as, card.prony, UNITS[units], density_kg_per_m3, moduli is not None)
     written = into.write(material)
+    if written_as is not law:
+        written = replace(written, notes=(f"{law.name} at nu = 0 is a hyperfoam, N = 1, alpha = 2.", *written.notes))
     warnings = (*written.warnings, *_skin_left_out(card))
     return Deck(into.assemble(list(_comment(card, into, UNITS[units], written, warnings)), written.lines), warnings)
+
+
+def _equal_foam(law: Law, name: str, into: Target) -> Hyperfoam:
+    """The hyperfoam whose energy is that of a law which the target does not have; ValueError where there is none."""
+    if isinstance(law, NeoHooke) and law.nu == 0:
+        return Hyperfoam(np.array([law.mu_Pa]), np.array([2.0]), np.zeros(1), law.moduli, law.strain_range)
+    if law.name in into.similar:
+        raise ValueError(f"{into.similar[law.name]} of {into.title} is another law than {law.name} of card '{name}': "
+                         "it takes the volume out of the stretches and adds a term of the volume alone, so that "
+                         "stresses differ wherever the volume changes. Export the card to febio, which has its law, "
+                         f"or fit it with `poisson` 0, where a hyperfoam equals it, or with `law` {into.laws[0]}.")
+    raise ValueError(f"the law of card '{name}' is {law.name}, and matcal writes {', '.join(into.laws)} alone for "
+                     f"{into.title}. Fit it with `law` {into.laws[0]}, or enter its parameters by hand.")
 
 
 def _comment(card: MaterialCard, into: Target, units: Units, written: Written, warnings: tuple[str, ...]

@@ -1,11 +1,13 @@
-"""FEBio: "Ogden unconstrained", inside "viscoelastic" where the card relaxes; exact for beta = 0 only.
+"""FEBio: "Ogden unconstrained" or "neo-Hookean", inside "viscoelastic" where the card relaxes.
 
 Energy: W = c_p/2 (J - 1)^2 + sum c_i/m_i^2 (sum_k lambda_k^m_i - 3 - m_i ln J), at most six terms. The card's energy at
 beta = 0 is this with c_i = 2 mu_i, m_i = alpha_i, c_p = 0; at beta > 0 its volumetric term is J^(-alpha beta), which
-no c_p gives. Relaxation is S(t) = int G(t - s) dS_e, G = g_0 + sum g_i exp(-t/t_i) on the second Piola-Kirchhoff
-stress, at most six terms: the card's own form.
+no c_p gives: exact for beta = 0 only. "neo-Hookean" is the card's neo_hooke, E = 2 mu (1 + nu): W = mu/2 (I_1 - 3)
+- mu ln J + lambda/2 (ln J)^2. Relaxation is S(t) = int G(t - s) dS_e, G = g_0 + sum g_i exp(-t/t_i) on the second
+Piola-Kirchhoff stress, at most six terms: the card's own form.
 
-Source: FEBio User Manual (version 4), "Ogden unconstrained" and "viscoelastic" under unconstrained materials.
+Source: FEBio User Manual (version 4), "Ogden unconstrained", "neo-Hookean" and "viscoelastic" under unconstrained
+materials; `FENeoHookean.cpp` of FEBio.
 """
 
 import re
@@ -14,6 +16,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
+from matcal.laws.neo_hooke import NeoHooke
 from matcal.laws.prony import Prony
 from matcal.record.exporters.base import Material, Target, Written, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import comment, number
@@ -23,27 +26,36 @@ MOST_TERMS = 6
 
 
 def write(material: Material) -> Written:
-    """The material as FEBio's XML; ValueError where a nu (so a beta) is not 0, or for more than six terms."""
-    law = material.foam
-    if np.any(law.nu != 0):
-        raise ValueError(f"FEBio's Ogden unconstrained law is the card's hyperfoam for beta = 0 only; this card has "
-                         f"nu = {law.nu.tolist()}. Fit it with `matcal fit --poisson 0`, or export to another target.")
-    refuse_more_terms(material, MOST_TERMS, "FEBio")
-    notes = [moduli_note(material), "c_i = 2 mu_i, m_i = alpha_i, cp = 0: the card's law for beta = 0."]
+    """The material as FEBio's XML; ValueError where a nu (so a beta) of a hyperfoam is not 0, or for more than six
+    terms."""
+    if isinstance(material.law, NeoHooke):
+        kind, constants, note = "neo-Hookean", _neo_hooke(material, material.law), "E = 2 mu (1 + nu), v = nu."
+    else:
+        kind, constants = "Ogden unconstrained", _terms(material)
+        note = "c_i = 2 mu_i, m_i = alpha_i, cp = 0: the card's law for beta = 0."
+    notes = [moduli_note(material), note]
     heading = f'id="1" name={quoteattr(material.name)}'
     density = [] if material.density is None else [_element("density", material.density)]
     if material.prony is None:
-        lines = [f'<material {heading} type="Ogden unconstrained">', *_indent([*density, *_terms(material)]),
-                 "</material>"]
+        lines = [f'<material {heading} type="{kind}">', *_indent([*density, *constants]), "</material>"]
         return Written(tuple(lines), tuple(notes))
-    elastic = ['<elastic type="Ogden unconstrained">', *_indent([*density, *_terms(material)]), "</elastic>"]
-    relaxation = _relaxation(material.prony, material.tau, law.moduli)
+    elastic = [f'<elastic type="{kind}">', *_indent([*density, *constants]), "</elastic>"]
+    relaxation = _relaxation(material.prony, material.tau, material.law.moduli)
     lines = [f'<material {heading} type="viscoelastic">', *_indent([*density, *relaxation, *elastic]), "</material>"]
     notes.append("G(t) = g0 + sum g_i exp(-t/t_i) on the second Piola-Kirchhoff stress, G = 1 for the moduli written.")
     return Written(tuple(lines), tuple(notes))
 
 
+def _neo_hooke(material: Material, law: NeoHooke) -> list[str]:
+    return [_element("E", 2 * law.mu_Pa * (1 + law.nu) * material.units.stress), _element("v", law.nu)]
+
+
 def _terms(material: Material) -> list[str]:
+    if np.any(material.foam.nu != 0):
+        raise ValueError("FEBio's Ogden unconstrained law is the card's hyperfoam for beta = 0 only; this card has "
+                         f"nu = {material.foam.nu.tolist()}. Fit it with `matcal fit --poisson 0`, or export to "
+                         "another target.")
+    refuse_more_terms(material, MOST_TERMS, "FEBio")
     return [line for i, (mu, alpha) in enumerate(zip(material.mu, material.foam.alpha, strict=True), 1)
             for line in (_element(f"c{i}", 2 * mu), _element(f"m{i}", alpha))] + [_element("cp", 0.0)]
 
@@ -75,4 +87,4 @@ def assemble(sentences: Sequence[str], lines: Sequence[str]) -> str:
                       *_indent(body), "</febio_spec>"]) + "\n"
 
 
-TARGET = Target("FEBio", write, assemble)
+TARGET = Target("FEBio", write, assemble, ("hyperfoam", "neo_hooke"))

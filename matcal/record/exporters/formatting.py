@@ -15,7 +15,7 @@ def number(value: float, width: int | None = None) -> str:
     fitting = [t for t in candidates if len(t) <= width]
     best = min(fitting, key=lambda t: abs(float(t) - value), default="")
     if not best or abs(float(best) - value) > 1e-12 * abs(value):
-        raise ValueError(f"{value!r} cannot be written in {width} characters to twelve digits. Choose other --units.")
+        raise ValueError(f"{value!r} cannot be written in {width} characters to twelve digits. Choose other `units`.")
     return best
 
 

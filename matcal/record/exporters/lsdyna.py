@@ -31,7 +31,7 @@ def write(material: Material) -> Written:
     refuse_more_terms(material, MOST_TERMS, "LS-DYNA")
     if np.ptp(law.nu) > 0:
         raise ValueError(f"LS-DYNA's *MAT_HILL_FOAM has one n (beta) for all terms; this card has nu = "
-                         f"{law.nu.tolist()}. Fit it with one --poisson, or export to another target.")
+                         f"{law.nu.tolist()}. Fit it with one `poisson`, or export to another target.")
     n = float(law.beta[0])
     bulk = float(np.sum(2 * material.mu * (1 / 3 + n)))
     lines = ("*MAT_HILL_FOAM+",
@@ -70,4 +70,4 @@ def _eight(values: Array) -> list[float]:
     return [*values.tolist(), *[0.0] * (8 - values.size)]
 
 
-TARGET = Target("LS-DYNA", write, commented_file("$"))
+TARGET = Target("LS-DYNA", write, commented_file("$"), similar={"neo_hooke": "*MAT_HYPERELASTIC_RUBBER"})

@@ -37,7 +37,7 @@ def fit(ring: Ring, touch: Array, target: Array, names: tuple[str, ...], materia
     for name, column in zip(names, target.T, strict=True):
         if not np.all(column > 0):
             raise ValueError(f"{name} is {column.min():g} in a training row; the forward method learns its logarithm. "
-                             "Leave it out with --outputs, or use --method trainbr or ridge.")
+                             "Leave it out with `outputs`, or use `method` trainbr or ridge.")
     p0 = light_pressure(touch)
     inputs = np.column_stack([_inputs(ring, touch, p0), material])
     return Response(tuple(gaussian_process.fit(inputs, np.log(column / touch[:, 3])) for column in target.T), p0)

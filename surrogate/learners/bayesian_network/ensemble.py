@@ -58,7 +58,7 @@ def fit(x: Array, target: Array, seed: int, options: Options, workers: int = 1,
     if np.any(targets.lowest == targets.highest):
         same = int(np.argmax(targets.lowest == targets.highest))
         raise ValueError(f"output {same + 1} of {target.shape[1]} is {targets.lowest[same]:g} in every training row; a "
-                         "network has nothing to learn from it. Leave it out with --outputs.")
+                         "network has nothing to learn from it. Leave it out with `outputs`.")
     columns = list(scaled(targets, target).T.copy())
     train = partial(_train, x, seed, options)
     if workers > 1 and len(columns) > 1:

@@ -77,7 +77,7 @@ class PlainReader:
                 place = Reading(value, bounds, strange, wider)
             else:
                 scalars.append(ScalarReading(one.name, value[:, 0], bounds.half_width[:, 0]))
-        return PressReading(place, tuple(scalars), flags(self.signals, presses, strange))
+        return PressReading(place, tuple(scalars), *flags(self.signals, presses, strange))
 
     def trained_on(self, presses: Presses) -> Mask:
         """(n,) which presses are training ones."""

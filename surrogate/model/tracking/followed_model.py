@@ -146,7 +146,7 @@ class FollowedModel:
 
     def _told(self, state: str, read: Predictions, covariance: Array) -> Read:
         places = np.array([self._model.names.index(name) if name in self._model.names else -1
-                            for name in outputs.NAMES[:outputs.TOUCH]])
+                            for name in outputs.TOUCHES])
 
         def of_touch(part: Array) -> Array:
             return np.where(places < 0, np.nan, part[0, places]) * _SI

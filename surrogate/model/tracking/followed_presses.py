@@ -66,7 +66,7 @@ class FollowedPresses:
         reader = model.reader
         if not isinstance(reader, PressReader) or reader.place is None:
             raise ValueError("this model reads no place by families of readers, which a touch is followed by. Train it "
-                             "on labels x_mm and y_mm, with no other --method.")
+                             "on labels x_mm and y_mm, with no other `method`.")
         self.readings = model.readings
         self.columns = [f"{name}{end}_{unit}" for name, unit in zip(model.names, model.units, strict=True)
                         for end in ("", "_lo90", "_hi90")]
@@ -133,8 +133,7 @@ def read_of(found: PressReading, k: int, place_mm: Array, dead: Mask) -> Read:
     covariance[np.diag_indices(PARTS)] = sd**2
     covariance[0, 1] = covariance[1, 0] = correlation * sd[0] * sd[1]
     flag = "; ".join(filter(None, (named(dead) if dead.any() else "", found.flag[k])))
-    return Read(TOUCH, value, covariance, half, half, flag,
-                row_of(place_mm, width, scalars))
+    return Read(TOUCH, value, covariance, half, half, flag, row_of(place_mm, width, scalars), int(found.kinds[k]))
 
 
 def row_of(place: Array, half_width: Array, scalars: tuple[ScalarReading, ...]) -> Array:

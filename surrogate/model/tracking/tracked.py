@@ -29,7 +29,7 @@ class Tracked:
     # (columns,) all outputs with their ends, and parts where the model states them, as `Tracker.columns` names
     # them; None where no touch is read
     row: Array | None = None
-    kinds: int = 0  # of what is to be known, a sum of `surrogate.model.flags.Flag`
+    kinds: int = 0  # of what is to be known, a sum of `surrogate.data.flags.Flag`
 
     @property
     def ellipse(self) -> tuple[float, float, float]:

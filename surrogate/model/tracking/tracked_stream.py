@@ -45,7 +45,7 @@ def track(tracker: Tracker, source: BufferedIOBase, sink: TextIO,
                 say(f"line {line} on: {words}")
                 warned = True
     if not answered:
-        raise ValueError(f"{STREAM} held no frame. Give the untouched ones first, or --baseline FILE.")
+        raise ValueError(f"{STREAM} held no frame. Give the untouched ones first, or `baseline` FILE.")
     return Counts(answered, flagged)
 
 

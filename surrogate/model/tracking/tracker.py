@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from surrogate.data import untouched_stream
 from surrogate.data.baseline_frame import untouched
+from surrogate.data.flags import Flag, in_words
 from surrogate.data.untouched_stream import CALIBRATION, Background
-from surrogate.model.flags import WORDS, Flag
 from surrogate.model.missing_channels import named, stuck
 from surrogate.model.model import Model
 from surrogate.model.recorded.press_model import PressModel
@@ -24,7 +24,6 @@ from surrogate.model.tracking.followed_reading import Following, Read, unread
 from surrogate.model.tracking.tracked import CALIBRATING, UNREADABLE, UNTOUCHED, Tracked
 from touchcal.arrays import Array
 
-STRANGE = "off the untouched frame by more than is known of its drift, and unlike a touch: taken for drift"
 WAIT = 2  # frames that must be untouched after one before it is followed as untouched
 MOVED = 0.05  # part of the untouched frame by which a jump makes it another one, which is compared with the training's
 BELIEVED = 0.02  # part of the weakest training signal whose norm noise is taken as at least, a pattern
@@ -198,9 +197,8 @@ class Tracker:
         if not self._contact.against:
             self._since = 0
             self._followed((volts, self._time_s), self._contact.strange)
-        kinds = Flag.OTHER_SIGN if self._contact.mirrored else 0
-        flag = WORDS[Flag.OTHER_SIGN] if kinds else STRANGE if self._contact.strange else ""
-        words = "; ".join(filter(None, (named(dead) if dead.any() else "", flag)))
+        kinds = Flag.OTHER_SIGN if self._contact.mirrored else Flag.DRIFTED if self._contact.strange else Flag(0)
+        words = "; ".join(filter(None, (named(dead) if dead.any() else "", in_words(kinds))))
         return self._told(unread(UNTOUCHED, words, kinds), signal)
 
     def _followed(self, frame: _Timed, strange: bool) -> None:

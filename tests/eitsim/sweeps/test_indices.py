@@ -33,9 +33,8 @@ READINGS = 16 * 13
 @pytest.fixture(scope="module")
 def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cards")
-    none = np.empty((6, 0))
     skin = np.linspace(28, 33, 6)[:, None] * np.array([1.0, -2, 2, -1])
-    write_draws(Draws(none, none, none, conductivity_S_per_m=skin), folder / "posterior.nc", {})
+    write_draws(Draws({}, conductivity_S_per_m=skin), folder / "posterior.nc", {})
     foam = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0], "longterm")
     write_card(MaterialCard("drawn", foam, None, Conductivity(30.0, [-2, 2, -1], (0, 0.4)),
                             posterior={"file": "posterior.nc", "n": 6}), folder / "card.json")

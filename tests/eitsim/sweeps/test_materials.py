@@ -35,7 +35,7 @@ from matcal.card import MaterialCard, read_card, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
-from matcal.posterior.draws import Draws, read_draws, write_draws
+from matcal.posterior.draws import Draws, foam_draws, read_draws, write_draws
 
 COUNT = 40
 MU, ALPHA = np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741])
@@ -49,8 +49,9 @@ def posterior(omega: float = 0.0) -> Draws:
     """Draws about a law whose parameters vary together."""
     z = np.random.default_rng(3).standard_normal((COUNT, 3))
     skin = 30 * np.exp(0.05 * z[:, 2:]) * np.array([1.0, -2, 2, -1])
-    return Draws(MU * np.exp(0.1 * z[:, :1]), np.tile(ALPHA, (COUNT, 1)), np.zeros((COUNT, 3)),
-                 0.2 + 0.02 * z[:, 1:2], np.full((COUNT, 1), 9.0), skin, np.full(COUNT, omega) if omega else None)
+    return foam_draws(MU * np.exp(0.1 * z[:, :1]), np.tile(ALPHA, (COUNT, 1)), np.zeros((COUNT, 3)),
+                      g=0.2 + 0.02 * z[:, 1:2], tau_s=np.full((COUNT, 1), 9.0), conductivity_S_per_m=skin,
+                      omega=np.full(COUNT, omega) if omega else None)
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +106,7 @@ def test_a_card_is_one_whole_draw_and_recorded_as_used(card: Path) -> None:
         assert used.conductivity
         assert held.g is not None
         assert held.conductivity_S_per_m is not None
-        assert used.hyperfoam.mu_Pa.tolist() == held.mu_Pa[k].tolist() == [row[f"mu_{i}_Pa"] for i in (1, 2, 3)]
+        assert used.hyperfoam.mu_Pa.tolist() == held.law["mu_Pa"][k].tolist() == [row[f"mu_{i}_Pa"] for i in (1, 2, 3)]
         assert used.prony.g[0] == row["g_1"] == held.g[k, 0]
         assert used.conductivity.c0_S_per_m == row["c0_S_per_m"] == held.conductivity_S_per_m[k, 0]
         assert used.conductivity.a.tolist() == [row[f"a_{i}"] for i in (1, 2, 3)]
@@ -125,16 +126,16 @@ def test_parts_that_do_not_vary_are_those_of_the_card(card: Path) -> None:
 def test_specimens_scatter_as_replicates_do_and_keep_their_shape(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     n = 1000
-    base = Draws(np.tile(MU, (n, 1)), np.tile(ALPHA, (n, 1)), np.zeros((n, 3)), omega=np.full(n, 0.15))
+    base = foam_draws(np.tile(MU, (n, 1)), np.tile(ALPHA, (n, 1)), np.zeros((n, 3)), omega=np.full(n, 0.15))
     made = cards_for(Material(specimen=True), int(rng.integers(99)), read_card(p := written(tmp_path, base)))
     assert made.draws is not None
-    factor = made.draws.mu_Pa / MU
+    factor = made.draws.law["mu_Pa"] / MU
     assert np.allclose(factor, factor[:, :1], rtol=1e-12)
     assert np.log(factor[:, 0]).std() == pytest.approx(0.15, rel=4 / np.sqrt(2 * n))
     assert np.log(factor[:, 0]).mean() == pytest.approx(0.0, abs=4 * 0.15 / np.sqrt(n))
     again = cards_for(Material(draws=10, specimen=True), made.seed, read_card(p))
     assert again.draws is not None
-    assert again.draws.mu_Pa.tolist() == made.draws.mu_Pa[:10].tolist()
+    assert again.draws.law["mu_Pa"].tolist() == made.draws.law["mu_Pa"][:10].tolist()
 
 
 def test_draws_are_labelled_as_the_card(tmp_path: Path) -> None:
@@ -144,7 +145,7 @@ def test_draws_are_labelled_as_the_card(tmp_path: Path) -> None:
     row = recorded(made, 0)
     k = int(row["card_sample"])
     assert held.g is not None
-    assert row["mu_1_Pa"] == pytest.approx(held.mu_Pa[k, 0] / (1 - held.g[k, 0]), rel=1e-14)
+    assert row["mu_1_Pa"] == pytest.approx(held.law["mu_Pa"][k, 0] / (1 - held.g[k, 0]), rel=1e-14)
     used = card_at(made, 0).hyperfoam
     assert used
     assert used.moduli == "instantaneous"
@@ -226,14 +227,14 @@ def test_a_drawn_card_that_is_no_material_is_a_row(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("table", "named"), [
     ({"draws": COUNT + 1}, "holds 40"), ({"parts": ["prony", "skin"]}, "conductivity"), ({"parts": []}, "some of"),
     ({"draws": -1}, "draws"), ({"rows_per_draw": 0}, "rows_per_draw"), ({"specimen": 1}, "true or false"),
-    ({"cards": 3}, "unknown key 'cards'"), ({"specimen": True, "parts": ["prony"]}, "hyperfoam")])
+    ({"cards": 3}, "unknown key 'cards'"), ({"specimen": True, "parts": ["prony"]}, "leaves the law out")])
 def test_mistakes_in_the_table_are_named(card: Path, table: dict, named: str) -> None:
     with pytest.raises(ValueError, match=named):
         cards(card, **table)
 
 
 def test_what_a_posterior_lacks_is_named(tmp_path: Path) -> None:
-    path = written(tmp_path, Draws(np.tile(MU, (COUNT, 1)), np.tile(ALPHA, (COUNT, 1)), np.zeros((COUNT, 3))))
+    path = written(tmp_path, foam_draws(np.tile(MU, (COUNT, 1)), np.tile(ALPHA, (COUNT, 1)), np.zeros((COUNT, 3))))
     with pytest.raises(ValueError, match="names conductivity, and the posterior"):
         cards(path, parts=["conductivity"])
     with pytest.raises(ValueError, match="no scatter between specimens"):

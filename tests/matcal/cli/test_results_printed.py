@@ -18,7 +18,8 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from matcal.laws.stability import stability
-from matcal.posterior.draws import Draws, stress_band
+from matcal.posterior.drawn_laws import stress_band
+from matcal.posterior.draws import foam_draws
 from matcal.record.bands import conductivity_at, spans, stress_bands
 from matcal.record.cautions import cautions
 from touchcal.number_words import percent, significant, with_error, within
@@ -156,7 +157,7 @@ def test_predictions_are_printed_as_columns(capsys) -> None:
 def test_bands_reach_what_was_tested_and_mark_what_was_not() -> None:
     rng = np.random.default_rng(1)
     mu, alpha = LAW.mu_Pa * (1 + 0.02 * rng.normal(size=(40, 1))), np.repeat(LAW.alpha[None], 40, axis=0)
-    draws = Draws(mu, alpha, np.zeros((40, 3)))
+    draws = foam_draws(mu, alpha, np.zeros((40, 3)))
     bands = stress_bands(LAW, draws)
     assert set(bands["mode"]) == {"uniaxial", "biaxial", "planar", "shear", "volumetric"}
     column = {name: values[bands["mode"] == "shear"] for name, values in bands.items()}

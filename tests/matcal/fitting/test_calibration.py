@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
+from matcal.fitting.calibrate import FittedLaws, calibrate
 from matcal.fitting.conductivity_fit import powers
+from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.hyperfoam.hyperfoam_fit import relative_rms
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam

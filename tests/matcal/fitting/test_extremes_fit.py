@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from matcal.fitting.calibrate import FitOptions, calibrate
+from matcal.fitting.calibrate import calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.hyperfoam.curves import weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, fit, relative_rms
 from matcal.fitting.relaxation.record_thinning import KEPT, thinned

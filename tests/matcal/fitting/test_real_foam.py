@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from matcal.fitting.calibrate import FitOptions, FittedLaws, calibrate
+from matcal.fitting.calibrate import FittedLaws, calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.hyperfoam.cross_prediction import unstable_within
 from matcal.fitting.hyperfoam.hyperfoam_fit import relative_rms
 from matcal.reduction.reduce import reduce_tests

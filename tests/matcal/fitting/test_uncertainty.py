@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from matcal.fitting.calibrate import FitOptions, calibrate
+from matcal.fitting.calibrate import calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.hyperfoam.curves import weigh
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.fitting.uncertainty.intervals import derived_quantities, linearised

@@ -13,7 +13,8 @@ import pytest
 from scipy.integrate import quad
 
 from matcal.card import MaterialCard, write_card
-from matcal.fitting.calibrate import FitOptions, calibrate
+from matcal.fitting.calibrate import calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.hyperfoam.curves import weigh, weighted_design, weighted_model, weighted_stress, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.fitting.relaxation.relaxation_fit import fit_prony
@@ -24,10 +25,12 @@ from matcal.laws.deformation_modes import hereditary_stress, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, convolve
 from matcal.posterior import ensembles
-from matcal.posterior.derived_quantities import derived_of, stress_of
-from matcal.posterior.draws import Draws, card_of, law_of, read_draws, stress_band, write_draws
+from matcal.posterior.derived_quantities import derived_of
+from matcal.posterior.drawn_laws import law_of, stress_band, stress_of
+from matcal.posterior.draws import card_of, foam_draws, read_draws, write_draws
 from matcal.posterior.ensembles import ESS, RHAT, run_ensembles
-from matcal.posterior.hyperfoam_posterior import law_part, log_law, series_effect
+from matcal.posterior.hyperfoam_posterior import law_part
+from matcal.posterior.record_effects import series_effect
 from matcal.posterior.sample import sample
 from matcal.reduction.experiment import Experiment
 from touchcal.errors import InputFileError, NotConverged
@@ -59,7 +62,7 @@ def test_moduli_are_integrated_out_exactly() -> None:
     found = fit(weigh([replace(e, value=2e3 * e.strain) for e in pair()]), 1)
     part = law_part(found, 50.0, None)
     points = np.array([[2.0, -1.0], [3.0, -1.5], [5.0, -0.3]])
-    value = log_law(part, points, None, None)
+    value = part.log_density(points, None, None)
     unit, stress = found.law.mu_0_Pa, weighted_stress(found.curves)
     for k, (alpha, ln_sigma) in enumerate(points):
         column = weighted_design(found.curves, np.array([alpha]), 0.0)[:, 0] * unit
@@ -112,7 +115,7 @@ def test_draws_are_whole_cards(tmp_path) -> None:
     """With a long rate effect the long-term modulus and g_inf of a draw depend on each other through the same record.
     """
     found = sampled_with_series()
-    mu_0, rest = found.draws.mu_Pa.sum(axis=1), 1 - found.draws.g.sum(axis=1)
+    mu_0, rest = found.draws.law["mu_Pa"].sum(axis=1), 1 - found.draws.g.sum(axis=1)
     assert abs(np.corrcoef(mu_0, rest)[0, 1]) > 0.3
     assert found.checks["converged"]
     about = {"prior": found.prior, "seed": found.seed}
@@ -168,7 +171,7 @@ def test_replicates_show_how_much_specimens_differ() -> None:
     assert values["mu_0_new_specimen_Pa"].std() > 1.3 * values["mu_0_Pa"].std()
     alone = fit(weigh(tests[:1]), 1, starts=2)
     single = sample(alone, linearised(alone), None, None, seed=0)
-    assert values["mu_0_Pa"].std() > 3 * single.draws.mu_Pa.sum(axis=1).std()
+    assert values["mu_0_Pa"].std() > 3 * single.draws.law["mu_Pa"].sum(axis=1).std()
     assert "not in the intervals" in single.decisions[0]
 
 
@@ -179,7 +182,7 @@ def test_a_fitted_nu_is_sampled_with_the_rest() -> None:
                         noise=20.0) for mode, lo, hi in (("uniaxial", -0.5, -0.01), ("shear", 0.02, 0.6))]
     found = fit(weigh(tests), 1, "fit")
     drawn = sample(found, linearised(found), None, None, seed=0)
-    low, high = np.quantile(drawn.draws.nu[:, 0], [0.005, 0.995])
+    low, high = np.quantile(drawn.draws.law["nu"][:, 0], [0.005, 0.995])
     assert low < 0.2 < high
     assert 0 < high - low < 0.2
     few = stress_of(drawn.draws, "planar", [-0.4, 0.2])[:5]
@@ -203,11 +206,11 @@ def test_chains_pass_their_gate(sampled) -> None:
 
 def test_mu_0_and_stress_bands_cover_the_truth_and_agree_with_the_linearised(fitted, sampled) -> None:
     draws = sampled.draws
-    mu_0 = draws.mu_Pa.sum(axis=1)
+    mu_0 = draws.law["mu_Pa"].sum(axis=1)
     low, high = np.quantile(mu_0, [0.025, 0.975])
     assert low < TABLE_1.mu_0_Pa < high
     assert mu_0.std() == pytest.approx(fitted[1].derived["mu_0_Pa"].sd, rel=0.5)
-    assert draws.mu_Pa[:, 0].std() > 10 * mu_0.std()
+    assert draws.law["mu_Pa"][:, 0].std() > 10 * mu_0.std()
     for mode, strain in (("uniaxial", np.linspace(-0.8, -0.02, 12)), ("shear", np.linspace(0.05, 1, 12))):
         low, high = stress_band(draws, mode, strain, 0.999)
         truth = nominal_stress(TABLE_1, mode, strain)
@@ -225,15 +228,15 @@ def test_short_chains_are_refused_and_carry_what_they_reached(fitted, monkeypatc
         sample(*fitted, None, None, seed=3)
     with pytest.raises(NotConverged) as other:
         sample(*fitted, None, None, seed=4)
-    np.testing.assert_array_equal(first.value.estimate.draws.mu_Pa, second.value.estimate.draws.mu_Pa)
-    assert not np.array_equal(first.value.estimate.draws.mu_Pa, other.value.estimate.draws.mu_Pa)
+    np.testing.assert_array_equal(first.value.estimate.draws.law["mu_Pa"], second.value.estimate.draws.law["mu_Pa"])
+    assert not np.array_equal(first.value.estimate.draws.law["mu_Pa"], other.value.estimate.draws.law["mu_Pa"])
 
 
 def test_draws_come_back_from_the_file_as_cards(tmp_path) -> None:
     rng = np.random.default_rng(0)
-    draws = Draws(TABLE_1.mu_Pa + rng.normal(size=(8, 3)), TABLE_1.alpha + 0.01 * rng.normal(size=(8, 3)), 0.0,
-                  0.1 + 0.01 * rng.uniform(size=(8, 2)), np.array([1.0, 10.0]) + rng.uniform(size=(8, 2)),
-                  np.array([30.0, -60, 60, -30]) + rng.normal(size=(8, 4)))
+    draws = foam_draws(TABLE_1.mu_Pa + rng.normal(size=(8, 3)), TABLE_1.alpha + 0.01 * rng.normal(size=(8, 3)), 0.0,
+                       g=0.1 + 0.01 * rng.uniform(size=(8, 2)), tau_s=np.array([1.0, 10.0]) + rng.uniform(size=(8, 2)),
+                       conductivity_S_per_m=np.array([30.0, -60, 60, -30]) + rng.normal(size=(8, 4)))
     (tmp_path / "c.d").mkdir()
     card = MaterialCard("c", TABLE_1, Prony([0.1, 0.1], [1.0, 10.0]), Conductivity(30.0, [-2, 2, -1.0], (0.0, 0.4)),
                         posterior={"file": "c.d/posterior.nc", "n": 8})
@@ -244,12 +247,14 @@ def test_draws_come_back_from_the_file_as_cards(tmp_path) -> None:
     stored = arviz.from_netcdf(str(tmp_path / "c.d" / "posterior.nc"))
     assert stored.posterior["mu_Pa"].shape == (1, 8, 3)
     np.testing.assert_allclose(stored.posterior["mu_0_instantaneous_Pa"][0],
-                               draws.mu_Pa.sum(axis=1) / (1 - draws.g.sum(axis=1)))
+                               draws.law["mu_Pa"].sum(axis=1) / (1 - draws.g.sum(axis=1)))
     back = read_draws(tmp_path / "c.json")
-    for name in ("mu_Pa", "alpha", "g", "tau_s", "conductivity_S_per_m"):
+    for name in ("mu_Pa", "alpha"):
+        np.testing.assert_array_equal(back.law[name], draws.law[name])
+    for name in ("g", "tau_s", "conductivity_S_per_m"):
         np.testing.assert_array_equal(getattr(back, name), getattr(draws, name))
     made = card_of(back, card, 5)
-    np.testing.assert_array_equal(made.hyperfoam.mu_Pa, draws.mu_Pa[5])
+    np.testing.assert_array_equal(made.hyperfoam.mu_Pa, draws.law["mu_Pa"][5])
     assert made.conductivity.c0_S_per_m * made.conductivity.a[1] == pytest.approx(draws.conductivity_S_per_m[5, 2])
     write_card(replace(card, posterior={}), tmp_path / "bare.json")
     with pytest.raises(ValueError, match="no posterior"):
@@ -260,7 +265,7 @@ def test_draws_come_back_from_the_file_as_cards(tmp_path) -> None:
 def test_a_broken_posterior_is_named(tmp_path, change: str) -> None:
     path = tmp_path / "posterior.nc"
     write_card(MaterialCard("c", TABLE_1, posterior={"file": path.name, "n": 8}), tmp_path / "c.json")
-    draws = Draws(np.ones((8, 3)), np.ones((8, 3)), 0.0)
+    draws = foam_draws(np.ones((8, 3)), np.ones((8, 3)), 0.0)
     write_draws(draws, path, {})
     whole = path.read_bytes()
     if change in ("cut", "empty"):

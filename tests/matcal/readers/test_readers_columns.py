@@ -52,7 +52,7 @@ def test_which_input_it_belongs_to() -> None:
 
 @pytest.mark.parametrize(("option", "says"), [
     ("strain=1,stress=1:kPa", "column 1 'a' is given as strain and as stress"),
-    ("strain=1,stress=2:frob", "unit 'frob' by --columns, which is not known. Units of stress: Pa, kPa"),
+    ("strain=1,stress=2:frob", "unit 'frob' by `columns`, which is not known. Units of stress: Pa, kPa"),
     ("strain=1,stress=2:furlong", "which measures displacement, not stress. Units of stress")])
 def test_options_that_cannot_be_right_are_refused(option: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=says):

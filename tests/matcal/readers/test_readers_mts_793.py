@@ -105,7 +105,7 @@ def test_blocks_with_clocks_of_their_own_are_chosen_one_by_one(tmp_path: Path) -
     path.write_text(path.read_text(encoding="cp1252").replace("\n1.25\t", "\n0.25\t"), encoding="cp1252")
     with pytest.raises(InputFileError) as refused:
         read(path)
-    option = str(refused.value).partition('--columns "')[2].partition('"')[0].partition("=")[2]
+    option = str(refused.value).partition('`columns` "')[2].partition('"')[0].partition("=")[2]
     got = read(path, parse_selection(option))
     np.testing.assert_allclose(got.columns["force"], FORCES[:5] * 1e3)
     assert any("block 1 of 2 read, as given" in note for note in got.notes)

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from matcal.card import MaterialCard
-from matcal.fitting.calibrate import FitOptions, calibrate
+from matcal.fitting.calibrate import calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.hyperfoam.curves import weigh
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
-from matcal.posterior.hyperfoam_posterior import draw_law, law_part, start_law
+from matcal.posterior.hyperfoam_posterior import law_part
 from matcal.record.cautions import cautions, unstable_inside
 from matcal.record.fit_summary import summary
 from matcal.reduction.experiment import Experiment
@@ -100,8 +101,8 @@ def test_stated_scatter_widens_the_draws_about_the_fit() -> None:
                     for stress in [nominal_stress(LAW, mode, e)]])
     found = fit(curves, 1)
     part = law_part(found, 40.0, None)
-    mu, alpha, *_ = draw_law(part, np.repeat(start_law(part, found)[None], 4000, axis=0), None, None,
-                             np.random.default_rng(0))
+    drawn = part.draws(np.repeat(part.start(found)[0][None], 4000, axis=0), None, None, np.random.default_rng(0))
+    mu, alpha = drawn.law["mu_Pa"], drawn.law["alpha"]
     assert mu.mean() == pytest.approx(found.law.mu_Pa[0], rel=0.02)
     assert 0.07 < mu.std() / mu.mean() < 0.15
     assert np.ptp(alpha) == 0

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from matcal.card import MaterialCard
-from matcal.fitting.calibrate import FitOptions, calibrate
+from matcal.fitting.calibrate import calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.hyperfoam.curves import weigh
 from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, fit
 from matcal.fitting.hyperfoam.order_selection import (

@@ -31,6 +31,7 @@ from matcal.card import MaterialCard, as_json
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.neo_hooke import NeoHooke
 from matcal.laws.prony import Prony, relaxation
 from matcal.record.exporters.base import UNITS
 from matcal.record.exporters.deck import export
@@ -210,6 +211,36 @@ def test_target_energy_gives_the_stress_of_the_card(target: str, law: str, units
         expected = nominal_stress(LAWS[law], mode, np.array(path))
         found = np.array([stress(energy, mode, e) for e in path]) / UNITS[units].stress
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
+def test_febio_has_neo_hooke_at_every_ratio(nu: float) -> None:
+    """W = mu/2 (I_1 - 3) - mu ln J + lambda/2 (ln J)^2 of E and v, as the manual and FENeoHookean.cpp have it."""
+    law = NeoHooke(8e3, nu)
+    text = export(MaterialCard("rubber", law), "febio", units="mm-t-s").text
+    material = xml.fromstring(text).find("Material/material")
+    assert material is not None
+    assert material.get("type") == "neo-Hookean"
+    young, v = (float(material.findtext(tag, "nan")) for tag in ("E", "v"))
+    mu, lam = young / 2 / (1 + v), v * young / (1 + v) / (1 - 2 * v)
+
+    def energy(x: complex, y: complex, z: complex) -> complex:
+        ln_j = cmath.log(x * y * z)
+        return mu * ((x**2 + y**2 + z**2 - 3) / 2 - ln_j) + lam * ln_j**2 / 2
+
+    for mode, path in PATHS.items():
+        found = np.array([stress(energy, mode, e) for e in path]) / UNITS["mm-t-s"].stress
+        expected = nominal_stress(law, mode, np.array(path))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("target", [name for name in targets() if name != "febio"])
+def test_neo_hooke_goes_out_where_a_foam_equals_it_and_nowhere_else(target: str) -> None:
+    law = NeoHooke(8e3, 0.0)
+    energy, _ = READ[target](export(MaterialCard("rubber", law), target).text)
+    assert stress(energy, "uniaxial", -0.6) == pytest.approx(float(nominal_stress(law, "uniaxial", -0.6)))
+    with pytest.raises(ValueError, match="is another law than neo_hooke"):
+        export(MaterialCard("rubber", NeoHooke(8e3, 0.3)), target)
 
 
 @pytest.mark.parametrize("moduli", [None, "instantaneous", "longterm"])

@@ -19,6 +19,7 @@ import pytest
 from matcal.card import MaterialCard, read_card
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.neo_hooke import NeoHooke
 from matcal.laws.prony import Prony
 from matcal.record.exporters.base import UNITS
 from matcal.record.exporters.deck import export
@@ -102,9 +103,8 @@ def compare(folder: Path, card: MaterialCard, mode: str, path: list[float], unit
     deck = export(card, "calculix", moduli, units)
     found = forces(folder, brick(deck.text, mode, path))[:, 0] / UNITS[units].stress
     assert found.size == len(path), f"CalculiX stopped at {path[found.size - 1]}"
-    law = card.hyperfoam
-    assert law is not None
-    expected = nominal_stress(law, mode, np.array(path))
+    assert card.law is not None
+    expected = nominal_stress(card.law, mode, np.array(path))
     error = float(np.abs(found - expected).max() / np.abs(expected).max())
     print(f"{card.name}, {mode} to {path[-1]}: {error:.1e}")
     return error
@@ -137,6 +137,23 @@ def test_lateral_expansion(tmp_path: Path, nu: tuple[float, ...], mode: str, pat
 def test_fewer_terms(tmp_path: Path, terms: int, mode: str) -> None:
     law = Hyperfoam([4231.7, 1999.123][:terms], [2.7, -1.3][:terms], [0.0, 0.15][:terms])
     assert compare(tmp_path, MaterialCard("few", law), mode, [-0.2, -0.6] if mode == "uniaxial" else SHEAR) < 1e-5
+
+
+@pytest.mark.parametrize(("mode", "path"), [("uniaxial", [*COMPRESSION, 0.2]), ("shear", SHEAR)])
+def test_neo_hooke_without_lateral_strain_is_a_foam(tmp_path: Path, mode: str, path: list[float]) -> None:
+    assert compare(tmp_path, MaterialCard("rubber", NeoHooke(8123.4, 0.0)), mode, path, "mm-t-s") < 1e-5
+
+
+def test_neo_hooke_of_calculix_is_another_law(tmp_path: Path) -> None:
+    """Its C10 and D1 from the card's moduli at rest: the same slope there, some per cent of stress in compression."""
+    law = NeoHooke(8e3, 0.3)
+    with pytest.raises(ValueError, match="is another law than neo_hooke"):
+        export(MaterialCard("rubber", law), "calculix")
+    material = f"*MATERIAL, NAME=R\n*HYPERELASTIC, NEO HOOKE\n{law.mu_Pa / 2!r}, {2 / law.kappa_0_Pa!r}"
+    path = [-1e-3, -0.5]
+    ratio = forces(tmp_path, brick(material, "uniaxial", path))[:, 0] / nominal_stress(law, "uniaxial", np.array(path))
+    assert ratio[0] == pytest.approx(1, abs=2e-3)
+    assert abs(ratio[1] - 1) > 0.02
 
 
 def test_twenty_characters_a_value_are_enough(tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import matcal
-from matcal.fitting.calibrate import FitOptions, calibrate
+from matcal.fitting.calibrate import calibrate
+from matcal.fitting.fit_options import FitOptions
 from matcal.laws.deformation_modes import hereditary_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony

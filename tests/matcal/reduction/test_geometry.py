@@ -35,7 +35,7 @@ def test_the_files_own_sizes_serve_alone(tmp_path: Path) -> None:
     assert isinstance(sheet, Block)
     with pytest.raises(InputFileError):
         specimen_of("shear", _recording(tmp_path, length=0.02), None)
-    with pytest.raises(InputFileError, match=r"press.csv does not state it.*Give --specimen"):
+    with pytest.raises(InputFileError, match=r"press.csv does not state it.*Give `specimen`"):
         specimen_of("uniaxial", _recording(tmp_path), None)
 
 
@@ -97,5 +97,5 @@ def test_sizes_that_contradict_or_do_not_suffice_are_refused(table: str, own: di
 def test_a_file_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=r"press.csv: .*two cross-sections"):
         specimen_of("uniaxial", _recording(tmp_path, area=4e-4, diameter=0.05, height=0.02), None)
-    with pytest.raises(InputFileError, match=r"needs the key height_mm. .* \[uniaxial\] in --specimen .* completes it"):
+    with pytest.raises(InputFileError, match=r"needs the key height_mm. .* \[uniaxial\] in `specimen` .* completes it"):
         specimen_of("uniaxial", _recording(tmp_path, diameter=0.05), None)

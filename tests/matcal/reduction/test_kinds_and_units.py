@@ -64,7 +64,7 @@ def test_an_angle_of_shear_is_no_gamma(head: str, unit: float, most: float, tmp_
 def test_an_angle_that_no_shear_has_is_refused(tmp_path: Path) -> None:
     gamma = np.linspace(0, 2.0, 31)
     path = _table(tmp_path, "shear.csv", "gamma (rad),tau (kPa)", gamma, 10 * gamma)
-    with pytest.raises(InputFileError, match="If it is gamma itself, give it with --columns strain=gamma:-"):
+    with pytest.raises(InputFileError, match="If it is gamma itself, give it with `columns` strain=gamma:-"):
         _experiment(path, None)
     assert _experiment(path, None, "strain=gamma:-,stress=tau").value == pytest.approx(MODULUS_Pa * gamma)
 

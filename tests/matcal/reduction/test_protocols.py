@@ -260,7 +260,7 @@ def test_a_specimen_that_does_not_serve_is_refused(table: str, says: str, tmp_pa
 def test_machine_files_without_what_they_need_are_refused(tmp_path: Path) -> None:
     alone = tmp_path / "mts_uniaxial.txt"
     shutil.copy(DATA / "mts_uniaxial.txt", alone)
-    with pytest.raises(InputFileError, match="Give --specimen"):
+    with pytest.raises(InputFileError, match="Give `specimen`"):
         _reduced(alone)
     with pytest.raises(InputFileError, match="no such file"):
         _reduced(alone, specimen=tmp_path / "absent.toml")

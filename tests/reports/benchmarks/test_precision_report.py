@@ -11,11 +11,11 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from benchmarks.report.catalogue import BENCHES, Bench, cheapest, points
+from benchmarks.report.precision import report
+from benchmarks.report.precision_figures import seconds
+from benchmarks.report.stored_tables import write
 from reports.__main__ import app
-from reports.benchmarks.catalogue import BENCHES, Bench, cheapest, points
-from reports.benchmarks.precision import report
-from reports.benchmarks.precision_figures import seconds
-from reports.benchmarks.stored_tables import write
 from reports.document.verdict import GOOD, NOT_USABLE, USABLE
 from touchcal.code_version import ROOT, script_hash
 from touchcal.errors import InputFileError

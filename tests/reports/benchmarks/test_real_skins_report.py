@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from reports.benchmarks.real_skins import report
-from reports.benchmarks.stored_tables import write
+from benchmarks.report.real_skins import report
+from benchmarks.report.stored_tables import write
 from touchcal.errors import InputFileError
 
 

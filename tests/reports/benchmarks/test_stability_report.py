@@ -10,11 +10,11 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from reports.benchmarks.stability import WRITERS, report
-from reports.benchmarks.stability_numerics import _cell as digits_cell
-from reports.benchmarks.stability_readings import cell as reading_cell
-from reports.benchmarks.state_map import CAUTION, KEPT, LOST
-from reports.benchmarks.stored_tables import write
+from benchmarks.report.stability import WRITERS, report
+from benchmarks.report.stability_numerics import _cell as digits_cell
+from benchmarks.report.stability_readings import cell as reading_cell
+from benchmarks.report.state_map import CAUTION, KEPT, LOST
+from benchmarks.report.stored_tables import write
 from reports.document.verdict import GOOD, NOT_USABLE, USABLE
 from touchcal.errors import InputFileError
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from benchmarks.report.stored_tables import CURRENT, STALE, UNKNOWN, cautions, state
 from eitsim.sweeps.dataset.code_history import other_code
-from reports.benchmarks.stored_tables import CURRENT, STALE, UNKNOWN, cautions, state
 from touchcal.cache import key_of
 from touchcal.code_version import script_hash
 

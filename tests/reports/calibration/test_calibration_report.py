@@ -19,7 +19,8 @@ from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from matcal.laws.stability import stability
-from matcal.posterior.draws import Draws, stress_band, write_draws
+from matcal.posterior.drawn_laws import stress_band
+from matcal.posterior.draws import Draws, foam_draws, write_draws
 from matcal.record.bands import stress_bands
 from matcal.reduction.experiment import Experiment
 from reports.calibration import calibration_report
@@ -215,8 +216,8 @@ def test_relaxation_is_normalised_by_an_ideal_step(card_path: Path) -> None:
 def test_a_posterior_gives_bands_and_its_checks(tmp_path: Path, card_path: Path, read_pdf: Reader) -> None:
     rng = np.random.default_rng(2)
     scale = 1 + 0.05 * rng.normal(size=(60, 1))
-    draws = Draws(LAW.mu_Pa * scale, np.repeat(LAW.alpha[None], 60, axis=0), 0.0, None, None,
-                  SKIN.c0_S_per_m * np.r_[1.0, SKIN.a] * scale)
+    draws = foam_draws(LAW.mu_Pa * scale, np.repeat(LAW.alpha[None], 60, axis=0), 0.0,
+                       conductivity_S_per_m=SKIN.c0_S_per_m * np.r_[1.0, SKIN.a] * scale)
     write_draws(draws, card_path.parent / "card.d" / "posterior.nc", {})
     write_bands(card_path.parent / "card.d", draws)
     change(card_path, posterior={"file": "card.d/posterior.nc", "n": 60, "prior": "alpha flat.",
@@ -243,7 +244,7 @@ def test_a_posterior_gives_bands_and_its_checks(tmp_path: Path, card_path: Path,
 
 
 def test_chains_that_did_not_converge_are_said(card_path: Path) -> None:
-    draws = Draws(np.repeat(LAW.mu_Pa[None], 10, axis=0), np.repeat(LAW.alpha[None], 10, axis=0), 0.0)
+    draws = foam_draws(np.repeat(LAW.mu_Pa[None], 10, axis=0), np.repeat(LAW.alpha[None], 10, axis=0), 0.0)
     write_draws(draws, card_path.parent / "card.d" / "posterior.nc", {})
     change(card_path, posterior={"file": "card.d/posterior.nc", "n": 10,
                                  "checks": {"rhat": 2.4, "ess": 30.0, "converged": False}})

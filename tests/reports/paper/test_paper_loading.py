@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.paper import cyclic, loading
+from benchmarks.paper.stages_plan import DATA, SCENES
+from benchmarks.paper.stated_law import table_1
 from eitsim.scene.scene import read_scene
 from matcal.card import MaterialCard, write_card
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
 from matcal.reduction.reduce import read_test
 from reports.document.style import house
-from reports.paper import cyclic, loading
-from reports.paper.stages_plan import DATA, SCENES
-from reports.paper.stated_law import table_1
 from touchcal.errors import NotConverged
 
 ONE = Prony(np.array([0.3]), np.array([4.0]))

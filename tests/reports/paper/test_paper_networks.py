@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks.paper import choices, learning, networks_table, touches, variants
+from benchmarks.paper.networks_table import OUTPUTS, Cause, paper_rmse
+from benchmarks.paper.section import paper_value, shown
 from eitsim.scene.scene import Punch, Skin
 from reports.document.style import house
-from reports.paper import choices, learning, networks_table, touches, variants
-from reports.paper.networks_table import OUTPUTS, Cause, paper_rmse
-from reports.paper.section import paper_value, shown
 from surrogate.statistics.metrics import score
 
 NAMES = [name for names in OUTPUTS.values() for name in names]

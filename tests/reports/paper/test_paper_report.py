@@ -12,20 +12,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks.paper import paper_report, ratios
+from benchmarks.paper.learning import OUTPUTS
+from benchmarks.paper.meshes import course
+from benchmarks.paper.network import hidden_units
+from benchmarks.paper.section import FULL, KEY, Number, Section, comparison, paper_value, published
+from benchmarks.paper.stages import RECORD, content, key
+from benchmarks.paper.stages_plan import COST, QUICK, Run, planned
+from benchmarks.paper.touches import conducting_share
 from eitsim.sweeps.run.folder import sole_writer
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
 from reports.__main__ import app, paper
 from reports.document.verdict import GOOD, NOT_USABLE
-from reports.paper import paper_report, ratios
-from reports.paper.learning import OUTPUTS
-from reports.paper.meshes import course
-from reports.paper.network import hidden_units
-from reports.paper.section import FULL, KEY, Number, Section, comparison, paper_value, published
-from reports.paper.stages import RECORD, content, key
-from reports.paper.stages_plan import COST, QUICK, Run, planned
-from reports.paper.touches import conducting_share
 from surrogate.statistics.metrics import score
 from touchcal.code_version import ROOT
 
@@ -245,8 +245,8 @@ def test_the_first_page_counts_stale_stages_of_both_runs() -> None:
 
 
 def test_no_figure_of_the_walk_leaves_its_section() -> None:
-    for template in ("paper/paper.typ", "document/layout.typ"):
-        assert "float: true" not in (ROOT / "reports" / template).read_text()
+    for template in ("benchmarks/paper/paper.typ", "reports/document/layout.typ"):
+        assert "float: true" not in (ROOT / template).read_text()
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.5])

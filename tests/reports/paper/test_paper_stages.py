@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.paper.stages import BEGUN, RECORD, Stage, key, made, read_record, state
+from benchmarks.paper.stages_plan import FULL, QUICK, planned, stale
 from eitsim.sweeps.dataset.parquet import write_manifest
-from reports.paper.stages import BEGUN, RECORD, Stage, key, made, read_record, state
-from reports.paper.stages_plan import FULL, QUICK, planned, stale
 from touchcal.cache import key_of
 
 

@@ -17,7 +17,7 @@ from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
-from matcal.posterior.draws import Draws
+from matcal.posterior.draws import foam_draws
 from surrogate.bounds import cramer_rao
 from surrogate.bounds.cramer_rao import covariance_at
 from surrogate.bounds.dataset_bound import least_rms
@@ -185,7 +185,7 @@ def test_draws_whose_stresses_agree_leave_little_open_however_far_their_moduli_l
     one = [np.column_stack([nominal_stress(Hyperfoam(row, a, np.zeros(2)), "uniaxial", strain) for row in np.eye(2)])
            for a in alpha]
     mu = np.array([np.linalg.lstsq(columns, own, rcond=None)[0] for columns in one], np.float64)
-    draws = Draws(mu, alpha, np.zeros(2), conductivity_S_per_m=np.tile(30.0 * np.r_[1, skin.a], (40, 1)))
+    draws = foam_draws(mu, alpha, np.zeros(2), conductivity_S_per_m=np.tile(30.0 * np.r_[1, skin.a], (40, 1)))
     found = spread_over(Cards(MaterialCard("synthetic", law, None, skin), draws, np.arange(40)))
     exact = np.array([nominal_stress(Hyperfoam(*both, np.zeros(2)), "shear", 0.3)
                       for both in zip(mu, alpha, strict=True)])

@@ -54,7 +54,7 @@ def test_both_drifts_stand_next_to_each_other() -> None:
 
 
 @pytest.mark.parametrize(("given", "named"), [
-    ({"gain_sd": -0.1}, "from 0 to 1"), ({"contact_sd": np.nan}, "from 0 to 1"), ({"contact_sd": 0.01}, "--scene")])
+    ({"gain_sd": -0.1}, "from 0 to 1"), ({"contact_sd": np.nan}, "from 0 to 1"), ({"contact_sd": 0.01}, "`scene`")])
 def test_what_is_not_known_of_a_drift_is_refused(given: dict[str, float], named: str) -> None:
     scene = Scene()
     with pytest.raises(ValueError, match=named):

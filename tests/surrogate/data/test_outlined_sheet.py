@@ -113,7 +113,7 @@ def test_electrodes_on_the_surface_have_potentials_and_no_poles() -> None:
     assert by_gain(ring, rest).sum(axis=1) == pytest.approx(rest, rel=1e-6)
     rows = object.__new__(SweepSamples)
     object.__setattr__(rows, "ring", ring)
-    with pytest.raises(ValueError, match="Take --method ridge, network or gp"):
+    with pytest.raises(ValueError, match="Take `method` ridge, network or gp"):
         TouchInversion.fit(rows, SimpleNamespace())  # pyright: ignore[reportArgumentType]
     drawn = skin_of_sheet(ring.sheet).electrodes_mm
     assert np.mean(drawn[1][:-1], axis=0) == pytest.approx([20.0, -20.0])

@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from surrogate.data.baseline_frame import compared, untouched
+from surrogate.data.flags import WORDS, Flag
 from surrogate.data.samples import SweepSamples
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.load_coordinates import to_unknown
-from surrogate.model.flags import WORDS, Flag
 from surrogate.model.missing_channels import check_needed, named, silent, stuck, without
 from surrogate.model.model import Model
 from surrogate.model.predict import (

@@ -103,7 +103,7 @@ def test_the_channel_of_a_strange_frame_is_named(model: surrogate.Model, touches
 
 def test_other_methods_say_that_they_know_no_drift(samples: SweepSamples, touches: tuple[Array, Array]) -> None:
     ridge = surrogate.train(samples, method="ridge", outputs="x0,y0,F", seed=0)
-    with pytest.raises(ValueError, match="--method forward does"):
+    with pytest.raises(ValueError, match="`method` forward does"):
         ridge.predict(ridge.baseline_V + touches[1], gain_drift=GAIN)
 
 

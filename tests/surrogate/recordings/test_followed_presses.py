@@ -134,7 +134,7 @@ def test_a_rate_next_to_a_clock_is_refused(model: PressModel, tmp_path: Path) ->
     path = drifting(tmp_path / "frames.csv", synthetic_places(np.random.default_rng(8), 2))
     recording = read_recording(path)
     write_recording(replace(recording, time_s=np.arange(4.0)), path)
-    with pytest.raises(ValueError, match="has a clock, time_s, so that --rate would have no effect"):
+    with pytest.raises(ValueError, match="has a clock, time_s, so that `rate` would have no effect"):
         recorded_show(model, path, rate_hz=2.0)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eitsim.sheet.sheet_conductance import driving_strains, stretches
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.general.layer.layer_surface import principal_stretches
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
@@ -14,6 +13,7 @@ from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Punch
+from eitsim.sheet.sheet_conductance import driving_strains, stretches
 from matcal.laws.hyperfoam import Hyperfoam
 
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from surrogate.data import outputs
+from surrogate.data.flags import WORDS, Flag
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.samples import SweepSamples, take
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import reading_covariance
-from surrogate.model.flags import WORDS, Flag
 from surrogate.model.model import Model
 from surrogate.model.tracking.followed_model import KEPT, FollowedModel
 from surrogate.model.tracking.tracked import CALIBRATING, SEVERAL_TOUCHES, TOUCH, UNREADABLE, UNTOUCHED, Tracked
 from surrogate.model.tracking.tracked_stream import track
-from surrogate.model.tracking.tracker import STRANGE, WAIT, Tracker
+from surrogate.model.tracking.tracker import WAIT, Tracker
 from surrogate.model.train import train
 from surrogate.statistics.conformal import COVERAGE
 from touchcal.arrays import Array, Mask
@@ -194,7 +194,8 @@ def test_an_untouched_frame_that_jumps_is_taken_anew(model: Model, press: Callab
     way = np.random.default_rng(1).normal(size=frames.shape[1])
     frames[10:] += 0.05 * way / np.linalg.norm(way)
     said = tracked(Tracker(model, frames[:8], NOISE_V, rate_hz=RATE_HZ), frames[8:])
-    assert said[2].flag == STRANGE
+    assert said[2].kinds == Flag.DRIFTED
+    assert said[2].flag == WORDS[Flag.DRIFTED]
     assert {now.state for now in said[:REST - 8]} == {UNTOUCHED}
     assert {now.flag for now in said[5:REST - 8]} == {""}
     assert {now.state for now in said[REST - 4:-REST]} == {TOUCH}

@@ -7,13 +7,15 @@ from typing import Any
 import pandas as pd
 from matplotlib.axes import Axes
 
-from reports.benchmarks.stored_tables import cautions, condition_table, present_code, state
+from benchmarks.report.stored_tables import cautions, condition_table, present_code, state
 from reports.document import provenance, style
 from reports.document.numerals import counted, number, percent
 from reports.document.page import Report, ReportFigure, Table
 from reports.document.verdict import NOT_USABLE, SHORTFALL, Verdict, graded
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
+
+TEMPLATE = Path(__file__).with_suffix(".typ")
 
 NAME = "real_skins"
 FILE = f"{NAME}.csv"
@@ -30,15 +32,15 @@ def report(results: Path) -> Report:
     title, subtitle = "Presses on real skins", "places read from recorded presses that others measured"
     if not path.is_file():
         why = f"Not there: {FILE}. Run benchmarks/{NAME}.py, which writes it."
-        return Report(NAME, title, subtitle, provenance.footer([], "no seed"), (), absent={NAME: why, "rows": why},
+        return Report(TEMPLATE, title, subtitle, provenance.footer([], "no seed"), (), absent={NAME: why, "rows": why},
                       verdict=[Verdict("Places on real skins", NOT_USABLE, "the benchmark has not been run")])
     table = pd.read_csv(path)
     if missing := [name for name in COLUMNS if name not in table]:
         raise InputFileError(path, f"no column {missing[0]}. Run benchmarks/{NAME}.py again.")
     known = state(pd.read_csv(path, dtype=str), FILE, NAME)
-    return Report(NAME, title, subtitle, provenance.footer([provenance.source(path)], "seeds fixed in benchmarks/"), (),
-                  [plate(table)], {"rows": other_rows(table),
-                                   "conditions": condition_table([(FILE, table, known)])},
+    footer = provenance.footer([provenance.source(path)], "seeds fixed in benchmarks/")
+    return Report(TEMPLATE, title, subtitle, footer, (), [plate(table)],
+                  {"rows": other_rows(table), "conditions": condition_table([(FILE, table, known)])},
                   cautions=cautions([known]), verdict=[*verdict(table), *present_code("These figures, with the code "
                                                                                       "that is here", [known])])
 

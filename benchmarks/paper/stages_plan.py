@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.paper.section import PUBLISHED
+from benchmarks.paper.stages import Stage, state
 from eitsim.sweeps.dataset.code_history import other_code
 from eitsim.sweeps.dataset.parquet import read_manifest
 from eitsim.sweeps.design.design import read_design, tables_at
 from matcal.card import card_identity, read_card
 from reports.document.provenance import source
-from reports.paper.section import PUBLISHED
-from reports.paper.stages import Stage, state
 from touchcal.code_version import ROOT, code_hash
 
 DATA, EXAMPLES, SCENES = ROOT / "data_raw", ROOT / "examples", Path(__file__).parent / "scenes"
@@ -127,7 +127,7 @@ def _own(work: Path, name: str, out: str, inputs: tuple[Path, ...], more: tuple[
     """The stage of a module of this room that is called as the stage is: `inputs`, the file to write, `more` inputs;
     what it reads besides these is `read`."""
     own = source(Path(__file__).with_name(f"{name}.py")).sha256
-    return Stage(name, work / name, (f"reports.paper.{name}", *inputs, work / name / out, *more),
+    return Stage(name, work / name, (f"benchmarks.paper.{name}", *inputs, work / name / out, *more),
                  (*inputs, *more, *read), code + own)
 
 

@@ -1,6 +1,6 @@
 """Convergence of one touch over meshes of the foam, linear and quadratic elements (paper, figure 8), as a table.
 
-Run as `python -m reports.paper.convergence SCENE CARD OUT`, a stage of the paper's report.
+Run as `python -m benchmarks.paper.convergence SCENE CARD OUT`, a stage of the paper's report.
 """
 
 import sys

@@ -6,8 +6,8 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 
-from reports.benchmarks.state_map import CAUTION, KEPT, LOST, Cell, cells, legend
-from reports.benchmarks.stored_tables import Rows, distinct, frame, where
+from benchmarks.report.state_map import CAUTION, KEPT, LOST, Cell, cells, legend
+from benchmarks.report.stored_tables import Rows, distinct, frame, where
 from reports.document import style
 from reports.document.numerals import counted, number, prefixed
 from reports.document.page import ReportFigure, Table

@@ -8,15 +8,15 @@ from typing import Any
 
 import pandas as pd
 
+from benchmarks.paper import network, variants
+from benchmarks.paper.networks_table import OUTPUTS, RADIUS_MM, SYMBOLS
+from benchmarks.paper.section import Number, Section, against, paper_value, renamed, value_of
+from benchmarks.paper.stages_plan import FORWARD, NETWORKS, SWEEP, Run
+from benchmarks.report.stored_tables import Rows
 from matcal.card import read_card
 from matcal.record.compare import quoted
-from reports.benchmarks.stored_tables import Rows
 from reports.document.numerals import number, percent, r_squared
 from reports.document.page import ReportFigure
-from reports.paper import network, variants
-from reports.paper.networks_table import OUTPUTS, RADIUS_MM, SYMBOLS
-from reports.paper.section import Number, Section, against, paper_value, renamed, value_of
-from reports.paper.stages_plan import FORWARD, NETWORKS, SWEEP, Run
 from reports.surrogate import amplitude_figures, parity_figures
 from reports.surrogate.surrogate_report import DESCRIPTION, EVALUATION, PREDICTIONS
 from surrogate.statistics.metrics import rms

@@ -1,6 +1,6 @@
 """The loading time after which a touch kept at its depth loses what the paper states of its mean pressure (figure 9).
 
-Run as `python -m reports.paper.loading SCENE CARD OUT`, a stage of the paper's report: OUT is SCENE with that time.
+Run as `python -m benchmarks.paper.loading SCENE CARD OUT`, a stage of the paper's report: OUT is SCENE with that time.
 """
 
 import functools
@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import root_scalar
 
+from benchmarks.paper.section import paper_value
 from eitsim.mechanics.axisymmetric.hold import solve_hold
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import Scene, read_scene
 from eitsim.simulation.material import material_of
 from matcal.card import MaterialCard, read_card
 from matcal.laws.prony import Prony, convolve
-from reports.paper.section import paper_value
 from touchcal.errors import NotConverged
 
 WITHIN_S = 2.0

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from benchmarks.paper.section import paper_value
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from reports.calibration.stress_figures import StatedLaw
-from reports.paper.section import paper_value
 
 SUBSCRIPTS = "₁₂₃₄₅₆₇₈₉"
 TERMS = 3

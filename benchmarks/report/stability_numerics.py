@@ -4,8 +4,8 @@ import math
 import sys
 from collections.abc import Iterable
 
-from reports.benchmarks.state_map import CAUTION, KEPT, LOST, Cell, cells, legend
-from reports.benchmarks.stored_tables import Rows, distinct, frame, where
+from benchmarks.report.state_map import CAUTION, KEPT, LOST, Cell, cells, legend
+from benchmarks.report.stored_tables import Rows, distinct, frame, where
 from reports.document import style
 from reports.document.numerals import counted, number, percent
 from reports.document.page import ReportFigure, Table

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 
-from reports.benchmarks.stability_numerics import HISTORY, MANY, OF_DISC, SOME, digits_of
-from reports.benchmarks.stability_readings import cell
-from reports.benchmarks.stability_scenes import lost_scenes, not_elliptic
-from reports.benchmarks.state_map import LOST as LOST_CELL
-from reports.benchmarks.stored_tables import Rows, distinct, where
+from benchmarks.report.stability_numerics import HISTORY, MANY, OF_DISC, SOME, digits_of
+from benchmarks.report.stability_readings import cell
+from benchmarks.report.stability_scenes import lost_scenes, not_elliptic
+from benchmarks.report.state_map import LOST as LOST_CELL
+from benchmarks.report.stored_tables import Rows, distinct, where
 from reports.document.numerals import counted, number
 from reports.document.verdict import GOOD, LOST, NOT_USABLE, USABLE, Verdict, graded
 

@@ -4,6 +4,11 @@ import itertools
 
 import numpy as np
 
+from benchmarks.paper import cyclic
+from benchmarks.paper.section import Number, Section, against, paper_value, renamed, value_of
+from benchmarks.paper.stages import Stage
+from benchmarks.paper.stages_plan import CARD, CYCLES, Run
+from benchmarks.paper.stated_law import SUBSCRIPTS, table_1
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import relaxation
@@ -11,11 +16,6 @@ from reports.calibration import calibration_report, calibration_tables, cycle_fi
 from reports.calibration.card_record import Array, Record, read_record
 from reports.document.numerals import number, percent
 from reports.document.page import ReportFigure
-from reports.paper import cyclic
-from reports.paper.section import Number, Section, against, paper_value, renamed, value_of
-from reports.paper.stages import Stage
-from reports.paper.stages_plan import CARD, CYCLES, Run
-from reports.paper.stated_law import SUBSCRIPTS, table_1
 
 SYNTHETIC = ("The paper publishes no raw data; the tests here are synthetic machine files made from its Table 1 plus "
              "small terms that stiffen the foam a little, so that agreement checks the program, not the foam.")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reports.benchmarks.stored_tables import read_rows
+from benchmarks.report.stored_tables import read_rows
 from touchcal.errors import InputFileError
 
 Words = Callable[[Mapping[str, Any]], str]

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks.report.catalogue import BENCHES, by_problem, points
+from benchmarks.report.precision_figures import panel
 from eitsim.sheet.sheet_conductance import driving_strain
-from reports.benchmarks.catalogue import BENCHES, by_problem, points
-from reports.benchmarks.precision_figures import panel
 from reports.document import style
 from reports.touch.reading_figures import curve_panels
 from reports.touch.touch_figures import sensor

@@ -1,7 +1,7 @@
 """Maps of surrogates under noise and shift: how much worse they read, and whether their intervals still hold."""
 
-from reports.benchmarks.state_map import CAUTION, KEPT, LOST, Cell, cells, legend
-from reports.benchmarks.stored_tables import Rows, distinct, frame, where
+from benchmarks.report.state_map import CAUTION, KEPT, LOST, Cell, cells, legend
+from benchmarks.report.stored_tables import Rows, distinct, frame, where
 from reports.document import style
 from reports.document.numerals import number
 from reports.document.page import ReportFigure

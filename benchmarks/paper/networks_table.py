@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from reports.benchmarks.stored_tables import Rows
+from benchmarks.paper import variants
+from benchmarks.paper.section import paper_value
+from benchmarks.paper.touches import PUNCHES
+from benchmarks.report.stored_tables import Rows
 from reports.document.numerals import number, r_squared
 from reports.document.page import Table
-from reports.paper import variants
-from reports.paper.section import paper_value
-from reports.paper.touches import PUNCHES
 from reports.surrogate.parity_figures import correlations, label, points, unit
 
 # figure -> its outputs; what positions are called; radius by which the paper divides them, mm

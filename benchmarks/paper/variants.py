@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from reports.benchmarks.stored_tables import Rows, distinct, frame, read_rows, state, where
+from benchmarks.report.stored_tables import Rows, distinct, frame, read_rows, state, where
 from reports.document.numerals import counted, number
 from reports.document.page import Table
 from reports.surrogate.parity_figures import label

@@ -3,14 +3,16 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from reports.benchmarks import stability_laws, stability_numerics, stability_readings, stability_scenes
-from reports.benchmarks.stability_verdict import verdict
-from reports.benchmarks.stored_tables import Rows, cautions, condition_table, frame, present_code, read_rows, state
+from benchmarks.report import stability_laws, stability_numerics, stability_readings, stability_scenes
+from benchmarks.report.stability_verdict import verdict
+from benchmarks.report.stored_tables import Rows, cautions, condition_table, frame, present_code, read_rows, state
 from reports.document import provenance
 from reports.document.numerals import counted
 from reports.document.page import Report, ReportFigure, Table
 from reports.document.verdict import NOT_USABLE, Verdict
 from touchcal.errors import InputFileError
+
+TEMPLATE = Path(__file__).with_suffix(".typ")
 
 # stem of a stored table -> benchmark that writes it
 WRITERS = {"stable_ranges": "stable_ranges", "stable_functions": "stable_ranges", "stiff": "stiff",
@@ -50,7 +52,7 @@ def report(results: Path) -> Report:
     sources = [provenance.source(results / f"{stem}.csv") for stem in stored]
     states = [of_table for *_, of_table in read]
     lines = [*verdict(stored), *present_code("These maps, with the code that is here", states)]
-    return Report("stability", "Stiff and extreme cases", f"{len(stored)} of {counted(len(WRITERS), 'stored table')}",
+    return Report(TEMPLATE, "Stiff and extreme cases", f"{len(stored)} of {counted(len(WRITERS), 'stored table')}",
                   provenance.footer(sources, "seeds fixed in benchmarks/"), (), plates, tables, absent,
                   cautions=cautions(states), verdict=lines or [
                       Verdict("Any statement on extreme cases", NOT_USABLE, "no benchmark has been run")])

@@ -5,13 +5,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from reports.benchmarks.catalogue import BENCHES, Bench, Point, by_problem, cheapest, points
-from reports.benchmarks.precision_figures import diagram, seconds
-from reports.benchmarks.stored_tables import State, cautions, condition_table, present_code, state
+from benchmarks.report.catalogue import BENCHES, Bench, Point, by_problem, cheapest, points
+from benchmarks.report.precision_figures import diagram, seconds
+from benchmarks.report.stored_tables import State, cautions, condition_table, present_code, state
 from reports.document import provenance
 from reports.document.numerals import counted, number, percent
 from reports.document.page import Report, Table
 from reports.document.verdict import NOT_USABLE, Verdict, graded
+
+TEMPLATE = Path(__file__).with_suffix(".typ")
 
 Found = dict[Bench, list[Point]]
 OWN = "eitsim"  # how the names of our own methods begin
@@ -48,7 +50,7 @@ def report(results: Path, benches: Sequence[Bench] = BENCHES) -> Report:
     footer = provenance.footer(sources, "seeds fixed in benchmarks/")
     subtitle = f"{len(drawn)} of {counted(len(benches), 'benchmark')}"
     verdict = [*_verdict(drawn), *present_code("These times, with the code that is here", [*states.values()])]
-    return Report("precision", "Error against run time", subtitle, footer, (), plates, tables, absent,
+    return Report(TEMPLATE, "Error against run time", subtitle, footer, (), plates, tables, absent,
                   {"order": [bench.name for bench in benches]}, cautions([*states.values()]), verdict=verdict)
 
 

@@ -1,6 +1,6 @@
 """What models read from one touch of sensors that differ in what the paper leaves open, as a table.
 
-Run as `python -m reports.paper.followed CHOICES OUT MODEL...`, a stage of the paper's report.
+Run as `python -m benchmarks.paper.followed CHOICES OUT MODEL...`, a stage of the paper's report.
 """
 
 import sys
@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from benchmarks.paper.touches import CHOICE
 from eitsim.sweeps.dataset.parquet import read_dataset
-from reports.paper.touches import CHOICE
 from surrogate import evaluate, load
 
 

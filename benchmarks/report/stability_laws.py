@@ -2,8 +2,8 @@
 
 import math
 
-from reports.benchmarks.state_map import CAUTION, COLOURS, HATCHES, KEPT, LOST, box, legend
-from reports.benchmarks.stored_tables import Rows, distinct, frame, where
+from benchmarks.report.state_map import CAUTION, COLOURS, HATCHES, KEPT, LOST, box, legend
+from benchmarks.report.stored_tables import Rows, distinct, frame, where
 from reports.document import style
 from reports.document.numerals import counted, interval
 from reports.document.page import ReportFigure

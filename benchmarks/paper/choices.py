@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from benchmarks.paper import touches, variants
+from benchmarks.paper.learning import METHODS
+from benchmarks.paper.networks_table import OUTPUTS
+from benchmarks.paper.section import Number, Section
+from benchmarks.paper.stages_plan import CHOICES, FOLLOWED, Run
 from eitsim.sweeps.dataset.parquet import MANIFEST, read_dataset, read_manifest
 from reports.document.numerals import number
 from reports.document.page import Table
-from reports.paper import touches, variants
-from reports.paper.learning import METHODS
-from reports.paper.networks_table import OUTPUTS
-from reports.paper.section import Number, Section
-from reports.paper.stages_plan import CHOICES, FOLLOWED, Run
 
 TITLE = "insulated or conducting punch, and which strain drives the skin"
 NAMES: tuple[str, ...] = tuple(name for names in OUTPUTS.values() for name in names)

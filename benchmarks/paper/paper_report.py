@@ -8,6 +8,10 @@ from typing import Any
 
 import pandas as pd
 
+from benchmarks.paper import choices, learning, material, networks_table, ratios, simulation, variants
+from benchmarks.paper.section import FULL_STAGES, Section, comparison, found, full_numbers
+from benchmarks.paper.stages import LOG, content, made, read_record, state
+from benchmarks.paper.stages_plan import CARD, COST, FULL, NETWORKS, SEED, SWEEP, Run, stale, write_scenes
 from eitsim.sweeps.dataset.parquet import MANIFEST, read_manifest
 from matcal.card import read_card
 from reports.document import provenance
@@ -15,10 +19,6 @@ from reports.document.numerals import counted, number
 from reports.document.page import CONTENTS, Report, ReportFigure, Table, read_contents, write_pdf
 from reports.document.style import house
 from reports.document.verdict import Verdict
-from reports.paper import choices, learning, material, networks_table, ratios, simulation, variants
-from reports.paper.section import FULL_STAGES, Section, comparison, found, full_numbers
-from reports.paper.stages import LOG, content, made, read_record, state
-from reports.paper.stages_plan import CARD, COST, FULL, NETWORKS, SEED, SWEEP, Run, stale, write_scenes
 
 NUMBERS, STAGES = "numbers.csv", "stages.csv"
 PNG_DPI = 200
@@ -92,7 +92,7 @@ def report_of(run: Run, parts: Sequence[Section]) -> Report:
     absent = {section.figure: section.missing for section in parts if section.missing}
     cautions = [f"Stale: {', '.join(name for name in old if old[name] == why)}: {why}"
                 for why in dict.fromkeys(old.values())]
-    return Report("paper", "The paper, walked through", _subtitle(run), _footer(run),
+    return Report(Path(__file__).with_name("paper.typ"), "The paper, walked through", _subtitle(run), _footer(run),
                   _findings(parts, old, _old_full(run) if full is not None else []), plates, tables, absent, prose,
                   cautions, verdict=_verdict(run, known, full))
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from benchmarks.paper.learning import OUTPUTS
+from benchmarks.paper.section import Number, Section, against, shown, stated_value
 from reports.calibration.card_record import rows_where
 from reports.document.numerals import number
 from reports.document.page import Table
 from reports.document.verdict import NOT_USABLE, Limits, Verdict, graded, real
-from reports.paper.learning import OUTPUTS
-from reports.paper.section import Number, Section, against, shown, stated_value
 from reports.surrogate.parity_figures import label
 
 AGREES: Limits = (0.05, 0.25)  # how far a ratio to the paper is from 1, in its larger direction

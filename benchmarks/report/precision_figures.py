@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from reports.benchmarks.catalogue import Bench, Point, by_problem, cheapest
-from reports.benchmarks.stored_tables import CURRENT, State
+from benchmarks.report.catalogue import Bench, Point, by_problem, cheapest
+from benchmarks.report.stored_tables import CURRENT, State
 from reports.document import style
 from reports.document.numerals import counted, number, percent, prefixed
 from reports.document.page import ReportFigure

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks.paper import meshes as paper_meshes
+from benchmarks.paper import touches
+from benchmarks.paper.loading import LOST, WITHIN_S
+from benchmarks.paper.section import Number, Section, against, paper_value, renamed, value_of
+from benchmarks.paper.stages_plan import CONVERGENCE, FIRST, HOLDS, LOADING, SECOND, TOUCH, Run
 from reports.document.numerals import number, percent, volts
 from reports.document.provenance import source
-from reports.paper import meshes as paper_meshes
-from reports.paper import touches
-from reports.paper.loading import LOST, WITHIN_S
-from reports.paper.section import Number, Section, against, paper_value, renamed, value_of
-from reports.paper.stages_plan import CONVERGENCE, FIRST, HOLDS, LOADING, SECOND, TOUCH, Run
 from reports.touch import reading_figures, skin_maps
 from reports.touch.touch_report import read_result
 from touchcal.errors import InputFileError

@@ -1,0 +1,77 @@
+"""What the user may choose about a calibration."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from matcal.fitting.hyperfoam.poisson import Poisson
+from matcal.laws.deformation_modes import MODES
+from matcal.laws.known_laws import law_type
+from matcal.laws.law import has_terms
+from matcal.reduction.experiment import Experiment
+
+_MOST_ZERO = 0.1  # most standard deviation of a strain zero
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """What the user may choose about a calibration.
+
+    ValueError for a range over which no law is held stable.
+
+    >>> FitOptions(order=2, weights={"shear": 2.0}).prony_terms
+    'auto'
+    """
+
+    order: int | str = "auto"  # terms of the law: 1 to 6, or "auto"
+    # one Poisson-like ratio for all terms, one a term, "fit" (one), "fit-each", or None: a foam's 0
+    poisson: Poisson | None = None
+    stable: str | None = None  # criterion that the law must satisfy, one of matcal.laws.stability.CRITERIA, or None
+    stable_range: tuple[float, float] | None = None  # principal stretches between which it must; None: the curves'
+    residual: str = "relative"  # how residuals are measured, one of matcal.fitting.hyperfoam.curves.RESIDUALS
+    weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
+    prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 30, or "auto"
+    strain_zero_sd: float = 0.0  # standard deviation of the strain zero of tests that do not state one
+    law: str = "hyperfoam"  # name of the foam's law, one of matcal.laws.known_laws
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.strain_zero_sd < _MOST_ZERO:
+            raise ValueError(f"`strain_zero_sd` {self.strain_zero_sd:g}: the standard deviation of a strain zero lies "
+                             f"between 0 and {_MOST_ZERO:g}, for example 0.002.")
+        self._check_law()
+        if self.stable_range is not None and self.stable is None:
+            raise ValueError(f"`stable_range` {','.join(f'{end:g}' for end in self.stable_range)}: no law is held "
+                             "stable, so there is nothing to hold it over. Add `stable` drucker or `stable` elliptic, "
+                             "or leave it out.")
+
+    def _check_law(self) -> None:
+        """ValueError for an unknown law, and for a choice that it does not have."""
+        kind = law_type(self.law)
+        names = [p.name for p in kind.parameters]
+        if has_terms(kind):
+            return
+        given = {"order": self.order != "auto", "stable": self.stable is not None,
+                 "poisson": self.poisson not in (None, "fit") and not (
+                     "nu" in names and isinstance(self.poisson, int | float))}
+        if wrong := [flag for flag, used in given.items() if used]:
+            raise ValueError(f"`{wrong[0]}` is not a choice of the law {self.law}, whose parameters are "
+                             f"{', '.join(names)}; it is one of a law with terms. Leave it out, or leave `law` out.")
+
+    @property
+    def given(self) -> dict[str, float]:
+        """Parameters of a law other than hyperfoam that are not fitted."""
+        return {"nu": float(self.poisson)} if isinstance(self.poisson, int | float) else {}
+
+    def check_used(self, experiments: Sequence[Experiment]) -> None:
+        """ValueError for a choice that no test can obey."""
+        kinds, plain = ", ".join(dict.fromkeys(e.kind for e in experiments)), FitOptions()
+        of_law = {"law": self.law != plain.law, "order": self.order != plain.order,
+                  "poisson": self.poisson != plain.poisson,
+                  "stable": self.stable is not None, "residual": self.residual != plain.residual,
+                  "weights": bool(self.weights)}
+        given = [flag for flag, differs in of_law.items() if differs]
+        if given and not any(e.kind in MODES for e in experiments):
+            raise ValueError(f"`{given[0]}` is about the law of a stress-strain curve, and the tests are {kinds} only. "
+                             f"Leave it out, or add one of {', '.join(MODES)}.")
+        if self.prony_terms != plain.prony_terms and not any(e.kind == "relaxation" for e in experiments):
+            raise ValueError(f"`prony_terms` {self.prony_terms}: the tests are {kinds} only, and a Prony series needs "
+                             "a relaxation test. Leave it out, or add relaxation=FILE.")
