@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eitsim.electrics.forward.skins import skin_of
+from eitsim.mechanics.axisymmetric.elastic_holds import elastic_forces
 from eitsim.mechanics.axisymmetric.hold import kept, relaxed
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
@@ -14,7 +15,6 @@ from eitsim.scene.electrodes import lengths, present
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Hold, Scene
 from eitsim.sheet.sheet_conductance import untouched_conductance
-from eitsim.simulation.creep import elastic_forces
 from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.material import Material
 from eitsim.simulation.routes import known_routes
@@ -88,7 +88,8 @@ class Chosen:
 
     def _held_as_elastic(self) -> list[tuple[float, tuple[Touch, ...]]]:
         """Elastic touches under the forces that stand for the hold; a kept depth keeps them."""
-        first, *later = elastic_forces(self.material.law, self.material.series, self.scene)
+        first, *later = elastic_forces(
+            self.material.law, self.material.series, self.scene.body, self.scene.punches, self.scene.hold)
         loaded = self._elastic([punch.force_N and force for punch, force in zip(
             self.scene.punches, first.force_N.tolist(), strict=True)])
         found, touches = [(first, loaded)], loaded

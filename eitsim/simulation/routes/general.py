@@ -9,7 +9,7 @@ from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.rim.interaction import edge_gap_m
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
-from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge
+from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge, off_skin
 from matcal.laws.law import Law
 from touchcal.choice import Choice
 
@@ -25,9 +25,9 @@ class General(Route):
         Why.TOUCHING: "touches are solved together from a gap of {least_mm:.2g} mm on"}
 
     def serves(self, case: Case) -> float | Choice:
-        body, least_m = case.scene.body, LEAST_GAP * case.scene.body.thickness_m
-        if case.gap_m < least_m:
-            return Choice(Why.OFF_SKIN, {"gap_m": case.gap_m, "least_m": least_m, "outline": body.has_outline})
+        least_m = LEAST_GAP * case.scene.body.thickness_m
+        if why := off_skin(case, least_m):
+            return why
         if any(edge_gap_m(one, other) < least_m for one, other in combinations(case.punches, 2)):
             return Choice(Why.TOUCHING, {"least_m": least_m})
         if any(punch.friction != "none" for punch in case.punches):

@@ -8,12 +8,11 @@ from eitsim.mechanics.load_paths.rim_table import near_rim_from, within
 from eitsim.mechanics.load_paths.table import touch_from
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.solve_near_rim import LEAST_GAP
-from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Scene
 from eitsim.simulation.kept_touches import kept_touch
 from eitsim.simulation.near_edges import solve_near_rim
-from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words, from_edge
+from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words, from_edge, off_skin
 from matcal.laws.law import Law
 from touchcal.choice import Choice
 
@@ -64,10 +63,7 @@ def edge_problem(case: Case) -> Choice | None:
     """Why a touch cannot be solved near an edge, as a change of the axisymmetric one."""
     if len(case.touches) > 1:
         return NOT_MEANT
-    least_m = LEAST_GAP * case.scene.body.edge.size_m
-    if case.gap_m < least_m:
-        return Choice(Why.OFF_SKIN, {"gap_m": case.gap_m, "least_m": least_m, "outline": case.scene.body.has_outline})
-    return NOT_MEANT if case.creeps else None
+    return NOT_MEANT if case.creeps else off_skin(case, LEAST_GAP * case.scene.body.edge.size_m)
 
 
 def within_error(table: Table, scene: Scene) -> Table:

@@ -161,6 +161,12 @@ class Route:
         raise NotImplementedError
 
 
+def off_skin(case: Case, least_m: float) -> Choice | None:
+    """Why a touch lies too near to an edge for a route that needs a gap of so much, m; None where it does not."""
+    return None if case.gap_m >= least_m else Choice(Why.OFF_SKIN, {
+        "gap_m": case.gap_m, "least_m": least_m, "outline": case.scene.body.has_outline})
+
+
 def from_edge(of: Values) -> str:
     """Where a touch lies, in words."""
     edge = "nearest edge or hole of the skin" if of["outline"] else "rim"
