@@ -22,7 +22,7 @@ from eitsim.electrics.forward.gridded_fields import QUANTITIES, fields_from, val
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.forward.untouched import by_contact
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.scene.electrodes import IMPEDANCES, Electrodes, contact_impedances
+from eitsim.scene.electrodes import Electrodes, contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Punch, Scene, Skin
 from eitsim.sheet.sheet_conductance import untouched_conductance
@@ -53,7 +53,7 @@ def contact_rows(punch: Punch, touch: Touch, electrodes: Electrodes) -> Iterator
         for seed in range(DRAWS):
             change = size * np.random.default_rng(seed).standard_normal(electrodes.count)
             varied = contact_impedances(electrodes) * (1 + change)
-            other = replace(electrodes, **{IMPEDANCES[electrodes.kind]: tuple(varied.tolist())})
+            other = replace(electrodes, **{electrodes.impedance_key: tuple(varied.tolist())})
             after = solve(Body(), Skin(), other, drive, ((punch, touch),), LAW)
             effect = (after.touched_V - before.touched_V).ravel()
             found.append((np.linalg.norm(effect), np.linalg.norm(effect - slopes @ change)))

@@ -13,7 +13,7 @@ from typing import Any
 
 import typer
 
-from eitsim.scene.electrodes import IMPEDANCES, SHAPES
+from eitsim.scene.electrodes import KINDS, SHAPES
 from touchcal.json_schema import schema
 
 COMMANDS = ("matcal", "eitsim", "surrogate")
@@ -27,7 +27,7 @@ SCHEMAS = {"material-card": ("a material card, as `matcal fit` writes it", "matc
            "recording-model": ("`model.json` of a model of a recording, as `surrogate learn` writes it",
                                "surrogate.model.recorded.press_model")}
 # (table, key) -> what it may hold, where the scene checks that with other keys
-LISTED = {("electrodes", "kind"): IMPEDANCES, ("electrodes", "shape"): SHAPES}
+LISTED = {("electrodes", "kind"): KINDS, ("electrodes", "shape"): SHAPES}
 # table -> further keys of a file, which name another file or stand for several keys, each with its meaning
 SHORT = {"body": {"outline": "or a CSV, DXF, SVG or mesh file of the outer edge and its holes",
                   "points_mm": "or a file of the outer edge alone"},

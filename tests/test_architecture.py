@@ -31,6 +31,8 @@ HOUSE = {
     "reports": ("document", "calibration", "touch", "sensor", "sweep", "surrogate", ""),
 }
 MOST_ROOMS, MOST_FLOORS, MOST_FILES = 10, 6, 20
+# How code would ask for a kind of electrodes by its name, in place of where these lie.
+ELECTRODE_KIND = re.compile(r"""\.kind (?:==|!=|in) .*["'](?:line|patch|surface)["']""")
 # Methods by which a text is searched, taken apart or compared.
 SEARCHES = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "index", "count", "split", "rsplit",
             "partition", "rpartition", "contains", "match", "fullmatch", "search"}
@@ -199,6 +201,10 @@ def test_folders_are_small() -> None:
 def test_no_module_name_twice_in_a_package() -> None:
     names = Counter((name_of(path).split(".")[0], path.stem) for path in modules() if not path.stem.startswith("__"))
     assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_electrodes_are_asked_where_they_lie() -> None:
+    assert [path for path in modules() if ELECTRODE_KIND.search(path.read_text(encoding="utf-8"))] == []
 
 
 def test_only_reports_draw() -> None:

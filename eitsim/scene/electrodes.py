@@ -1,7 +1,9 @@
 """Electrodes along the rim: where they lie, how they touch the skin, and which of them are missing."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import lru_cache
 from typing import Any
 
@@ -14,9 +16,33 @@ from touchcal.arrays import Array
 # One number for all electrodes, or one for each.
 PerElectrode = float | tuple[float, ...]
 
-# kind -> key of its contact impedance
-IMPEDANCES = {"line": "contact_impedance_Ohm_m", "patch": "contact_impedance_Ohm_m2",
-              "surface": "contact_impedance_Ohm_m2"}
+# Where electrodes of a kind lie: on the edge itself, at the rim of a disc from there inwards, anywhere on the surface.
+Place = Enum("Place", ("EDGE", "RIM", "SURFACE"))
+
+
+@dataclass(frozen=True)
+class ElectrodeKind:
+    """How electrodes meet the skin."""
+
+    place: Place
+    impedance_key: str  # of the contact impedance that they have
+    # key -> field of [electrodes] that they leave without effect
+    idle: Mapping[str, str]
+
+
+_POINTED = {"shape": "shape", "turn_deg": "turn_rad", "opening_deg": "opening_rad"}
+# Every kind by its name in a scene file; a new one that lies where one of these does is an entry here.
+KINDS = {
+    "line": ElectrodeKind(Place.EDGE, "contact_impedance_Ohm_m", {
+        "contact_impedance_Ohm_m2": "contact_impedance_Ohm_m2", "length_mm": "length_m", "x_mm": "x_m", "y_mm": "y_m",
+        **_POINTED}),
+    "patch": ElectrodeKind(Place.RIM, "contact_impedance_Ohm_m2", {
+        "contact_impedance_Ohm_m": "contact_impedance_Ohm_m", **_POINTED}),
+    "surface": ElectrodeKind(Place.SURFACE, "contact_impedance_Ohm_m2", {
+        "contact_impedance_Ohm_m": "contact_impedance_Ohm_m", "angles_deg": "angles_rad",
+        "first_angle_deg": "first_angle_rad", "clockwise": "clockwise", "positions_mm": "positions_m",
+        "shares": "shares"})}
+IMPEDANCES = tuple(dict.fromkeys(kind.impedance_key for kind in KINDS.values()))
 SHAPES = ("disc", "rectangle", "sector")  # of electrodes on the surface
 FEWEST, MOST = 4, 64
 # Places that an outline's electrodes are given by.
@@ -30,7 +56,7 @@ class Electrodes:
     """Electrodes along the rim, one way round: contacts of the rim itself, or sectors of the surface at it; or, on a
     skin with an outline, patches anywhere on the surface."""
 
-    kind: str = "line"  # how they meet the skin, one of IMPEDANCES
+    kind: str = "line"  # how they meet the skin, one of KINDS
     count: int = 16  # how many, missing ones too
     width_m: PerElectrode = 0.01  # width along the rim, or of a patch on the surface along its x, m
     # length of patches from the rim inwards, or of a patch on the surface across its width, m
@@ -56,6 +82,31 @@ class Electrodes:
         for name in ("width_m", "length_m", "angles_rad", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2",
                      "missing", *PLACES, "shape", "turn_rad"):
             object.__setattr__(self, name, as_tuples(getattr(self, name)))
+
+    @property
+    def place(self) -> Place | None:
+        """Where they lie; None of a kind that is unknown."""
+        return KINDS[self.kind].place if self.kind in KINDS else None
+
+    @property
+    def along_edge(self) -> bool:
+        """Whether they are stretches of the edge itself."""
+        return self.place is Place.EDGE
+
+    @property
+    def at_rim(self) -> bool:
+        """Whether they are sectors of the surface at the rim of a disc."""
+        return self.place is Place.RIM
+
+    @property
+    def anywhere(self) -> bool:
+        """Whether they are patches anywhere on the surface."""
+        return self.place is Place.SURFACE
+
+    @property
+    def impedance_key(self) -> str:
+        """The field, and the key, of the contact impedance that they have; empty of a kind that is unknown."""
+        return KINDS[self.kind].impedance_key if self.kind in KINDS else ""
 
 
 def widths(electrodes: Electrodes) -> Array:
@@ -93,7 +144,7 @@ def round_the_rim(ends: Array) -> tuple[NDArray[np.intp], Array, Array]:
 
 def contact_impedances(electrodes: Electrodes) -> Array:
     """Contact impedances (count,) of the electrodes' kind, Ohm m or Ohm m^2; infinite where one is missing."""
-    given = np.asarray(getattr(electrodes, IMPEDANCES[electrodes.kind]), dtype=float)
+    given = np.asarray(getattr(electrodes, electrodes.impedance_key), dtype=float)
     out = np.broadcast_to(given, electrodes.count).copy()
     out[list(electrodes.missing)] = np.inf
     return out
@@ -137,7 +188,7 @@ def present(electrodes: Electrodes) -> Electrodes:
     kept = there(electrodes)
     if kept.all():
         return electrodes
-    own: dict[str, Any] = {IMPEDANCES[electrodes.kind]: tuple(contact_impedances(electrodes)[kept].tolist())}
+    own: dict[str, Any] = {electrodes.impedance_key: tuple(contact_impedances(electrodes)[kept].tolist())}
     own |= {name: tuple(np.array(given)[kept].tolist()) for name in (*PLACES, "length_m", "shape", "turn_rad")
             if isinstance(given := getattr(electrodes, name), tuple) and given}
     if not any(name in own for name in PLACES):
@@ -165,7 +216,7 @@ def unread(drive: Drive, electrodes: Electrodes) -> NDArray[np.bool_]:
 @lru_cache(maxsize=8)
 def check(radius_m: float, electrodes: Electrodes) -> None:
     """ValueError where electrodes cannot be as they are given on a disc; names the key of [electrodes]."""
-    require(electrodes.kind != "surface", "kind", "\"surface\" needs an outline in [body]; a disc is a rectangle whose "
+    require(not electrodes.anywhere, "kind", "\"surface\" needs an outline in [body]; a disc is a rectangle whose "
             "corner_radius_mm is half of its width_mm and height_mm")
     for name in PLACES:
         require(not getattr(electrodes, name), name.replace("_m", "_mm"), "needs an outline in [body]; on a disc give "
@@ -179,7 +230,7 @@ def check(radius_m: float, electrodes: Electrodes) -> None:
 def check_sizes(electrodes: Electrodes) -> None:
     """ValueError where the electrodes' number, sizes or contact impedances cannot be, or have no effect on their kind.
     """
-    require(electrodes.kind in IMPEDANCES, "kind", f"'{electrodes.kind}' is unknown; known: {', '.join(IMPEDANCES)}")
+    require(electrodes.kind in KINDS, "kind", f"'{electrodes.kind}' is unknown; known: {', '.join(KINDS)}")
     require(FEWEST <= electrodes.count <= MOST, "count", f"must be {FEWEST} to {MOST}, got {electrodes.count}")
     sizes = {"width_mm": electrodes.width_m, "length_mm": electrodes.length_m,
              "contact_impedance_Ohm_m": electrodes.contact_impedance_Ohm_m,
@@ -188,7 +239,7 @@ def check_sizes(electrodes: Electrodes) -> None:
               "turn_deg": electrodes.turn_rad}
     for key, value in {**sizes, **{key: value or 0.0 for key, value in places.items()}}.items():
         found = np.size(value)
-        other = f"; or write count = {found}" if electrodes.kind != "surface" and FEWEST <= found <= MOST else ""
+        other = f"; or write count = {found}" if not electrodes.anywhere and FEWEST <= found <= MOST else ""
         require(np.shape(value) in ((), (electrodes.count,)), key,
                 f"must hold {electrodes.count} numbers, one an electrode, got {found}{other}")
         require(key not in sizes or np.all(np.asarray(value) > 0), key, f"must be positive, got {np.min(value):g}")
@@ -203,16 +254,6 @@ def check_sizes(electrodes: Electrodes) -> None:
                 f"must hold numbers of electrodes, 0 to {electrodes.count - 1}, got {k}")
 
 
-# key -> field that electrodes of a kind leave without effect
-_IDLE = {
-    "line": {"contact_impedance_Ohm_m2": "contact_impedance_Ohm_m2", "length_mm": "length_m", "x_mm": "x_m",
-             "y_mm": "y_m", "shape": "shape", "turn_deg": "turn_rad", "opening_deg": "opening_rad"},
-    "patch": {"contact_impedance_Ohm_m": "contact_impedance_Ohm_m", "shape": "shape", "turn_deg": "turn_rad",
-              "opening_deg": "opening_rad"},
-    "surface": {"contact_impedance_Ohm_m": "contact_impedance_Ohm_m", "angles_deg": "angles_rad",
-                "first_angle_deg": "first_angle_rad", "clockwise": "clockwise", "positions_mm": "positions_m",
-                "shares": "shares"}}
-
 # what has an effect in the place of a key that has none
 _INSTEAD = {"contact_impedance_Ohm_m2": "contact_impedance_Ohm_m (impedance times length)",
             "contact_impedance_Ohm_m": "contact_impedance_Ohm_m2 (impedance times area)"}
@@ -220,7 +261,7 @@ _INSTEAD = {"contact_impedance_Ohm_m2": "contact_impedance_Ohm_m (impedance time
 
 def _check_kind(electrodes: Electrodes) -> None:
     """What another kind of electrode has is refused where it is given."""
-    for key, name in _IDLE[electrodes.kind].items():
+    for key, name in KINDS[electrodes.kind].idle.items():
         fix = f"give {_INSTEAD[key]}" if key in _INSTEAD else "leave it out"
         require(getattr(electrodes, name) == getattr(Electrodes, name), key,
                 f"has no effect with kind = \"{electrodes.kind}\"; {fix}")

@@ -280,7 +280,7 @@ def _parts(scene: Scene, table: str) -> tuple[Any, ...]:
 
 def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
     """Take out of a scene's tables what outlines alone have, or what they leave without effect."""
-    outlined, surface = not scene.body.edge.is_round, scene.electrodes.kind == "surface"
+    outlined, surface = not scene.body.edge.is_round, scene.electrodes.anywhere
     idle = ("first_angle_deg",) if surface else ("shape", "turn_deg", "opening_deg")
     idle += ("length_mm",) if outlined and not surface else ()
     empty = {"body": LISTS["body"], "electrodes": ("positions_mm", "shares", "x_mm", "y_mm") + (
@@ -395,7 +395,7 @@ def _electrodes(raw: Any) -> Electrodes:
     """Electrodes, with lists of one number an electrode; an infinite contact impedance is a missing electrode."""
     lists = {key: value for key, value in raw.items() if key in EACH and isinstance(value, list)} if isinstance(
         raw, Mapping) else {}
-    if isinstance(raw, Mapping) and math.inf in [raw.get(key) for key in IMPEDANCES.values()]:
+    if isinstance(raw, Mapping) and math.inf in [raw.get(key) for key in IMPEDANCES]:
         raise ValueError("contact impedances in [electrodes] are one finite number or a list of one an electrode, inf "
                          "where it has no contact; or name those electrodes in missing.")
     given = _table("electrodes", {key: value for key, value in raw.items() if key not in lists} if lists else raw)
@@ -403,7 +403,7 @@ def _electrodes(raw: Any) -> Electrodes:
     for key, cells in lists.items():
         name, per = _KEYS["electrodes"][key]
         infinite = [k for k, cell in enumerate(cells) if cell == math.inf and key != "width_mm"]
-        open_ends.update(infinite if key == IMPEDANCES.get(given.kind) else [])
+        open_ends.update(infinite if key == given.impedance_key else [])
         values[name] = tuple(_value(f"{key} in [electrodes]", 1.0 if k in infinite else cell, per,
                                     Electrodes.shape if per is None else 0.0) for k, cell in enumerate(cells))
     if any(not isinstance(k, int | float) or k % 1 for k in given.missing):

@@ -149,8 +149,8 @@ def _corners(path: Path, body: Mapping[str, Any], electrodes: Any) -> tuple[Corn
 
 def _taken_mm(electrodes: Any) -> float:
     """Length of edge, mm, that evenly wide electrodes along it take; 0 for others."""
-    if not isinstance(electrodes, Mapping) or "groups" in electrodes or electrodes.get(
-            "kind", Electrodes.kind) != "line":
+    if not isinstance(electrodes, Mapping) or "groups" in electrodes or not Electrodes(
+            str(electrodes.get("kind", Electrodes.kind))).along_edge:
         return 0.0
     count, width = electrodes.get("count", Electrodes.count), electrodes.get("width_mm", _WIDTH_MM)
     return count * width if is_number(count) and is_number(width) else 0.0

@@ -216,7 +216,7 @@ def _renumbered(found: Inspection) -> str:
     assert found.sensor is not None
     body, electrodes = found.sensor.body, found.sensor.electrodes
     way, turn = max(found.placements, key=lambda one: one[0])  # the likeliest, of the same way round where there is one
-    if electrodes.kind != "line":
+    if not electrodes.along_edge:
         return "List x_mm and y_mm in [electrodes] in the order of the readings, or correct the outline."
     if not _outlined(found):
         return "List their angles_deg in [electrodes] in the order of the readings."

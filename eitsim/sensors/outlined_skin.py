@@ -10,7 +10,7 @@ import numpy as np
 
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.outline.edge_admittance import edge_admittance, sliding_mesh
-from eitsim.scene.electrodes import IMPEDANCES, contact_impedances, there
+from eitsim.scene.electrodes import contact_impedances, there
 from eitsim.scene.outline_edge import edge_starts
 from eitsim.scene.scene import Body, Electrodes
 from touchcal.arrays import Array, Index
@@ -43,7 +43,7 @@ def outlined_skin(body: Body, electrodes: Electrodes) -> OutlinedSkin:
                          "[electrodes]; leave it out, and leave the cells of readings that need these electrodes empty "
                          "in the recording.")
     count = electrodes.count
-    if electrodes.kind == "line":
+    if electrodes.along_edge:
         # contact impedances of a sheet of 1 S have the layer S z of one that conducts as coatings do
         electrodes = _on_unit_sheet(electrodes)
         edge = edge_admittance(sliding_mesh(body, electrodes, _SHEET_S), electrodes, _SHEET_S)
@@ -59,7 +59,7 @@ def outlined_skin(body: Body, electrodes: Electrodes) -> OutlinedSkin:
 
 def _on_unit_sheet(electrodes: Electrodes) -> Electrodes:
     """The electrodes with contact impedances over those of a sheet that conducts 1 mS."""
-    return replace(electrodes, **{IMPEDANCES[electrodes.kind]: tuple((1e-3 * contact_impedances(electrodes)).tolist())})
+    return replace(electrodes, **{electrodes.impedance_key: tuple((1e-3 * contact_impedances(electrodes)).tolist())})
 
 
 def on_body(pairs: Index, placed: tuple[int, int], count: int) -> Index:

@@ -132,7 +132,7 @@ def _hold(chosen: Chosen) -> Iterator[Choice]:
 
 
 def _electrodes(scene: Scene) -> Iterator[Choice]:
-    outline, patches = scene.body.has_outline, scene.electrodes.kind != "line"
+    outline, patches = scene.body.has_outline, not scene.electrodes.along_edge
     if patches:
         yield Choice(Kind.MESH, {"outline": outline})
     if outline:

@@ -216,7 +216,7 @@ def _why_alone(way: Way) -> Choice | None:
     if punch.depth_m is not None and punch.depth_m > deepest_m:
         return Choice(Why.TOO_DEEP, {"depth_m": punch.depth_m, "share": _DEEPEST, "deepest_m": deepest_m})
     length_m = float(lengths(scene.electrodes)[0])
-    if scene.electrodes.kind == "patch" and (onto_m := length_m - case.gap_m) >= 0:
+    if scene.electrodes.at_rim and (onto_m := length_m - case.gap_m) >= 0:
         return Choice(Why.ON_ELECTRODES, {"onto_m": onto_m, "length_m": length_m})
     if way.why is None or way.why.kind is Why.OFF_SKIN:
         return way.why

@@ -329,7 +329,7 @@ def _electrodes(scene: Scene, punch: Punch, touch: Touch) -> Block:
 
 def _on_disc(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
     """Name of the cells, points (n, 2), m, and cells of each electrode at the rim: lines along it, or sectors."""
-    patches = scene.electrodes.kind == "patch"
+    patches = scene.electrodes.at_rim
     ends, length = arcs(scene.body.radius_m, scene.electrodes), lengths(scene.electrodes) * patches
     for (start, end), deep in zip(ends, length, strict=True):
         angle = np.linspace(start, end, _ALONG)
@@ -345,7 +345,7 @@ def _on_disc(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
 def _on_outline(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
     """As `_on_disc`: lines along the outer edge, or patches on the surface, then all edges."""
     shape = scene.body.outline
-    if scene.electrodes.kind == "line":
+    if scene.electrodes.along_edge:
         starts = edge_starts(shape)
         corners = np.concatenate([starts[:-1] + turn * starts[-1] for turn in (-1, 0, 1, 2)])
         for start, end in stretches_along(shape, scene.electrodes):

@@ -56,7 +56,7 @@ def sheet_of(outline: Outline, electrodes: Electrodes, conductance_S: float,
     place to its edges, mm. Electrodes on the surface have no such fields: they are no sums over poles on the edges."""
     origin, reach = innermost_m(outline)
     start, end = corners_and_edges(outline)
-    along_edge = electrodes.kind == "line"
+    along_edge = electrodes.along_edge
     pole, strength, away = (_poles(outline, electrodes, conductance_S, (origin, reach), places_m) if along_edge else
                             (np.zeros(0, np.complex128), np.zeros((0, electrodes.count), np.complex128), 0.0))
     impedance = solve_untouched(outline, electrodes, conductance_S, READINGS).impedance_Ohm

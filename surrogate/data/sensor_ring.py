@@ -129,7 +129,7 @@ def _conductance_S(scene: Scene, baseline_V: Array | None) -> float:
 
 def _modes(scene: Scene) -> Array:
     """q_m of one of equal line electrodes by the complete electrode model; 1, those of points, for others."""
-    if scene.electrodes.kind != "line" or not identical(scene.electrodes):
+    if not scene.electrodes.along_edge or not identical(scene.electrodes):
         return np.ones(MODES)
     driven = solve_rim(scene.body, scene.electrodes, USUAL_S_PER_M * scene.skin.thickness_m).driven[:MODES, 0]
     field = driven.real * np.arange(1, MODES + 1)

@@ -27,7 +27,7 @@ class SkinFromAbove:
 def skin_of(outline: Outline, electrodes: Electrodes) -> SkinFromAbove:
     """A skin with an outline, and its electrodes of either kind."""
     edges = tuple(1e3 * loop for loop in outline.loops)
-    if electrodes.kind != "line":
+    if not electrodes.along_edge:
         return SkinFromAbove(edges, tuple(1e3 * np.vstack([patch, patch[:1]]) for patch in patch_loops(electrodes)))
     return SkinFromAbove(edges, tuple(_stretch(edges[0], first, last)
                                       for first, last in (1e3 * stretches_along(outline, electrodes)).tolist()))

@@ -74,7 +74,7 @@ def solve_rim(body: Body, electrodes: Electrodes, conductance_S: float) -> Rim:
 
     ValueError for patches, and what `unsolvable` tells.
     """
-    if electrodes.kind != "line":
+    if not electrodes.along_edge:
         raise ValueError(f"the rim is solved for line electrodes, got kind \"{electrodes.kind}\"; patches need a mesh.")
     if problem := unsolvable(body, electrodes, conductance_S):
         raise ValueError(problem)
@@ -296,7 +296,7 @@ def rim_admittance(body: Body, electrodes: Electrodes, conductance_S: float,
     T, B and E are what electrodes do alone, K couples them. With phi = (1 + K E)^-1 K B and the charges q = B - E phi,
     dY = dT - dB' phi - phi' dB + phi' dE phi - q' dK q: no system is solved twice.
     """
-    if electrodes.kind != "line" or electrodes.missing:
+    if not electrodes.along_edge or electrodes.missing:
         raise ValueError("the admittance of the rim is built for line electrodes which all have contact.")
     if problem := unsolvable(body, electrodes, conductance_S):
         raise ValueError(problem)

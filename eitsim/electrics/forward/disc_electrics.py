@@ -20,7 +20,7 @@ from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh, template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
 from eitsim.scene.edges.disc import Disc
-from eitsim.scene.electrodes import IMPEDANCES, contact_impedances, identical
+from eitsim.scene.electrodes import contact_impedances, identical
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
@@ -57,11 +57,11 @@ class DiscSkin:
 
     def problem(self) -> str:
         """Why the electrodes cannot be solved, with the remedy; empty where they can."""
-        return unsolvable(self.body, self.electrodes, self.conductance_S) if self.electrodes.kind == "line" else ""
+        return unsolvable(self.body, self.electrodes, self.conductance_S) if self.electrodes.along_edge else ""
 
     def impedance_Ohm(self) -> Array:
         """(N, N), of the untouched skin."""
-        if self.electrodes.kind == "line":
+        if self.electrodes.along_edge:
             return solve_rim(self.body, self.electrodes, self.conductance_S).impedance_Ohm
         return _with_patches(self.body, self.electrodes, self.conductance_S)
 
@@ -79,7 +79,7 @@ class DiscSkin:
         for step in (_STEP, -_STEP):
             z = contact_impedances(self.electrodes)
             z[k] *= np.exp(step)
-            scaled = replace(self.electrodes, **{IMPEDANCES[self.electrodes.kind]: tuple(z.tolist())})
+            scaled = replace(self.electrodes, **{self.electrodes.impedance_key: tuple(z.tolist())})
             sides.append(replace(self, electrodes=scaled).impedance_Ohm())
         return (sides[0] - sides[1]) / (2 * _STEP)
 

@@ -97,7 +97,7 @@ class OutlinedSkin:
 
     def rooms_m(self, touches: Touches) -> list[float]:
         out = reaches(self.body, touches)
-        for k, loop in enumerate(patch_loops(self.electrodes) if self.electrodes.kind == "surface" else ()):
+        for k, loop in enumerate(patch_loops(self.electrodes) if self.electrodes.anywhere else ()):
             ends = np.roll(loop, -1, axis=0)
             for i, (punch, touch) in enumerate(touches):
                 place = np.array([punch.x_m, punch.y_m])
@@ -113,8 +113,8 @@ class OutlinedSkin:
 
     def rough_mesh(self, touches: Touches, cut: bool) -> SkinMesh | None:
         """Between line electrodes, where no edge cuts a contact."""
-        return None if cut or self.electrodes.kind != "line" else outlined_mesh(
+        return None if cut or not self.electrodes.along_edge else outlined_mesh(
             self.body, self.electrodes, self.conductance_S, touches, ROUGHLY, ROUGH)
 
     def left(self, cut: bool) -> float:
-        return LEFT_OTHERS if self.electrodes.kind != "line" else LEFT_CUT if cut else LEFT
+        return LEFT_OTHERS if not self.electrodes.along_edge else LEFT_CUT if cut else LEFT

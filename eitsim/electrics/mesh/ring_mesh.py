@@ -67,7 +67,7 @@ def inside_rim(punch: Punch, touch: Touch, patches: Array) -> tuple[Touch, float
 
 def patch_radii(body: Body, electrodes: Electrodes, level: int = 1) -> Array:
     """Radii, m, of the circles from the inner edge of patches to the rim; the rim alone for lines."""
-    if electrodes.kind == "line":
+    if electrodes.along_edge:
         return np.array([body.radius_m])
     steps = np.append(_graded(_ALONG * level), 1.0)
     return body.radius_m - lengths(electrodes)[0] * (1 - steps)

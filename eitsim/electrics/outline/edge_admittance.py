@@ -174,7 +174,7 @@ def edge_admittance(sliding: SlidingMesh, electrodes: Electrodes, conductance_S:
 
     ValueError where electrodes overlap or have left the part of the edge that the mesh is fine on, or one is missing.
     """
-    if electrodes.kind != "line" or electrodes.missing:
+    if not electrodes.along_edge or electrodes.missing:
         raise ValueError("the admittance of the edge is built for line electrodes which all have contact.")
     ends, under = _ends(sliding, electrodes), sliding.mesh.electrode
     first, last = sliding.part_m[:, :1], sliding.part_m[:, 1:]

@@ -66,7 +66,7 @@ def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: 
     electrodes on the surface, and further closed lines (n, 2), m; without what lies inside those left out."""
     outer, *holes = outline.loops
     marker, patches = np.full(len(outer), _BARE), []
-    if electrodes is not None and electrodes.kind == "line":
+    if electrodes is not None and electrodes.along_edge:
         outer, marker = _outer(outline, electrodes)
     elif electrodes is not None:
         patches = patch_loops(electrodes)
@@ -230,7 +230,7 @@ def skin_mesh(mesh: Triangles, electrodes: Electrodes, element: str = "P2") -> S
     corners, cells = mesh.corners_m, mesh.cells
     nodes, under, electrode = corners, np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int64)
     kept = mesh.marker > _BARE
-    if electrodes.kind == "line":
+    if electrodes.along_edge:
         under, electrode = mesh.segments[kept], mesh.marker[kept] - _BARE - 1
     if element == "P2":
         keys, number = np.unique(_keys(sides(cells), len(corners)), return_inverse=True)
@@ -239,7 +239,7 @@ def skin_mesh(mesh: Triangles, electrodes: Electrodes, element: str = "P2") -> S
         cells = np.column_stack([cells, len(corners) + number.reshape(len(EDGES), -1).T])
         middle = len(corners) + np.searchsorted(keys, _keys(np.sort(under, axis=1), len(corners)))
         under = np.column_stack([under, middle])
-    if electrodes.kind == "surface":
+    if electrodes.anywhere:
         owner = _owners(mesh.centres_m, electrodes)
         under, electrode = cells[owner >= 0], owner[owner >= 0]
     return SkinMesh(nodes, cells, under, electrode, electrodes.count, element)

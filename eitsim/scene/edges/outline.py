@@ -121,13 +121,13 @@ class Outline:
 
     def placed(self, electrodes: Electrodes) -> Electrodes:
         """Lines along it lie at even shares of its length unless their places are given."""
-        if electrodes.kind != "line" or electrodes.angles_rad or any(getattr(electrodes, name) for name in PLACES):
+        if not electrodes.along_edge or electrodes.angles_rad or any(getattr(electrodes, name) for name in PLACES):
             return electrodes
         count, way = electrodes.count, -1 if electrodes.clockwise else 1
         return replace(electrodes, shares=tuple(way * k % count / count for k in range(count)), clockwise=False)
 
     def by_arc(self, electrodes: Electrodes) -> Electrodes:
-        return with_positions(self, electrodes) if electrodes.kind == "line" else electrodes
+        return with_positions(self, electrodes) if electrodes.along_edge else electrodes
 
     def moved(self, electrodes: Electrodes, along_m: Array) -> Electrodes:
         return with_positions(self, electrodes, along_m)

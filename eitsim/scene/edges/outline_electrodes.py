@@ -90,17 +90,17 @@ def _rotation(turn: float) -> Array:
 
 def middles_m(outline: Looped, electrodes: Electrodes) -> Array:
     """Middles (count, 2), m, of the electrodes."""
-    if electrodes.kind == "surface":
+    if electrodes.anywhere:
         return np.array([loop.mean(axis=0) for loop in patch_loops(electrodes)])
     return places_along(outline, stretches_along(outline, electrodes).mean(axis=1))
 
 
 def check_on_outline(outline: Looped, electrodes: Electrodes) -> None:
     """ValueError where electrodes overlap, lie off the skin or cannot be as they are given; names the key."""
-    require(electrodes.kind != "patch", "kind", "\"patch\" is a sector at the rim of a disc; with an outline give kind "
+    require(not electrodes.at_rim, "kind", "\"patch\" is a sector at the rim of a disc; with an outline give kind "
             "= \"line\", or \"surface\" with x_mm and y_mm")
     check_sizes(electrodes)
-    if electrodes.kind == "line":
+    if electrodes.along_edge:
         _check_line(electrodes)
         stretches_along(outline, electrodes)
         return

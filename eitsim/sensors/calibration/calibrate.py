@@ -246,7 +246,7 @@ def _check_left(frame: Untouched) -> None:
 
 def check_electrodes(sensor: Sensor) -> None:
     """ValueError where the instrument model is not built for a sensor's electrodes."""
-    if sensor.electrodes.kind != "line":
+    if not sensor.electrodes.along_edge:
         raise ValueError("the instrument model is not built for electrodes on the surface (kind in [electrodes]), only "
                          "for line electrodes; from labelled presses `surrogate train` learns without it.")
     if sensor.electrodes.missing:

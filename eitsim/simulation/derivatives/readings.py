@@ -19,7 +19,7 @@ from eitsim.electrics.cem.assembly import Array, centred, dissection, potentials
 from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
 from eitsim.scene.drive import read_out, voltage_columns
-from eitsim.scene.electrodes import IMPEDANCES, among_all, contact_impedances, present, there
+from eitsim.scene.electrodes import among_all, contact_impedances, present, there
 from eitsim.scene.scene import Scene
 from eitsim.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.simulation.choose import choose, choose_ways
@@ -88,7 +88,7 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
         for part in (by_field.values(), *both))
     voltages, before = (read_out(scene.drive, among_all(scene.electrodes, centred(mesh, u)[len(mesh.nodes_m):])).ravel()
                         for u in (touched, untouched))
-    unit = IMPEDANCES[electrodes.kind].removeprefix("contact_impedance_")
+    unit = electrodes.impedance_key.removeprefix("contact_impedance_")
     contacts = (f"z_{k}_{unit}" for k in np.flatnonzero(there(scene.electrodes)))
     return Sensitivity((*by_field, "c0_S_per_m", *contacts), voltages, voltages - before,
                        np.hstack([by_touch, whole]), np.hstack([by_touch, whole - baseline]))

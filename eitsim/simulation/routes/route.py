@@ -72,7 +72,7 @@ class Case:
     @property
     def bare_holes(self) -> bool:
         """Whether the skin has holes, and electrodes lie along its outer edge alone."""
-        return self.scene.electrodes.kind == "line" and len(self.scene.body.edge.loops) > 1
+        return self.scene.electrodes.along_edge and len(self.scene.body.edge.loops) > 1
 
     @property
     def stiffening(self) -> float:

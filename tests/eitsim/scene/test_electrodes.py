@@ -13,7 +13,7 @@ from pyarrow import parquet
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.scene.drive import Drive, read_out, voltage_columns
-from eitsim.scene.electrodes import Electrodes, among_all, arcs, contact_impedances, middles, present
+from eitsim.scene.electrodes import KINDS, Electrodes, among_all, arcs, contact_impedances, middles, present
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Skin, scene_from, scene_tables
 from eitsim.simulation.plan import make_plan
@@ -197,3 +197,19 @@ def test_rings_and_mesh_agree_where_electrodes_are_wide_or_touch(electrodes: Ele
                    for method in ("multipole", "mesh"))
     print(f"{relative(mesh.signal_V, rings.signal_V):.1e}, estimated {mesh.signal_error:.1e}")
     assert relative(mesh.signal_V, rings.signal_V) < min(0.004, mesh.signal_error)
+
+
+def test_a_kind_of_electrode_is_one_entry_where_a_known_one_lies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Foil at the rim: read from a scene file, checked, meshed and solved as patches are, under its own name."""
+    monkeypatch.setitem(KINDS, "foil", KINDS["patch"])
+    card = MaterialCard("foam", Hyperfoam([9530.0], [8.0], [0.0], "longterm"),
+                        conductivity=Conductivity(30.0, [-2, 2, -1], (-0.4, 0.4)))
+    given = {"contact_impedance_Ohm_m2": 1e-4, "length_mm": 5.0}
+    foil, patch = (simulate(scene_from({"accuracy": {"signal": 0.1}, "electrodes": given | {"kind": kind}}), card)
+                   for kind in ("foil", "patch"))
+    assert foil.readings is not None
+    assert patch.readings is not None
+    np.testing.assert_array_equal(foil.readings.touched_V, patch.readings.touched_V)
+    assert [one.decision for one in foil.plan.decisions] == [one.decision for one in patch.plan.decisions]
+    with pytest.raises(ValueError, match='has no effect with kind = "foil"'):
+        scene_from({"electrodes": {"kind": "foil", "contact_impedance_Ohm_m": 2.0}})
