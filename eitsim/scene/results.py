@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,19 @@ class RimField:
     # (4,) how far the depth, and the signals by scene.STRAINS, may be off those solved anew, relative; None where they
     # are
     error_estimate: Array | None = None
+
+
+class SurfaceField(Protocol):
+    """What touches that are solved together in three dimensions make of the whole skin; they share one."""
+
+    def metric(self, points_m: Array) -> tuple[Array, Array]:
+        """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) of the untouched
+        skin, m; 1 where nothing is solved."""
+        ...
+
+    def displacement(self, points_m: Array) -> Array:
+        """Displacement (..., 3), m, along x, y and upwards, at points (..., 2), m."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -153,6 +167,14 @@ class Touch:
     # above do not
     rim: RimField | None = None
     volume: Volume | None = None  # displacement inside the foam with the rim's effect; None without one, or not kept
+    # strain of the skin under this touch and those solved with it, in place of the stretches above, which are then
+    # averages about the punch; None where the stretches and `rim` say all
+    surface: SurfaceField | None = None
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether the stretches say all of the skin's strain."""
+        return self.rim is None and self.surface is None
 
 
 @dataclass(frozen=True)

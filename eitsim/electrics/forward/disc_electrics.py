@@ -102,7 +102,7 @@ class DiscSkin:
 
     def needs_mesh(self, touches: Touches) -> bool:
         """Whether circles cannot hold what touches scatter: on a disc where the rim or a neighbour changes them."""
-        return any(touch.rim is not None for _, touch in touches)
+        return not all(touch.axisymmetric for _, touch in touches)
 
     def couplings(self, circles: list[Circle], orders: int) -> tuple[Coupling, list[tuple[Coupling, float]]]:
         """What couples circles on the skin, and that with fewer harmonics around the rim."""

@@ -71,9 +71,9 @@ class OutlinedSkin:
         return touch_mesh(self.body, self.electrodes, self.conductance_S, touches)
 
     def needs_mesh(self, touches: Touches) -> bool:
-        """Where a neighbour changes them, or an edge that changes them cuts a contact."""
-        return any(touch.rim is not None for _, touch in touches) and any(
-            (touch.rim is not None and touch.rim.neighbour)
+        """Where they are solved together, a neighbour changes them, or an edge that changes them cuts a contact."""
+        return not all(touch.axisymmetric for _, touch in touches) and any(
+            touch.surface is not None or (touch.rim is not None and touch.rim.neighbour)
             or admissible_radius(self.body, punch) <= touch.contact_radius_m for punch, touch in touches)
 
     def couplings(self, circles: list[Circle], orders: int) -> tuple[Coupling, list[tuple[Coupling, float]]]:

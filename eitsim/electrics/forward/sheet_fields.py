@@ -155,11 +155,14 @@ def contact_pressure(points_m: Array, touches: Touches) -> Array:
 
 
 def surface_displacement(points_m: Array, touches: Touches) -> Array:
-    """Displacement (n, 3), m, of points (n, 2) of the surface: the sum over the touches, 0 outside their samples."""
-    return np.sum([_displacement(points_m, punch, touch) for punch, touch in touches], axis=0)
+    """Displacement (n, 3), m, of points (n, 2) of the surface: the sum over the touches, 0 outside their samples; those
+    that share a field count once."""
+    return np.sum([_displacement(points_m, *touch) for touch in sheet.solutions(touches)], axis=0)
 
 
 def _displacement(points_m: Array, punch: Punch, touch: Touch) -> Array:
+    if touch.surface is not None:
+        return touch.surface.displacement(points_m)
     axes = sheet.local_axes(punch, touch)
     local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
     radius = np.hypot(local[:, 0], local[:, 1])

@@ -144,7 +144,7 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
 
 def _changes(sensor: _Sensor, touches: Touches, signal: float, method: str) -> Iterator[_Change]:
     """Attempts in the order of their cost; the last one meets the requested error, or none does."""
-    lines, changed = sensor.electrodes.kind == "line", any(touch.rim is not None for _, touch in touches)
+    lines, changed = sensor.electrodes.kind == "line", not all(touch.axisymmetric for _, touch in touches)
     if method == "multipole" and not lines:
         raise ValueError("method 'multipole' is built for line electrodes; with others use 'mesh' or 'auto'.")
     clipped = sensor.solver.needs_mesh(touches)

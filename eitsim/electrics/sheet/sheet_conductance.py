@@ -67,7 +67,7 @@ def untouched_conductance(law: Conductivity, skin: Skin) -> float:
 def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> Array:
     """Conductance tensor (..., 2, 2), S, at points (..., 2) of the reference disc, axisymmetric about the punch but for
     what the rim changes."""
-    if touch.rim is not None:
+    if not touch.axisymmetric:
         return _conductance_of(*surface_metric(points_m, punch, touch), skin, law)
     offset = points_m - np.array([punch.x_m, punch.y_m])
     radius = np.hypot(offset[..., 0], offset[..., 1])
@@ -89,13 +89,22 @@ def touched_conductance(points_m: Array, touches: Sequence[tuple[Punch, Touch]],
 
 def added_metric(points_m: Array, touches: Sequence[tuple[Punch, Touch]]) -> tuple[Array, Array]:
     """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) under one touch or
-    several, added up as in `touched_conductance`."""
-    metrics, normals = zip(*(surface_metric(points_m, *touch) for touch in touches), strict=True)
+    several, added up as in `touched_conductance`; those that share a field count once."""
+    metrics, normals = zip(*(surface_metric(points_m, *touch) for touch in solutions(touches)), strict=True)
     return np.eye(2) + np.sum([metric - np.eye(2) for metric in metrics], axis=0), np.prod(normals, axis=0)
 
 
+def solutions(touches: Sequence[tuple[Punch, Touch]]) -> list[tuple[Punch, Touch]]:
+    """The touches whose fields of the skin add up: of those that share one, the first."""
+    shared = [touch.surface for _, touch in touches]
+    return [touch for i, touch in enumerate(touches)
+            if shared[i] is None or not any(field is shared[i] for field in shared[:i])]
+
+
 def surface_metric(points_m: Array, punch: Punch, touch: Touch) -> tuple[Array, Array]:
-    """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) of the disc."""
+    """In-plane metric C_s (..., 2, 2) and stretch normal to the surface (...) at points (..., 2) of the skin."""
+    if touch.surface is not None:
+        return touch.surface.metric(points_m)
     axes = local_axes(punch, touch)
     local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
     radius = np.hypot(local[..., 0], local[..., 1])
