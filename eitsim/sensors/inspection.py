@@ -30,6 +30,7 @@ from touchcal.arrays import Array, Index, Mask
 
 # Part of the touched frames in which readings have their rarer sign, above which they are differences.
 _BOTH_SIGNS = 0.05
+_START = 10  # one in so many frames is of the start of a recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,9 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
     signals, untouched = _signals(live, rows, kind), live[rows]
     late = late_readings(signals)
     signals = in_step(signals, late)
-    profile = None if kind == "difference" else reading_checks.mean_frame(untouched if rows.any() else live)
+    # where nobody marked touches, the first frames are the likeliest to be without one
+    first = slice(max(1, len(live) // _START) if rows.all() else None)
+    profile = None if kind == "difference" else reading_checks.mean_frame(untouched[first] if rows.any() else live)
     own = recording.pairs
     counts = (sensor.electrodes.count,) if sensor else (
         tuple(sorted({*counts_for(values.shape[1]), *counts_for_two(values.shape[1])})) if own is None else (
@@ -133,9 +136,10 @@ def inspect(recording: Recording, sensor: Sensor | None = None) -> Inspection:
                                  on_body(known, placements[0] if placements else (1, 0), counts[0]))
             lost = sorted({*lost, *reading_checks.silent_electrodes(profile, model, known, counts[0])})
     idle = not_taken(pairs, silent) if pairs is not None else np.zeros_like(dead)
-    scatter = [of(untouched) for of in (untouched_scatter.noise, untouched_scatter.lasting, untouched_scatter.drift)]
     return Inspection(recording, sensor, kind, count, found, agrees, np.flatnonzero(dead & ~idle), np.flatnonzero(idle),
-                      tuple(lost), np.flatnonzero(late), *scatter, *compared, placements=placements)
+                      tuple(lost), np.flatnonzero(late), untouched_scatter.noise(untouched),
+                      untouched_scatter.lasting(untouched), untouched_scatter.drift(untouched), *compared,
+                      placements=placements)
 
 
 def _kind(recording: Recording, values: Array) -> str:

@@ -24,14 +24,14 @@ _MODEL, _FLOOR, _DEGREES, _LEAST = 0.2, 0.02, 4.0, 1e-3
 # How much worse than the best one of the second comparison may be, a reading; most orders looked at, most compared.
 _NEAR, _MOST_NEAR, NEAREST = 0.25, 512, 64
 # Second comparison: standard deviations of the imperfections granted, all times a common scale: of angles over the
-# spacing, of the sheet's waves, of channels' gains, of contacts; and of the kernel's steps. The noise and that scale
-# are what fits best.
+# spacing, of the sheet's waves, of channels' gains, of contacts; and of the kernel's steps. The noise, over the frame's
+# r.m.s., and that scale are what fits best; the least noise is the error of such a model.
 _ANGLE, _SHEET, _CHANNEL, _CONTACT, _SHAPE, _OWN = 0.02, 0.1, 0.01, 0.3, 0.1, 20.0
 _WIDER = 0.3  # of the logarithm of all widths on a skin with an outline
 # Orders on such a skin that are compared at once, and of how many readings, about, at first.
 _AT_ONCE, _FEW = 1024, 100
 _FACTOR = 3.0  # standard deviation of the frame's size over the disc's, both r.m.s. 1
-_NOISES, _SCALES = np.geomspace(1e-4, 1.0, 17), (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
+_NOISES, _SCALES = np.geomspace(3e-3, 1.0, 13), (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def accounts(profile: Array, orders: Sequence[Order], *, signed: bool, skin: Out
         classes.setdefault((orders[k].count, canonical(orders[k].pairs, orders[k].count, signed)), int(k))
         if len(classes) == most:
             break
-    made = [_account(profile, orders[k], int(signs[k]), level=level) for k in classes.values()]
+    made = [_account(profile, orders[k], int(signs[k]), level=level, noises=_NOISES / size) for k in classes.values()]
     if level:
         shift = -np.isfinite(profile).sum() * np.log(size)
         made = [replace(one, log_likelihood=one.log_likelihood + shift, level=about + size * one.level) for one in made]
@@ -269,7 +269,7 @@ def _loss_on_level(profile: Array, model: Array) -> tuple[Array, Index]:
 
 
 def _account(profile: Array, order: Order, sign: int, skin: OutlinedSkin | None = None, *,
-             level: bool = False) -> Account:
+             level: bool = False, noises: Array = _NOISES) -> Account:
     kept = np.isfinite(profile)
     value = sign * profile[kept] if sign else np.abs(profile[kept])
     fixed, imperfect = _linear(order.count, order.pairs[kept], sign) if skin is None else _linear_on_skin(
@@ -278,13 +278,13 @@ def _account(profile: Array, order: Order, sign: int, skin: OutlinedSkin | None 
         fixed = np.column_stack([np.ones(len(value)), fixed])
     columns = np.column_stack([fixed, imperfect])
     gram, along = columns.T @ columns, columns.T @ value
-    log, left = max(_evidence(value, gram, along, np.repeat([1.0, scale], [fixed.shape[1], imperfect.shape[1]]))
+    log, left = max(_evidence(value, gram, along, np.repeat([1.0, scale], [fixed.shape[1], imperfect.shape[1]]), noises)
                     for scale in _SCALES)
     added = sign * float(np.linalg.lstsq(fixed, value)[0][0]) if level else 0.0
     return Account(order, sign, log, left, added)
 
 
-def _evidence(value: Array, gram: Array, along: Array, weight: Array) -> tuple[float, float]:
+def _evidence(value: Array, gram: Array, along: Array, weight: Array, noises: Array = _NOISES) -> tuple[float, float]:
     """Logarithm of the marginal likelihood of a linear model with normal coefficients, whose standard deviations are
     the weights (q,), at the best of _NOISES, and the part of the value that it leaves there; gram (q, q) and along (q,)
     are the products of its columns with each other and with the value."""
@@ -293,7 +293,7 @@ def _evidence(value: Array, gram: Array, along: Array, weight: Array) -> tuple[f
     size, total = size[kept], float(value @ value)
     seen = (turn[:, kept].T @ (weight * along)) ** 2 / size
     rest = max(total - float(seen.sum()), 1e-12 * total)
-    noise = _NOISES[:, None] ** 2
+    noise = noises[:, None] ** 2
     spread = noise + size
     log = -0.5 * (np.log(spread).sum(axis=1) + (len(value) - len(size)) * np.log(noise[:, 0])
                   + (seen / spread).sum(axis=1) + rest / noise[:, 0])

@@ -11,6 +11,9 @@ from touchcal.arrays import Array, Mask
 _SAME = 1e-3  # values at an end of the range are this close to each other, over their size
 # An end holds at least so many readings, so many times as many as other values usually do, in this part of the frames.
 _FEWEST, _TIMES, _ALWAYS = 6, 3, 0.9
+# Within so many times that of the end lie at most so many times as many values: of a ring that is nearly even the
+# largest readings go on below the very largest.
+_NEAR, _FEW_NEAR = 5.0, 1.5
 
 
 def unmeasured(values: Array) -> Mask:
@@ -29,8 +32,10 @@ def _at_top(values: Array) -> Mask:
     if not len(there):
         return np.zeros(values.shape[1], dtype=bool)
     top = np.nanmax(there, axis=1, keepdims=True)
-    at = top - np.where(np.isnan(there), -np.inf, there) <= _SAME * top
-    return at.mean(axis=0) >= _ALWAYS
+    below = top - np.where(np.isnan(there), -np.inf, there)
+    at = below <= _SAME * top
+    alone = (below <= _NEAR * _SAME * top).sum(axis=1) <= _FEW_NEAR * at.sum(axis=1)
+    return (at & alone[:, None]).mean(axis=0) >= _ALWAYS
 
 
 def _shared(values: Array) -> float:

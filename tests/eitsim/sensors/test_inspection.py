@@ -11,7 +11,10 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 
+from eitsim.electrics.forward.small_touch import signal_by_touch
 from eitsim.electrics.forward.untouched import untouched_readings
+from eitsim.scene.channels import Channels
+from eitsim.scene.drive import protocol
 from eitsim.scene.scene import Scene
 from eitsim.sensors.conventions import Convention
 from eitsim.sensors.formats.open_file import open_recording
@@ -245,3 +248,17 @@ def test_rows_and_columns_that_look_exchanged_are_said() -> None:
     turned = np.stack([frame(), 1.01 * frame()], axis=1)
     assert any("are rows and columns exchanged?" in one for one in cautions(inspect(recorded(*turned))))
     assert not any("exchanged?" in one for one in cautions(inspect(recorded(frame()))))
+
+
+@pytest.mark.parametrize("size", [0.005, 0.03])
+def test_a_touch_among_untouched_frames_decides_no_direction(size: float) -> None:
+    """An even ring does not tell the way of its drives, and a touch that is not marked is no imperfection of the sensor
+    that would."""
+    scene = Scene()
+    rest = untouched_readings(scene, 1e-3)
+    signal = signal_by_touch(scene.body, scene.electrodes, 1e-3, Channels(conductance_S=(1e-3,)),
+                             protocol(scene.drive, 16), np.array([[0.03, 0.0]])).ravel()
+    both = np.array([rest.ravel(), rest.ravel() + size * np.linalg.norm(rest) / np.linalg.norm(signal) * signal])
+    found = inspect(Recording(both, np.arange(2), None, np.array(["", ""]), "voltage", Path("a.csv")))
+    assert found.identified.words()["pattern"] == "adjacent"
+    assert found.identified.words()["direction"] is None

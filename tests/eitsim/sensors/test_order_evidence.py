@@ -100,6 +100,12 @@ def test_a_symmetric_frame_is_at_no_end_of_its_range() -> None:
     assert not unmeasured(even[None]).any()
 
 
+def test_a_frame_that_a_touch_makes_slightly_uneven_is_at_no_end_of_its_range() -> None:
+    even = tank(ADJACENT, 0).reshape(16, 16)[0]
+    frame = np.array([np.roll(even, k) for k in range(16)])
+    assert not unmeasured((frame * np.linspace(1, 1.005, 16)[:, None]).ravel()[None]).any()
+
+
 def test_dead_electrodes_are_dead_and_driven_ones_are_not_taken() -> None:
     dead = (ADJACENT[:, 2:] == 5).any(axis=1)
     silent = at_driven(ADJACENT) | dead
