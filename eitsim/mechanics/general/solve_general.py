@@ -36,10 +36,19 @@ class GeneralSolution:
     """Touches solved together."""
 
     touches: tuple[Touch, ...]  # one a punch; their arrays are means over the angle
-    field: CorrectedField  # of the whole surface
-    coarser: CorrectedField  # the same on the coarser mesh, by which errors are estimated
-    unknowns: int  # of the finer mesh, and of those of each punch alone
+    corrected: Corrected  # the layer on the finer mesh, with the field of its whole surface
+    coarser: Corrected  # the same on the coarser mesh, by which errors are estimated
     cpu_s: float
+
+    @property
+    def field(self) -> CorrectedField:
+        """How the whole surface is deformed."""
+        return self.corrected.field
+
+    @property
+    def unknowns(self) -> int:
+        """Of the finer mesh, and of those of each punch alone."""
+        return self.corrected.unknowns
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     touches = [replace(touch, depth_error=float(error), signal_errors=signal_errors, strain_errors=strain_errors,
                        cpu_s=spent / len(punches))
                for touch, error in zip(touches, depth_errors, strict=True)]
-    return GeneralSolution(tuple(touches), fine.field, rough.field, fine.unknowns, spent)
+    return GeneralSolution(tuple(touches), fine, rough, spent)
 
 
 def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH

@@ -46,6 +46,7 @@ def test_one_touch_is_the_axisymmetric_one(alone: GeneralSolution) -> None:
     assert np.all(missed < 0.03 * np.sqrt(8 * np.sum(expected**2 * radius[:, None], axis=(1, 2))))
 
 
+@pytest.mark.slow
 def test_a_kept_depth_gives_the_force_back(alone: GeneralSolution) -> None:
     (touch,) = _solved(Body(Disc(0.1)), Punch(diameter_m=0.014, depth_m=alone.touches[0].depth_m)).touches
     assert touch.depth_m == pytest.approx(alone.touches[0].depth_m, rel=1e-12)
@@ -60,6 +61,7 @@ def test_the_mesh_leaves_the_skin_far_from_a_touch_as_it_was(alone: GeneralSolut
     assert np.array_equal(alone.field.field.displacement(far), np.zeros((2, 3)))
 
 
+@pytest.mark.slow
 def test_two_equal_touches_mirror_each_other() -> None:
     body = Body(Outline("rectangle", width_m=0.07, height_m=0.04))
     one, other = (Punch(x_m=x, diameter_m=0.01, force_N=0.3) for x in (-0.012, 0.012))
@@ -70,6 +72,7 @@ def test_two_equal_touches_mirror_each_other() -> None:
     assert first.surface is second.surface
 
 
+@pytest.mark.slow
 def test_near_the_rim_it_is_what_the_rim_changes_of_the_axisymmetric_touch() -> None:
     body, punch = Body(Disc(0.05)), Punch(x_m=0.039, diameter_m=0.01, force_N=0.5)
     near, (touch,) = solve_near_rim(LAW, body, punch), _solved(body, punch).touches
