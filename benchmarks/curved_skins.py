@@ -105,7 +105,7 @@ def flat_change(area_m2: float) -> Array:
                             y_m=tuple(PLACES[:, 1].tolist()))
     triangles = refined(
         triangulated(Outline("rectangle", width_m=0.12, height_m=0.08), electrodes,
-                     [circle(PATCH_M, PATCH_WIDTH_M / 2, 96)]), lambda mesh: np.full(len(mesh.cells), area_m2))
+                     [circle(PATCH_M, PATCH_WIDTH_M / 2, 96)]), lambda places_m: np.full(len(places_m), area_m2))
     mesh = skin_mesh(triangles, electrodes)
     inside = np.linalg.norm(triangles.centres_m - PATCH_M, axis=1) < PATCH_WIDTH_M / 2
     touched, rest = (impedance(mesh, np.where(inside, factor * S, S), 1e-2) for factor in (FACTOR, 1.0))

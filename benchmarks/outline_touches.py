@@ -35,7 +35,7 @@ from eitsim.electrics.outline.adapted_mesh import solve_untouched
 from eitsim.electrics.outline.edge_response import EdgeResponse, coupling, response_on
 from eitsim.electrics.outline.ringed_mesh import outlined_mesh
 from eitsim.electrics.outline.touch_mesh import EVEN, base_triangles
-from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh
+from eitsim.electrics.outline.triangles import refined, skin_mesh
 from eitsim.electrics.sheet.sheet_conductance import touched_conductance, untouched_conductance
 from eitsim.scene.drive import read_out
 from eitsim.scene.edges.outline import Outline
@@ -107,9 +107,8 @@ def finer_edges(body: Body, electrodes: Electrodes, conductance_S: float) -> Edg
     start, end = corners_and_edges(body.outline)
     side = float(np.linalg.norm(end - start, axis=1).sum()) / SIDES
 
-    def limit(mesh: Triangles) -> Array:
-        at_edge = np.isin(mesh.cells, mesh.segments).sum(axis=1) > 1
-        return np.where(at_edge, EVEN * side**2, np.inf)
+    def limit(places_m: Array) -> Array:
+        return EVEN * (side + np.abs(body.edge.gap_m(places_m))) ** 2
 
     returning = skin_mesh(refined(base_triangles(body, electrodes, conductance_S), limit), electrodes)
     return response_on(with_quarter_points(skin_mesh(arriving, electrodes)),

@@ -98,7 +98,7 @@ def pixels_of(body: Body, rings: int = RINGS) -> Pixels:
     if not body.has_outline:
         return pixels(body.radius_m, rings)
     even = body.edge.area_m2 / (6 * rings**2) * _LARGEST
-    found = refined(triangulated(body.outline), lambda mesh: np.full(len(mesh.cells), even))
+    found = refined(triangulated(body.outline), lambda places_m: np.full(len(places_m), even))
     return Pixels(found.corners_m, found.cells, found.centres_m, found.area_m2, body)
 
 

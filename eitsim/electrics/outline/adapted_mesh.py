@@ -47,7 +47,7 @@ def solve_untouched(outline: Outline, electrodes: Electrodes, conductance_S: flo
     """
     z = contact_impedances(electrodes)
     even = area_m2(outline) / _FIRST
-    triangles = refined(triangulated(outline, electrodes), lambda mesh: np.full(len(mesh.cells), even))
+    triangles = refined(triangulated(outline, electrodes), lambda places_m: np.full(len(places_m), even))
     history = []
     for _ in range(_STEPS):
         mesh = skin_mesh(triangles, electrodes)

@@ -41,7 +41,7 @@ from eitsim.scene.scene import Body, Electrodes
 _SLIDES_M, _WIDENS, _GROWTH = 3e-3, 0.3, 0.7
 # Meshes by the estimated error of the readings, electrodes where they are made for them, and by how fine they are where
 # electrodes may end, over the narrowest one's width.
-ROUGHLY, CLOSELY = (2e-3, 1 / 20), (2e-5, 1 / 32)
+ROUGHLY, CLOSELY = (2e-3, 1 / 20), (2e-5, 1 / 80)
 _ON_EDGE = 1e-9  # Distance from the edge, over its length, of points that lie on it.
 _DEGREE = 2  # Of the quadrature of derivatives by the sheet's modes.
 
@@ -153,7 +153,7 @@ def sliding_mesh(body: Body, electrodes: Electrodes, conductance_S: float,
     ends = KDTree(places_along(body.outline, np.concatenate([
         np.arange(at + side * half - move, at + side * half + move, fine / 2)
         for at, half, move in zip(middle, width / 2, np.minimum(moves, width), strict=True) for side in (-1, 1)])))
-    triangles = refined(known, lambda mesh: EVEN * (fine + _GROWTH * ends.query(mesh.centres_m)[0]) ** 2)
+    triangles = refined(known, lambda places: EVEN * (fine + _GROWTH * ends.query(places)[0]) ** 2)
     mesh = skin_mesh(triangles, electrodes)
     sides = edge_sides(mesh)
     sides = sides[arcs_of(body.outline, mesh.nodes_m[sides[:, 2]])[1] < _ON_EDGE * length]

@@ -21,12 +21,12 @@ from eitsim.electrics.cem.ring_scattering import Circle, Coupling, between
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement, with_quarter_points
 from eitsim.electrics.outline.adapted_mesh import READINGS, order_of_halved, solve_untouched
 from eitsim.electrics.outline.touch_mesh import EVEN
-from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh
+from eitsim.electrics.outline.triangles import refined, skin_mesh
 from eitsim.numerics.conductor_elimination import solve_between
 from eitsim.numerics.nested_dissection import Dissection
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import contact_impedances
-from eitsim.scene.polygons import corners_and_edges
+from eitsim.scene.polygons import corners_and_edges, edge_distance_m
 from eitsim.scene.scene import Electrodes
 
 _DEGREE = 9  # Degree of exactness of the quadrature along an edge of the mesh.
@@ -83,8 +83,8 @@ def edge_responses(outline: Outline, electrodes: Electrodes, conductance_S: floa
     rough, exact, known = (next(mesh for mesh, error in history if error <= enough)
                            for enough in (_ROUGHLY, READINGS, _RETURNED))
     order = order_of_halved(exact, electrodes)
-    rough, exact, returning = (with_quarter_points(skin_mesh(mesh, electrodes))
-                               for mesh in (rough, exact, refined(known, partial(_along, _around_m(outline) / _SHORT))))
+    even = refined(known, partial(_along, outline, _around_m(outline) / _SHORT))
+    rough, exact, returning = (with_quarter_points(skin_mesh(mesh, electrodes)) for mesh in (rough, exact, even))
     exact = uniform_refinement(exact)
     found = response_on(exact, uniform_refinement(returning), conductance_S, z, order)
     coarse = response_on(rough, returning, conductance_S, z)
@@ -111,10 +111,10 @@ def _around_m(outline: Outline) -> float:
     return float(np.linalg.norm(end - start, axis=1).sum())
 
 
-def _along(length_m: float, mesh: Triangles) -> Array:
-    """Area (t,), m^2, of even triangles with sides of a length at edges, of any size elsewhere."""
-    at_edge = np.isin(mesh.cells, mesh.segments).sum(axis=1) > 1
-    return np.where(at_edge, EVEN * length_m**2, np.inf)
+def _along(outline: Outline, length_m: float, places_m: Array) -> Array:
+    """Area (t,), m^2, of even triangles at places (t, 2), m, with sides of a length at edges, longer with the distance.
+    """
+    return EVEN * (length_m + np.abs(edge_distance_m(outline, places_m))) ** 2
 
 
 def response_on(arriving: SkinMesh, returning: SkinMesh, conductance_S: float, contact_impedance: Array,

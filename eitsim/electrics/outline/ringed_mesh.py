@@ -72,8 +72,7 @@ def outlined_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touc
     known, area = KDTree(base.centres_m), base.area_m2
     growth = _SLOWLY if at_samples else LEAN.growth
 
-    def limit(mesh: Triangles) -> Array:
-        places = mesh.centres_m
+    def limit(places: Array) -> Array:
         out = area[known.query(places)[1]]
         for circle in circles:
             radius = np.linalg.norm(places - circle.centre_m, axis=1)

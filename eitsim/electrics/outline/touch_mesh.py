@@ -9,13 +9,12 @@ from eitsim.electrics.cem.assembly import Array, SkinMesh
 from eitsim.electrics.mesh.graded_mesh import LEAN, Touches
 from eitsim.electrics.mesh.ring_mesh import FARTHEST, centred_radii, contact_lines
 from eitsim.electrics.outline.adapted_mesh import READINGS, solve_untouched
-from eitsim.electrics.outline.triangles import Triangles, refined, skin_mesh, triangulated
+from eitsim.electrics.outline.triangles import EVEN, Triangles, refined, skin_mesh, triangulated
 from eitsim.scene.polygons import circle
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
 
 FIELDS = 1e-3  # Estimated error of the untouched readings from which the mesh is fine enough outside the touches.
-EVEN = 0.433  # Area of an even triangle over the square of its sides.
 # Length of the triangles' sides over the width of the rings that an axisymmetric mesh would have there.
 _STRETCHED = 3.0
 
@@ -31,8 +30,7 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
     within = within_edges(body, touches)
     sizes = [_sizes(*one) for one in within]
 
-    def limit(mesh: Triangles) -> Array:
-        places = mesh.centres_m
+    def limit(places: Array) -> Array:
         out = area[known.query(places)[1]]
         for (punch, _), (radius, size) in zip(touches, sizes, strict=True):
             away = np.hypot(places[:, 0] - punch.x_m, places[:, 1] - punch.y_m)
@@ -50,7 +48,7 @@ def fields_mesh(body: Body, electrodes: Electrodes, conductance_S: float, area_m
     """P2 mesh on which the readings of the untouched skin are known to such a relative error, its triangles of an area,
     m^2, at most."""
     base = base_triangles(body, electrodes, conductance_S, known_to)
-    return skin_mesh(refined(base, lambda mesh: np.full(len(mesh.cells), area_m2)), electrodes)
+    return skin_mesh(refined(base, lambda places_m: np.full(len(places_m), area_m2)), electrodes)
 
 
 def base_triangles(body: Body, electrodes: Electrodes, conductance_S: float, known_to: float = FIELDS) -> Triangles:

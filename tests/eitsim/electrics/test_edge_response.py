@@ -91,7 +91,7 @@ def test_even_meshes_of_an_l_converge_as_its_corner_asks():
     """What comes back to a circle, on a mesh and halved once and twice: the changes fall as the order says."""
     lines = Scene(L, electrodes=Electrodes(count=8, width_m=0.006)).electrodes
     z, circle = contact_impedances(lines), [(0.035 + 0.035j, 0.018)]
-    meshes = [skin_mesh(refined(triangulated(L.outline, lines), lambda one: np.full(len(one.cells), 2e-5)), lines)]
+    meshes = [skin_mesh(refined(triangulated(L.outline, lines), lambda places_m: np.full(len(places_m), 2e-5)), lines)]
     for _ in range(2):
         meshes.append(uniform_refinement(meshes[-1]))
     found = [coupling(response_on(meshes[0], mesh, S, z), circle, ORDERS).same for mesh in meshes]

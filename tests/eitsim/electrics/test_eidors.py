@@ -95,7 +95,7 @@ def test_the_triangles_of_an_outline_go_through_a_matlab_file(
     """Written, read and solved: the matrix of the outline's own mesh, and that of EIDORS' formulas (not EIDORS)."""
     body = Body(Outline("rectangle", width_m=0.12, height_m=0.08))
     lines = Scene(body, electrodes=Electrodes(count=8, width_m=0.01)).electrodes
-    triangles = refined(triangulated(body.outline, lines), lambda mesh: np.full(len(mesh.cells), 2e-5))
+    triangles = refined(triangulated(body.outline, lines), lambda places_m: np.full(len(places_m), 2e-5))
     mesh, z = skin_mesh(triangles, lines, "P1"), np.linspace(0.5, 2.0, 8)
     sheet = 6e-4 * (1 + np.arange(len(mesh.cells)) % 7)
     parts = structures([{"nodes": np.unique(mesh.under[mesh.electrode == k]) + 1.0, "z_contact": z[k]}

@@ -25,7 +25,7 @@ SHEET = Scene(Body(Outline("rectangle", width_m=0.6, height_m=0.4), 0.002),
 def test_a_quadrature_in_parts_is_exact_and_converges():
     body = Body(Outline("rectangle", width_m=2.0, height_m=1.0))
     lines = Scene(body, electrodes=Electrodes(count=8, width_m=0.1)).electrodes
-    mesh = skin_mesh(refined(triangulated(body.outline, lines), lambda one: np.full(len(one.cells), 0.1)), lines)
+    mesh = skin_mesh(refined(triangulated(body.outline, lines), lambda places_m: np.full(len(places_m), 0.1)), lines)
     known = 4 * np.sinh(5.0) * np.sin(2.5) / 25
     found = []
     for parts in (1, 2, 4):

@@ -121,7 +121,7 @@ def test_what_lies_under_a_perfect_contact_does_not_matter():
     def change(contact_Ohm_m2: float) -> float:
         patches = Electrodes(kind="surface", count=5, x_m=(0.0, 0.03, 0, -0.03, 0), y_m=(0.0, 0, 0.03, 0, -0.03),
                              width_m=0.012, contact_impedance_Ohm_m2=(contact_Ohm_m2, *[1e-5] * 4))
-        triangles = refined(triangulated(body.outline, patches), lambda mesh: np.full(len(mesh.cells), 1e-6))
+        triangles = refined(triangulated(body.outline, patches), lambda places_m: np.full(len(places_m), 1e-6))
         mesh, z = skin_mesh(triangles, patches), contact_impedances(patches)
         sheet = np.where(np.hypot(*triangles.centres_m.T) < 0.006, 2 * S, S)
         return readings_difference(impedance(mesh, sheet, z), impedance(mesh, np.full(len(sheet), S), z))
@@ -154,11 +154,11 @@ def test_what_cannot_be_reached_says_how_far_it_came(monkeypatch):
 
 
 def test_discs_are_solved_without_the_mesher_and_outlines_say_what_to_install():
-    code = ("import sys; sys.modules['triangle'] = None\n"
+    code = ("import sys; sys.modules['pythoncdt'] = None\n"
             "from eitsim.electrics.forward.untouched import untouched_readings as read\n"
             "from eitsim.scene.edges.outline import Outline\nfrom eitsim.scene.scene import Body, Scene\n"
             "print(read(Scene(), 6e-4).size)\n"
             "read(Scene(Body(Outline('rectangle', width_m=0.12, height_m=0.1))), 6e-4)")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "208"
-    assert "need the package triangle, which is not installed; run pip install '.[outlines]'" in done.stderr
+    assert "need the package pythoncdt, which is not installed; run pip install '.[outlines]'" in done.stderr
