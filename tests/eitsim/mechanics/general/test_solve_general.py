@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.sheet.sheet_conductance import driving_strains, stretches
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.general.layer.layer_surface import principal_stretches
@@ -13,10 +14,12 @@ from eitsim.mechanics.general.solve_general import GeneralSolution, predicted_co
 from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
+from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+SKIN = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 FLAT = Punch(diameter_m=0.014, force_N=1.0)
 ROUGHER = Level(12.0, 1.2, 0.9, 0.6, 8)
 
@@ -44,6 +47,14 @@ def test_one_touch_is_the_axisymmetric_one(alone: GeneralSolution) -> None:
     expected = driving_strains(*stretches(exact, radius))[..., None]
     missed = np.sqrt(np.sum((found - expected) ** 2 * radius[:, None], axis=(1, 2)))
     assert np.all(missed < 0.03 * np.sqrt(8 * np.sum(expected**2 * radius[:, None], axis=(1, 2))))
+
+
+def test_the_skin_reads_it_as_the_axisymmetric_touch(alone: GeneralSolution) -> None:
+    body, exact = Body(Disc(0.1)), solve_touch(LAW, Body(Disc(0.1)), FLAT)
+    sensor = body, Skin(strain="principal"), Electrodes(), Drive()
+    expected, found = (solve(*sensor, ((FLAT, touch),), SKIN, method="mesh").signal_V for touch in (
+        exact, alone.touches[0]))
+    assert np.linalg.norm(found - expected) < 0.02 * np.linalg.norm(expected)
 
 
 @pytest.mark.slow
