@@ -21,7 +21,7 @@ _PEAK_FLOOR, _AREA_FLOOR = 0.02, 2e-3
 
 
 def touch_about(k: int, fine: Corrected, rough: Corrected, law: Law, body: Body) -> Touch:
-    """The touch of punch k; errors that need all punches are those of `solve_general`."""
+    """The touch of punch k, its pressure the mean one; errors that need all punches are those of `solve_general`."""
     press, unit = fine.solved.model.presses[k], body.thickness_m
     contact, coarse = fine.contacts[k], rough.contacts[k]
     force_N = float(fine.forces[k]) * law.mu_0_Pa * unit**2

@@ -5,18 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.general.layer.layer_surface import principal_stretches
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solve_general import GeneralSolution, predicted_cost, solve_general
-from eitsim.mechanics.rim.solve_near_rim import solve_near_rim
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
 from eitsim.sheet.sheet_conductance import driving_strains, stretches
+from eitsim.simulation.near_edges import solve_near_rim
+from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
+SKIN = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 FLAT = Punch(diameter_m=0.014, force_N=1.0)
 ROUGHER = Level(12.0, 1.2, 0.9, 0.6, 8)
 
@@ -46,6 +49,15 @@ def test_one_touch_is_the_axisymmetric_one(alone: GeneralSolution) -> None:
     assert np.all(missed < 0.03 * np.sqrt(8 * np.sum(expected**2 * radius[:, None], axis=(1, 2))))
 
 
+def test_the_skin_reads_it_as_the_axisymmetric_touch(alone: GeneralSolution) -> None:
+    body, exact = Body(Disc(0.1)), solve_touch(LAW, Body(Disc(0.1)), FLAT)
+    sensor = body, Skin(strain="principal"), Electrodes(), Drive()
+    expected, found = (solve(*sensor, ((FLAT, touch),), SKIN, method="mesh").signal_V for touch in (
+        exact, alone.touches[0]))
+    assert np.linalg.norm(found - expected) < 0.02 * np.linalg.norm(expected)
+
+
+@pytest.mark.slow
 def test_a_kept_depth_gives_the_force_back(alone: GeneralSolution) -> None:
     (touch,) = _solved(Body(Disc(0.1)), Punch(diameter_m=0.014, depth_m=alone.touches[0].depth_m)).touches
     assert touch.depth_m == pytest.approx(alone.touches[0].depth_m, rel=1e-12)
@@ -60,6 +72,7 @@ def test_the_mesh_leaves_the_skin_far_from_a_touch_as_it_was(alone: GeneralSolut
     assert np.array_equal(alone.field.field.displacement(far), np.zeros((2, 3)))
 
 
+@pytest.mark.slow
 def test_two_equal_touches_mirror_each_other() -> None:
     body = Body(Outline("rectangle", width_m=0.07, height_m=0.04))
     one, other = (Punch(x_m=x, diameter_m=0.01, force_N=0.3) for x in (-0.012, 0.012))
@@ -70,6 +83,7 @@ def test_two_equal_touches_mirror_each_other() -> None:
     assert first.surface is second.surface
 
 
+@pytest.mark.slow
 def test_near_the_rim_it_is_what_the_rim_changes_of_the_axisymmetric_touch() -> None:
     body, punch = Body(Disc(0.05)), Punch(x_m=0.039, diameter_m=0.01, force_N=0.5)
     near, (touch,) = solve_near_rim(LAW, body, punch), _solved(body, punch).touches
