@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -197,6 +197,9 @@ class Coarse(Route):
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         return solve_touch(law, case.scene.body, case.punch, element_m=2e-3)
+
+    def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
+        return [self.solve(one, law, keep) for one in case.each]
 
     def words(self, of: Values) -> Words:
         return f"{len(of.get('between', [0]))} on a coarse mesh", "it serves everything"
