@@ -7,7 +7,8 @@ Kind = StrEnum("Kind", (
     # where a touch comes from, and its neighbours; how it is solved is the kind of its route
     "STORED", "FROM_REST", "ALONE",
     # the punch: what it conducts, its contact
-    "INSULATED", "FLOATING", "END_BY_NEIGHBOUR", "END_BY_EDGE", "NO_FRICTION", "FRICTION", "RIGID_PUNCH",
+    "INSULATED", "FLOATING", "END_BY_NEIGHBOUR", "END_BY_EDGE", "NO_FRICTION", "FRICTION",
+    "FRICTION_ALONE", "RIGID_PUNCH",
     # time
     "HOLD_KEPT", "HOLD_STEPPED", "HOLD_ELASTIC", "LOADED_AT_ONCE", "LOADED_OVER", "ONE_RELAXATION", "NO_MEMORY",
     "NO_VISCOELASTICITY",
@@ -26,4 +27,4 @@ Why = StrEnum("Why", (
     # of neighbours
     "OVERLAP", "MORE_THAN_TWO", "PAIR_FRICTION", "PAIR_GAP",
     # of what is solved in three dimensions
-    "RUBS", "TOUCHING"))
+    "TOUCHING"))

@@ -22,9 +22,11 @@ _CONTACT_SHARE = 0.6
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
-# Largest differences, relative, of the moment of the strain and of the strain (L2) between held touches and the elastic
-# ones that stand for them, alone (benchmarks/elastic_holds.py).
-_ELASTIC_HOLD, _ELASTIC_HOLD_STRAIN = 0.02, 0.08
+# What friction changed of the effect of the rim on dV, at most (benchmarks/friction_alone.py).
+_FRICTION_ALONE = 0.05
+# By the strain that drives the skin, the largest differences, relative, of the moment of the strain and of the strain
+# (L2) between held touches and the elastic ones that stand for them, alone (benchmarks/elastic_holds.py).
+_ELASTIC_HOLD = {"normal": (0.045, 0.085), "principal": (0.036, 0.092), "areal": (0.031, 0.212)}
 
 
 def choices(chosen: Chosen) -> Iterator[Choice]:
@@ -62,6 +64,9 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     for way in chosen.ways:
         yield Choice(Kind.NO_FRICTION, cost=None) if way.case.punch.friction == "none" else Choice(
             Kind.FRICTION, {"near": way.case.near})
+    if any(way.case.punch.friction != "none" and chosen.way_of(i).route.friction_alone
+           for i, way in enumerate(chosen.ways)):
+        yield Choice(Kind.FRICTION_ALONE, {"signal": _FRICTION_ALONE}, _FRICTION_ALONE)
     yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
     if not scene.electrodes.soft:
@@ -121,8 +126,8 @@ def _moduli(chosen: Chosen) -> Choice:
 def _hold(chosen: Chosen) -> Iterator[Choice]:
     hold = chosen.scene.hold
     if chosen.elastic:
-        yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control, "moment": _ELASTIC_HOLD,
-                                         "strain_bound": _ELASTIC_HOLD_STRAIN}, _ELASTIC_HOLD)
+        moment, strain = _ELASTIC_HOLD[chosen.scene.skin.strain]
+        yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control, "moment": moment, "strain_bound": strain}, moment)
     else:
         yield Choice(Kind.HOLD_KEPT) if hold.keeps_deformation else Choice(Kind.HOLD_STEPPED, {"control": hold.control})
     yield Choice(Kind.LOADED_OVER, {"loading_s": hold.loading_s}) if hold.loading_s else Choice(Kind.LOADED_AT_ONCE)

@@ -50,6 +50,9 @@ _LINES: dict[Kind, Words] = {
         "stepped in time: each touch alone is, and an elastic one under the force that makes it as deep stands for it "
         "at every time. Of 24 lone touches the moment of the strain differed by {moment:.1%} at most, the strain (L2) "
         "by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
+    Kind.FRICTION_ALONE: (
+        "what friction changes is that of each touch alone", "what it changes of the effect of edges and neighbours is "
+        "left out; near the rim that was at most {signal:.0%} of dV in 12 touches (benchmarks/friction_alone.py)"),
     Kind.LOADED_AT_ONCE: ("loaded at once", "loading_s in [hold] is 0; instantaneous moduli"),
     Kind.LOADED_OVER: (
         "loaded over {loading_s:g} s at a constant rate (loading_s in [hold])",

@@ -1,6 +1,5 @@
 """Fields on the skin of a touched scene: potential, current density, sheet conductance, and their VTU file."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,6 @@ from typing import Any
 import meshio
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 from skfem import ElementQuad2, ElementTriP1, ElementTriP2
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh, centred, potentials, quadrature_points
@@ -20,6 +18,7 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Punch, Scene
 from eitsim.sheet import sheet_conductance as sheet
 from eitsim.sheet.sheet_conductance import touched_conductance
+from eitsim.sheet.sheet_displacement import displacement
 from matcal.laws.conductivity import Conductivity
 
 Touches = tuple[tuple[Punch, Touch], ...]
@@ -157,23 +156,7 @@ def contact_pressure(points_m: Array, touches: Touches) -> Array:
 def surface_displacement(points_m: Array, touches: Touches) -> Array:
     """Displacement (n, 3), m, of points (n, 2) of the surface: the sum over the touches, 0 outside their samples; those
     that share a field count once."""
-    return np.sum([_displacement(points_m, *touch) for touch in sheet.solutions(touches)], axis=0)
-
-
-def _displacement(points_m: Array, punch: Punch, touch: Touch) -> Array:
-    if touch.surface is not None:
-        return touch.surface.displacement(points_m)
-    axes = sheet.local_axes(punch, touch)
-    local = (points_m - np.array([punch.x_m, punch.y_m])) @ axes.T
-    radius = np.hypot(local[:, 0], local[:, 1])
-    known = PchipInterpolator(touch.radius_m, np.column_stack([touch.u_r_m, touch.u_z_m]))
-    outwards, upwards = np.where(radius[:, None] > touch.radius_m[-1], 0.0,
-                                 known(np.clip(radius, *touch.radius_m[[0, -1]]))).T
-    share = outwards / np.maximum(radius, math.ulp(0))
-    found = np.column_stack([share * local[:, 0], share * local[:, 1], upwards])
-    if touch.rim is not None:
-        found = found + sheet.moved(touch.rim, local)
-    return np.column_stack([found[:, :2] @ axes, found[:, 2]])
+    return np.sum([displacement(points_m, *touch) for touch in sheet.solutions(touches)], axis=0)
 
 
 def _in_space(plane: Array) -> Array:

@@ -1,9 +1,11 @@
 """Any touches that physics allows, one or several together, in three dimensions: what no other route serves."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import ClassVar
 
+from eitsim.mechanics.general.friction_alone import with_friction
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.rim.interaction import edge_gap_m
@@ -17,11 +19,11 @@ _ONE_S = 20.0  # CPU time of a usual touch (benchmarks/results/general_touches.c
 
 
 class General(Route):
-    """On a mesh of the neighbourhood of the touches, without friction."""
+    """On a mesh of the neighbourhood of the touches; what friction changes of each alone is added."""
 
     kind = "general"
+    friction_alone = True
     problems: ClassVar[Mapping[str, str]] = {
-        Why.RUBS: "in three dimensions only punches without friction are built (friction = \"none\")",
         Why.TOUCHING: "touches are solved together from a gap of {least_mm:.2g} mm on"}
 
     def serves(self, case: Case) -> float | Choice:
@@ -30,8 +32,6 @@ class General(Route):
             return why
         if any(edge_gap_m(one, other) < least_m for one, other in combinations(case.punches, 2)):
             return Choice(Why.TOUCHING, {"least_m": least_m})
-        if any(punch.friction != "none" for punch in case.punches):
-            return Choice(Why.RUBS)
         return _ONE_S * len(case.punches)
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
@@ -39,7 +39,9 @@ class General(Route):
 
     def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
         level, coarser = (FINE, COARSE) if case.exact else (COARSE, ROUGH)
-        return solve_general(law, case.scene.body, case.punches, level=level, coarser=coarser).touches
+        body, smooth = case.scene.body, [replace(punch, friction="none") for punch in case.punches]
+        solution = solve_general(law, body, smooth, level=level, coarser=coarser)
+        return with_friction(solution.touches, law, body, case.punches)
 
     def words(self, of: Values) -> Words:
         how = "a coarser mesh tells the error, which counts in the result's own"

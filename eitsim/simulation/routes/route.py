@@ -114,6 +114,7 @@ class Route:
 
     kind: str  # what results call it, unlike those of all other decisions of a plan
     for_exact = False  # whether it is for exact runs alone, and comes first there
+    friction_alone = False  # whether it adds what friction changes of each touch alone
     # kind of a refusal of its own -> the clause that tells what is served, filled with the refusal's values
     problems: ClassVar[Mapping[str, str]] = {}
 

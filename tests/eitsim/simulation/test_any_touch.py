@@ -1,0 +1,72 @@
+"""The last route: what is refused where any touch may be asked for, and its touches against those of faster routes."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eitsim.scene.choices import Why
+from eitsim.scene.edges.outline import Outline
+from eitsim.scene.scene import Body, Punch, Scene, scene_from
+from eitsim.simulation.choose import choose
+from eitsim.simulation.material import material_of
+from eitsim.simulation.routes import known_routes
+from eitsim.simulation.routes.general import General
+from eitsim.simulation.simulate import simulate
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+
+FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0], "longterm")
+SERIES = Prony([0.1505, 0.1696, 0.0604], [0.2936, 5.85, 81.672])
+CARD = MaterialCard("Table 1", FOAM, SERIES, Conductivity(30.0, [-2, 2, -1], (0.0, 0.4)))
+DRAWS = Path(__file__).parents[4] / "shared" / "checks" / "any_scene.py"
+
+
+@pytest.mark.skipif(not DRAWS.exists(), reason="the scenes drawn over all keys are not at hand")
+def test_few_scenes_are_refused_and_none_as_a_combination_that_was_not_built() -> None:
+    """Of 150 scenes drawn over everything that a scene file can say; electrodes that the draw puts off the skin are
+    its own slips."""
+    names: dict[str, Any] = {}
+    exec(DRAWS.read_text(encoding="utf-8").rpartition("main()")[0], names)  # without the call that runs it
+    rng, reasons = np.random.default_rng(4711), []
+    for _ in range(150):
+        tables = tomllib.loads(names["draw"](rng))
+        try:
+            scene = scene_from(tables)
+        except ValueError:
+            continue
+        why = choose(scene, material_of(scene, CARD)).why
+        reasons += [] if why is None else [why.kind]
+    assert set(reasons) <= {Why.ON_ELECTRODES, Why.OFF_SKIN, Why.TOO_DEEP}
+    assert len(reasons) <= 6
+
+
+def test_what_no_other_route_serves_is_solved_in_three_dimensions() -> None:
+    body = Body(Outline("rectangle", width_m=0.16, height_m=0.1))
+    three = [Punch(0.07, 0.0, 0.008), Punch(0.055, 0.0, 0.01, friction="stick"), Punch(0.055, 0.02, 0.01)]
+    scene = Scene(body=body, punches=three)
+    chosen = choose(scene, material_of(scene, CARD))
+    assert chosen.why is None
+    assert [way.route.kind for way in chosen.clusters] == ["general"]
+    assert chosen.groups == ((0, 1, 2),)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("punch", [{"x_mm": 85.0, "force_N": 0.5}, {"x_mm": 88.0, "depth_mm": 2.0, "diameter_mm": 10}],
+                         ids=["a force", "a depth"])
+def test_a_touch_near_the_rim_is_that_of_the_faster_route(punch, monkeypatch) -> None:
+    scene = scene_from({"punch": punch, "accuracy": {"signal": 0.02}})
+    fast = simulate(scene, CARD)
+    monkeypatch.setattr(known_routes, "ROUTES", (known_routes.ROUTES[0], General()))
+    found = simulate(scene, CARD)
+    assert {d.kind for d in found.plan.decisions} >= {"general"}
+    assert found.touches[0].depth_m == pytest.approx(fast.touches[0].depth_m, rel=2e-3)
+    assert found.touches[0].force_N == pytest.approx(fast.touches[0].force_N, rel=5e-3)
+    known = fast.readings.signal_V
+    assert np.linalg.norm(found.readings.signal_V - known) < 0.03 * np.linalg.norm(known)
