@@ -22,8 +22,9 @@ _CONTACT_SHARE = 0.6
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
-# What friction changed of the effect of the rim on dV, at most (benchmarks/friction_alone.py).
-_FRICTION_ALONE = 0.05
+# By the strain that drives the skin, what friction changed of the effect of the rim on dV, at most
+# (benchmarks/friction_alone.py).
+_FRICTION_ALONE = {"normal": 0.02, "principal": 0.065, "areal": 0.39}
 # By the strain that drives the skin, the largest differences, relative, of the moment of the strain and of the strain
 # (L2) between held touches and the elastic ones that stand for them, alone (benchmarks/elastic_holds.py).
 _ELASTIC_HOLD = {"normal": (0.045, 0.085), "principal": (0.036, 0.092), "areal": (0.031, 0.212)}
@@ -66,7 +67,8 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
             Kind.FRICTION, {"near": way.case.near})
     if any(way.case.punch.friction != "none" and chosen.way_of(i).route.friction_alone
            for i, way in enumerate(chosen.ways)):
-        yield Choice(Kind.FRICTION_ALONE, {"signal": _FRICTION_ALONE}, _FRICTION_ALONE)
+        signal = _FRICTION_ALONE[scene.skin.strain]
+        yield Choice(Kind.FRICTION_ALONE, {"signal": signal}, signal)
     yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
     if not scene.electrodes.soft:
