@@ -163,14 +163,16 @@ def _stored(table: Table | None, law: Law, scene: Scene,
 
 def _way(case: Case) -> Way:
     """The cheapest route that serves and meets the requested error, in an exact run the one for these; where none does,
-    the first that meets it and is refused, or the last of those that leave out least."""
+    the first that meets it and is refused, of several touches the last, or that of those that leave out least."""
     ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
             for route in known_routes.ROUTES if case.exact or not route.for_exact
             if (answer := route.serves(case)) is not NOT_MEANT]
     fine = [way for way in ways if way.route.leaves_out(case) <= case.allowed]
     if serving := [way for way in fine if way.why is None]:
         return min(serving, key=lambda way: (not way.route.for_exact, way.cost_s))
-    return fine[0] if fine else min(reversed(ways), key=lambda way: way.route.leaves_out(case))
+    if fine:
+        return fine[0 if len(case.touches) == 1 else -1]
+    return min(reversed(ways), key=lambda way: way.route.leaves_out(case))
 
 
 def _from_table(chosen: Chosen, table: Table) -> tuple[Way, ...]:
@@ -232,6 +234,8 @@ def _why_neighbours(scene: Scene, together: Sequence[Way]) -> Choice | None:
         return Choice(Why.OVERLAP, {"gap_m": gap_m, "between": (i, j)})
     allowed = _NEIGHBOUR_SHARE * scene.accuracy.signal
     for way in together:
+        if way.why is not None and way.why.kind is Why.OFF_SKIN:
+            return way.why
         if way.why is not None:
             gap_m, i, j = _closest(scene, way.case.touches)
             return replace(way.why, values={**way.why.values, "gap_m": gap_m, "between": (i, j),

@@ -133,8 +133,9 @@ def _stored(of: Values) -> Words:
 
 
 def _alone(of: Values) -> Words:
-    others = " not solved together" if of["pairs"] else ""
-    return (f"{of['count']} touches, each{others} solved as if it were alone",
+    alone, others = (("those not solved together as if each were alone", " of these") if of["pairs"]
+                     else ("each solved as if it were alone", ""))
+    return (f"{of['count']} touches, {alone}",
             f"the closest two{others} have {of['gap_mm']:.1f} mm between their edges, "
             f"{of['gap_m'] / of['thickness_m']:.1f} thicknesses; their strains add up in the skin, whose electrics is "
             "solved for all together. Where the solved fields reach further than this bound, the result's own error "
