@@ -280,7 +280,7 @@ def _near_edge(of: Values, problem: str) -> str:
 
 def _overlap(of: Values) -> str:
     return (f"{_edges_of(of)} overlap by {max(-of['gap_m'], 0.0) * 1e3:.1f} mm; move the punches from each other by "
-            "that and, for punches solved together, a gap of 3 mm more.")
+            "that and 3 % of the foam's thickness more.")
 
 
 def _too_close(of: Values, problem: str) -> str:
