@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 
 from eitsim.simulation.result_json import ERRORS, MECHANICS
-from eitsim.simulation.routes.axisymmetric import AXISYMMETRIC
-from eitsim.simulation.routes.known_routes import ROUTES
 from reports.document import provenance
 from reports.document.numerals import counted, interval, number, percent, typeset, volts
 from reports.document.page import Report, ReportFigure, Table
@@ -18,8 +16,8 @@ from reports.touch.drive_sentence import drive_sentence
 from touchcal.document import Keys
 from touchcal.json_file import read_json
 
-# Kinds of decisions by which edges or a neighbour change the touch.
-CHANGED = {route.kind for route in ROUTES} - {AXISYMMETRIC.kind}
+# Kinds of decisions, those of all routes but the axisymmetric one, by which edges or a neighbour change the touch.
+CHANGED = {"nearest_edge", "all_edges", "whole_disc", "pair", "general"}
 RUN_AGAIN = "Run `eitsim run` again with --skin."
 NO_MAPS = ("No maps of the skin: the result names no file of them. `eitsim run --skin skin.vtu --out result.json` "
            "writes one.")

@@ -232,7 +232,7 @@ def test_what_sticks_slips_far_less_near_the_rim():
         disc = disc_at(0.002, TINY, 0.5, sticks=sticks)
         x = solve(disc).x
         if sticks:
-            springs, held = disc.springs, disc.springs.stiffness[:, 0] > 0
+            springs, held = disc.springs, disc.springs.stiffness[:, 0, 0] > 0
         change = springs.direction @ (seen(disc, x) - seen(disc, np.zeros_like(x)))
         slipped[sticks] = np.sqrt(np.mean(change[held] ** 2))
     print("root mean square slip that the rim adds, thicknesses", slipped)
@@ -371,9 +371,8 @@ def refusal(punch):
 
 def test_what_the_rim_does_not_allow_is_named():
     assert refusal(at_gap(0.005)) == ""
-    for punch, named in ((at_gap(-0.001), "outside the rim"),
-                         (replace(at_gap(0.005), friction="coulomb", friction_coefficient=0.5), "sticks")):
-        assert named in refusal(punch)
+    assert refusal(replace(at_gap(0.005), friction="coulomb", friction_coefficient=0.5)) == ""
+    assert "outside the rim" in refusal(at_gap(-0.001))
 
 
 @pytest.mark.parametrize(("gap", "named"), [

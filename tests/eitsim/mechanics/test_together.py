@@ -210,12 +210,12 @@ def test_the_plan_says_who_is_solved_together_and_who_cannot_be():
     loose = scene_from({"punch": close, "accuracy": {"signal": 0.9}})
     assert choose_ways(loose)[1] == ()
     assert [way.case.touches for way in choose_ways(loose, exact=True)[1]] == [(0, 1)]
-    for change, reason in (({"friction": "stick"}, "only frictionless"), ({"x_mm": 16}, "from a gap of 3.0 mm on")):
-        refusal = make_plan(scene_from({"punch": [close[0], close[1] | change]}), CARD).refusal
-        assert reason in refusal
-        assert "Leave 24 mm between them" in refusal
-    third = make_plan(scene_from({"punch": [*close, {"x_mm": -22}]}), CARD).refusal
-    assert "two touches, not more" in third
+    for others in ([close[1] | {"friction": "stick"}], [close[1] | {"x_mm": 16}], [close[1], {"x_mm": -22}]):
+        _, (together,) = choose_ways(scene_from({"punch": [close[0], *others]}))
+        assert together.route.kind == "general"
+    refusal = make_plan(scene_from({"punch": [close[0], close[1] | {"x_mm": 14.2}]}), CARD).refusal
+    assert "from a gap of 0.3 mm on" in refusal
+    assert "Leave 24 mm between them" in refusal
     at_rim = make_plan(scene_from({"punch": [{"x_mm": 68}, {"x_mm": 46}]}), CARD)
     assert not at_rim.refusal
     near = [d.decision for d in at_rim.decisions if d.decision.startswith(("mechanics in three", "touches 1 and 2"))]

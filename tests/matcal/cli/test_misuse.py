@@ -19,7 +19,7 @@ from matcal.record.cautions import cautions
 from matcal.reduction.loading_direction import densifies, named_direction
 from matcal.reduction.reduce import reduce_tests
 from touchcal.errors import InputFileError
-from touchcal.terminal import check_apart, check_out
+from touchcal.terminal import _with_options, check_apart, check_out
 
 DATA = Path(__file__).parents[3] / "data_raw"
 CURVES = ("fit", str(DATA / "uniaxial.csv"), str(DATA / "shear.csv"))
@@ -30,7 +30,7 @@ def _called(*words: str) -> str:
     """What a call that must fail says."""
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - the caller looks at the words
         CliRunner().invoke(app, words, catch_exceptions=False)
-    return str(refused.value)
+    return _with_options(str(refused.value), app, {"weights": "--weight"})
 
 
 @pytest.mark.parametrize(("flags", "says"), [
