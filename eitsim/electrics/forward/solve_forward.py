@@ -110,9 +110,9 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     as many rings change once both are extrapolated, what is left over the changes by coarser meshes of the edges
     (`edge_responses`), what harmonics would add as a geometric series, and the second order outside the rings, or near
     an edge a third of what their fading end changes of it; "mesh", between line electrodes, UNSEEN and, as squares,
-    LEFT_ROUGH of what is left over the change from a coarser mesh where errors fall with the square of the number of
-    nodes (on an L with a hole 12 of 16 touches that were not fitted lie within a factor of 3 of the error, 15 are covered). No estimate holds what
-    interpolation between the touch's own samples costs.
+    LEFT_ROUGH of what is left over the change from a coarser mesh where errors fall with the square of the number
+    of nodes (on an L with a hole 12 of 16 touches that were not fitted lie within a factor of 3 of the error, 15
+    are covered). No estimate holds what interpolation between the touch's own samples costs.
 
     MISSED, UNHALVED and LEFT are no bounds. UNHALVED and LEFT were fitted to the even ones of 200 random touches: 93 of
     these 100 estimates lie within a factor of 3 of the error and 85 cover it, 90 and 78 of the odd ones; at one touch
