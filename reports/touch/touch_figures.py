@@ -52,7 +52,8 @@ def _punches(punches: Sequence[Mapping[str, Any]]) -> str:
     return "the punches " + ", ".join(f"{i} of {place}" for i, place in enumerate(placed, 1))
 
 
-def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone: bool) -> ReportFigure:
+def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone: bool,
+            means: bool = False) -> ReportFigure:
     """Displacement, pressure and stretches of the surface along the radius from the axis of punch `index`; `alone`:
     the rim or a neighbour changes them, which these values do not hold."""
     fields = {name: np.asarray(values, dtype=float) for name, values in block.items()}
@@ -74,7 +75,7 @@ def profile(block: Mapping[str, Sequence[float]], index: int, count: int, alone:
     reach = _reach(r, fields["u_z_mm"])
     down.set_xlim(0, reach)
     name = "profile" if count == 1 else f"profile_{index + 1}"
-    caption = _profile_caption(fields, reach, index, count, alone)
+    caption = _profile_caption(fields, reach, index, count, alone, means)
     return ReportFigure(name, figure, caption, {name: pd.DataFrame(fields)})
 
 
@@ -89,13 +90,19 @@ def _last_above(r: Array, u_z: Array, fraction: float) -> float:
     return float(r[above[-1]]) if above.size else float(r[-1])
 
 
-def _profile_caption(fields: Mapping[str, Array], reach: float, index: int, count: int, alone: bool) -> str:
+def _profile_caption(fields: Mapping[str, Array], reach: float, index: int, count: int, alone: bool,
+                     means: bool) -> str:
     r, u_z, pressure, normal = (fields[k] for k in ("radius_mm", "u_z_mm", "pressure_kPa", "stretch_normal"))
     which = "" if count == 1 else f"Touch {index + 1}. "
-    if alone:
+    if means:
+        which += ("Means over the directions about the punch of what was solved in three dimensions; the pressure is "
+                  "the mean one of the contact, the table holds its peak. ")
+    elif alone:
         which += "The touch alone, without what edges or another touch change; the table holds that. "
     peak, least = int(np.argmax(pressure)), int(np.argmin(normal))
+    highest = "" if means else (
+        f" Contact pressure peaks at {number(pressure[peak])} kPa, {number(r[peak])} mm from the axis.")
     return (f"{which}The surface sinks by up to {number(-u_z.min())} mm; farther than "
-            f"{number(_last_above(r, u_z, 0.01))} mm from the axis it moves by less than 1 % of that. Contact pressure "
-            f"peaks at {number(pressure[peak])} kPa, {number(r[peak])} mm from the axis; the least stretch through the "
-            f"thickness, {number(normal[least])}, lies at {number(r[least])} mm. Drawn to {number(reach)} mm.")
+            f"{number(_last_above(r, u_z, 0.01))} mm from the axis it moves by less than 1 % of that.{highest} The "
+            f"least stretch through the thickness, {number(normal[least])}, lies at {number(r[least])} mm. Drawn to "
+            f"{number(reach)} mm.")

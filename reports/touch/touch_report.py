@@ -129,8 +129,9 @@ def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFig
         plates.append(touch_figures.scene(result["scene"]))
     if profiles := result.get("profile", []):
         # where the rim or a neighbour changes the surface outside the profile, that is of the touch alone
-        alone = any(decision.get("kind") in CHANGED for decision in result["plan"])
-        plates += [touch_figures.profile(block, i, len(profiles), alone) for i, block in enumerate(profiles)]
+        kinds = {decision.get("kind") for decision in result["plan"]}
+        plates += [touch_figures.profile(block, i, len(profiles), not CHANGED.isdisjoint(kinds), "general" in kinds)
+                   for i, block in enumerate(profiles)]
     else:
         absent["profile"] = "No surface profile: the result holds none."
     if "readings_V" in result:
@@ -193,16 +194,17 @@ def _when(result: Mapping[str, Any]) -> str:
 
 
 def _hold_table(times: Sequence[Mapping[str, Any]], baseline_V: reading_figures.Array) -> Table:
-    """Force, depth, peak pressure and largest signal of a hold, a row a time; `times` of a result, baseline in V."""
+    """Force, depth, peak pressure and largest signal of a hold, a row a time, values of several touches one after
+    another; `times` of a result, baseline in V."""
     signals = [float(np.nanmax(np.abs(np.array(block["readings_V"], dtype=float) - baseline_V))) for block in times]
     factor, unit = volts(signals)
     keys = ("force_N", "delta_max_mm", "sigma_max_kPa")
-    rows = [[number(block["time_s"]), *(number(block[key]) for key in keys), number(signal * factor)]
+    rows = [[number(block["time_s"]), *(_each(block, key) for key in keys), number(signal * factor)]
             for block, signal in zip(times, signals, strict=True)]
     first, last = times[0], times[-1]
     caption = "The hold, timed from the end of loading"
     if len(times) > 1:
-        changes = [_change(name, first[key], last[key], unit_of) for name, key, unit_of in
+        changes = [_change(name, _each(first, key), _each(last, key), unit_of) for name, key, unit_of in
                    (("force", "force_N", "N"), ("depth", "delta_max_mm", "mm"))]
         caption += f": {' and '.join(changes)}"
     caption += f". The other results in this report are those {_when({'times': times})}."
@@ -210,8 +212,11 @@ def _hold_table(times: Sequence[Mapping[str, Any]], baseline_V: reading_figures.
                            f"largest signal ({unit})"], rows, "rrrrr")
 
 
-def _change(name: str, first: float, last: float, unit: str) -> str:
-    start, end = number(first), number(last)
+def _each(block: Mapping[str, Any], key: str) -> str:
+    return ", ".join(number(value) for value in touches(block, key))
+
+
+def _change(name: str, start: str, end: str, unit: str) -> str:
     return f"the {name} stays at {end} {unit}" if start == end else f"the {name} goes from {start} to {end} {unit}"
 
 
