@@ -219,7 +219,8 @@ def test_touches_near_each_other_are_solved_together_and_next_to_an_edge_with_al
     far = (Punch(-0.005, 0.0, 0.008, force_N=0.1), Punch(0.03, 0.0, 0.008, force_N=0.1))
     assert make_plan(replace(SCENE, punches=far), CARD).refusal == ""
     stuck = tuple(replace(punch, friction="stick") for punch in askew)
-    assert "only frictionless punches are solved together" in make_plan(replace(SCENE, punches=stuck), CARD).refusal
+    made = [d.kind for d in make_plan(replace(SCENE, punches=stuck), CARD).decisions]
+    assert made.count("general") == 3
 
 
 @pytest.mark.slow
