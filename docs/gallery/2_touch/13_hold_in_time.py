@@ -21,7 +21,7 @@ scene = eitsim.Scene(punches=[eitsim.Punch(x_m=0.03, force_N=0.5)], accuracy=eit
 moments = eitsim.simulate(scene, creeping).moments
 figure, axis = plt.subplots(layout="constrained")
 times_s = [max(moment.time_s, 0.03) for moment in moments]
-axis.semilogx(times_s, [moment.touch.depth_m * 1e3 for moment in moments], "o-")
+axis.semilogx(times_s, [moment.touches[0].depth_m * 1e3 for moment in moments], "o-")
 axis.set(xlabel="time since loading (s); the first point is the end of loading", ylabel="depth (mm)")
 signal = axis.twinx()
 signal_mV = [np.sqrt(np.mean(moment.readings.signal_V**2)) * 1e3 for moment in moments]
