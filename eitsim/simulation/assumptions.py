@@ -62,11 +62,12 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
         yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
     yield Choice(Kind.STRAIN, {"strain": scene.skin.strain, "conducts": any(p.conductor for p in scene.punches)}, None)
     yield Choice(Kind.ONE_CARD, cost=None)
-    for way in chosen.ways:
-        yield Choice(Kind.NO_FRICTION, cost=None) if way.case.punch.friction == "none" else Choice(
-            Kind.FRICTION, {"near": way.case.near})
-    if any(way.case.punch.friction != "none" and chosen.way_of(i).route.friction_alone
-           for i, way in enumerate(chosen.ways)):
+    alone = [chosen.way_of(i).route.friction_alone for i in range(len(chosen.ways))]
+    rubs = [way.case.punch.friction != "none" for way in chosen.ways]
+    for way, rubbed, by_itself in zip(chosen.ways, rubs, alone, strict=True):
+        yield Choice(Kind.FRICTION, {"near": way.case.near and not by_itself}) if rubbed else Choice(
+            Kind.NO_FRICTION, cost=None)
+    if any(rubbed and by_itself for rubbed, by_itself in zip(rubs, alone, strict=True)):
         signal = _FRICTION_ALONE[scene.skin.strain]
         yield Choice(Kind.FRICTION_ALONE, {"signal": signal}, signal)
     yield Choice(Kind.FIXED_CHOICES, cost=None)

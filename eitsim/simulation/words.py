@@ -47,9 +47,9 @@ _LINES: dict[Kind, Words] = {
         "steps tells their error, which counts in the result's own"),
     Kind.HOLD_ELASTIC: (
         "a hold at constant {control}, as elastic touches", "near edges, together and with friction nothing is "
-        "stepped in time: each touch alone is, and an elastic one under the force that makes it as deep stands for it "
-        "at every time. Of 24 lone touches the moment of the strain differed by {moment:.1%} at most, the strain (L2) "
-        "by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
+        "stepped in time: each touch alone is, without friction, and an elastic one under the force that makes it as "
+        "deep stands for it at every time. Of 24 such lone touches the moment of the strain differed by {moment:.1%} "
+        "at most, the strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
     Kind.FRICTION_ALONE: (
         "what friction changes is that of each touch alone", "what it changes of the effect of edges and neighbours is "
         "left out; near the rim that was at most {signal:.0%} of dV in 12 touches (benchmarks/friction_alone.py)"),
@@ -161,9 +161,10 @@ def _strain(of: Values) -> Words:
 
 
 def _friction(of: Values) -> Words:
-    near = ("; what the rim changes is taken at the end of that way alone, with what sticks stuck. In 16 or 8 "
-            "increments of it, at three touches, the added depth was at most 2 % and the added movement 10 % "
-            "different: that part of it counts in the result's own error too") if of["near"] else ""
+    near = ("; what the rim changes is taken at the end of that way alone, with what sticks stuck and what slips under "
+            "its largest shear. In 16 or 8 increments of it, at three touches that stick, the added depth was at most "
+            "2 % and the added movement 10 % different: that part of it counts in the result's own error too"
+            ) if of["near"] else ""
     return "friction, loaded in increments", (
         "what the foam sticks to depends on the way there, a straight rise of the force; half as many increments tell "
         f"the error, which counts in the result's own; on the default mesh, whatever accuracy is asked for{near}")

@@ -58,9 +58,11 @@ def with_friction(touches: Sequence[Touch], law: Law, body: Body, punches: Seque
         punch, solve_touch(law, body, punch), solve_touch(law, body, replace(punch, friction="none")))
         for punch in punches]
     rubbed = tuple(each for each in lone if each is not None)
-    if not rubbed or touches[0].surface is None:
+    if not rubbed:
         return tuple(touches)
-    field = RubbedField(touches[0].surface, rubbed)
+    smooth = touches[0].surface
+    assert smooth is not None, "touches that are solved together share a field"
+    field = RubbedField(smooth, rubbed)
     return tuple(replace(touch if each is None else _rubbed(touch, each), surface=field)
                  for touch, each in zip(touches, lone, strict=True))
 
