@@ -127,8 +127,8 @@ def _halve(points, cells, directions, depth, order, mark):
             for direction in directions:
                 for c in range(start, stop):
                     trial[c] = order[c]
-                    key[c] = direction[0] * points[order[c], 0]
-                    for axis in range(1, len(direction)):
+                    key[c] = direction[0] * points[order[c], 0] + direction[1] * points[order[c], 1]
+                    for axis in range(2, len(direction)):
                         key[c] += direction[axis] * points[order[c], axis]
                 _split(key, trial, start, stop, middle)
                 stamp += 1

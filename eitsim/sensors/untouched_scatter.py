@@ -69,8 +69,8 @@ def change_noise(recording: Recording, there: Mask, matrix: Array | None = None)
     row = np.arange(len(frames))
     away = row - rest[np.maximum(np.searchsorted(rest, row, side="right") - 1, 0)]
     lag = float(np.median(away[away > 0])) if (away > 0).any() else 1.0
-    earlier, apart = rest[:-1], rest[None] - rest[:-1, None]
-    later = rest[np.argmin(np.where(apart > 0, np.abs(apart - lag), np.inf), axis=1)]
+    earlier, away_s = rest[:-1], rest[None] - rest[:-1, None]
+    later = rest[np.argmin(np.where(away_s > 0, np.abs(away_s - lag), np.inf), axis=1)]
     change = np.where(there, frames[later] - frames[earlier], 0.0)
     unit = np.eye(len(there))[there] if matrix is None else matrix * there
     least = step(frames[rest][:, there]) ** 2 / 6 * np.sum(unit**2) / len(unit)
@@ -80,10 +80,10 @@ def change_noise(recording: Recording, there: Mask, matrix: Array | None = None)
 def step(values: Array) -> float:
     """Least difference between values that readings (frames, readings) take, where most values are taken again; 0 where
     they are not, which noise then tells from each other."""
-    apart = np.diff(np.sort(values, axis=0), axis=0)
-    apart = apart[np.isfinite(apart)]
-    changes = apart[apart > 0]
-    return float(changes.min()) if 0 < len(changes) < _MOSTLY * len(apart) else 0.0
+    steps = np.diff(np.sort(values, axis=0), axis=0)
+    steps = steps[np.isfinite(steps)]
+    changes = steps[steps > 0]
+    return float(changes.min()) if 0 < len(changes) < _MOSTLY * len(steps) else 0.0
 
 
 def _typical(frames: Array) -> float:

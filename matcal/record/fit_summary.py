@@ -44,7 +44,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out |= {"nu": _nu_part(found.fit, found.uncertainty)} if found.fit.moves is None else {}
         if found.two_nu is not None:
             out["nu"] |= {"by_lateral_strain": list(found.two_nu.lateral), "without": list(found.two_nu.other),
-                          "contradicted": found.two_nu.apart}
+                          "contradicted": found.two_nu.contradict}
         out["not_determined"] = list(found.uncertainty.not_determined)
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:

@@ -24,7 +24,7 @@ class TwoNu:
     other: tuple[float, float]  # of the stresses alone, or the value that the law was given
 
     @property
-    def apart(self) -> bool:
+    def contradict(self) -> bool:
         """Whether they exclude each other."""
         return max(self.lateral[0], self.other[0]) > min(self.lateral[1], self.other[1]) + _LEAST
 

@@ -39,9 +39,9 @@ def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch,
         return replace(touch, signal_errors=np.where(of_the_skin, error, 1.0), section=grown)
 
     monkeypatch.setattr(axisymmetric, "solve_touch", solved)
-    told = axisymmetric.AXISYMMETRIC.solve(Case(scene), FOAM, keep=False)
+    refined = axisymmetric.AXISYMMETRIC.solve(Case(scene), FOAM, keep=False)
     assert len(sizes) == tries
-    assert told.signal_errors[of_the_skin] == error
+    assert refined.signal_errors[of_the_skin] == error
 
 
 def test_a_missed_accuracy_is_said_with_its_cause():

@@ -27,8 +27,8 @@ def said(card: matcal.MaterialCard) -> list[str]:
 
 
 def test_intervals_that_share_a_value_agree() -> None:
-    assert not TwoNu((0.1, 0.3), (0.29, 0.4)).apart
-    assert TwoNu((0.1, 0.2), (0.3, 0.4)).apart
+    assert not TwoNu((0.1, 0.3), (0.29, 0.4)).contradict
+    assert TwoNu((0.1, 0.2), (0.3, 0.4)).contradict
 
 
 def test_lateral_strains_that_contradict_a_given_nu_are_to_be_minded() -> None:
