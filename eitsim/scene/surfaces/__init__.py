@@ -1,1 +1,1 @@
-"""Outer surfaces of curved bodies on a rigid core, and how a neighbourhood of each is laid out flat; one file a kind."""
+"""Outer surfaces of curved bodies on a rigid core, each laid out flat about a place; one file a kind."""

@@ -57,8 +57,8 @@ def tangent_frame(normal: Array) -> Array:
 
 
 def second_form(at: Array, normal: Array, middle: Array) -> Array:
-    """Second fundamental form (2, 2), 1/m, positive where convex, from places and unit normals (4, 3) a step along, back,
-    across and back across from one of normal (3,): of normals over places, in tangents nearest to those ways."""
+    """Second fundamental form (2, 2), 1/m, positive where convex, from places and unit normals (4, 3) a step along,
+    back, across and back across from one of normal (3,): of normals over places, in tangents nearest to those ways."""
     moved, turned = (np.column_stack([part[0] - part[1], part[2] - part[3]]) for part in (at, normal))
     axes = orthonormal(moved, middle)[:, :2]
     form = axes.T @ turned @ np.linalg.inv(axes.T @ moved)

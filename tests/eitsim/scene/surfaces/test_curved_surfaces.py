@@ -28,7 +28,8 @@ def test_coordinates_are_found_again_and_normals_are_across_the_surface(surface:
     assert across == pytest.approx(normals, abs=1e-7)
     turns = frames(chart, uv, 1e-6)
     assert np.linalg.det(turns) == pytest.approx(np.ones(50), abs=1e-9)
-    slope = (chart.place(uv + [1e-6, 0])[0] - chart.place(uv - [1e-6, 0])[0]) / 2e-6
+    way = np.array([1e-6, 0])
+    slope = (chart.place(uv + way)[0] - chart.place(uv - way)[0]) / 2e-6
     assert np.abs(np.sum(slope * normals, axis=1)).max() < 1e-5
 
 
