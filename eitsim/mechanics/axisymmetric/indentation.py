@@ -98,8 +98,8 @@ def first_touch(model: IndentationProblem) -> float:
     """Depth of the punch's lowest point at which it begins to touch: negative on a hollow cap."""
     if model.grid.laid is None:
         return 0.0
-    where = model.grid.nodes
-    return contact.touching_depth(lambda depth: contact.contact_state(model.punch, model.facets, where, depth).penetration)
+    return contact.touching_depth(lambda depth: contact.contact_state(
+        model.punch, model.facets, model.grid.nodes, depth).penetration)
 
 
 def positions(model: IndentationProblem, x: Array) -> Array:

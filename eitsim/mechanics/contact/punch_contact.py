@@ -67,7 +67,8 @@ class ContactState:
 
 def top_facets(grid: Grid, reach: float = np.inf, points: int = POINTS) -> Facets:
     """Top facets that start inside the radius `reach`, with that many Gauss points each."""
-    return facets_at(grid, grid.top[grid.flat_nodes[grid.top[:, 0], 0] < reach], *np.polynomial.legendre.leggauss(points))
+    near = grid.flat_nodes[grid.top[:, 0], 0] < reach
+    return facets_at(grid, grid.top[near], *np.polynomial.legendre.leggauss(points))
 
 
 def facets_at(grid: Grid, nodes: Indices, t: Array, weight: Array) -> Facets:

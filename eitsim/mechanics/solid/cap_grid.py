@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.mechanics.solid.grid import Grid
-from eitsim.scene.surfaces.arcs import arcs
+from eitsim.scene.surfaces.geodesic_arcs import arcs
 from touchcal.arrays import Array
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.surfaces.surface import tangent_frame
+from eitsim.scene.surfaces.curved_surface import tangent_frame
 from touchcal.arrays import Array
 
 _ROUND = 0.95  # Part of half a turn to which coordinates reach.
@@ -44,9 +44,14 @@ class CylinderChart:
     @property
     def edge(self) -> Outline:
         """Both ends, and nearly half a turn each way."""
-        half, turn = self.cylinder.length_m / 2, _ROUND * math.pi * self.cylinder.radius_m
+        half, turn = self.cylinder.length_m / 2, self.limit_m
         low, high = -half - self.middle_m, half - self.middle_m
         return Outline("polygon", points_m=((low, -turn), (high, -turn), (high, turn), (low, turn)))
+
+    @property
+    def limit_m(self) -> float:
+        """As of `Chart`."""
+        return _ROUND * math.pi * self.cylinder.radius_m
 
     def place(self, uv: Array) -> tuple[Array, Array]:
         """As of `Chart`."""

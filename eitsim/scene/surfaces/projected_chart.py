@@ -5,17 +5,17 @@ back by Newton's method.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from eitsim.scene.edges.edge import Edge
-from eitsim.scene.surfaces.arcs import arcs
-from eitsim.scene.surfaces.surface import CROSS, CurvedSurface, second_form
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.surfaces.curved_surface import CROSS, CurvedSurface, second_form
+from eitsim.scene.surfaces.geodesic_arcs import arcs
 from touchcal.arrays import Array
 
-# Newton steps back to coordinates, the step of their differences and the largest miss, in lengths of the surface.
-_STEPS, _STEP, _MISS = 12, 1e-5, 1e-6
+# Newton steps back to coordinates, and in lengths of the surface the longest of them, the last, that of differences and
+# the largest miss.
+_STEPS, _LONGEST, _DONE, _STEP, _MISS = 12, 0.2, 1e-9, 1e-5, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,13 @@ class ProjectedChart:
     origin: Array  # (3,)
     frame: Array  # as of `Chart`
     form: Array  # (2, 2) second fundamental form at the origin, 1/m
-    edge: Edge  # as of `Chart`
+    limit_m: float  # as of `Chart`
     length_m: float  # of the surface, by which steps are measured
+
+    @property
+    def edge(self) -> Disc:
+        """Where the coordinates end."""
+        return Disc(self.limit_m)
 
     def place(self, uv: Array) -> tuple[Array, Array]:
         """As of `Chart`."""
@@ -45,13 +50,11 @@ class ProjectedChart:
             metric = np.swapaxes(along, 1, 2) @ along + 1e-12 * np.eye(2)
             change = np.linalg.solve(metric, np.swapaxes(along, 1, 2) @ missing[..., None])[..., 0]
             size = np.linalg.norm(change, axis=1, keepdims=True)
-            uv = uv + change * np.minimum(1.0, self._longest / np.maximum(size, 1e-300))
+            uv = uv + change * np.minimum(1.0, _LONGEST * self.length_m / np.maximum(size, 1e-300))
+            if size.max(initial=0.0) < _DONE * self.length_m:
+                break
         missed = np.linalg.norm(points - self.place(uv)[0], axis=1) > _MISS * self.length_m
         return np.where(missed[:, None], np.nan, uv)
-
-    @cached_property
-    def _longest(self) -> float:
-        return 0.2 * self.length_m
 
 
 def form_at(surface: CurvedSurface, origin: Array, frame: Array, step_m: float) -> Array:

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eitsim.scene.edges.disc import Disc
+from eitsim.scene.surfaces.curved_surface import tangent_frame
 from eitsim.scene.surfaces.projected_chart import ProjectedChart, form_at
-from eitsim.scene.surfaces.surface import tangent_frame
 from touchcal.arrays import Array
 
-# Newton steps to the nearest place, least radius over the step of differences, and the angle at the apex, rad, to which
-# coordinates reach.
-_STEPS, _STEP, _REACH = 25, 1e-4, 1.4
+# Newton steps to the nearest place; over the lesser radius the last one, the step of differences, and the length to
+# which coordinates reach.
+_STEPS, _DONE, _STEP, _REACH = 25, 1e-13, 1e-4, 1.4
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,10 @@ class Saddle:
             slope, off = -bend * at, -(bend * at**2).sum(axis=-1, keepdims=True) / 2 - up
             gradient = at - flat + off * slope
             hessian = slope[..., :, None] * slope[..., None, :] + (1 - off[..., None] * bend) * np.eye(2)
-            at = at - np.linalg.solve(hessian, gradient[..., None])[..., 0]
+            step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
+            at = at - step
+            if np.abs(step).max(initial=0.0) < _DONE * self.length_m:
+                break
         normal = np.concatenate([bend * at, np.ones_like(up)], axis=-1)
         return (np.concatenate([at, -(bend * at**2).sum(axis=-1, keepdims=True) / 2], axis=-1),
                 normal / np.linalg.norm(normal, axis=-1, keepdims=True))
@@ -45,4 +47,4 @@ class Saddle:
         (origin,), (normal,) = self.nearest(np.asarray(point, dtype=float)[None])
         frame = tangent_frame(normal)
         form = form_at(self, origin, frame, _STEP * self.length_m)
-        return ProjectedChart(self, origin, frame, form, Disc(_REACH * self.length_m), self.length_m)
+        return ProjectedChart(self, origin, frame, form, _REACH * self.length_m, self.length_m)

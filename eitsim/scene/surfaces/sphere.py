@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from eitsim.scene.edges.disc import Disc
-from eitsim.scene.surfaces.arcs import arcs
-from eitsim.scene.surfaces.surface import tangent_frame
+from eitsim.scene.surfaces.curved_surface import tangent_frame
+from eitsim.scene.surfaces.geodesic_arcs import arcs
 from touchcal.arrays import Array
 
 _ROUND = 0.95  # Part of half a turn to which coordinates reach.
@@ -40,7 +40,12 @@ class SphereChart:
     @property
     def edge(self) -> Disc:
         """Nearly the whole sphere."""
-        return Disc(_ROUND * math.pi * self.radius_m)
+        return Disc(self.limit_m)
+
+    @property
+    def limit_m(self) -> float:
+        """As of `Chart`."""
+        return _ROUND * math.pi * self.radius_m
 
     def place(self, uv: Array) -> tuple[Array, Array]:
         """As of `Chart`."""

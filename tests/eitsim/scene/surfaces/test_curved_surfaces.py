@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eitsim.scene.surfaces.curved_surface import CROSS, CurvedSurface, frames, second_form
 from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
-from eitsim.scene.surfaces.surface import CROSS, CurvedSurface, frames, second_form
 
 RADIUS = 0.04
 SURFACES = [Sphere(RADIUS), Cylinder(RADIUS, 0.2), Saddle(RADIUS, -RADIUS), Saddle(0.1, 0.05)]

@@ -13,7 +13,15 @@ CROSS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1.0]])
 _STEEP = 0.95
 
 
-class Chart(Protocol):
+class Coordinates(Protocol):
+    """A surface by two coordinates."""
+
+    def place(self, uv: Array) -> tuple[Array, Array]:
+        """Points (..., 3) and outward unit normals (..., 3) at coordinates (..., 2)."""
+        ...
+
+
+class Chart(Coordinates, Protocol):
     """Coordinates u, v of the surface about a place, m; lengths at the origin are those on the surface."""
 
     @property
@@ -26,8 +34,9 @@ class Chart(Protocol):
         """Where the surface ends in these coordinates, or the coordinates do."""
         ...
 
-    def place(self, uv: Array) -> tuple[Array, Array]:
-        """Points (..., 3) and outward unit normals (..., 3) at coordinates (..., 2)."""
+    @property
+    def limit_m(self) -> float:
+        """Distance from the origin within which no place has two pairs of coordinates."""
         ...
 
     def find(self, points: Array) -> Array:
@@ -77,7 +86,7 @@ def orthonormal(along: Array, normal: Array) -> Array:
     return np.stack([cosine * first + sine * second, cosine * second - sine * first, normal], axis=-1)
 
 
-def frames(chart: Chart, uv: Array, step_m: float) -> Array:
+def frames(chart: Coordinates, uv: Array, step_m: float) -> Array:
     """Rotations (..., 3, 3) at coordinates (..., 2): in columns the two tangents nearest to the chart's lines, and the
     normal; by differences over a step."""
     across = step_m * np.eye(2)
