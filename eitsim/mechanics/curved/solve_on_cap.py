@@ -21,7 +21,7 @@ _ENDLESS, _ROUND = 6.0, 0.8 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class CapField:
-    """An axisymmetric touch by the cap's coordinates about its axis, vectors along the tangents and the normal there."""
+    """An axisymmetric touch by the cap's coordinates about its axis, vectors along the tangents and normal there."""
 
     surface: LoneSurface
     unit_m: float
