@@ -1,8 +1,8 @@
 """Touches on curved bodies against triquadratic bricks of scikit-fem (`peers/hexahedra.py`).
 
 A ball of 10 mm radius, 3 mm deep in 10 mm of neo-Hooke (nu = 0.25), on top of a sphere, a cylinder and a saddle; and a
-flat punch of 14 mm with a round edge of 2 mm that leans by `tilt_deg`, on a flat layer. Bricks are 1.6 mm wide under the
-ball and end 52 mm from the apex (1.1 radii of a saddle at most), 1.8 and 32 mm under the flat punch; they end freely.
+flat punch of 14 mm with a round edge of 2 mm that leans by `tilt_deg`, on a flat layer. Bricks are 1.6 mm wide under
+the ball and end 52 mm from the apex (1.1 radii of a saddle at most), 1.8 and 32 mm under the other, where they are free.
 
 force_mu_mm2 is the force over mu; force_difference is to the bricks: on the flat layer, upright, it is what those leave
 of the axisymmetric solution. signal_difference is that of the integral of what a nominal skin driven by the principal
@@ -72,7 +72,8 @@ def row(what: str, radius_m: float, force_N: float, found: Pressed, flat: float,
 def curved(what: str, surface: CurvedSurface, radius_m: float, top_m: float, flat: float) -> dict[str, Any]:
     top = np.array([0.0, 0.0, top_m])
     layout = ChartLayout(surface.chart_about(top), 1e-3)
-    found = bricks(lambda c: in_space(layout, c) - top * 1e3, RoundedDisc(0.0, 10.0), SIZE_MM, END_MM if top_m else min(END_MM, 1.1e3 * radius_m))
+    end = END_MM if top_m else min(END_MM, 1.1e3 * radius_m)
+    found = bricks(lambda c: in_space(layout, c) - top * 1e3, RoundedDisc(0.0, 10.0), SIZE_MM, end)
     solution = solve_on_surface(LAW, surface, THICKNESS_M, [BALL], top[None])
     (touch,) = solution.touches
     ours = signal(solution.field.deformation_gradient(found.points * 1e-3 + top), found.normals, found.areas)
