@@ -2,7 +2,7 @@
 
 A ball of 10 mm radius, 3 mm deep in 10 mm of neo-Hooke (nu = 0.25), on top of a sphere, a cylinder and a saddle; and a
 flat punch of 14 mm with a round edge of 2 mm that leans by `tilt_deg`, on a flat layer. Bricks are 1.6 mm wide under
-the ball and end 52 mm from the apex (1.1 radii of a saddle at most), 1.8 and 32 mm under the other, where they are free.
+the ball and end 52 mm from the apex (1.1 radii of a saddle at most), 1.8 and 32 mm under the other; ends are free.
 
 force_mu_mm2 is the force over mu; force_difference is to the bricks: on the flat layer, upright, it is what those leave
 of the axisymmetric solution. signal_difference is that of the integral of what a nominal skin driven by the principal
