@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.mesh_errors import Corrected, CorrectedField, corrected, problem_alone
-from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
+from eitsim.mechanics.general.meshing.levels import COARSE, NO_PLATES, ROUGH, Level
 from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Body, Punch
+from eitsim.scene.scene import STRAINS, Body, Punch
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.jit import cpu_s
@@ -62,20 +63,24 @@ class Cost:
 
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
-                  bonded: bool = False) -> GeneralSolution:
-    """Equilibrium of a layer, its bottom fixed and its sides free or bonded, under rigid punches without friction.
+                  bonded: bool = False, plates: Array = NO_PLATES) -> GeneralSolution:
+    """Equilibrium of a layer, its bottom fixed and its sides free, but not under plates (as of `layer_mesh`), or
+    bonded, under rigid punches. Friction holds the end of the way of each touch alone (`layer.grips`); the errors of
+    that way add to those of the meshes.
 
-    ValueError where a punch rubs, overhangs an edge or another punch; NotConverged where no equilibrium is found.
+    ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
     started, lone = cpu_s(), lone_touches(law, body, punches)
-    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded), lone, body.thickness_m),
-                             lone, each) for each in (coarser, level))
+    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, plates), lone,
+                                         body.thickness_m), lone, each) for each in (coarser, level))
     depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches)
+    ways = [None if punch.friction == "none" else solve_touch(law, body, punch) for punch in punches]
+    rubbed = sum((way.signal_errors for way in ways if way), np.zeros(len(STRAINS)))
     spent = cpu_s() - started
-    touches = [touch_about(k, fine, rough, law, body) for k in range(len(punches))]
-    touches = [replace(touch, depth_error=float(error), signal_errors=signal_errors, strain_errors=strain_errors,
-                       cpu_s=spent / len(punches))
-               for touch, error in zip(touches, depth_errors, strict=True)]
+    touches = [replace(touch_about(k, fine, rough, law, body), signal_errors=signal_errors + rubbed,
+                       depth_error=float(error) + (way.depth_error if way else 0.0), strain_errors=strain_errors,
+                       slip_fraction=way.slip_fraction if way else None, cpu_s=spent / len(punches))
+               for k, (way, error) in enumerate(zip(ways, depth_errors, strict=True))]
     return GeneralSolution(tuple(touches), fine, rough, spent)
 
 

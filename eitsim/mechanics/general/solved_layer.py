@@ -9,9 +9,10 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.general.layer import equilibrium_of_many as many
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
+from eitsim.mechanics.general.layer.grips import grip_of
 from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.layer.lone_touches import LoneTouch, added_up, lone_touch
-from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
+from eitsim.mechanics.general.meshing.levels import NO_PLATES, Level, layer_mesh
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.law import Law, over
@@ -34,22 +35,20 @@ class Solved:
 
 
 def lone_touches(law: Law, body: Body, punches: Sequence[Punch]) -> tuple[LoneTouch, ...]:
-    """Each punch's touch far from edges and others; ValueError where a punch rubs."""
-    for punch in punches:
-        if punch.friction != "none":
-            raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
+    """Each punch's touch far from edges and others."""
     return tuple(lone_touch(law, body, punch) for punch in punches)
 
 
 def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneTouch], level: Level,
-            bonded: bool = False) -> LayerProblem:
-    """The layer under its punches on a mesh of a level."""
+            bonded: bool = False, plates: Array = NO_PLATES) -> LayerProblem:
+    """The layer under its punches on a mesh of a level; plates: as of `layer_mesh`."""
     centres = np.array([[punch.x_m, punch.y_m] for punch in punches]) / body.thickness_m
     mesh = layer_mesh(body, centres, tuple(one.zone for one in lone), tuple(one.feature for one in lone), level,
-                      bonded=bonded)
+                      bonded=bonded, plates=plates)
     unit = force_unit(law, body)
     presses = tuple(Press(one.model.punch, centre, None if punch.force_N is None else punch.force_N / unit,
-                          one.state.force) for one, centre, punch in zip(lone, centres, punches, strict=True))
+                          one.state.force, grip_of(one.model))
+                    for one, centre, punch in zip(lone, centres, punches, strict=True))
     return LayerProblem(over(law, law.mu_0_Pa), mesh, presses)
 
 

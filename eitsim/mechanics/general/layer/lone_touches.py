@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from eitsim.mechanics.axisymmetric import indentation, surface
+from eitsim.mechanics.axisymmetric import friction_increments, indentation, surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, mesh_hierarchy, under_force
+from eitsim.mechanics.contact import friction
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem
 from eitsim.mechanics.general.meshing.section import Zone
 from eitsim.mechanics.solid import axisymmetric_assembly
@@ -86,15 +87,29 @@ def lone_surface(touch: LoneTouch) -> LoneSurface:
 
 
 def lone_touch(law: Law, body: Body, punch: Punch) -> LoneTouch:
-    """The touch of a punch far from all edges and others, without friction. NotConverged where none is found."""
+    """The touch of a punch far from all edges and others. NotConverged where none is found."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
     endless = Body(Disc(punch.diameter_m / 2 + _ENDLESS * unit), unit)
     smooth = replace(smooth, fillet_m=profile_of(punch).edge_radius)
     size = min(_ELEMENT * default_element_m(endless, smooth), 0.4 * unit)
-    model = mesh_hierarchy(law, endless, smooth, size, None)[-1]
-    state = (under_force([model], punch.force_N / force_unit(law, body)) if punch.force_N is not None
-             else at_depth([model], (punch.depth_m or 0.0) / unit))[-1]
-    return LoneTouch(model, state, feature_m(body, smooth) / unit)
+    levels, feature = mesh_hierarchy(law, endless, smooth, size, None), feature_m(body, smooth) / unit
+    force, depth = punch.force_N and punch.force_N / force_unit(law, body), (punch.depth_m or 0.0) / unit
+    if coefficient := friction.coefficient(punch):
+        return LoneTouch(*_rubbed(levels, coefficient, force, depth), feature)
+    state = (at_depth(levels[-1:], depth) if force is None else under_force(levels[-1:], force))[-1]
+    return LoneTouch(levels[-1], state, feature)
+
+
+def _rubbed(levels: list[IndentationProblem], coefficient: float, force: float | None, depth: float
+            ) -> tuple[IndentationProblem, Equilibrium]:
+    """The problem on the finest level with what holds the foam there, and its equilibrium."""
+    coarse, fine = levels[-2:]
+    if force is None:
+        course = friction_increments.at_depth(coarse, fine, coefficient, depth,
+                                              at_depth(levels[:1], depth)[0].force)
+    else:
+        (course,) = friction_increments.under_forces(coarse, fine, coefficient, [force])
+    return replace(fine, springs=course.fine.springs), course.fine.state
 
 
 def added_up(lone: tuple[LoneTouch, ...], layer: LayerProblem, share: float = 1.0) -> Array:

@@ -51,10 +51,15 @@ def gaps(body: Body, centres: Array, radii: Array) -> Array:
     return np.minimum(room, between.min(axis=1))
 
 
+# Arc lengths (0, 2) of the plates of an edge that has none.
+NO_PLATES = np.empty((0, 2))
+
+
 def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tuple[float, ...], level: Level, *,
-               bonded: bool = False) -> WedgeMesh:
-    """The mesh of a body about punches at centres (n, 2), thicknesses; sides free or bonded. ValueError where a punch
-    overhangs an edge or another punch or is nearer than LEAST_GAP."""
+               bonded: bool = False, plates: Array = NO_PLATES) -> WedgeMesh:
+    """The mesh of a body about punches at centres (n, 2), thicknesses; sides free, or under plates, whose first and
+    last arc lengths along the first loop are (k, 2), fixed, or bonded, all of them. ValueError where a punch overhangs
+    an edge or another punch or is nearer than LEAST_GAP."""
     radii = np.array([zone.radius for zone in zones])
     room = gaps(body, centres, radii)
     if room.min() < LEAST_GAP:
@@ -69,7 +74,7 @@ def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tu
     gradings = [level.grading(feature) for feature in features]
     layers = min((heights(g, zone, float(r)) for g, zone, r in zip(gradings, zones, outer, strict=True)),
                  key=lambda h: h[-1] - h[-2])
-    seen = plan(circles, loops, max(level.growth, _GROWTH), _LARGEST, radii + level.reach)
+    seen = plan(circles, loops, max(level.growth, _GROWTH), _LARGEST, radii + level.reach, plates)
     sections = tuple(section(g, zone, float(r), layers) for g, zone, r in zip(gradings, zones, outer, strict=True))
     return wedge_mesh(seen, sections, layers, bonded=bonded)
 
@@ -78,5 +83,6 @@ def mesh_alone(mesh: WedgeMesh, k: int, radius: float, level: Level) -> WedgeMes
     """The mesh about punch k alone, with its very section and layers, on an endless layer; radius: the punch's."""
     one = mesh.about[k]
     rim = circle(one.circle.centre, radius + 2 * level.reach + _FAR, _CHORDS)
-    seen = plan((one.circle,), (rim,), max(level.growth, _GROWTH), _LARGEST, np.array([radius + level.reach]))
+    seen = plan((one.circle,), (rim,), max(level.growth, _GROWTH), _LARGEST, np.array([radius + level.reach]),
+                NO_PLATES)
     return wedge_mesh(seen, (one.section,), mesh.heights)

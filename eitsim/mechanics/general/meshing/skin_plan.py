@@ -51,6 +51,7 @@ class Plan:
     cells: Indices  # (t, 6) counter-clockwise; middles on circles and on the skin's edge
     corners: int  # how many of the nodes are corners
     cut: NDArray[np.bool_]  # (n,) nodes where the skin goes on and the mesh does not
+    plated: NDArray[np.bool_]  # (n,) nodes of the edge under plates
 
 
 def circles_about(centres: Array, radii: Array, sectors: int, loops: tuple[Array, ...], shortest: float
@@ -72,9 +73,11 @@ def circles_about(centres: Array, radii: Array, sectors: int, loops: tuple[Array
     return tuple(found)
 
 
-def plan(circles: tuple[Circle, ...], loops: tuple[Array, ...], growth: float, largest: float, reach: Array) -> Plan:
+def plan(circles: tuple[Circle, ...], loops: tuple[Array, ...], growth: float, largest: float, reach: Array,
+         plates: Array) -> Plan:
     """Triangles of the skin inside closed polygons, holes clockwise, as far as `reach` (circles,) from the circles'
-    centres. NotConverged where no conforming ones are found."""
+    centres; plates: first and last arc lengths (k, 2) of what is bonded to the first polygon. NotConverged where no
+    conforming ones are found."""
     paths = [edge_path(loop) for loop in loops]
     start = np.vstack([path.corners[:-1] for path in paths])
     end = np.vstack([path.corners[1:] for path in paths])
@@ -90,7 +93,9 @@ def plan(circles: tuple[Circle, ...], loops: tuple[Array, ...], growth: float, l
         return np.all([inside(p, start, end), beyond(p) < 3 * largest, *outside], axis=0)
 
     around = circles
-    cuts = [pieces(path, lambda p: _by_circles(circles, p, growth, largest)) for path in paths]
+    ends = [plates.ravel(), *[plates[:0, 0]] * (len(paths) - 1)]
+    cuts = [pieces(path, lambda p: _by_circles(circles, p, growth, largest), stops)
+            for path, stops in zip(paths, ends, strict=True)]
     for _ in range(_HALVINGS):
         sizes = _sizes(circles, paths, cuts, growth, largest)
         rim = [path.at(cut[:-1]) for path, cut in zip(paths, cuts, strict=True)]
@@ -106,7 +111,7 @@ def plan(circles: tuple[Circle, ...], loops: tuple[Array, ...], growth: float, l
         loops_of = [number[a:b] for a, b in itertools.pairwise(starts)]
         missing = [_missing(loop, cells, points, beyond) for loop in loops_of]
         if not any(m.any() for m in missing):
-            return _quadratic(circles, paths, cuts, loops_of, points, cells)
+            return _quadratic(circles, paths, cuts, loops_of, points, cells, plates)
         circles = tuple(replace(c, angles=_halved(c.angles, m)) for c, m in zip(circles, missing, strict=False))
         cuts = [_halved(cut, m) for cut, m in zip(cuts, missing[len(circles):], strict=True)]
     raise NotConverged("no mesh of the skin between these punches and its edges was found; leave larger gaps.")
@@ -162,21 +167,25 @@ def _halved(ends: Array, which: NDArray[np.bool_]) -> Array:
 
 
 def _quadratic(circles: tuple[Circle, ...], paths: list[EdgePath], cuts: list[Array], loops: list[Indices],
-               points: Array, cells: Indices) -> Plan:
+               points: Array, cells: Indices, plates: Array) -> Plan:
     used, cells = np.unique(cells, return_inverse=True)
     cells, place = cells.reshape(-1, 3), np.full(len(points) + 1, -1)
     place[used] = np.arange(len(used))
     nodes, whole, edges = quadratic(points[used], cells)
     keys = edges[:, 0] * len(used) + edges[:, 1]
-    on_edge = np.zeros(len(edges), dtype=bool)
+    on_edge, plated = np.zeros(len(edges), dtype=bool), np.zeros(len(nodes), dtype=bool)
     curves = [(c.at, c.angles) for c in circles] + [(path.at, cut) for path, cut in zip(paths, cuts, strict=True)]
-    for (at, ends), loop in zip(curves, loops, strict=True):
+    for k, ((at, ends), loop) in enumerate(zip(curves, loops, strict=True)):
         both = np.sort(place[np.column_stack([loop, np.roll(loop, -1)])], axis=1)
         key = both[:, 0] * len(used) + both[:, 1]
         there = (both[:, 0] >= 0) & np.isin(key, keys)
         at_edge = np.searchsorted(keys, key[there])
         nodes[len(used) + at_edge] = at((ends[1:] + ends[:-1])[there] / 2)
         on_edge[at_edge] = True
+        if k == len(circles):
+            under = _under(plates, ((ends[1:] + ends[:-1]) / 2)[there], paths[0].arc[-1])
+            plated[len(used) + at_edge[under]] = True
+            plated[both[there][under]] = True
     once = np.bincount(whole[:, 3:].ravel(), minlength=len(nodes))[len(used):] == 1
     cut = np.zeros(len(nodes), dtype=bool)
     open_side = np.flatnonzero(once & ~on_edge)
@@ -184,4 +193,9 @@ def _quadratic(circles: tuple[Circle, ...], paths: list[EdgePath], cuts: list[Ar
     cut[len(used) + open_side] = True
     if np.any(cross(nodes[whole[:, 1]] - nodes[whole[:, 0]], nodes[whole[:, 2]] - nodes[whole[:, 0]]) <= 0):
         raise NotConverged("a triangle of the skin is turned over; leave larger gaps between punches and edges.")
-    return Plan(circles, nodes, whole, len(used), cut)
+    return Plan(circles, nodes, whole, len(used), cut, plated)
+
+
+def _under(plates: Array, arc: Array, length: float) -> NDArray[np.bool_]:
+    """Which places (n,) of an edge of so much length lie under a plate."""
+    return np.any(np.mod(arc[:, None] - plates[:, 0], length) < plates[:, 1] - plates[:, 0], axis=1)

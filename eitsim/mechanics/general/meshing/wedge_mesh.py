@@ -51,8 +51,8 @@ class WedgeMesh:
 
 
 def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bonded: bool = False) -> WedgeMesh:
-    """The mesh of a plan whose layers lie between heights (n,), with a section a circle; bottom fixed, sides free or,
-    bonded, fixed as well."""
+    """The mesh of a plan whose layers lie between heights (n,), with a section a circle; bottom fixed, sides free, but
+    not under plates, or, bonded, fixed as well."""
     parts, around, fans, about = [], [], [], []
     for circle, own in zip(plan.circles, sections, strict=True):
         turns = halved(circle.angles)[:-1]
@@ -147,9 +147,9 @@ def _merged(parts: list[tuple[Array, Indices]]) -> tuple[Array, Indices, list[in
 
 
 def _fixed(nodes: Array, plan: Plan, bonded: bool) -> NDArray[np.bool_]:
-    """The bottom, and the sides where the mesh is cut, or, bonded, all."""
+    """The bottom, and the sides where the mesh is cut or under plates, or, bonded, all."""
     fixed = nodes[:, 2] < -1 + _SAME
-    sides = plan.nodes[plan.cut]
+    sides = plan.nodes[plan.cut | plan.plated]
     if bonded:
         middle = plan.cells[:, 3:].ravel()
         once = np.bincount(middle, minlength=len(plan.nodes)) == 1
