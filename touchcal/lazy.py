@@ -1,9 +1,11 @@
 """Imports that wait for their first use: public names of a package, and packages that only an extra of the installation
 brings."""
 
+import ast
 import importlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -18,25 +20,26 @@ PACKAGES = {
     "xlrd": ("xlrd", "excel")}
 
 
-def attach(package_name: str, exports: Mapping[str, str]) -> tuple[
-        Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """`__getattr__`, `__dir__` and `__all__` (PEP 562) of a package, from its public names and the modules that define
-    them.
+def attach(package_name: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` (PEP 562) of a package, from the imports that stand under
+    `if TYPE_CHECKING:` in its `file`: each public name is written once.
 
-    The same names stand under `if TYPE_CHECKING:` in the package, for checkers of types and for hashes of code.
-
-    >>> find, names, public = attach("touchcal", {"Stopped": "touchcal.signals"})
-    >>> public
-    ['Stopped']
-    >>> find("Stopped").__module__
-    'touchcal.signals'
+    >>> import eitsim
+    >>> find, names, public = attach("eitsim", eitsim.__file__)
+    >>> find("Disc").__module__
+    'eitsim.scene.edges.disc'
     """
+    exports = {alias.asname or alias.name: (imported.module or "", alias.name)
+               for block in ast.parse(Path(file).read_text(encoding="utf-8")).body if isinstance(block, ast.If)
+               for imported in block.body if isinstance(imported, ast.ImportFrom) for alias in imported.names}
+
     def find(name: str) -> Any:
         if name not in exports:
             raise AttributeError(f"module {package_name!r} has no attribute {name!r}; it exports "
                                  f"{', '.join(sorted(exports))}")
         try:
-            found = getattr(importlib.import_module(exports[name]), name)
+            module, origin = exports[name]
+            found = getattr(importlib.import_module(module), origin)
         except ModuleNotFoundError as error:
             raise missing(error) from None
         setattr(sys.modules[package_name], name, found)
