@@ -19,8 +19,8 @@ from materials import SKIN_LAW, TABLE_1
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.general.mesh_errors import corrected
-from eitsim.mechanics.general.meshing.levels import COARSE, NO_PLATES, ROUGH, Level
-from eitsim.mechanics.general.meshing.plates import plates_of
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, bodies_of
+from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
 from eitsim.scene.results import Touch
@@ -57,8 +57,10 @@ def touches(scene: Scene, level: Level) -> list[Touch]:
     """The touch with sides that are free, and with plates."""
     body, law = scene.body, TABLE_1
     lone, out = lone_touches(law, body, scene.punches), []
-    for plates in (NO_PLATES, plates_of(body, scene.electrodes)):
-        found = corrected(equilibrium(problem(law, body, scene.punches, lone, level, plates=plates), lone,
+    (punch,) = scene.punches
+    places, least = np.array([[punch.x_m, punch.y_m]]), np.array([punch.diameter_m / 2])
+    for bodies in (NO_BODIES, bodies_of(body, scene.electrodes, places, least)):
+        found = corrected(equilibrium(problem(law, body, scene.punches, lone, level, bodies=bodies), lone,
                                       body.thickness_m), lone, level)
         out.append(touch_about(0, found, found, law, body))
     return out

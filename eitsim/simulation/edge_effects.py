@@ -6,9 +6,8 @@ import math
 import numpy as np
 
 from eitsim.scene.edges.electrode_outlines import outlines_m
-from eitsim.scene.polygons import inside, squared_distance
+from eitsim.scene.polygons import distance_to
 from eitsim.scene.scene import Punch, Scene
-from touchcal.arrays import Array
 
 # Effect of the rim: gap from the punch's edge to the rim over the foam's thickness against the largest relative change
 # by the rim of depth, of the strain that drives the skin (2-norm) and of dV (2-norm), for 8 mm and 0.3 N, 14 mm and 1
@@ -75,15 +74,7 @@ def effect_of_electrodes(scene: Scene, punch: Punch) -> float:
 def electrode_gap_m(scene: Scene, punch: Punch) -> float:
     """Distance, m, of a punch's edge to the nearest electrode; negative where it overlaps one."""
     at = np.array([punch.x_m, punch.y_m])
-    return min(_away_m(at, path) for path in outlines_m(scene.body.edge, scene.electrodes)) - punch.diameter_m / 2
-
-
-def _away_m(point_m: Array, path_m: Array) -> float:
-    """Distance, m, of a point (2,) to a path (n, 2), or to what it surrounds where it is closed."""
-    start, end = path_m[:-1], path_m[1:]
-    if np.array_equal(path_m[0], path_m[-1]) and inside(point_m, start, end):
-        return 0.0
-    return math.sqrt(float(squared_distance(point_m, start, end).min()))
+    return min(distance_to(path, at) for path in outlines_m(scene.body.edge, scene.electrodes)) - punch.diameter_m / 2
 
 
 def least_gap_m(scene: Scene) -> float:

@@ -12,7 +12,8 @@ import numpy as np
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.mesh_errors import Corrected, CorrectedField, corrected, problem_alone
-from eitsim.mechanics.general.meshing.levels import COARSE, NO_PLATES, ROUGH, Level
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
+from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
 from eitsim.scene.results import Touch
@@ -63,15 +64,15 @@ class Cost:
 
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
-                  bonded: bool = False, plates: Array = NO_PLATES) -> GeneralSolution:
-    """Equilibrium of a layer, its bottom fixed and its sides free, but not under plates (as of `layer_mesh`), or
-    bonded, under rigid punches. Friction holds the end of the way of each touch alone (`layer.grips`); the errors of
+                  bonded: bool = False, bodies: Bodies = NO_BODIES) -> GeneralSolution:
+    """Equilibrium of a layer, its bottom fixed and its sides free or bonded, with what is bonded to it, under rigid
+    punches. Friction holds the end of the way of each touch alone (`layer.grips`); the errors of
     that way add to those of the meshes.
 
     ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
     started, lone = cpu_s(), lone_touches(law, body, punches)
-    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, plates), lone,
+    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, bodies), lone,
                                          body.thickness_m), lone, each) for each in (coarser, level))
     depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches)
     ways = [None if punch.friction == "none" else solve_touch(law, body, punch) for punch in punches]

@@ -12,7 +12,8 @@ from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Pre
 from eitsim.mechanics.general.layer.grips import grip_of
 from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.layer.lone_touches import LoneTouch, added_up, lone_touch
-from eitsim.mechanics.general.meshing.levels import NO_PLATES, Level, layer_mesh
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
+from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.law import Law, over
@@ -40,11 +41,11 @@ def lone_touches(law: Law, body: Body, punches: Sequence[Punch]) -> tuple[LoneTo
 
 
 def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneTouch], level: Level,
-            bonded: bool = False, plates: Array = NO_PLATES) -> LayerProblem:
-    """The layer under its punches on a mesh of a level; plates: as of `layer_mesh`."""
+            bonded: bool = False, bodies: Bodies = NO_BODIES) -> LayerProblem:
+    """The layer under its punches on a mesh of a level; bodies: as of `layer_mesh`."""
     centres = np.array([[punch.x_m, punch.y_m] for punch in punches]) / body.thickness_m
     mesh = layer_mesh(body, centres, tuple(one.zone for one in lone), tuple(one.feature for one in lone), level,
-                      bonded=bonded, plates=plates)
+                      bonded=bonded, bodies=bodies)
     unit = force_unit(law, body)
     presses = tuple(Press(one.model.punch, centre, None if punch.force_N is None else punch.force_N / unit,
                           one.state.force, grip_of(one.model))

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.spatial import KDTree
 
 from eitsim.mechanics.axisymmetric import friction_increments, indentation, surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
@@ -24,6 +25,7 @@ _ENDLESS, _ELEMENT = 6.0, 1.0
 # Fine elements reach this far outside the reference radius at which the contact ends, and inside where the foam stands
 # under the punch's round edge, in features of the punch (`solid.grid.feature_m`).
 _OUTSIDE, _UNDER = 0.5, 2.0
+_FADING = 0.5  # Distance from sides that are held, thicknesses, over which a start fades.
 
 
 @dataclass(frozen=True)
@@ -113,12 +115,15 @@ def _rubbed(levels: list[IndentationProblem], coefficient: float, force: float |
 
 
 def added_up(lone: tuple[LoneTouch, ...], layer: LayerProblem, share: float = 1.0) -> Array:
-    """A start: the displacements of all touches added up, and their depths with what the others' surfaces sink at
-    their places, times a share."""
+    """A start: the displacements of all touches added up, fading towards sides that are held, and their depths with what
+    the others' surfaces sink at their places, times a share."""
     moved, free = np.zeros((len(layer.mesh.nodes), 3)), layer.mesh.unknown >= 0
     axes = [press.axis for press in layer.presses]
     for one, axis in zip(lone, axes, strict=True):
         moved += displacement(one, axis, layer.mesh.nodes)
+    held = layer.mesh.nodes[(layer.mesh.unknown[:, 0] < 0) & (layer.mesh.nodes[:, 2] > -1 + 1e-9)]
+    if len(held):
+        moved *= np.minimum(KDTree(held).query(layer.mesh.nodes)[0] / _FADING, 1.0)[:, None]
     depths = []
     for one, axis, press in zip(lone, axes, layer.presses, strict=True):
         sunk = sum(-float(displacement(other, there, np.append(axis, 0.0)[None])[0, 2])
