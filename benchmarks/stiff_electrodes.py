@@ -28,7 +28,7 @@ from eitsim.scene.scene import STRAINS, Drive, Scene, Skin, scene_from
 from eitsim.simulation.edge_effects import electrode_gap_m, rim_effect
 from touchcal.errors import NotConverged
 
-TOUCHES, SEED, SIGNAL = quick(80, 2), 48, 0.01
+TOUCHES, SEED, SIGNAL = quick(36, 2), 48, 0.01
 
 
 def drawn(k: int) -> Scene:
@@ -96,7 +96,7 @@ def row(k: int, level: Level = ROUGH) -> dict[str, object]:
 
 def main() -> None:
     table = []
-    for k, level in [*((k, ROUGH) for k in range(TOUCHES)), *((k, COARSE) for k in range(TOUCHES // 16))]:
+    for k, level in [*((k, ROUGH) for k in range(TOUCHES)), *((k, COARSE) for k in range(TOUCHES // 18))]:
         try:
             table.append(row(k, level))
         except NotConverged as error:

@@ -115,8 +115,8 @@ def _rubbed(levels: list[IndentationProblem], coefficient: float, force: float |
 
 
 def added_up(lone: tuple[LoneTouch, ...], layer: LayerProblem, share: float = 1.0) -> Array:
-    """A start: the displacements of all touches added up, fading towards sides that are held, and their depths with what
-    the others' surfaces sink at their places, times a share."""
+    """A start: the displacements of all touches added up, fading towards sides that are held, and their depths with
+    what the others' surfaces sink at their places, times a share."""
     moved, free = np.zeros((len(layer.mesh.nodes), 3)), layer.mesh.unknown >= 0
     axes = [press.axis for press in layer.presses]
     for one, axis in zip(lone, axes, strict=True):
