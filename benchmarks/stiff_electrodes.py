@@ -19,8 +19,8 @@ from materials import SKIN_LAW, TABLE_1
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.general.mesh_errors import corrected
-from eitsim.mechanics.general.meshing.levels import COARSE, NO_PLATES, ROUGH, Level
-from eitsim.mechanics.general.meshing.plates import plates_of
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, bodies_of
+from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
 from eitsim.scene.results import Touch
@@ -28,7 +28,7 @@ from eitsim.scene.scene import STRAINS, Drive, Scene, Skin, scene_from
 from eitsim.simulation.edge_effects import electrode_gap_m, rim_effect
 from touchcal.errors import NotConverged
 
-TOUCHES, SEED, SIGNAL = quick(80, 2), 48, 0.01
+TOUCHES, SEED, SIGNAL = quick(36, 2), 48, 0.01
 
 
 def drawn(k: int) -> Scene:
@@ -57,8 +57,10 @@ def touches(scene: Scene, level: Level) -> list[Touch]:
     """The touch with sides that are free, and with plates."""
     body, law = scene.body, TABLE_1
     lone, out = lone_touches(law, body, scene.punches), []
-    for plates in (NO_PLATES, plates_of(body, scene.electrodes)):
-        found = corrected(equilibrium(problem(law, body, scene.punches, lone, level, plates=plates), lone,
+    (punch,) = scene.punches
+    places, least = np.array([[punch.x_m, punch.y_m]]), np.array([punch.diameter_m / 2])
+    for bodies in (NO_BODIES, bodies_of(body, scene.electrodes, places, least)):
+        found = corrected(equilibrium(problem(law, body, scene.punches, lone, level, bodies=bodies), lone,
                                       body.thickness_m), lone, level)
         out.append(touch_about(0, found, found, law, body))
     return out
@@ -94,7 +96,7 @@ def row(k: int, level: Level = ROUGH) -> dict[str, object]:
 
 def main() -> None:
     table = []
-    for k, level in [*((k, ROUGH) for k in range(TOUCHES)), *((k, COARSE) for k in range(TOUCHES // 16))]:
+    for k, level in [*((k, ROUGH) for k in range(TOUCHES)), *((k, COARSE) for k in range(TOUCHES // 18))]:
         try:
             table.append(row(k, level))
         except NotConverged as error:

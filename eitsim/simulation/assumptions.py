@@ -20,9 +20,11 @@ _SDS = 3.0  # standard deviations that a bound states; surrogates take it back
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
-# By the strain that drives the skin, the largest differences, relative, of the moment of the strain and of the strain
-# (L2) between held touches and the elastic ones that stand for them, alone (benchmarks/elastic_holds.py).
-_ELASTIC_HOLD = {"normal": (0.045, 0.085), "principal": (0.036, 0.092), "areal": (0.031, 0.212)}
+# By what is held and the strain that drives the skin, the largest differences, relative, of the moment of the strain
+# and of the strain (L2) between held touches and the elastic ones that stand for them, alone
+# (benchmarks/elastic_holds.py).
+_ELASTIC_HOLD = {"force": {"normal": (0.045, 0.085), "principal": (0.036, 0.092), "areal": (0.031, 0.212)},
+                 "depth": {"normal": (0.015, 0.031), "principal": (0.0065, 0.034), "areal": (0.011, 0.053)}}
 
 
 def choices(chosen: Chosen) -> Iterator[Choice]:
@@ -129,7 +131,7 @@ def _moduli(chosen: Chosen) -> Choice:
 def _hold(chosen: Chosen) -> Iterator[Choice]:
     hold = chosen.scene.hold
     if chosen.elastic:
-        moment, strain = _ELASTIC_HOLD[chosen.scene.skin.strain]
+        moment, strain = _ELASTIC_HOLD[hold.control][chosen.scene.skin.strain]
         yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control, "moment": moment, "strain_bound": strain}, moment)
     else:
         yield Choice(Kind.HOLD_KEPT) if hold.keeps_deformation else Choice(Kind.HOLD_STEPPED, {"control": hold.control})

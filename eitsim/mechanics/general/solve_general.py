@@ -12,8 +12,9 @@ import numpy as np
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.layer.lone_touches import LoneTouch
 from eitsim.mechanics.general.mesh_errors import Corrected, CorrectedField, corrected, problem_alone
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
 from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout
-from eitsim.mechanics.general.meshing.levels import COARSE, NO_PLATES, ROUGH, Level
+from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
 from eitsim.scene.results import Touch
@@ -66,15 +67,15 @@ class Cost:
 
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
-                  bonded: bool = False, plates: Array = NO_PLATES, layout: Layout = FLAT) -> GeneralSolution:
-    """Equilibrium of a layer, its bottom fixed and its sides free, but not under plates (as of `layer_mesh`), or
-    bonded, under rigid punches; flat or laid into space, then with the body's edge and the punches' x and y by
-    coordinates of the layout. A punch that rubs holds the layer where it does so alone (`layer.grips`).
+                  bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> GeneralSolution:
+    """Equilibrium of a layer, its bottom fixed and its sides free or bonded, with what is bonded to it, under rigid
+    punches; flat or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
+    A punch that rubs holds the layer where it does so alone (`layer.grips`).
 
     ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
     started, lone = cpu_s(), lone_touches(law, body, punches, layout)
-    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, plates, layout), lone,
+    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, bodies, layout), lone,
                                          body.thickness_m), lone, each) for each in (coarser, level))
     depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches)
     by_friction = _errors_of_friction(fine, lone)

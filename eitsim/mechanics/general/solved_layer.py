@@ -13,8 +13,9 @@ from eitsim.mechanics.general.layer.grips import grip_of
 from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.layer.lone_touches import LoneTouch, added_up, lone_touch
 from eitsim.mechanics.general.layer.pose import posed
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
 from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout, curvatures
-from eitsim.mechanics.general.meshing.levels import NO_PLATES, Level, layer_mesh
+from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.law import Law, over
@@ -56,12 +57,12 @@ def _lone(law: Law, body: Body, punch: Punch, layout: Layout) -> LoneTouch:
 
 
 def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneTouch], level: Level,
-            bonded: bool = False, plates: Array = NO_PLATES, layout: Layout = FLAT) -> LayerProblem:
-    """The layer under its punches, whose x and y are coordinates of the layout, on a mesh of a level; plates: as of
+            bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> LayerProblem:
+    """The layer under its punches, whose x and y are coordinates of the layout, on a mesh of a level; bodies: as of
     `layer_mesh`."""
     centres = np.array([[punch.x_m, punch.y_m] for punch in punches]) / body.thickness_m
     mesh = layer_mesh(body, centres, tuple(one.zone for one in lone), tuple(one.feature for one in lone), level,
-                      bonded=bonded, plates=plates, layout=layout)
+                      bonded=bonded, bodies=bodies, layout=layout)
     unit = force_unit(law, body)
     presses = tuple(posed(Press(one.model.punch, centre, None if punch.force_N is None else punch.force_N / unit,
                                 one.state.force, grip_of(one.model)), punch, layout)

@@ -4,8 +4,10 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import ClassVar
 
+import numpy as np
+
+from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
-from eitsim.mechanics.general.meshing.plates import plates_of
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.rim.interaction import edge_gap_m
 from eitsim.scene.choices import Why
@@ -38,8 +40,10 @@ class General(Route):
 
     def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
         level, coarser = (FINE, COARSE) if case.exact else (COARSE, ROUGH)
-        body, plates = case.scene.body, plates_of(case.scene.body, case.scene.electrodes)
-        return solve_general(law, body, case.punches, level=level, coarser=coarser, plates=plates).touches
+        body, places = case.scene.body, np.array([(punch.x_m, punch.y_m) for punch in case.punches])
+        least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
+        bodies = bodies_of(body, case.scene.electrodes, places, least)
+        return solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies).touches
 
     def words(self, of: Values) -> Words:
         how = "a coarser mesh tells the error, which counts in the result's own"

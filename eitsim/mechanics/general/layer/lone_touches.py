@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.spatial import KDTree
 
 from eitsim.mechanics.axisymmetric import friction_increments, indentation, surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
@@ -34,6 +35,7 @@ _ROUND = 0.8 * np.pi  # Angle, rad, to which it reaches on a cap at most.
 # Fine elements reach this far outside the reference radius at which the contact ends, and inside where the foam stands
 # under the punch's round edge, in features of the punch (`solid.grid.feature_m`).
 _OUTSIDE, _UNDER = 0.5, 2.0
+_FADING = 0.5  # Distance from sides that are held, thicknesses, over which a start fades.
 
 
 @dataclass(frozen=True)
@@ -138,13 +140,16 @@ def lone_touch(law: Law, body: Body, punch: Punch, curvature: float = 0.0) -> Lo
 
 
 def added_up(lone: tuple[LoneTouch, ...], layer: LayerProblem, share: float = 1.0) -> Array:
-    """A start: the displacements of all touches added up, and their depths from where they begin to touch with what the
-    others' surfaces sink at their places, times a share."""
+    """A start: the displacements of all touches added up, fading towards sides that are held, and their depths from
+    where they begin to touch with what the others' surfaces sink at their places, times a share."""
     moved, free = np.zeros((len(layer.mesh.nodes), 3)), layer.mesh.unknown >= 0
-    axes = [press.axis for press in layer.presses]
+    axes, places = [press.axis for press in layer.presses], layer.mesh.coordinates
     for one, axis in zip(lone, axes, strict=True):
-        moved += displacement(one, axis, layer.mesh.coordinates)
-    moved = (layer.mesh.layout.turn(layer.mesh.coordinates[:, :2]) @ moved[..., None])[..., 0]
+        moved += displacement(one, axis, places)
+    held = places[(layer.mesh.unknown[:, 0] < 0) & (places[:, 2] > -1 + 1e-9)]
+    if len(held):
+        moved *= np.minimum(KDTree(held).query(places)[0] / _FADING, 1.0)[:, None]
+    moved = (layer.mesh.layout.turn(places[:, :2]) @ moved[..., None])[..., 0]
     depths = []
     for one, axis, press in zip(lone, axes, layer.presses, strict=True):
         sunk = sum(-float(displacement(other, there, np.append(axis, 0.0)[None])[0, 2])

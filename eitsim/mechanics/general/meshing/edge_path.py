@@ -20,14 +20,15 @@ _NONE = np.empty(0)
 
 @dataclass(frozen=True, eq=False)
 class EdgePath:
-    """A closed polygon by its length."""
+    """A polygon by its length, closed or from one end to another."""
 
-    corners: Array  # (n + 1, 2) corners, the first one again at the end
+    corners: Array  # (n + 1, 2) corners, of a closed one the first again at the end
     arc: Array  # (n + 1,) length up to each
+    closed: bool = True
 
     def at(self, arc: Array) -> Array:
         """Points (..., 2) at arc lengths (...)."""
-        along = np.mod(arc, self.arc[-1])
+        along = np.mod(arc, self.arc[-1]) if self.closed else arc
         return np.stack([np.interp(along, self.arc, x) for x in self.corners.T], axis=-1)
 
 
@@ -37,13 +38,18 @@ def edge_path(loop: Array) -> EdgePath:
     return EdgePath(corners, np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))))
 
 
+def open_path(corners: Array) -> EdgePath:
+    """The path along corners (n, 2), from the first to the last."""
+    return EdgePath(corners, np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))), closed=False)
+
+
 def pieces(path: EdgePath, size: Size, ends: Array = _NONE) -> Array:
     """Arc lengths (m + 1,) of the ends of the pieces, the first one again at the end plus the whole length: corners
     and given ends (n,), and between them pieces no longer than the size at their places, that turn by _TURN at most."""
     side = np.diff(path.corners, axis=0)
     before = np.roll(side, 1, axis=0)
     turn = np.abs(np.arctan2(cross(before, side), np.sum(before * side, axis=1)))
-    sharp = np.flatnonzero(turn > _CORNER)
+    sharp = np.flatnonzero(turn > _CORNER) if path.closed else np.union1d(0, np.flatnonzero(turn > _CORNER))
     start = np.unique(np.append(path.arc[sharp], np.mod(ends, path.arc[-1])))
     start = start[np.append(True, np.diff(start) > _SAME)] if len(start) else path.arc[:1]
     stops = np.append(start, start[0] + path.arc[-1])
