@@ -81,6 +81,10 @@ class Punch:
     fillet_m: float = 0.0005
     # angle between a cone's axis and its face, rad; without effect on the other profiles
     half_angle_rad: float = math.radians(60)
+    # angle, rad, between its axis, along which it is pressed, and the skin's normal; and the direction from the x axis
+    # to which the axis leans, on whose side the edge stands lowest
+    tilt_rad: float = 0.0
+    tilt_direction_rad: float = 0.0
     friction: str = "none"  # one of FRICTIONS
     friction_coefficient: float = 0.0  # shear over pressure that it slips at; 0 unless by Coulomb's law
     conductor: bool = False  # whether the punch conducts and floats

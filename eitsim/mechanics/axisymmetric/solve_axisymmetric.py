@@ -105,9 +105,10 @@ def force_unit(law: Law, body: Body) -> float:
 
 
 def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
-                   penalty: float | None, order: int = 2, even: float = 0.0) -> list[IndentationProblem]:
+                   penalty: float | None, order: int = 2, even: float = 0.0, curvature_per_m: float = 0.0
+                   ) -> list[IndentationProblem]:
     """Frictionless problems from coarse to fine, halving; the coarsest has _COARSEST default element sizes or more;
-    even as of grid.foam_grid."""
+    even and curvature_per_m as of `indentation.indentation_problem`."""
     if punch.friction != "none":
         raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
     profile = profile_of(punch)
@@ -120,7 +121,8 @@ def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
                          f"half the thickness, got {element_m}; the default is {default:.3g} m.")
     while len(sizes) < 2 or sizes[0] < _COARSEST * default:
         sizes.insert(0, 2 * sizes[0])
-    return [indentation.indentation_problem(law, body, punch, size, penalty, order, even) for size in sizes]
+    return [indentation.indentation_problem(law, body, punch, size, penalty, order, even, curvature_per_m)
+            for size in sizes]
 
 
 def _rubbing(law: Law, body: Body, punch: Punch, element_m: float | None, penalty: float | None,

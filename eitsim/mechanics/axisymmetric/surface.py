@@ -54,8 +54,8 @@ def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:
     columns = where[facets.nodes[..., None] + np.arange(-order, 1)]
     up = facets.shape @ np.einsum("k,faki->fai", by_height, columns)
     meridian = np.hypot(along[..., 0], along[..., 1])
-    on_axis = facets.radius == 0
-    hoop = np.where(on_axis, meridian, position[..., 0] / np.where(on_axis, 1.0, facets.radius))
+    around, on_axis = model.grid.nodes[facets.nodes, 0] @ facets.shape.T, facets.radius == 0
+    hoop = np.where(on_axis, meridian, position[..., 0] / np.where(on_axis, 1.0, around))
     normal = (along[..., 0] * up[..., 1] - along[..., 1] * up[..., 0]) / meridian
     return Stretch(position, meridian, hoop, normal, along[..., 0] * hoop, along, up)
 
@@ -87,7 +87,7 @@ def contact_of(model: IndentationProblem, x: Array) -> Contact:
     touched = at.penetration > 0
     projected = fine.weight * field.widening * (touched & ~at.wall)
     wall = fine.weight * field.meridian * field.hoop * (touched & at.wall)
-    middle = model.grid.nodes[facets.nodes[:, [0, -1]], 0].mean(axis=1)
+    middle = model.grid.flat_nodes[facets.nodes[:, [0, -1]], 0].mean(axis=1)
     return Contact(pressure, middle, _end(model, fine, field.position, float(x[-1])), float(projected.sum()),
                    float(wall.sum()), float(np.pi * abs(outer**2 - inner**2)))
 

@@ -68,7 +68,7 @@ class Corrected:
 def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corrected:
     """The layer, and each punch alone on its section. NotConverged where one of them is not found."""
     model = solved.model
-    alone = [equilibrium(problem_alone(model, k, level), (one,), solved.field.thickness_m)
+    alone = [equilibrium(problem_alone(model, k, level, one.curvature), (one,), solved.field.thickness_m)
              for k, one in enumerate(lone)]
     depths, forces = solved.depths.copy(), many.reactions(model, solved.x)
     contacts, curves = [], []
@@ -93,10 +93,11 @@ def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corr
     return Corrected(solved, depths, forces, tuple(contacts), field, unknowns)
 
 
-def problem_alone(model: LayerProblem, k: int, level: Level) -> LayerProblem:
-    """Punch k alone on its section, on an endless layer."""
-    press = model.presses[k]
-    return replace(model, mesh=mesh_alone(model.mesh, k, press.rigid.profile.radius, level), presses=(press,))
+def problem_alone(model: LayerProblem, k: int, level: Level, curvature: float) -> LayerProblem:
+    """Punch k alone on its section, upright on an endless layer, flat or of a curvature."""
+    press = replace(model.presses[k], pose=None)
+    mesh = mesh_alone(model.mesh, k, press.rigid.profile.radius, level, curvature)
+    return replace(model, mesh=mesh, presses=(press,))
 
 
 def _moved_out(curve: Array, alone: Array, axis: Array, end: float) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.mesh_errors import Corrected, CorrectedField, corrected, problem_alone
+from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
@@ -62,14 +63,15 @@ class Cost:
 
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
-                  bonded: bool = False) -> GeneralSolution:
-    """Equilibrium of a layer, its bottom fixed and its sides free or bonded, under rigid punches without friction.
+                  bonded: bool = False, layout: Layout = FLAT) -> GeneralSolution:
+    """Equilibrium of a layer, its bottom fixed and its sides free or bonded, under rigid punches without friction; flat
+    or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
 
     ValueError where a punch rubs, overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
-    started, lone = cpu_s(), lone_touches(law, body, punches)
-    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded), lone, body.thickness_m),
-                             lone, each) for each in (coarser, level))
+    started, lone = cpu_s(), lone_touches(law, body, punches, layout)
+    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, layout), lone,
+                                         body.thickness_m), lone, each) for each in (coarser, level))
     depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches)
     spent = cpu_s() - started
     touches = [touch_about(k, fine, rough, law, body) for k in range(len(punches))]
@@ -79,13 +81,13 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     return GeneralSolution(tuple(touches), fine, rough, spent)
 
 
-def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH
-                   ) -> Cost:
+def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
+                   layout: Layout = FLAT) -> Cost:
     """What `solve_general` takes, from the lone touches and the order of elimination, without solving."""
-    lone = lone_touches(law, body, punches)
-    whole = [problem(law, body, punches, lone, each) for each in (coarser, level)]
-    alone = [problem_alone(model, k, each) for model, each in zip(whole, (coarser, level), strict=True)
-             for k in range(len(punches))]
+    lone = lone_touches(law, body, punches, layout)
+    whole = [problem(law, body, punches, lone, each, layout=layout) for each in (coarser, level)]
+    alone = [problem_alone(model, k, each, one.curvature) for model, each in zip(whole, (coarser, level), strict=True)
+             for k, one in enumerate(lone)]
     fine = whole[-1]
     memory = _BYTES_BASE + _BYTES_ENTRY * fine.tree.entries + _BYTES_ELEMENT * len(fine.mesh.elements)
     each = [model.tree.operations / _PER_SECOND + _ELEMENT_S * len(model.mesh.elements) for model in whole + alone]

@@ -29,15 +29,49 @@ TOLERANCE = 1e-6
 _AROUND = np.arange(8) * np.pi / 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a punch stands in space."""
+
+    origin: Array  # (3,) its lowest point at depth 0
+    axes: Array  # (3, 3) its axes in rows, the last one away from the layer
+    first: float = 0.0  # depth at which it begins to touch
+
+
+@dataclass(frozen=True, eq=False)
 class Press:
-    """One punch, upright, and what is given of it."""
+    """One punch and what is given of it."""
 
     rigid: RigidPunch
-    axis: Array  # (2,)
+    axis: Array  # (2,) coordinates of the place under it
     force: float | None  # None where the depth is kept
     # the force, or about the one that the depth takes, by which residuals are measured
     scale: float
+    pose: Pose | None = None  # None: upright on a flat layer
+
+    def seen(self, points: Array, depth: float) -> Array:
+        """Points (..., 3) of the layer from the punch's lowest point at a depth, along its axes."""
+        if self.pose is None:
+            return points - np.append(self.axis, -depth)
+        return (points - self.pose.origin) @ self.pose.axes.T + np.array([0.0, 0.0, depth])
+
+    def forces(self, faces: Facets, at: ContactState) -> tuple[Array, float]:
+        """As `punch_contact.forces`, in space."""
+        on, back = contact.forces(self.rigid, faces, at)
+        return (on if self.pose is None else on @ self.pose.axes), back
+
+    def complementary_forces(self, faces: Facets, at: ContactState) -> tuple[Array, float]:
+        """As `punch_contact.complementary_forces`, in space."""
+        on, back = contact.complementary_forces(self.rigid, faces, at)
+        return (on if self.pose is None else on @ self.pose.axes), back
+
+    def stiffness(self, faces: Facets, at: ContactState, negative_curvature_scale: float) -> tuple[Array, Array, float]:
+        """As `punch_contact.stiffness`, in space."""
+        blocks, edge, corner = contact.stiffness(self.rigid, faces, at, negative_curvature_scale)
+        if self.pose is None:
+            return blocks, edge, corner
+        turn = self.pose.axes
+        return np.einsum("faibj,ik,jl->fakbl", blocks, turn, turn, optimize=True), edge @ turn, corner
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +87,7 @@ class LayerProblem:
         """The facets that each punch may touch, with its number: those nearer to it than to any other."""
         found = []
         for faces in (self.mesh.around, self.mesh.flat):
-            middle = self.mesh.nodes[faces.nodes].mean(axis=1)[:, :2]
+            middle = self.mesh.coordinates[faces.nodes].mean(axis=1)[:, :2]
             away = np.array([np.linalg.norm(middle - p.axis, axis=1) - p.rigid.profile.radius for p in self.presses])
             owner = np.where(away.min(axis=0) < _REACH, away.argmin(axis=0), -1)
             found += [(k, part_of(faces, np.flatnonzero(owner == k))) for k in range(len(self.presses))
@@ -63,7 +97,7 @@ class LayerProblem:
     @cached_property
     def tree(self) -> Tree:
         """The order of elimination, by cuts through the punches' axes, along and about them."""
-        middle = self.mesh.nodes[self.mesh.elements].mean(axis=1)
+        middle = self.mesh.coordinates[self.mesh.elements].mean(axis=1)
         away = np.min([np.linalg.norm(middle[:, :2] - p.axis, axis=1) for p in self.presses], axis=0)
         level = np.array([[np.cos(a), np.sin(a), 0.0, 0.0] for a in _AROUND])
         steep = np.array([[0, 0, 1.0, 0], [0, 0, 0, 1.0], [0, 0, 1, 1], [0, 0, 1, -1]])
@@ -86,7 +120,7 @@ def contacts(model: LayerProblem, moved: Array, depths: Array) -> Iterator[tuple
     where = model.mesh.nodes + moved
     for k, faces in model.bearings:
         press = model.presses[k]
-        seen = faces.shape @ where[faces.nodes] - np.append(press.axis, -depths[k])
+        seen = press.seen(faces.shape @ where[faces.nodes], depths[k])
         yield k, faces, spatial_contact(press.rigid, seen)
 
 
@@ -114,9 +148,8 @@ def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0)
     count = len(model.presses)
     reaction, corner, border = np.zeros(count), np.zeros(count), np.zeros((count, *push.shape))
     for k, faces, at in contacts(model, moved, depths):
-        rigid = model.presses[k].rigid
-        on, back = contact.forces(rigid, faces, at)
-        blocks, edge, stiff = contact.stiffness(rigid, faces, at, negative_curvature_scale)
+        on, back = model.presses[k].forces(faces, at)
+        blocks, edge, stiff = model.presses[k].stiffness(faces, at, negative_curvature_scale)
         reaction[k], corner[k] = reaction[k] + back, corner[k] + stiff
         np.add.at(push, faces.nodes, on)
         np.add.at(border[k], faces.nodes, edge)
@@ -148,7 +181,7 @@ def reactions(model: LayerProblem, x: Array) -> Array:
     """Forces (punches,) of the layer on the punches."""
     out = np.zeros(len(model.presses))
     for k, faces, at in contacts(model, *split(model, x)):
-        out[k] += contact.forces(model.presses[k].rigid, faces, at)[1]
+        out[k] += model.presses[k].forces(faces, at)[1]
     return out
 
 
@@ -159,7 +192,7 @@ def corrected_depths(model: LayerProblem, minimum: Minimum) -> Array:
     slope = np.zeros((len(model.mesh.nodes), 3))
     by_depth = np.zeros(len(depths))
     for k, faces, at in contacts(model, moved, depths):
-        push, back = contact.complementary_forces(model.presses[k].rigid, faces, at)
+        push, back = model.presses[k].complementary_forces(faces, at)
         np.add.at(slope, faces.nodes, push)
         by_depth[k] += back
     out, whole = depths.copy(), np.append(slope[model.mesh.unknown >= 0], by_depth)
