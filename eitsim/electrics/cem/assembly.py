@@ -307,13 +307,13 @@ def _in_tangent_planes(x: Array, gradient: Array) -> tuple[Array, Array, Array, 
     """Parts (cells, q) along both axes of `tangent_frames` of the derivatives of places on a sheet in space; negative
     turns where it is folded over."""
     one, other = (np.einsum("ekx,qk->eqx", x, gradient[..., i]) for i in (0, 1))
-    first, second, normal = np.moveaxis(_frames(one, other), -1, 0)
+    first, second, normal = np.moveaxis(tangent_axes(one, other), -1, 0)
     upright = np.where(np.sum(normal * normal[:, :1], axis=-1) > 0, 1.0, -1.0)
     along = np.sum(one * first, axis=-1)
     return along, np.sum(other * first, axis=-1), np.zeros_like(along), upright * np.sum(other * second, axis=-1)
 
 
-def _frames(one: Array, other: Array) -> Array:
+def tangent_axes(one: Array, other: Array) -> Array:
     """Orthonormal frames (..., 3, 3) of two tangents (..., 3); columns: along the first, across it, and normal."""
     normal = np.cross(one, other)
     first, normal = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), np.finfo(float).tiny)
@@ -325,7 +325,7 @@ def tangent_frames(mesh: SkinMesh) -> Array:
     """Orthonormal frames (cells, q, 3, 3) at the `quadrature_points` of a sheet in space: columns along the cell's
     first reference axis, across it, and normal. Tensors of its conductance are seen along the first two."""
     gradient, x = _reference(mesh.element)[1], mesh.nodes_m[mesh.cells]
-    return _frames(*(np.einsum("ekx,qk->eqx", x, gradient[..., i]) for i in (0, 1)))
+    return tangent_axes(*(np.einsum("ekx,qk->eqx", x, gradient[..., i]) for i in (0, 1)))
 
 
 def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:

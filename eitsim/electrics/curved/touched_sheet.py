@@ -3,31 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
-from eitsim.electrics.cem.assembly import Array, SkinMesh, quadrature_points, tangent_frames
+from eitsim.electrics.cem.assembly import Array, SkinMesh, quadrature_points, tangent_axes, tangent_frames
 from eitsim.electrics.curved.adapted_sheet import SheetReadings, solve_sheet
 from eitsim.electrics.curved.facets import Facets
 from eitsim.electrics.curved.rounds import refined_at
+from eitsim.scene.results import SpaceField
 from eitsim.scene.scene import Skin
-from eitsim.sheet.sheet_conductance import conductance_of, untouched_conductance
+from eitsim.sheet.sheet_conductance import NEAR_RANGE, conductance_of, driving_strain, untouched_conductance
 from matcal.laws.conductivity import Conductivity
 
 _ALONG = 2.0  # Length of the first triangles at a contact's end over that over which strains fall there.
-
-
-class SpaceField(Protocol):
-    """What touches make of a curved body, at places of its untouched outer surface."""
-
-    def deformation_gradient(self, points_m: Array) -> Array:
-        """F (n, 3, 3) at points (n, 3), m; the identity where nothing moves."""
-        ...
-
-    def displacement(self, points_m: Array) -> Array:
-        """Displacement (n, 3), m, of points (n, 3), m."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -75,3 +63,16 @@ def surface_stretches(field: SpaceField, points_m: Array, frames: Array) -> tupl
     metric = np.swapaxes(along, -1, -2) @ along
     areal = np.linalg.norm(np.cross(along[..., 0], along[..., 1]), axis=-1)
     return metric, np.linalg.det(f) / areal
+
+
+def strained_outside(mesh: SkinMesh, field: SpaceField, skin: Skin, law: Conductivity) -> float:
+    """Fraction of the sheet whose driving strain lies outside the fitted range by more than NEAR_RANGE, at the middles
+    of its triangles."""
+    corners = mesh.nodes_m[mesh.cells[:, :3]]
+    along, across = (corners[:, k] - corners[:, 0] for k in (1, 2))
+    metric, normal = surface_stretches(field, corners.mean(axis=1), tangent_axes(along, across))
+    first, second = np.sqrt(np.moveaxis(np.linalg.eigvalsh(metric), -1, 0))
+    strain = driving_strain(skin.strain, first, second, normal)
+    far = np.abs(strain - np.clip(strain, *law.strain_range)) > NEAR_RANGE
+    area = np.linalg.norm(np.cross(along, across), axis=1)
+    return float(area[far].sum() / area.sum())

@@ -86,3 +86,15 @@ def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Leve
                          f"body, of which {layout.chart.limit_m * 1e3:.3g} mm to each side can be laid out flat; take "
                          "smaller punches, or fewer together.")
     return replace(level, reach=min(level.reach, room))
+
+
+def unfit(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array) -> str:
+    """Why the layer or the neighbourhood of a punch does not fit on the surface, as `solve_on_surface` raises it; empty
+    where they do."""
+    for place, punch in zip(surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0], punches, strict=True):
+        layout = ChartLayout(surface.chart_about(place), thickness_m)
+        try:
+            _within(layout, COARSE, [replace(punch, x_m=0.0, y_m=0.0)])
+        except ValueError as error:
+            return str(error)
+    return ""

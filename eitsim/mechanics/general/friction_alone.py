@@ -63,11 +63,11 @@ def with_friction(touches: Sequence[Touch], law: Law, body: Body, punches: Seque
     smooth = touches[0].surface
     assert smooth is not None, "touches that are solved together share a field"
     field = RubbedField(smooth, rubbed)
-    return tuple(replace(touch if each is None else _rubbed(touch, each), surface=field)
+    return tuple(replace(touch if each is None else rubbed_touch(touch, each), surface=field)
                  for touch, each in zip(touches, lone, strict=True))
 
 
-def _rubbed(touch: Touch, lone: Rubbed) -> Touch:
+def rubbed_touch(touch: Touch, lone: Rubbed) -> Touch:
     """One touch with the lone one's changes: of the depth, or of the force at a given depth, in proportion."""
     rough, smooth = lone.rough, lone.smooth
 
