@@ -1,7 +1,8 @@
 """Touches of rigid punches on a curved body whose skin lies on a rigid core: each group of near ones by itself.
 
 A group is solved by coordinates of the surface about its middle, as a flat layer is, on a mesh that is laid into space.
-Alone, a punch stands on a spherical cap of the surface's mean curvature, where its touch is axisymmetric.
+Alone, a punch stands on a spherical cap of the surface's mean curvature, where its touch is axisymmetric: on a sphere
+that is all.
 """
 
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
+from eitsim.mechanics.curved.solve_on_cap import solve_on_cap
 from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout, curvatures
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
@@ -33,8 +35,12 @@ class CurvedSolution:
     # one a punch; lengths and directions are those of the surface, its normals in place of the z axis
     touches: tuple[Touch, ...]
     field: SpaceField
-    groups: tuple[GeneralSolution, ...]
-    cpu_s: float
+    groups: tuple[GeneralSolution, ...]  # those that are solved in three dimensions
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time spent, s."""
+        return sum(touch.cpu_s for touch in self.touches)
 
 
 def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array, *,
@@ -52,6 +58,11 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
     for group in _groups(punches, places, thickness_m * (2 * level.reach + _MARGIN)):
         layout = ChartLayout(surface.chart_about(places[group].mean(axis=0)), thickness_m)
         uv = layout.chart.find(places[group])
+        if layout.chart.ball_m is not None and len(group) == 1 and punches[group[0]].tilt_rad == 0:
+            _within(layout, level, [replace(punches[group[0]], x_m=0.0, y_m=0.0)])
+            found[group[0]], cap = solve_on_cap(law, thickness_m, punches[group[0]], 1 / layout.chart.ball_m)
+            parts.append(Neighbourhood(layout, cap, layout.chart.limit_m))
+            continue
         body = Body(layout.chart.edge, thickness_m)
         there = [replace(punches[k], x_m=float(u), y_m=float(v)) for k, (u, v) in zip(group, uv, strict=True)]
         fine, rough = (_within(layout, each, there) for each in (level, coarser))
@@ -59,8 +70,7 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
         parts.append(Neighbourhood(layout, solution.field, layout.chart.limit_m))
         found |= dict(zip(group, solution.touches, strict=True))
         solutions.append(solution)
-    return CurvedSolution(tuple(found[k] for k in range(len(punches))), SpaceField(tuple(parts)), tuple(solutions),
-                          sum(solution.cpu_s for solution in solutions))
+    return CurvedSolution(tuple(found[k] for k in range(len(punches))), SpaceField(tuple(parts)), tuple(solutions))
 
 
 def _groups(punches: Sequence[Punch], places: Array, reach_m: float) -> list[list[int]]:

@@ -2,12 +2,24 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from eitsim.mechanics.general.mesh_errors import CorrectedField
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout
 from touchcal.arrays import Array
+
+
+class ChartField(Protocol):
+    """Deformation by coordinates (n, 2), m, along the tangents and the normal there."""
+
+    def deformation_gradient(self, points_m: Array) -> Array:
+        """F (n, 3, 3)."""
+        ...
+
+    def displacement(self, points_m: Array) -> Array:
+        """Displacements (n, 3), m."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,7 +27,7 @@ class Neighbourhood:
     """Touches that are solved together."""
 
     layout: ChartLayout
-    field: CorrectedField  # by coordinates
+    field: ChartField
     reach_m: float  # distance from the coordinates' origin outside which nothing is deformed
 
 

@@ -27,7 +27,8 @@ def on_cap(grid: Grid, curvature: float) -> Grid:
     radius = np.einsum("eqa,ea->eq", value, corners[..., 0])
     weight = grid.weight * np.linalg.det(jacobian) * radius / flat_radius
     gradient = np.concatenate([inside, (value / radius[..., None])[..., None]], axis=-1)
-    return replace(grid, nodes=nodes, gradient=gradient, weight=weight, laid=flat)
+    return replace(grid, nodes=nodes, gradient=gradient, weight=weight, laid=flat,
+                   curvature=curvature)
 
 
 def meridian(length: Array, curvature: float) -> tuple[Array, Array]:

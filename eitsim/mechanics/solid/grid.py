@@ -46,6 +46,7 @@ class Grid:
     top: Indices  # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, outwards
     # (nodes, 2) arc length and height of nodes that stand on a curved cap, column after column; None: as the nodes
     laid: Array | None = None
+    curvature: float = 0.0  # of that cap's outer surface, positive where convex
 
     @property
     def flat_nodes(self) -> Array:

@@ -39,6 +39,11 @@ class Chart(Coordinates, Protocol):
         """Distance from the origin within which no place has two pairs of coordinates."""
         ...
 
+    @property
+    def ball_m(self) -> float | None:
+        """Radius of the surface where it is a sphere laid out about the origin; None otherwise."""
+        ...
+
     def find(self, points: Array) -> Array:
         """Coordinates (n, 2) of points (n, 3) of the surface; NaN where the coordinates do not reach."""
         ...

@@ -10,7 +10,8 @@ from touchcal.arrays import Array
 
 # Newton steps to the nearest place; over the lesser radius the last one, the step of differences, and the length to
 # which coordinates reach.
-_STEPS, _DONE, _STEP, _REACH = 25, 1e-13, 1e-4, 1.4
+_STEPS, _DONE, _STEP, _REACH = 60, 1e-13, 1e-4, 1.4
+_LEAST = 0.2  # Least stiffness of such a step: that of distance along a tangent falls to none at a centre of curvature.
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,8 @@ class Saddle:
         for _ in range(_STEPS):
             slope, off = -bend * at, -(bend * at**2).sum(axis=-1, keepdims=True) / 2 - up
             gradient = at - flat + off * slope
-            hessian = slope[..., :, None] * slope[..., None, :] + (1 - off[..., None] * bend) * np.eye(2)
+            stiff = np.maximum(1 - off * bend, _LEAST)[..., None] * np.eye(2)
+            hessian = slope[..., :, None] * slope[..., None, :] + stiff
             step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
             at = at - step
             if np.abs(step).max(initial=0.0) < _DONE * self.length_m:

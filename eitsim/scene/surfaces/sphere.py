@@ -47,6 +47,11 @@ class SphereChart:
         """As of `Chart`."""
         return _ROUND * math.pi * self.radius_m
 
+    @property
+    def ball_m(self) -> float:
+        """As of `Chart`."""
+        return self.radius_m
+
     def place(self, uv: Array) -> tuple[Array, Array]:
         """As of `Chart`."""
         _, normal = arcs(uv, np.eye(2) / self.radius_m)
