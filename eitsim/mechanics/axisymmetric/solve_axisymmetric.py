@@ -72,7 +72,7 @@ def solve_touch(law: Law, body: Body, punch: Punch, *, element_m: float | None =
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     if shear_limit == 0:
         return touch_of(law, body, levels, at_depth(levels, depth), started)
-    return rubbed(law, body, levels, rubbed_to(levels, shear_limit, depth), started)
+    return rubbed(law, body, levels, rubbed_course(levels, shear_limit, None, depth), started)
 
 
 def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
@@ -132,8 +132,11 @@ def _rubbing(law: Law, body: Body, punch: Punch, element_m: float | None, penalt
     return mesh_hierarchy(law, body, smooth, element_m, penalty, order), friction.coefficient(punch)
 
 
-def rubbed_to(levels: list[IndentationProblem], shear_limit: float, depth: float) -> FrictionHistory:
-    """The course with friction to a corrected depth, thicknesses."""
+def rubbed_course(levels: list[IndentationProblem], shear_limit: float, force: float | None,
+                  depth: float) -> FrictionHistory:
+    """The course with friction to a force or, where that is None, to a corrected depth, thicknesses."""
+    if force is not None:
+        return next(friction_increments.under_forces(levels[-2], levels[-1], shear_limit, [force]))
     guess = at_depth(levels[:1], depth)[0].force
     return friction_increments.at_depth(levels[-2], levels[-1], shear_limit, depth, guess)
 

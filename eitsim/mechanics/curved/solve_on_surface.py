@@ -17,6 +17,7 @@ from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout, curvatures
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solve_general import GeneralSolution, solve_general
+from eitsim.mechanics.general.solved_layer import upright_where_they_rub
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
 from eitsim.scene.surfaces.curved_surface import CurvedSurface
@@ -96,3 +97,16 @@ def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Leve
                          f"body, of which {layout.chart.limit_m * 1e3:.3g} mm to each side can be laid out flat; take "
                          "smaller punches, or fewer together.")
     return replace(level, reach=min(level.reach, room))
+
+
+def unfit(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array) -> str:
+    """Why the layer or the neighbourhood of a punch does not fit on the surface, as `solve_on_surface` raises it; empty
+    where they do."""
+    for place, punch in zip(surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0], punches, strict=True):
+        layout = ChartLayout(surface.chart_about(place), thickness_m)
+        try:
+            _within(layout, COARSE, [replace(punch, x_m=0.0, y_m=0.0)])
+            upright_where_they_rub([punch])
+        except ValueError as error:
+            return str(error)
+    return ""

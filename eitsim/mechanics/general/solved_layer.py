@@ -40,11 +40,16 @@ class Solved:
     field: LayerField
 
 
+def upright_where_they_rub(punches: Sequence[Punch]) -> None:
+    """ValueError where a punch that leans rubs: about it no lone touch says what is held."""
+    if any(punch.tilt_rad and punch.friction != "none" for punch in punches):
+        raise ValueError("friction in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
+
+
 def lone_touches(law: Law, body: Body, punches: Sequence[Punch], layout: Layout = FLAT) -> tuple[LoneTouch, ...]:
     """Each punch's touch far from edges and others, upright on a cap of the surface's mean curvature there; ValueError
     where one that leans rubs."""
-    if any(punch.tilt_rad and punch.friction != "none" for punch in punches):
-        raise ValueError("friction in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
+    upright_where_they_rub(punches)
     return tuple(_lone(law, body, punch, layout) for punch in punches)
 
 

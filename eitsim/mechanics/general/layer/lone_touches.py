@@ -6,14 +6,14 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial import KDTree
 
-from eitsim.mechanics.axisymmetric import friction_increments, indentation, surface
+from eitsim.mechanics.axisymmetric import indentation, surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     at_depth,
     force_unit,
     mesh_hierarchy,
     rubbed,
-    rubbed_to,
+    rubbed_course,
     under_force,
 )
 from eitsim.mechanics.contact import friction
@@ -133,8 +133,7 @@ def lone_touch(law: Law, body: Body, punch: Punch, curvature: float = 0.0) -> Lo
     if shear_limit == 0:
         state = (at_depth([model], depth) if force is None else under_force([model], force))[-1]
         return LoneTouch(model, state, feature, curvature)
-    course = (rubbed_to(levels, shear_limit, depth) if force is None else next(
-        friction_increments.under_forces(levels[-2], model, shear_limit, [force])))
+    course = rubbed_course(levels, shear_limit, force, depth)
     touch = rubbed(law, endless, levels, course, 0.0)
     return LoneTouch(replace(model, springs=course.fine.springs), course.fine.state, feature, curvature, rubbed=touch)
 
