@@ -52,6 +52,11 @@ class Body:
         return not self.edge.is_round
 
     @property
+    def size_m(self) -> float:
+        """Square root of its area over pi, m, by which lengths on the skin are measured."""
+        return self.edge.size_m
+
+    @property
     def radius_m(self) -> float:
         """Radius of a disc, m; ValueError for another edge."""
         if not isinstance(self.edge, Disc):
@@ -312,6 +317,9 @@ def read_scene(path: Path | str) -> Scene:
     if "readings" in raw:
         raise InputFileError(path, "[readings] makes it a sensor file, which `eitsim sensor` and `eitsim reconstruct` "
                                    "take; in Python eitsim.read_sensor(path).scene is its scene.")
+    if isinstance(raw.get("body"), Mapping) and "surface" in raw["body"]:
+        raise InputFileError(path, "surface in [body] makes it a scene on a curved body, which `eitsim run` and "
+                                   "`eitsim plan` take; here flat skins alone are taken.")
     try:
         return scene_from(with_files(raw, path.parent))
     except ValueError as error:
