@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import meshio
 import numpy as np
 import pytest
 
+from eitsim.scene.curved.curved_body import curved_body
 from eitsim.scene.surfaces.curved_surface import CROSS, CurvedSurface, frames, second_form
 from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
-from eitsim.scene.surfaces.triangulated import Triangulated
+from eitsim.scene.surfaces.triangle_surface import TriangleSurface
 
 RADIUS = 0.04
 SURFACES = [Sphere(RADIUS), Cylinder(RADIUS, 0.2), Saddle(RADIUS, -RADIUS), Saddle(0.1, 0.05)]
@@ -53,7 +57,7 @@ def test_curvatures_are_those_of_the_radii(surface: CurvedSurface, expected: lis
     assert form == pytest.approx(np.diag(expected), abs=1e-3)
 
 
-def _ball_of_triangles(side: int) -> Triangulated:
+def _ball_of_triangles(side: int) -> TriangleSurface:
     """A cube's faces of so many squares a side, put onto a sphere."""
     t = np.tan(np.linspace(-np.pi / 4, np.pi / 4, side + 1))
     a, b = (part.ravel() for part in np.meshgrid(t, t, indexing="ij"))
@@ -68,7 +72,7 @@ def _ball_of_triangles(side: int) -> Triangulated:
     points = np.vstack(nodes)
     place, number = np.unique((RADIUS * points / np.linalg.norm(points, axis=1, keepdims=True)).round(12), axis=0,
                               return_inverse=True)
-    return Triangulated(place, number.ravel()[np.vstack(cells)])
+    return TriangleSurface(place, number.ravel()[np.vstack(cells)])
 
 
 @pytest.mark.parametrize(("side", "off", "turned"), [(8, 2e-4, 1e-3), (16, 2e-5, 1e-4)])
@@ -94,6 +98,20 @@ def test_coordinates_on_triangles_are_found_again() -> None:
 def test_coordinates_end_before_an_open_edge() -> None:
     ball = _ball_of_triangles(16)
     up = ball.nodes_m[ball.cells].mean(axis=1)[:, 2] > 0
-    bowl = Triangulated(ball.nodes_m, ball.cells[up])
+    bowl = TriangleSurface(ball.nodes_m, ball.cells[up])
     assert np.abs(bowl.nodes_m[bowl.rim, 2]).max() < 0.1 * RADIUS
     assert bowl.chart_about(np.array([0.03, 0, 0.03])).limit_m < RADIUS * np.pi / 4
+
+
+def test_a_body_of_a_file_has_the_file_s_surface(tmp_path: Path) -> None:
+    ball = _ball_of_triangles(8)
+    inside_out = ball.cells[:, ::-1]
+    meshio.Mesh(1e2 * ball.nodes_m, [("triangle", inside_out)]).write(tmp_path / "ball.ply")
+    body = curved_body({"surface": "ball.ply", "unit_mm": 10.0, "thickness_mm": 5}, tmp_path)
+    assert body.size_m == pytest.approx(2 * RADIUS, rel=0.01)
+    middles = body.triangles.nodes_m
+    assert np.linalg.norm(middles, axis=1) == pytest.approx(np.full(len(middles), RADIUS), rel=1e-3)
+    _, normals = body.surface.nearest(middles)
+    assert np.sum(normals * middles, axis=1) == pytest.approx(np.full(len(middles), RADIUS), rel=1e-3)
+    with pytest.raises(ValueError, match="surface in"):
+        curved_body({"surface": "torus"}, tmp_path)

@@ -30,7 +30,7 @@ _STEP, _REACH = 2.0, 1.2
 
 
 @dataclass(frozen=True, eq=False)
-class Triangulated:
+class TriangleSurface:
     """Triangles in space, their outward side where the corners turn counter-clockwise."""
 
     nodes_m: Array  # (n, 3)
@@ -102,14 +102,14 @@ class Triangulated:
         return ProjectedChart(self, origin, frame, form, min(_REACH * radius, float(to_rim)), radius)
 
 
-def triangulated(mesh: TriangleMesh) -> Triangulated:
+def triangle_surface(mesh: TriangleMesh) -> TriangleSurface:
     """The surface of a file's triangles, turned so that a closed one has its outward side outside."""
     nodes, cells = mesh.nodes_m, mesh.cells[:, :3]
     used, cells = np.unique(cells, return_inverse=True)
     nodes, cells = nodes[used], cells.reshape(-1, 3)
     a, b, c = np.moveaxis(nodes[cells] - nodes.mean(axis=0), 1, 0)
     inverted = float(np.sum(a * np.cross(b, c))) < 0
-    return Triangulated(nodes, cells[:, ::-1] if inverted else cells)
+    return TriangleSurface(nodes, cells[:, ::-1] if inverted else cells)
 
 
 def _phong(corners: Array, normals: Array, share: Array) -> tuple[Array, Array]:
