@@ -234,11 +234,7 @@ _REFUSALS = {
         "depth_mm = {depth_mm:g} in [punch] is so little that rounding hides the touch; give at least {least_mm:g}."),
     Why.TOO_DEEP: (
         "depth_mm = {depth_mm:g} in [punch] is above {share:.0%} of the foam's thickness, which squeezes it flat; give "
-        "at most {deepest_mm:g}."),
-    Why.ON_ELECTRODES: (
-        "the punch's edge reaches {onto_mm:.1f} mm into the ring of {length_mm:g} mm that the patch electrodes lie on, "
-        "where touches are not built; move the punch inwards by more than that, or make length_mm in [electrodes] "
-        "smaller.")}
+        "at most {deepest_mm:g}.")}
 
 
 def refusal(why: Choice) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
+from eitsim.mechanics.general.meshing.levels import LEAST_GAP as PAD_GAP
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.choices import Why
 from eitsim.scene.nearest_edge import NearestEdge
@@ -18,6 +19,7 @@ from eitsim.simulation.edge_effects import (
     added_edges_cost,
     effect_of_edges,
     effect_of_electrodes,
+    electrode_gap_m,
     other_edges_effect,
 )
 from matcal.laws.law import Law
@@ -78,6 +80,13 @@ class Case:
     def by_electrodes(self) -> float:
         """What electrodes that do not give way may change of the signal, at most."""
         return max(effect_of_electrodes(self.scene, punch) for punch in self.punches)
+
+    @property
+    def on_pad(self) -> bool:
+        """Whether a punch stands on a patch that does not give way, or next to it: no route takes that as a body."""
+        least_m, electrodes = PAD_GAP * self.scene.body.thickness_m, self.scene.electrodes
+        return not (electrodes.soft or electrodes.along_edge) and any(
+            electrode_gap_m(self.scene, punch) <= least_m for punch in self.punches)
 
     @cached_property
     def by_contact_end(self) -> float:

@@ -57,7 +57,7 @@ def bodies_of(body: Body, electrodes: Electrodes, places_m: Array, least_m: Arra
         if free:
             first, last = edge.at(ends / unit)
             inner = outline[len(outline) // 2:-1][::-1] / unit
-            along = edge.at(np.linspace(*ends, len(inner)) / unit)
+            along = edge.at(np.linspace(ends[0], ends[1], len(inner)) / unit)
             pads.append(Pad(np.vstack([along, inner[::-1], along[:1]]), open_path(np.vstack([first, inner, last])),
                             np.mod(ends, whole) / unit))
     return Bodies(np.empty((0, 2)), tuple(pads))
