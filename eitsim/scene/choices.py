@@ -27,5 +27,5 @@ Why = StrEnum("Why", (
     "OFF_SKIN", "NOT_MEANT",
     # of neighbours
     "OVERLAP", "MORE_THAN_TWO", "PAIR_FRICTION", "PAIR_GAP",
-    # of what is solved in three dimensions
-    "TOUCHING"))
+    # of what is solved in three dimensions, and on curved bodies
+    "TOUCHING", "UNFIT"))

@@ -9,10 +9,12 @@ from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Kind
 from eitsim.scene.drive import protocol
 from eitsim.scene.results import Touch, of_strain
-from eitsim.scene.scene import Scene
+from eitsim.scene.scene import Hold, Scene
 from eitsim.simulation.choose import Chosen, Way
 from eitsim.simulation.routes.route import Route
 from eitsim.simulation.validity import positive_from
+from matcal.laws.law import Law
+from matcal.laws.prony import Prony
 from touchcal.choice import Choice
 
 STEEL_E_PA = 210e9
@@ -53,7 +55,8 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
             yield Choice(Kind.FROM_REST)
         yield from _conductor(way, solving.route, i in paired)
     yield from _neighbours(chosen)
-    yield from _hold(chosen) if scene.hold.time_s else (_moduli(chosen),)
+    yield from hold_choices(scene.hold, scene.skin.strain, law, elastic=chosen.elastic) if scene.hold.time_s else (
+        moduli_choice(scene.hold, law, card.prony),)
     yield Choice(Kind.OUTSIDE_FITS, cost=None)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
         yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
@@ -121,23 +124,24 @@ def _neighbours(chosen: Chosen) -> Iterator[Choice]:
                                   "thickness_m": thickness_m}, expected(scene.body, punches, groups))
 
 
-def _moduli(chosen: Chosen) -> Choice:
-    law, series = chosen.material.law, chosen.material.card.prony
+def moduli_choice(hold: Hold, law: Law, series: Prony | None) -> Choice:
+    """Without a hold."""
     relaxes = law.moduli == "instantaneous" and series is not None
     return Choice(Kind.NO_VISCOELASTICITY, {
-        "moduli": law.moduli, "by_card": chosen.scene.hold.moduli == "card",
+        "moduli": law.moduli, "by_card": hold.moduli == "card",
         "left": series.g_infinity if relaxes and series is not None else None})
 
 
-def _hold(chosen: Chosen) -> Iterator[Choice]:
-    hold = chosen.scene.hold
-    if chosen.elastic:
-        moment, strain = _ELASTIC_HOLD[hold.control][chosen.scene.skin.strain]
-        yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control, "moment": moment, "strain_bound": strain}, moment)
+def hold_choices(hold: Hold, strain: str, law: Law, *, elastic: bool) -> Iterator[Choice]:
+    """Of a hold, by elastic touches or not."""
+    if elastic:
+        moment, strain_bound = _ELASTIC_HOLD[hold.control][strain]
+        yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control, "moment": moment, "strain_bound": strain_bound},
+                     moment)
     else:
         yield Choice(Kind.HOLD_KEPT) if hold.keeps_deformation else Choice(Kind.HOLD_STEPPED, {"control": hold.control})
     yield Choice(Kind.LOADED_OVER, {"loading_s": hold.loading_s}) if hold.loading_s else Choice(Kind.LOADED_AT_ONCE)
-    if chosen.material.law.hencky_ratio != (0.0, True):
+    if law.hencky_ratio != (0.0, True):
         yield Choice(Kind.ONE_RELAXATION, cost=None)
     yield Choice(Kind.NO_MEMORY, cost=None)
 

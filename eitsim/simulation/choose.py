@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 from eitsim.electrics.forward.skins import skin_of
 from eitsim.mechanics.axisymmetric.elastic_holds import elastic_forces
 from eitsim.mechanics.axisymmetric.hold import kept, relaxed
+from eitsim.mechanics.curved.solve_on_surface import unfit
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
 from eitsim.scene.choices import Why
+from eitsim.scene.curved.curved_scene import CurvedScene
 from eitsim.scene.electrodes import present
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Hold, Scene
+from eitsim.scene.scene import Hold, Punch, Scene
 from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.material import Material
@@ -227,11 +229,26 @@ def _why(scene: Scene, material: Material, ways: Sequence[Way], together: Sequen
     return _why_neighbours(scene, together) if len(ways) > 1 else None
 
 
+def curved_problem(scene: CurvedScene, material: Material) -> Choice | None:
+    """Why a scene on a curved body cannot be solved; None where nothing says so before it is."""
+    for punch in scene.punches:
+        if (why := _too_deep(punch, scene.body.thickness_m)) is not None:
+            return why
+    if problem := unfit(scene.body.surface, scene.body.thickness_m, scene.punches, scene.places_m):
+        return Choice(Why.UNFIT, {"problem": problem})
+    return unresolvable(scene.flat, material)
+
+
+def _too_deep(punch: Punch, thickness_m: float) -> Choice | None:
+    deepest_m = _DEEPEST * thickness_m
+    return None if punch.depth_m is None or punch.depth_m <= deepest_m else Choice(
+        Why.TOO_DEEP, {"depth_m": punch.depth_m, "share": _DEEPEST, "deepest_m": deepest_m})
+
+
 def _why_alone(way: Way) -> Choice | None:
-    case, scene, punch = way.case, way.case.scene, way.case.punch
-    deepest_m = _DEEPEST * scene.body.thickness_m
-    if punch.depth_m is not None and punch.depth_m > deepest_m:
-        return Choice(Why.TOO_DEEP, {"depth_m": punch.depth_m, "share": _DEEPEST, "deepest_m": deepest_m})
+    case, scene = way.case, way.case.scene
+    if (why := _too_deep(case.punch, scene.body.thickness_m)) is not None:
+        return why
     if way.why is None or way.why.kind is Why.OFF_SKIN:
         return way.why
     return replace(way.why, values={

@@ -11,11 +11,14 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
+from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, read_any_scene
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strain
 from eitsim.scene.scene import Scene, as_scene
 from eitsim.sheet.sheet_conductance import FoldedSkin
 from eitsim.simulation.choose import Chosen, choose
 from eitsim.simulation.contact_end import variants, with_conductors
+from eitsim.simulation.curved.curved_plan import curved_plan
+from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, plan_of
@@ -30,14 +33,14 @@ from touchcal.jit import compilation_s, cpu_s
 ELECTRICS_SHARE = 0.2
 
 
-def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False,
+def simulate(scene: AnyScene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False,
              reuse: bool = False) -> Result:
     """Solve one scene with one material: depth, pressure, contact and electrode voltages, each with its error estimate.
 
     Parameters
     ----------
     scene
-        A `Scene` (lengths in m, forces in N), or a scene file (TOML).
+        A `Scene` (lengths in m, forces in N), one on a curved body, or a scene file (TOML).
     card
         A `MaterialCard`, or the file of one.
     exact
@@ -73,7 +76,11 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     """
     if exact and reuse:
         raise ValueError("exact solves every touch separately; leave out reuse.")
-    scene, card, table = as_scene(scene), as_card(card), None
+    scene, card, table = _read(scene), as_card(card), None
+    if isinstance(scene, CurvedScene):
+        if reuse:
+            raise ValueError("reuse: load paths are those of flat layers; leave it out on a curved body.")
+        return solve_curved_scene(scene, card, exact=exact)
     if reuse:
         table, note = table_for(scene_shape(scene, card))
         if note:
@@ -81,7 +88,7 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     return solve_scene(scene, card, exact=exact, table=table)
 
 
-def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False) -> Plan:
+def plan(scene: AnyScene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False) -> Plan:
     """What solving a scene needs and leaves out, the reason, and the error each omission may cost; nothing is solved.
 
     Parameters
@@ -109,9 +116,15 @@ def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: b
     >>> eitsim.plan(eitsim.Scene(punches=[eitsim.Punch(depth_m=0.002)]), card).refusal
     ''
     """
-    card = as_card(card)
-    made = make_plan(as_scene(scene), card, exact=exact)
+    card, scene = as_card(card), _read(scene)
+    made = curved_plan(scene, material_of(scene.flat, card)) if isinstance(scene, CurvedScene) else make_plan(
+        scene, card, exact=exact)
     return replace(made, refusal=made.refusal or lacking(card, "conductivity", "the skin"))
+
+
+def _read(scene: AnyScene | Path | str) -> AnyScene:
+    known = scene if isinstance(scene, Scene | CurvedScene) else read_any_scene(scene)
+    return known if isinstance(known, CurvedScene) else as_scene(known)
 
 
 def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False, bodies: bool = True,

@@ -227,6 +227,7 @@ def _in_mm(values: Values) -> dict[str, Any]:
 
 _REFUSALS = {
     Why.ELECTRODES: "{problem}",
+    Why.UNFIT: "{problem}",
     Why.CONDUCTIVITY_UNIT: (
         "c0_S_per_m = {c0_S_per_m:g} in the conductivity of card '{card}': {least:g} to {most:g} S/m is solved; check "
         "its unit, or fit the conductivity again."),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eitsim.electrics.cem.assembly import Array, Indices
 from eitsim.electrics.mesh.p2_triangles import EDGES, sides
 
-_CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +29,6 @@ class Facets:
     def corners_m(self) -> Array:
         """Corners (t, 3, 3), m."""
         return self.nodes_m[self.cells[:, :3]]
-
-    @property
-    def area_m2(self) -> Array:
-        """Areas (t,), m^2, of the plane triangles between the corners."""
-        a, b, c = np.moveaxis(self.corners_m, 1, 0)
-        return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
     @property
     def edges(self) -> tuple[Indices, Indices]:
@@ -58,6 +52,15 @@ def functions(at: Array) -> Array:
     return np.stack([z * (2 * z - 1), x * (2 * x - 1), y * (2 * y - 1), 4 * x * z, 4 * x * y, 4 * y * z], axis=-1)
 
 
+def slopes(at: Array) -> Array:
+    """Derivatives (..., 6, 2) of `functions` along both axes of the reference triangle at points (..., 2)."""
+    x, y = at[..., 0], at[..., 1]
+    z, none = 1 - x - y, np.zeros_like(x)
+    by_x = np.stack([1 - 4 * z, 4 * x - 1, none, 4 * (z - x), 4 * y, -4 * y], axis=-1)
+    by_y = np.stack([1 - 4 * z, none, 4 * y - 1, -4 * x, 4 * x, 4 * (z - y)], axis=-1)
+    return np.stack([by_x, by_y], axis=-1)
+
+
 def split(facets: Facets, cut: NDArray[np.bool_], share: Array) -> Facets:
     """The triangles cut at points of edges: which of all edges (edges,), and how far along from their lower end."""
     ends, own = facets.edges
@@ -69,11 +72,11 @@ def split(facets: Facets, cut: NDArray[np.bool_], share: Array) -> Facets:
         if not len(t):
             continue
         at, name = np.empty((len(t), 6, 2)), np.empty((len(t), 6), dtype=np.int64)
-        at[:, :3], name[:, :3] = _CORNERS, facets.cells[t, :3]
+        at[:, :3], name[:, :3] = CORNERS, facets.cells[t, :3]
         for k, (a, b, _) in enumerate(EDGES):
             from_lower = share[own[t, k]]
             along = np.where(facets.cells[t, a] == ends[own[t, k], 0], from_lower, 1 - from_lower)
-            at[:, 3 + k] = (1 - along)[:, None] * _CORNERS[a] + along[:, None] * _CORNERS[b]
+            at[:, 3 + k] = (1 - along)[:, None] * CORNERS[a] + along[:, None] * CORNERS[b]
             name[:, 3 + k] = number[own[t, k]]
         for rows, pieces in _pieces(pattern, facets.corners_m[t], at):
             for piece in pieces:

@@ -21,6 +21,7 @@ from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.outline_edge import edge_starts, places_along
 from eitsim.scene.polygons import inside
 from touchcal.errors import NotConverged
+from touchcal.lazy import needed
 
 if TYPE_CHECKING:
     import pythoncdt
@@ -135,11 +136,7 @@ def _with_lines_cut(mesh: Triangles, area_m2: Callable[[Array], Array]) -> Trian
 
 def _made(mesh: Triangles, area_m2: Callable[[Array], Array]) -> Triangles:
     """Triangles with the corners and lines of a mesh and further corners, so small as asked for."""
-    try:
-        import pythoncdt as cdt
-    except ImportError:
-        raise ValueError("skins with an outline need the package pythoncdt, which is not installed; run "
-                         "pip install '.[outlines]' in the project's folder.") from None
+    cdt: Any = needed("pythoncdt", "skins with an outline")
     mesh = _with_lines_cut(mesh, area_m2)
     low, high = mesh.corners_m.min(axis=0), mesh.corners_m.max(axis=0)
     size = float((high - low).max())

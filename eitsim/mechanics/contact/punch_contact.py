@@ -1,5 +1,6 @@
 """Contact of the foam's top with a rigid punch: penetration, its pressure and energy, and their derivatives."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +15,7 @@ Indices = NDArray[np.int64]
 
 # Gauss points a facet.
 POINTS = 4
+_TOUCHING = 1e-12  # Thicknesses to which the depth of first touch is found.
 _ON_AXIS = 1e-12  # Radius of points on the axis, about which nothing curves there.
 
 
@@ -49,7 +51,7 @@ class Facets:
     nodes: Indices  # (facets, p + 1) nodes from the inner to the outer end
     shape: Array  # (points, p + 1) shape functions
     slope: Array  # (facets, points, p + 1) their derivatives by the reference radius
-    radius: Array  # (facets, points) reference radius
+    radius: Array  # (facets, points) reference radius, on a curved cap by arc length
     weight: Array  # (facets, points) quadrature weight, 2 pi r included
 
 
@@ -65,16 +67,17 @@ class ContactState:
 
 def top_facets(grid: Grid, reach: float = np.inf, points: int = POINTS) -> Facets:
     """Top facets that start inside the radius `reach`, with that many Gauss points each."""
-    return facets_at(grid, grid.top[grid.nodes[grid.top[:, 0], 0] < reach], *np.polynomial.legendre.leggauss(points))
+    near = grid.flat_nodes[grid.top[:, 0], 0] < reach
+    return facets_at(grid, grid.top[near], *np.polynomial.legendre.leggauss(points))
 
 
 def facets_at(grid: Grid, nodes: Indices, t: Array, weight: Array) -> Facets:
     """Facets of these nodes (facets, p + 1) with points t in [-1, 1] and their weights (points,)."""
     shape, by_t = lagrange(grid.order, t)
-    ends = grid.nodes[nodes, 0]
+    ends = grid.flat_nodes[nodes, 0]
     half = (ends[:, -1] - ends[:, 0])[:, None] / 2
-    radius = ends @ shape.T
-    return Facets(nodes, shape, by_t[None] / half[..., None], radius, 2 * np.pi * radius * half * weight)
+    radius, around = ends @ shape.T, grid.nodes[nodes, 0] @ shape.T
+    return Facets(nodes, shape, by_t[None] / half[..., None], radius, 2 * np.pi * around * half * weight)
 
 
 def contact_state(punch: RigidPunch, facets: Facets, position: Array, depth: float) -> ContactState:
@@ -99,6 +102,15 @@ def spatial_contact(punch: RigidPunch, seen: Array) -> ContactState:
     curvature = curvature - bend[..., None, None] * down[..., :, None] * down[..., None, :]
     return ContactState(np.maximum(penetration, 0.0), np.stack([n_r * cosine, n_r * sine, n_z], axis=-1), curvature,
                         wall)
+
+
+def touching_depth(penetration: Callable[[float], Array]) -> float:
+    """The depth, from -1 to 1, up to which no point is penetrated at rest: by bisection."""
+    low, high = -1.0, 1.0
+    while high - low > _TOUCHING:
+        middle = (low + high) / 2
+        low, high = (low, middle) if np.any(penetration(middle) > 0) else (middle, high)
+    return low
 
 
 def pressure(punch: RigidPunch, penetration: Array) -> Array:

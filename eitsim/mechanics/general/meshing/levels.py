@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
+from eitsim.mechanics.general.meshing.layer_layout import FLAT, Cap, Layout
 from eitsim.mechanics.general.meshing.section import Grading, Zone, heights, section
 from eitsim.mechanics.general.meshing.skin_plan import circles_about, plan
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh, wedge_mesh
@@ -53,9 +54,10 @@ def gaps(body: Body, centres: Array, radii: Array) -> Array:
 
 
 def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tuple[float, ...], level: Level, *,
-               bonded: bool = False, bodies: Bodies = NO_BODIES) -> WedgeMesh:
-    """The mesh of a body about punches at centres (n, 2), thicknesses, with what is bonded to it; sides elsewhere free
-    or, bonded, fixed. ValueError where a punch overhangs an edge or another punch or is nearer than LEAST_GAP."""
+               bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> WedgeMesh:
+    """The mesh of a body about punches at centres (n, 2), thicknesses, laid into space, with what is bonded to it;
+    sides elsewhere free or, bonded, fixed. ValueError where a punch overhangs an edge or another punch or is nearer
+    than LEAST_GAP."""
     radii = np.array([zone.radius for zone in zones])
     room = gaps(body, centres, radii)
     if room.min() < LEAST_GAP:
@@ -74,13 +76,14 @@ def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tu
                  key=lambda h: h[-1] - h[-2])
     seen = plan(circles, loops, max(level.growth, _GROWTH), _LARGEST, radii + level.reach, bodies)
     sections = tuple(section(g, zone, float(r), layers) for g, zone, r in zip(gradings, zones, outer, strict=True))
-    return wedge_mesh(seen, sections, layers, bonded=bonded)
+    return wedge_mesh(seen, sections, layers, bonded=bonded, layout=layout)
 
 
-def mesh_alone(mesh: WedgeMesh, k: int, radius: float, level: Level) -> WedgeMesh:
-    """The mesh about punch k alone, with its very section and layers, on an endless layer; radius: the punch's."""
+def mesh_alone(mesh: WedgeMesh, k: int, radius: float, level: Level, curvature: float) -> WedgeMesh:
+    """The mesh about punch k alone, with its very section and layers, on an endless layer, flat or of a curvature;
+    radius: the punch's."""
     one = mesh.about[k]
     rim = circle(one.circle.centre, radius + 2 * level.reach + _FAR, _CHORDS)
     seen = plan((one.circle,), (rim,), max(level.growth, _GROWTH), _LARGEST, np.array([radius + level.reach]),
                 NO_BODIES)
-    return wedge_mesh(seen, (one.section,), mesh.heights)
+    return wedge_mesh(seen, (one.section,), mesh.heights, layout=Cap(curvature, tuple(one.circle.centre.tolist())))

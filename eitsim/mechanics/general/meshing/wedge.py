@@ -105,6 +105,6 @@ def facets(nodes_at: Array, elements: Indices, element: Indices, local: Indices,
     at, weight = facet_points(quadrilateral)
     shape, slope = facet_shapes(quadrilateral, at)
     nodes = elements[element[:, None], local]
-    along = np.einsum("pkd,fki->fpdi", slope, nodes_at[nodes][..., :2])
-    area = np.abs(along[..., 0, 0] * along[..., 1, 1] - along[..., 0, 1] * along[..., 1, 0])
+    along = np.einsum("pkd,fki->fpdi", slope, nodes_at[nodes])
+    area = np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=-1)
     return Facets(element, local, nodes, shape, ends, area * weight)

@@ -8,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout, in_space
 from eitsim.mechanics.general.meshing.section import Section, halved
 from eitsim.mechanics.general.meshing.skin_plan import Circle, Plan
 from eitsim.mechanics.general.meshing.wedge import EDGES, Facets, facets, gauss_points, shapes
@@ -33,9 +34,11 @@ class Revolved:
 
 @dataclass(frozen=True, eq=False)
 class WedgeMesh:
-    """Wedges of 18 nodes, and their faces on the surface. Lengths in thicknesses, the surface at z = 0."""
+    """Wedges of 18 nodes, and their faces on the surface. Lengths in thicknesses."""
 
-    nodes: Array  # (n, 3)
+    nodes: Array  # (n, 3) in space
+    coordinates: Array  # (n, 3) the same as the layer was laid out flat, its surface at height 0
+    layout: Layout  # how that lies in space
     elements: Indices  # (e, 18)
     unknown: Indices  # (n, 3) number of the unknown of each displacement; -1 where it is zero
     # (e, 18, 3, q) derivatives of the shape functions by x, y and z at the quadrature's points; (e, q) their weights
@@ -52,9 +55,11 @@ class WedgeMesh:
         return int(self.unknown.max()) + 1
 
 
-def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bonded: bool = False) -> WedgeMesh:
+def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bonded: bool = False,
+               layout: Layout = FLAT) -> WedgeMesh:
     """The mesh of a plan whose layers lie between heights (n,), with a section a circle; bottom fixed, sides free, but
-    not under plates, or, bonded, fixed as well; pads are stiff wedges on top."""
+    not under plates, or, bonded, fixed as well; pads are stiff wedges on top; laid into space. ValueError where the
+    layer does not fit there."""
     parts, around, fans, about = [], [], [], []
     for circle, own in zip(plan.circles, sections, strict=True):
         turns = halved(circle.angles)[:-1]
@@ -68,8 +73,8 @@ def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bon
     parts.append(_prisms(plan.nodes, plan.cells, halved(heights), _raised))
     if plan.padded.any():
         parts.append(_prisms(plan.nodes, plan.cells[plan.padded], _PAD * np.arange(3) / 2, _raised))
-    nodes, elements, starts = _merged(parts)
-    fixed = _fixed(nodes, plan, bonded)
+    coordinates, elements, starts = _merged(parts)
+    fixed, nodes = _fixed(coordinates, plan, bonded), in_space(layout, coordinates)
     unknown = np.where(fixed[:, None], -1, np.cumsum(np.repeat(~fixed, 3)).reshape(-1, 3) - 1)
     gradient, weight = _quadrature(nodes[elements])
     above = 2 * len(plan.circles) + 1
@@ -83,7 +88,7 @@ def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bon
     tops.append(starts[above] - len(plan.cells) + np.arange(len(plan.cells)))
     top = np.concatenate(tops)
     flat = facets(nodes, elements, top, np.tile(np.arange(12, 18), (len(top), 1)), np.empty((len(top), 0, 2)))
-    return WedgeMesh(nodes, elements, unknown, gradient, weight, tuple(about), plan, heights,
+    return WedgeMesh(nodes, coordinates, layout, elements, unknown, gradient, weight, tuple(about), plan, heights,
                      facets(nodes, elements, element, local, ends), flat)
 
 
