@@ -279,7 +279,7 @@ def _near_edge(of: Values, problem: str) -> str:
     inwards = f"move the punch inwards to a gap of {of['clear_mm']:.0f} mm or " if (
         of["clear_m"] < of["radius_m"]) else ""
     return (f"the punch's edge is {of['gap_mm']:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
-            f"{edge} may cost {of['cost']:.2g} of the signal, allowed is {of['allowed']:.2g} (half of signal in "
+            f"{edge} may cost {of['cost']:.2g} of the signal, allowed is {of['allowed']:.2g} (part of signal in "
             f"[accuracy]). There, {problem}; {inwards}ask for less accuracy (a larger signal in [accuracy]).")
 
 

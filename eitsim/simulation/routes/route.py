@@ -31,6 +31,8 @@ NOT_MEANT = Choice(Why.NOT_MEANT)  # a route is for other touches, or other bodi
 # Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
 # above all that were measured, 14 mm under 0.1 and 1 N.
 _CONTACT_SHARE = 0.6
+# Part of the requested signal error that neglecting edges may use up under a conducting punch.
+_CONDUCTING_SHARE = 0.15
 
 Values = Mapping[str, Any]
 Words = tuple[str, str]  # what was decided, and why
@@ -110,8 +112,10 @@ class Case:
 
     @property
     def allowed(self) -> float:
-        """What neglecting edges may cost of the signal."""
-        return EDGE_SHARE * self.scene.accuracy.signal
+        """What neglecting edges may cost of the signal; less where a punch conducts, since what it shunts and what the
+        skin loses cancel in part."""
+        share = _CONDUCTING_SHARE if any(punch.conductor for punch in self.punches) else EDGE_SHARE
+        return share * self.scene.accuracy.signal
 
     def added_up(self, reach: float) -> float:
         """What adding up the changes by several edges, as far as a reach, thicknesses, may cost of the signal."""
