@@ -22,7 +22,7 @@ Kind = StrEnum("Kind", (
     "FINER_MESH", "EXACT_SKIN"))
 
 Why = StrEnum("Why", (
-    "CONDUCTIVITY_UNIT", "TOO_THIN", "TOO_SHALLOW", "TOO_LIGHT", "ELECTRODES", "TOO_DEEP", "ON_ELECTRODES",
+    "CONDUCTIVITY_UNIT", "TOO_THIN", "TOO_SHALLOW", "TOO_LIGHT", "ELECTRODES", "TOO_DEEP",
     # of routes
     "OFF_SKIN", "NOT_MEANT",
     # of neighbours

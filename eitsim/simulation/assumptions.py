@@ -90,7 +90,8 @@ def stored_choice(table: Table, touch: Touch, scene: Scene) -> Choice:
 
 def _bodies(chosen: Chosen) -> Iterator[Choice]:
     """Electrodes that do not give way: as bodies for touches that are solved so, left out for the others."""
-    left_out = [way.case.by_electrodes for i, way in enumerate(chosen.ways) if not chosen.way_of(i).route.spatial]
+    left_out = [way.case.by_electrodes for i, way in enumerate(chosen.ways)
+                if way.case.on_pad or not chosen.way_of(i).route.spatial]
     if len(left_out) < len(chosen.ways):
         yield Choice(Kind.STIFF_ELECTRODES, {"plates": chosen.scene.electrodes.along_edge})
     if left_out:

@@ -13,7 +13,7 @@ from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
 from eitsim.scene.choices import Why
 from eitsim.scene.curved.curved_scene import CurvedScene
-from eitsim.scene.electrodes import lengths, present
+from eitsim.scene.electrodes import present
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Hold, Punch, Scene
 from eitsim.sheet.sheet_conductance import untouched_conductance
@@ -187,8 +187,9 @@ def _omitted(way: Way) -> float:
     """What it leaves out, with what electrodes that do not give way and the end of a conducting punch's contact may
     cost where it should count them."""
     case, route = way.case, way.route
-    return route.leaves_out(case) + (0.0 if route.spatial or not case.bodies else
-                                     case.by_electrodes + case.by_contact_end)
+    if not case.bodies or (route.spatial and not case.on_pad):
+        return route.leaves_out(case)
+    return route.leaves_out(case) + case.by_electrodes + (0.0 if route.spatial else case.by_contact_end)
 
 
 def _from_table(chosen: Chosen, table: Table) -> tuple[Way, ...]:
@@ -248,9 +249,6 @@ def _why_alone(way: Way) -> Choice | None:
     case, scene = way.case, way.case.scene
     if (why := _too_deep(case.punch, scene.body.thickness_m)) is not None:
         return why
-    length_m = float(lengths(scene.electrodes)[0])
-    if scene.electrodes.at_rim and (onto_m := length_m - case.gap_m) >= 0:
-        return Choice(Why.ON_ELECTRODES, {"onto_m": onto_m, "length_m": length_m})
     if way.why is None or way.why.kind is Why.OFF_SKIN:
         return way.why
     return replace(way.why, values={

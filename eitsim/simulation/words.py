@@ -52,8 +52,8 @@ _LINES: dict[Kind, Words] = {
     Kind.HOLD_ELASTIC: (
         "a hold at constant {control}, as elastic touches", "near edges, together and with friction nothing is "
         "stepped in time: each touch alone is, without friction, and an elastic one under the force that makes it as "
-        "deep stands for it at every time. Of 24 such lone touches the moment of the strain differed by {moment:.1%} "
-        "at most, the strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
+        "deep stands for it at every time. Of such lone touches at constant {control} the moment of the strain "
+        "differed by {moment:.1%} at most, the strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
     Kind.LOADED_AT_ONCE: ("loaded at once", "loading_s in [hold] is 0; instantaneous moduli"),
     Kind.LOADED_OVER: (
         "loaded over {loading_s:g} s at a constant rate (loading_s in [hold])",
@@ -235,11 +235,7 @@ _REFUSALS = {
         "depth_mm = {depth_mm:g} in [punch] is so little that rounding hides the touch; give at least {least_mm:g}."),
     Why.TOO_DEEP: (
         "depth_mm = {depth_mm:g} in [punch] is above {share:.0%} of the foam's thickness, which squeezes it flat; give "
-        "at most {deepest_mm:g}."),
-    Why.ON_ELECTRODES: (
-        "the punch's edge reaches {onto_mm:.1f} mm into the ring of {length_mm:g} mm that the patch electrodes lie on, "
-        "where touches are not built; move the punch inwards by more than that, or make length_mm in [electrodes] "
-        "smaller.")}
+        "at most {deepest_mm:g}.")}
 
 
 def refusal(why: Choice) -> str:
@@ -283,7 +279,7 @@ def _near_edge(of: Values, problem: str) -> str:
     inwards = f"move the punch inwards to a gap of {of['clear_mm']:.0f} mm or " if (
         of["clear_m"] < of["radius_m"]) else ""
     return (f"the punch's edge is {of['gap_mm']:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
-            f"{edge} may cost {of['cost']:.2g} of the signal, allowed is {of['allowed']:.2g} (half of signal in "
+            f"{edge} may cost {of['cost']:.2g} of the signal, allowed is {of['allowed']:.2g} (part of signal in "
             f"[accuracy]). There, {problem}; {inwards}ask for less accuracy (a larger signal in [accuracy]).")
 
 

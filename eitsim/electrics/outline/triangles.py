@@ -71,7 +71,14 @@ def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: 
         outer, marker = _outer(outline, electrodes)
     elif electrodes is not None:
         patches = patch_loops(electrodes)
-    parts = [outer, *holes, *patches, *lines, *left_out]
+    return of_lines([outer, *holes], marker, [*patches, *lines], left_out)
+
+
+def of_lines(loops: Sequence[Array], marker: Indices, lines: Sequence[Array],
+             left_out: Sequence[Array] = ()) -> Triangles:
+    """What lies inside the first of closed lines (n, 2), m, and outside the others, in triangles, with further lines
+    and without what lies inside those left out; marker: of the edges of the first line."""
+    parts = [*loops, *lines, *left_out]
     starts = np.cumsum([0, *map(len, parts)])
     numbers = [start + np.arange(len(part)) for start, part in zip(starts, parts, strict=False)]
     segments = np.vstack([np.column_stack([number, np.roll(number, -1)]) for number in numbers])
@@ -80,7 +87,7 @@ def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: 
                                                                  for k, loop in enumerate(left_out))])
     corners, number = np.unique(np.vstack(parts), axis=0, return_inverse=True)
     empty = np.empty((0, 3), dtype=np.int64)
-    return _made(Triangles(corners, empty, number.ravel()[segments], markers, (outer, *holes, *left_out)),
+    return _made(Triangles(corners, empty, number.ravel()[segments], markers, (*loops, *left_out)),
                  lambda places_m: np.full(len(places_m), np.inf))
 
 
@@ -222,8 +229,9 @@ def _check_number(count: int) -> None:
                            "fillet_mm, or ask for less accuracy.")
 
 
-def skin_mesh(mesh: Triangles, electrodes: Electrodes, element: str = "P2") -> SkinMesh:
-    """The triangles as a mesh with straight edges, of "P2" or "P1" elements, and what of it lies under electrodes."""
+def skin_mesh(mesh: Triangles, electrodes: Electrodes, element: str = "P2", patches: Sequence[Array] = ()) -> SkinMesh:
+    """The triangles as a mesh with straight edges, of "P2" or "P1" elements, and what of it lies under electrodes:
+    along the edge, or inside patches (n, 2), m, by default those on the surface."""
     corners, cells = mesh.corners_m, mesh.cells
     nodes, under, electrode = corners, np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int64)
     kept = mesh.marker > _BARE
@@ -236,8 +244,8 @@ def skin_mesh(mesh: Triangles, electrodes: Electrodes, element: str = "P2") -> S
         cells = np.column_stack([cells, len(corners) + number.reshape(len(EDGES), -1).T])
         middle = len(corners) + np.searchsorted(keys, _keys(np.sort(under, axis=1), len(corners)))
         under = np.column_stack([under, middle])
-    if electrodes.anywhere:
-        owner = _owners(mesh.centres_m, electrodes)
+    if not electrodes.along_edge:
+        owner = _owners(mesh.centres_m, patches or patch_loops(electrodes))
         under, electrode = cells[owner >= 0], owner[owner >= 0]
     return SkinMesh(nodes, cells, under, electrode, electrodes.count, element)
 
@@ -247,9 +255,9 @@ def _keys(edges: Indices, size: int) -> Indices:
     return edges[:, 0] * size + edges[:, 1]
 
 
-def _owners(points: Array, electrodes: Electrodes) -> Indices:
-    """The electrode (n,) on the surface that each point lies on, -1 where none does."""
+def _owners(points: Array, patches: Sequence[Array]) -> Indices:
+    """The patch (n,) that each point lies on, -1 where none does."""
     owner = np.full(len(points), -1)
-    for k, patch in enumerate(patch_loops(electrodes)):
+    for k, patch in enumerate(patches):
         owner[inside(points, patch, np.roll(patch, -1, axis=0))] = k
     return owner

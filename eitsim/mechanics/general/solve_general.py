@@ -33,8 +33,9 @@ _WAY = 0.1
 # Bytes of a number of the factors and of an element's matrix, with what is kept of both at a time; and what the program
 # takes itself.
 _BYTES_ENTRY, _BYTES_ELEMENT, _BYTES_BASE = 12, 60_000, 300e6
-# Operations per second, iterations of a usual touch, and CPU time of an element in one of them, s.
-_PER_SECOND, _ITERATIONS, _ELEMENT_S = 3e10, 8, 1e-4
+# Operations per second, iterations of a usual touch with edges and others and of each punch alone, and CPU time of an
+# element in one of them, s.
+_PER_SECOND, _ITERATIONS, _ALONE, _ELEMENT_S = 3e10, 14, 7, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +98,10 @@ def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Lev
              for k, one in enumerate(lone)]
     fine = whole[-1]
     memory = _BYTES_BASE + _BYTES_ENTRY * fine.tree.entries + _BYTES_ELEMENT * len(fine.mesh.elements)
-    each = [model.tree.operations / _PER_SECOND + _ELEMENT_S * len(model.mesh.elements) for model in whole + alone]
+    together, each = (sum(model.tree.operations / _PER_SECOND + _ELEMENT_S * len(model.mesh.elements) for model in some)
+                      for some in (whole, alone))
     unknowns = fine.mesh.unknowns + sum(model.mesh.unknowns for model in alone[-len(punches):])
-    return Cost(unknowns, memory, _ITERATIONS * sum(each))
+    return Cost(unknowns, memory, _ITERATIONS * together + _ALONE * each)
 
 
 def _errors(rough: Corrected, fine: Corrected, punches: Sequence[Punch]) -> tuple[Array, Array, Array]:

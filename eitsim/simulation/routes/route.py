@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
+from eitsim.mechanics.general.meshing.levels import LEAST_GAP as PAD_GAP
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.choices import Why
 from eitsim.scene.nearest_edge import NearestEdge
@@ -18,6 +19,7 @@ from eitsim.simulation.edge_effects import (
     added_edges_cost,
     effect_of_edges,
     effect_of_electrodes,
+    electrode_gap_m,
     other_edges_effect,
 )
 from matcal.laws.law import Law
@@ -29,6 +31,8 @@ NOT_MEANT = Choice(Why.NOT_MEANT)  # a route is for other touches, or other bodi
 # Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
 # above all that were measured, 14 mm under 0.1 and 1 N.
 _CONTACT_SHARE = 0.6
+# Part of the requested signal error that neglecting edges may use up under a conducting punch.
+_CONDUCTING_SHARE = 0.15
 
 Values = Mapping[str, Any]
 Words = tuple[str, str]  # what was decided, and why
@@ -79,6 +83,13 @@ class Case:
         """What electrodes that do not give way may change of the signal, at most."""
         return max(effect_of_electrodes(self.scene, punch) for punch in self.punches)
 
+    @property
+    def on_pad(self) -> bool:
+        """Whether a punch stands on a patch that does not give way, or next to it: no route takes that as a body."""
+        least_m, electrodes = PAD_GAP * self.scene.body.thickness_m, self.scene.electrodes
+        return not (electrodes.soft or electrodes.along_edge) and any(
+            electrode_gap_m(self.scene, punch) <= least_m for punch in self.punches)
+
     @cached_property
     def by_contact_end(self) -> float:
         """What the end of a conducting punch's contact, kept as it is without edges, may cost of the signal."""
@@ -101,8 +112,10 @@ class Case:
 
     @property
     def allowed(self) -> float:
-        """What neglecting edges may cost of the signal."""
-        return EDGE_SHARE * self.scene.accuracy.signal
+        """What neglecting edges may cost of the signal; less where a punch conducts, since what it shunts and what the
+        skin loses cancel in part."""
+        share = _CONDUCTING_SHARE if any(punch.conductor for punch in self.punches) else EDGE_SHARE
+        return share * self.scene.accuracy.signal
 
     def added_up(self, reach: float) -> float:
         """What adding up the changes by several edges, as far as a reach, thicknesses, may cost of the signal."""
