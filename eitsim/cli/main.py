@@ -19,6 +19,7 @@ from eitsim.scene.scene import Scene, read_scene
 from matcal.card import MaterialCard, read_card
 from touchcal.errors import InputFileError, NotConverged
 from touchcal.json_file import write_json
+from touchcal.lazy import needed
 from touchcal.terminal import JsonOption, application, check_apart, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
@@ -151,6 +152,7 @@ def draw(series: Annotated[Path, typer.Argument(metavar="SERIES", help="Series o
 
     Example: eitsim draw press.pvd --out press.png
     """
+    needed("pyvista", "pictures in three dimensions")
     from reports.touch.press_picture import draw_press
 
     check_out(out)

@@ -181,6 +181,8 @@ class Touch:
     # strain of the skin under this touch and those solved with it, in place of the stretches above, which are then
     # averages about the punch; None where the stretches and `rim` say all
     surface: SurfaceField | None = None
+    # (k,) reference radii, m, at which contact ends in k even directions from +x; None where it is round
+    contact_ends_m: Array | None = None
 
     @property
     def axisymmetric(self) -> bool:

@@ -23,9 +23,9 @@ from eitsim.simulation.error_budget import error_budget, explain_excess, numeric
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, plan_of
 from eitsim.simulation.reuse import scene_shape, table_for
-from eitsim.simulation.validity import check_positive
+from eitsim.simulation.validity import check_positive, strained_too_far
 from matcal.card import MaterialCard, as_card, lacking
-from matcal.laws.conductivity import Conductivity
+from matcal.laws.conductivity import Conductivity, NotPositive
 from touchcal.errors import NotConverged
 from touchcal.jit import compilation_s, cpu_s
 
@@ -127,19 +127,20 @@ def _read(scene: AnyScene | Path | str) -> AnyScene:
     return known if isinstance(known, CurvedScene) else as_scene(known)
 
 
-def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
+def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False, bodies: bool = True,
                 table: Table | None = None) -> Result:
     """Solve a scene with a card or its material; a refusal or a failure of a solver is the result's outcome, which its
     message explains.
 
-    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan says; table: load
-    paths that serve the touches they hold to the requested error (choose.served), not with exact.
+    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan says; bodies: solve
+    electrodes as bodies where leaving that out costs more than allowed; table: load paths that serve the touches they
+    hold to the requested error (choose.served), not with exact.
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu, compiling = time.perf_counter(), cpu_s(), compilation_s()
     material = material_of(scene, card)
     _ = material.skin  # ValueError where the card lacks it
-    chosen = choose(scene, material, exact=exact, table=table)
+    chosen = choose(scene, material, exact=exact, bodies=bodies, table=table)
     made = plan_of(chosen)
     result = _solved(chosen, made) if chosen.why is None else Result("refused", made, message=made.refusal)
     return replace(result, cost={
@@ -196,18 +197,17 @@ def _neighbours(chosen: Chosen, touches: tuple[Touch, ...]) -> tuple[dict[str, f
 def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
     """Readings of solved touches, as fine as the scene asks for or as the touches are themselves; ValueError where the
     conductivity is not positive."""
-    try:
-        check_positive(skin_law, scene.skin.strain, touches)
-    except ValueError as error:
-        raise _Refused(str(error)) from None
     worst = max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain) for touch in touches))
     solver = partial(solve, scene.body, scene.skin, scene.electrodes, scene.drive, law=skin_law,
                      channels=scene.channels, signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
     pressed = tuple(zip(scene.punches, touches, strict=True))
     try:
+        check_positive(skin_law, scene.skin.strain, touches)
         return with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
     except FoldedSkin as error:
         raise _Refused(str(error)) from None
+    except NotPositive as error:
+        raise _Refused(strained_too_far(error)) from None
 
 
 def _moments(chosen: Chosen) -> tuple[Moment, ...]:

@@ -53,8 +53,8 @@ def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", ou
         Take signals for exact: what the simulator states of their error does not count. For comparing methods on
         simulated touches, not for a real sensor.
     known_punches : bool
-        All touches to be read are by punches of the diameters that training rows share, where these are a few; d and F
-        are then surer, and wrong, with no flag, for any other punch. Method forward.
+        All touches to be read are by punches of the trained profile, of the diameters that training rows share, where
+        these are a few; d and F are then surer, and wrong, with no flag, for any other punch. Method forward.
 
     Returns
     -------
@@ -76,7 +76,9 @@ def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", ou
         raise ValueError(f"epochs are steps of {listed(lambda one: one.epochs)}; {method} has none. Leave them out.")
     if epochs is not None and epochs < 1:
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
-    samples, names = _read(data, exact_signals), chosen_outputs(outputs)
+    chosen_outputs(outputs)
+    samples = _read(data, exact_signals)
+    names = chosen_outputs(outputs, samples.names)
     part = split(samples.group, seed)
     training, validation, other = take(samples, part == "train"), take(samples, part == "val"), None
     _check_signals(training)

@@ -72,9 +72,7 @@ def solve_touch(law: Law, body: Body, punch: Punch, *, element_m: float | None =
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     if shear_limit == 0:
         return touch_of(law, body, levels, at_depth(levels, depth), started)
-    guess = at_depth(levels[:1], depth)[0].force
-    course = friction_increments.at_depth(levels[-2], levels[-1], shear_limit, depth, guess)
-    return _rubbed(law, body, levels, course, started)
+    return rubbed(law, body, levels, rubbed_course(levels, shear_limit, None, depth), started)
 
 
 def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
@@ -89,7 +87,7 @@ def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *,
     if shear_limit > 0:
         scaled = [force / unit for force in forces_N]
         for course in friction_increments.under_forces(levels[-2], levels[-1], shear_limit, scaled):
-            touches.append(_rubbed(law, body, levels, course, started))
+            touches.append(rubbed(law, body, levels, course, started))
             started = cpu_s()
         return touches
     for force in forces_N:
@@ -134,8 +132,17 @@ def _rubbing(law: Law, body: Body, punch: Punch, element_m: float | None, penalt
     return mesh_hierarchy(law, body, smooth, element_m, penalty, order), friction.coefficient(punch)
 
 
-def _rubbed(law: Law, body: Body, levels: list[IndentationProblem], course: FrictionHistory,
-            started: float) -> Touch:
+def rubbed_course(levels: list[IndentationProblem], shear_limit: float, force: float | None,
+                  depth: float) -> FrictionHistory:
+    """The course with friction to a force or, where that is None, to a corrected depth, thicknesses."""
+    if force is not None:
+        return next(friction_increments.under_forces(levels[-2], levels[-1], shear_limit, [force]))
+    guess = at_depth(levels[:1], depth)[0].force
+    return friction_increments.at_depth(levels[-2], levels[-1], shear_limit, depth, guess)
+
+
+def rubbed(law: Law, body: Body, levels: list[IndentationProblem], course: FrictionHistory,
+           started: float) -> Touch:
     """A touch with friction; what half as many increments change, and the last pass did, adds to its errors."""
     touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], started)
     touch = with_change(touch, levels[-2], course.coarse.state, course.rough.state)

@@ -5,7 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.mechanics.axisymmetric.indentation import first_touch
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, mesh_hierarchy, touch_of, under_force
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
+    at_depth,
+    force_unit,
+    mesh_hierarchy,
+    rubbed,
+    rubbed_course,
+    touch_of,
+    under_force,
+)
+from eitsim.mechanics.contact import friction
 from eitsim.mechanics.general.layer.lone_touches import LoneSurface, LoneTouch, lone_surface
 from eitsim.mechanics.solid.grid import feature_m
 from eitsim.scene.edges.disc import Disc
@@ -21,7 +30,7 @@ _ENDLESS, _ROUND = 6.0, 0.8 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class CapField:
-    """An axisymmetric touch by the cap's coordinates about its axis, vectors along the tangents and the normal there."""
+    """An axisymmetric touch by the cap's coordinates about its axis, vectors along the tangents and the normal."""
 
     surface: LoneSurface
     unit_m: float
@@ -38,15 +47,21 @@ class CapField:
 def solve_on_cap(law: Law, thickness_m: float, punch: Punch, curvature_per_m: float, *, element_m: float | None = None
                  ) -> tuple[Touch, CapField]:
     """Equilibrium of a layer of a thickness, m, whose outer surface has a curvature, 1/m, positive where convex, under
-    a punch along the normal without friction; depths count from first touch. ValueError where the punch rubs or the
-    layer does not fit on the ball, NotConverged where no equilibrium is found."""
+    a punch along the normal; depths count from first touch. ValueError where the layer does not fit on the ball,
+    NotConverged where no equilibrium is found."""
     started, reach = cpu_s(), punch.diameter_m / 2 + _ENDLESS * thickness_m
     body = Body(Disc(min(reach, _ROUND / max(abs(curvature_per_m), 1e-300))), thickness_m)
-    levels = mesh_hierarchy(law, body, punch, element_m, None, curvature_per_m=curvature_per_m)
+    smooth, shear_limit = replace(punch, friction="none"), friction.coefficient(punch)
+    levels = mesh_hierarchy(law, body, smooth, element_m, None, curvature_per_m=curvature_per_m)
     first = first_touch(levels[-1])
-    states = (under_force(levels, punch.force_N / force_unit(law, body)) if punch.force_N is not None
-              else at_depth(levels, (punch.depth_m or 0.0) / thickness_m + first))
-    touch = touch_of(law, body, levels, states, started)
+    force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
+    depth = (punch.depth_m or 0.0) / thickness_m + first
+    if shear_limit == 0:
+        states = at_depth(levels, depth) if force is None else under_force(levels, force)
+        touch = touch_of(law, body, levels, states, started)
+    else:
+        course = rubbed_course(levels, shear_limit, force, depth)
+        touch, states = rubbed(law, body, levels, course, started), [course.fine.state]
     rounded = replace(punch, fillet_m=profile_of(punch).edge_radius)
     lone = LoneTouch(levels[-1], states[-1], feature_m(body, rounded) / thickness_m, curvature_per_m * thickness_m)
     return (replace(touch, depth_m=touch.depth_m - first * thickness_m, section=None),

@@ -17,6 +17,7 @@ from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout, curvatures
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solve_general import GeneralSolution, solve_general
+from eitsim.mechanics.general.solved_layer import upright_where_they_rub
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
 from eitsim.scene.surfaces.curved_surface import CurvedSurface
@@ -45,13 +46,13 @@ class CurvedSolution:
 
 def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array, *,
                  level: Level = COARSE, coarser: Level = ROUGH, bonded: bool = False) -> CurvedSolution:
-    """Equilibrium of a layer of a thickness, m, under a surface, fixed to a rigid core, under rigid punches without
-    friction. Each stands over the place of the surface that is nearest to its own of places (punches, 3), m, along the
+    """Equilibrium of a layer of a thickness, m, under a surface, fixed to a rigid core, under rigid punches. Each
+    stands over the place of the surface that is nearest to its own of places (punches, 3), m, along the
     normal there but for its tilt, whose direction counts from the first tangent (`tangent_frame`); its x and y are not
     read. Ends of the surface are free or bonded.
 
-    ValueError where a punch rubs, overhangs an edge or another punch, or the body is too small or too curved for the
-    layer; NotConverged where no equilibrium is found.
+    ValueError where a punch that leans rubs, or one overhangs an edge or another punch, or the body is too small or too
+    curved for the layer; NotConverged where no equilibrium is found.
     """
     places = surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0]
     found, parts, solutions = {}, [], []
@@ -107,6 +108,7 @@ def unfit(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], 
         layout = ChartLayout(surface.chart_about(place), thickness_m)
         try:
             _within(layout, COARSE, [replace(punch, x_m=0.0, y_m=0.0)])
+            upright_where_they_rub([punch])
         except ValueError as error:
             return str(error)
     return ""

@@ -9,9 +9,11 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.general.layer import equilibrium_of_many as many
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
+from eitsim.mechanics.general.layer.grips import grip_of
 from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.layer.lone_touches import LoneTouch, added_up, lone_touch
 from eitsim.mechanics.general.layer.pose import posed
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
 from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout, curvatures
 from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
 from eitsim.numerics.newton import Minimum
@@ -38,12 +40,16 @@ class Solved:
     field: LayerField
 
 
+def upright_where_they_rub(punches: Sequence[Punch]) -> None:
+    """ValueError where a punch that leans rubs: about it no lone touch says what is held."""
+    if any(punch.tilt_rad and punch.friction != "none" for punch in punches):
+        raise ValueError("friction in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
+
+
 def lone_touches(law: Law, body: Body, punches: Sequence[Punch], layout: Layout = FLAT) -> tuple[LoneTouch, ...]:
     """Each punch's touch far from edges and others, upright on a cap of the surface's mean curvature there; ValueError
-    where a punch rubs."""
-    for punch in punches:
-        if punch.friction != "none":
-            raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
+    where one that leans rubs."""
+    upright_where_they_rub(punches)
     return tuple(_lone(law, body, punch, layout) for punch in punches)
 
 
@@ -56,14 +62,15 @@ def _lone(law: Law, body: Body, punch: Punch, layout: Layout) -> LoneTouch:
 
 
 def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneTouch], level: Level,
-            bonded: bool = False, layout: Layout = FLAT) -> LayerProblem:
-    """The layer under its punches on a mesh of a level; their x and y are coordinates of the layout."""
+            bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> LayerProblem:
+    """The layer under its punches, whose x and y are coordinates of the layout, on a mesh of a level; bodies: as of
+    `layer_mesh`."""
     centres = np.array([[punch.x_m, punch.y_m] for punch in punches]) / body.thickness_m
     mesh = layer_mesh(body, centres, tuple(one.zone for one in lone), tuple(one.feature for one in lone), level,
-                      bonded=bonded, layout=layout)
+                      bonded=bonded, bodies=bodies, layout=layout)
     unit = force_unit(law, body)
     presses = tuple(posed(Press(one.model.punch, centre, None if punch.force_N is None else punch.force_N / unit,
-                                one.state.force), punch, layout)
+                                one.state.force, grip_of(one.model)), punch, layout)
                     for one, centre, punch in zip(lone, centres, punches, strict=True))
     return LayerProblem(over(law, law.mu_0_Pa), mesh, presses)
 

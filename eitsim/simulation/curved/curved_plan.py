@@ -8,7 +8,7 @@ from eitsim.scene.curved.curved_scene import CurvedScene
 from eitsim.scene.drive import protocol
 from eitsim.scene.results import Plan
 from eitsim.simulation import words
-from eitsim.simulation.assumptions import FRICTION_ALONE, STEEL_E_PA, hold_choices, moduli_choice
+from eitsim.simulation.assumptions import STEEL_E_PA, hold_choices, moduli_choice
 from eitsim.simulation.choose import curved_problem
 from eitsim.simulation.material import Material
 from eitsim.simulation.routes.on_surface import ON_SURFACE
@@ -36,12 +36,8 @@ def _choices(scene: CurvedScene, material: Material) -> Iterator[Choice]:
         yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
     yield Choice(Kind.STRAIN, {"strain": scene.skin.strain, "conducts": False}, None)
     yield Choice(Kind.ONE_CARD, cost=None)
-    if any(punch.friction != "none" for punch in scene.punches):
-        yield Choice(Kind.FRICTION, {"near": False})
-        signal = FRICTION_ALONE[scene.skin.strain]
-        yield Choice(Kind.FRICTION_ALONE, {"signal": signal}, signal)
-    else:
-        yield Choice(Kind.NO_FRICTION, cost=None)
+    rubs = any(punch.friction != "none" for punch in scene.punches)
+    yield Choice(Kind.FRICTION, {"near": True}) if rubs else Choice(Kind.NO_FRICTION, cost=None)
     yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
     yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)

@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 
 from eitsim.mechanics.axisymmetric.hold import relaxed, solve_hold
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.curved.rubbed_field import with_friction
 from eitsim.mechanics.curved.solve_on_surface import solve_on_surface
-from eitsim.mechanics.general.friction_alone import Rubbed, rubbed_touch
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH
 from eitsim.scene.curved.curved_scene import CurvedScene
 from eitsim.scene.results import SpaceField, Touch
@@ -23,7 +21,7 @@ class OnSurface(Route):
     """By coordinates of the curved surface about each group of touches; flat bodies have other routes."""
 
     kind = "on_surface"
-    friction_alone = True
+    spatial = True
 
     def serves(self, case: Case) -> float | Choice:
         return NOT_MEANT
@@ -51,32 +49,24 @@ class Pressed:
 
 
 def pressed(scene: CurvedScene, law: Law, punches: Sequence[Punch], exact: bool = False) -> Pressed:
-    """The touches of punches where the scene has them, with what friction changes of each alone on a flat layer.
-    NotConverged where no equilibrium is found, ValueError where a punch overhangs an edge or another one."""
-    surface, (level, coarser) = scene.body.surface, (FINE, COARSE) if exact else (COARSE, ROUGH)
-    solved = solve_on_surface(law, surface, scene.body.thickness_m, [_smooth(punch) for punch in punches],
-                              scene.places_m, level=level, coarser=coarser)
-    lone = {k: Rubbed(_upright(punch), *(solve_touch(law, scene.body.flat, _upright(one))
-                                         for one in (punch, _smooth(punch))))
-            for k, punch in enumerate(punches) if punch.friction != "none"}
-    touches = tuple(rubbed_touch(touch, lone[k]) if k in lone else touch for k, touch in enumerate(solved.touches))
-    return Pressed(touches, with_friction(solved.field, list(lone.items()), surface, scene.places_m))
+    """The touches of punches where the scene has them. NotConverged where no equilibrium is found, ValueError where a
+    punch overhangs an edge or another one."""
+    level, coarser = (FINE, COARSE) if exact else (COARSE, ROUGH)
+    solved = solve_on_surface(law, scene.body.surface, scene.body.thickness_m, punches, scene.places_m, level=level,
+                              coarser=coarser)
+    return Pressed(solved.touches, solved.field)
 
 
 def alone_on_flat(scene: CurvedScene, material: Material) -> tuple[Touch, ...]:
-    """What every touch gives alone, upright, without friction on a flat layer of the same thickness, at the end of a
-    hold; empty where one has no equilibrium there."""
+    """What every touch gives alone, upright, on a flat layer of the same thickness, or at the end of a hold, then
+    without friction; empty where one has no equilibrium there."""
     law, body, hold = material.law, scene.body.flat, scene.hold
-    punches = [_upright(_smooth(punch)) for punch in scene.punches]
+    punches = [_upright(punch) for punch in scene.punches]
     try:
-        return tuple(solve_hold(law, material.series, body, punch, hold)[-1][1] if hold.time_s else
-                     solve_touch(law, body, punch) for punch in punches)
+        return tuple(solve_hold(law, material.series, body, replace(punch, friction="none"), hold)[-1][1]
+                     if hold.time_s else solve_touch(law, body, punch) for punch in punches)
     except NotConverged:
         return ()
-
-
-def _smooth(punch: Punch) -> Punch:
-    return replace(punch, friction="none", friction_coefficient=0.0)
 
 
 def _upright(punch: Punch) -> Punch:

@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact import stick_springs
 from eitsim.mechanics.contact.punch_contact import ContactState, RigidPunch, spatial_contact
+from eitsim.mechanics.contact.stick_springs import StickSprings
 from eitsim.mechanics.general.layer import solid_assembly
+from eitsim.mechanics.general.layer.grips import Grip, springs_on
 from eitsim.mechanics.general.meshing.wedge import Facets
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh
 from eitsim.numerics.linear_solvers import Solve, bordered
@@ -47,6 +50,7 @@ class Press:
     force: float | None  # None where the depth is kept
     # the force, or about the one that the depth takes, by which residuals are measured
     scale: float
+    grip: Grip | None = None  # what holds the layer where the punch sticks or rubs
     pose: Pose | None = None  # None: upright on a flat layer
 
     def seen(self, points: Array, depth: float) -> Array:
@@ -55,19 +59,16 @@ class Press:
             return points - np.append(self.axis, -depth)
         return (points - self.pose.origin) @ self.pose.axes.T + np.array([0.0, 0.0, depth])
 
-    def forces(self, faces: Facets, at: ContactState) -> tuple[Array, float]:
-        """As `punch_contact.forces`, in space."""
-        on, back = contact.forces(self.rigid, faces, at)
+    def past(self, moved: Array, depth: float) -> Array:
+        """Displacements (..., 3) of the layer along the punch's axes, as seen from it."""
+        return (moved if self.pose is None else moved @ self.pose.axes.T) + np.array([0.0, 0.0, depth])
+
+    def load(self, on: Array, back: float) -> tuple[Array, float]:
+        """A load (f, k, 3) along the punch's axes, and by the depth, in space."""
         return (on if self.pose is None else on @ self.pose.axes), back
 
-    def complementary_forces(self, faces: Facets, at: ContactState) -> tuple[Array, float]:
-        """As `punch_contact.complementary_forces`, in space."""
-        on, back = contact.complementary_forces(self.rigid, faces, at)
-        return (on if self.pose is None else on @ self.pose.axes), back
-
-    def stiffness(self, faces: Facets, at: ContactState, negative_curvature_scale: float) -> tuple[Array, Array, float]:
-        """As `punch_contact.stiffness`, in space."""
-        blocks, edge, corner = contact.stiffness(self.rigid, faces, at, negative_curvature_scale)
+    def stiffness(self, blocks: Array, edge: Array, corner: float) -> tuple[Array, Array, float]:
+        """A stiffness (f, k, 3, k, 3) along the punch's axes, its border and corner by the depth, in space."""
         if self.pose is None:
             return blocks, edge, corner
         turn = self.pose.axes
@@ -93,6 +94,12 @@ class LayerProblem:
             found += [(k, part_of(faces, np.flatnonzero(owner == k))) for k in range(len(self.presses))
                       if np.any(owner == k)]
         return tuple(found)
+
+    @cached_property
+    def springs(self) -> tuple[StickSprings | None, ...]:
+        """What holds each of these bearings."""
+        return tuple(None if (grip := self.presses[k].grip) is None else
+                     springs_on(grip, faces, self.mesh.coordinates, self.presses[k].axis) for k, faces in self.bearings)
 
     @cached_property
     def tree(self) -> Tree:
@@ -124,6 +131,14 @@ def contacts(model: LayerProblem, moved: Array, depths: Array) -> Iterator[tuple
         yield k, faces, spatial_contact(press.rigid, seen)
 
 
+def held(model: LayerProblem, moved: Array, depths: Array) -> Iterator[tuple[int, Facets, StickSprings, Array]]:
+    """Of each bearing that is held its punch, facets, springs, and displacement (points, 3, 1) as seen from it."""
+    for (k, faces), springs in zip(model.bearings, model.springs, strict=True):
+        if springs is not None:
+            past = model.presses[k].past(faces.shape @ moved[faces.nodes], depths[k])
+            yield k, faces, springs, past.reshape(-1, 3, 1)
+
+
 def split(model: LayerProblem, x: Array) -> tuple[Array, Array]:
     """Displacements (nodes, 3) and depths (punches,)."""
     return solid_assembly.nodal(model.mesh, x[:model.mesh.unknowns]), x[model.mesh.unknowns:]
@@ -137,6 +152,8 @@ def energy(model: LayerProblem, x: Array) -> float:
         return np.inf
     for k, faces, at in contacts(model, moved, depths):
         stored += contact.energy(model.presses[k].rigid, faces, at)
+    for _, faces, springs, seen in held(model, moved, depths):
+        stored += float(faces.weight.ravel() @ stick_springs.potential(springs, seen)[:, 0])
     return stored - sum(p.force * depth for p, depth in zip(model.presses, depths.tolist(), strict=True)
                         if p.force is not None)
 
@@ -147,9 +164,7 @@ def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0)
     push, matrices = solid_assembly.forces_and_matrices(model.law, model.mesh, moved, negative_curvature_scale)
     count = len(model.presses)
     reaction, corner, border = np.zeros(count), np.zeros(count), np.zeros((count, *push.shape))
-    for k, faces, at in contacts(model, moved, depths):
-        on, back = model.presses[k].forces(faces, at)
-        blocks, edge, stiff = model.presses[k].stiffness(faces, at, negative_curvature_scale)
+    for k, faces, (on, back), (blocks, edge, stiff) in _loads(model, moved, depths, negative_curvature_scale):
         reaction[k], corner[k] = reaction[k] + back, corner[k] + stiff
         np.add.at(push, faces.nodes, on)
         np.add.at(border[k], faces.nodes, edge)
@@ -157,18 +172,37 @@ def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0)
         size = place.shape[1]
         np.add.at(matrices, (faces.element[:, None, None], place[:, :, None], place[:, None]),
                   blocks.reshape(-1, size, size))
-    held = np.array([p.force is None for p in model.presses])
+    kept = np.array([p.force is None for p in model.presses])
     force = np.array([p.force or 0.0 for p in model.presses])
     free = model.mesh.unknown >= 0
 
     def factorised() -> Solve:
         solve = factorise(model.tree, matrices)
         for k in range(count):
-            edge = np.append(border[k][free] * (not held[k]), np.zeros(k))
-            solve = bordered(solve, edge, 1.0 if held[k] else corner[k])
+            edge = np.append(border[k][free] * (not kept[k]), np.zeros(k))
+            solve = bordered(solve, edge, 1.0 if kept[k] else corner[k])
         return solve
 
-    return np.append(push[free], np.where(held, 0.0, reaction - force)), factorised
+    return np.append(push[free], np.where(kept, 0.0, reaction - force)), factorised
+
+
+def _loads(model: LayerProblem, moved: Array, depths: Array, negative_curvature_scale: float
+           ) -> Iterator[tuple[int, Facets, tuple[Array, float], tuple[Array, Array, float]]]:
+    """Number of the punch, facets, and first and second derivatives of the energy of what acts on them."""
+    for k, faces, at in contacts(model, moved, depths):
+        press = model.presses[k]
+        yield (k, faces, press.load(*contact.forces(press.rigid, faces, at)),
+               press.stiffness(*contact.stiffness(press.rigid, faces, at, negative_curvature_scale)))
+    for k, faces, springs, seen in held(model, moved, depths):
+        press, tangent = model.presses[k], stick_springs.tangent(springs, seen).reshape(*faces.weight.shape, 3, 3)
+        yield (k, faces, press.load(*_pull(faces, springs, seen)),
+               press.stiffness(*contact.assemble_stiffness(faces, tangent)))
+
+
+def _pull(faces: Facets, springs: StickSprings, seen: Array, *, elastic: bool = False) -> tuple[Array, float]:
+    """Derivatives of the springs' energy by the facets' nodes and the depth; elastic: without those that slip."""
+    pull = stick_springs.pull(springs, seen, elastic=elastic)
+    return contact.assemble_load(faces, pull.reshape(*faces.weight.shape, 3))
 
 
 def solve(model: LayerProblem, start: Array, tolerance: float = TOLERANCE) -> Minimum:
@@ -180,8 +214,8 @@ def solve(model: LayerProblem, start: Array, tolerance: float = TOLERANCE) -> Mi
 def reactions(model: LayerProblem, x: Array) -> Array:
     """Forces (punches,) of the layer on the punches."""
     out = np.zeros(len(model.presses))
-    for k, faces, at in contacts(model, *split(model, x)):
-        out[k] += model.presses[k].forces(faces, at)[1]
+    for k, _, (_, back), _ in _loads(model, *split(model, x), 1.0):
+        out[k] += back
     return out
 
 
@@ -191,8 +225,12 @@ def corrected_depths(model: LayerProblem, minimum: Minimum) -> Array:
     moved, depths = split(model, minimum.x)
     slope = np.zeros((len(model.mesh.nodes), 3))
     by_depth = np.zeros(len(depths))
-    for k, faces, at in contacts(model, moved, depths):
-        push, back = model.presses[k].complementary_forces(faces, at)
+    loads = [(k, faces, contact.complementary_forces(model.presses[k].rigid, faces, at))
+             for k, faces, at in contacts(model, moved, depths)]
+    loads += [(k, faces, _pull(faces, springs, seen, elastic=True))
+              for k, faces, springs, seen in held(model, moved, depths)]
+    for k, faces, load in loads:
+        push, back = model.presses[k].load(*load)
         np.add.at(slope, faces.nodes, push)
         by_depth[k] += back
     out, whole = depths.copy(), np.append(slope[model.mesh.unknown >= 0], by_depth)

@@ -1,6 +1,5 @@
 """What a solved layer shows at its surface: contact pressures and areas, curves where contact ends, mean stretches."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,11 +95,11 @@ def _moved(field: LayerField, points_m: Array) -> Array:
     return layout.place(points)[0] * field.thickness_m + turned
 
 
-def surface_points(field: LayerField) -> Iterator[tuple[Array, Array]]:
+def surface_points(field: LayerField) -> tuple[Array, Array]:
     """Places (n, 2), m, all over the meshed surface, and the reference areas (n,), m^2, that they stand for."""
-    for faces in (field.mesh.around, field.mesh.flat):
-        points = (faces.shape @ field.mesh.coordinates[faces.nodes][..., :2]).reshape(-1, 2)
-        yield points * field.thickness_m, faces.weight.ravel() * field.thickness_m**2
+    faces, unit = (field.mesh.around, field.mesh.flat), field.thickness_m
+    points = [(each.shape @ field.mesh.coordinates[each.nodes][..., :2]).reshape(-1, 2) for each in faces]
+    return np.concatenate(points) * unit, np.concatenate([each.weight.ravel() for each in faces]) * unit**2
 
 
 def strains_at(field: SurfaceField, points_m: Array) -> Array:

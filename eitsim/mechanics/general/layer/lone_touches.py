@@ -4,16 +4,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.spatial import KDTree
 
 from eitsim.mechanics.axisymmetric import indentation, surface
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, interpolation
-from eitsim.mechanics.axisymmetric.solve_axisymmetric import at_depth, force_unit, mesh_hierarchy, under_force
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
+    at_depth,
+    force_unit,
+    mesh_hierarchy,
+    rubbed,
+    rubbed_course,
+    under_force,
+)
+from eitsim.mechanics.contact import friction
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem
 from eitsim.mechanics.general.meshing.section import Zone
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.cap_grid import meridian
 from eitsim.mechanics.solid.grid import default_element_m, feature_m
 from eitsim.scene.edges.disc import Disc
+from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.law import Law
 from touchcal.arrays import Array
@@ -25,6 +35,7 @@ _ROUND = 0.8 * np.pi  # Angle, rad, to which it reaches on a cap at most.
 # Fine elements reach this far outside the reference radius at which the contact ends, and inside where the foam stands
 # under the punch's round edge, in features of the punch (`solid.grid.feature_m`).
 _OUTSIDE, _UNDER = 0.5, 2.0
+_FADING = 0.5  # Distance from sides that are held, thicknesses, over which a start fades.
 
 
 @dataclass(frozen=True)
@@ -36,6 +47,7 @@ class LoneTouch:
     feature: float  # length that the contact's end needs resolved
     curvature: float = 0.0  # of the cap that it stands on, positive where convex
     others: tuple[Zone, ...] = ()  # zones of the same punch on caps of the surface's principal curvatures
+    rubbed: Touch | None = None  # with the errors of its friction; None without friction
 
     @property
     def first(self) -> float:
@@ -107,27 +119,36 @@ def _turned(length: Array, values: Array, curvature: float) -> Array:
 
 
 def lone_touch(law: Law, body: Body, punch: Punch, curvature: float = 0.0) -> LoneTouch:
-    """The touch of a punch far from all edges and others, without friction, on a layer, flat or of a curvature.
-    NotConverged where none is found."""
+    """The touch of a punch far from all edges and others, on a layer, flat or of a curvature. NotConverged where none
+    is found."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
     reach = punch.diameter_m / 2 + _ENDLESS * unit
     endless = Body(Disc(min(reach, _ROUND * unit / max(abs(curvature), 1e-300))), unit)
     smooth = replace(smooth, fillet_m=profile_of(punch).edge_radius)
     size = min(_ELEMENT * default_element_m(endless, smooth), 0.4 * unit)
-    model = mesh_hierarchy(law, endless, smooth, size, None, curvature_per_m=curvature / unit)[-1]
-    state = (under_force([model], punch.force_N / force_unit(law, body)) if punch.force_N is not None
-             else at_depth([model], (punch.depth_m or 0.0) / unit + indentation.first_touch(model)))[-1]
-    return LoneTouch(model, state, feature_m(body, smooth) / unit, curvature)
+    levels = mesh_hierarchy(law, endless, smooth, size, None, curvature_per_m=curvature / unit)
+    model, feature, shear_limit = levels[-1], feature_m(body, smooth) / unit, friction.coefficient(punch)
+    force = None if punch.force_N is None else punch.force_N / force_unit(law, body)
+    depth = (punch.depth_m or 0.0) / unit + indentation.first_touch(model)
+    if shear_limit == 0:
+        state = (at_depth([model], depth) if force is None else under_force([model], force))[-1]
+        return LoneTouch(model, state, feature, curvature)
+    course = rubbed_course(levels, shear_limit, force, depth)
+    touch = rubbed(law, endless, levels, course, 0.0)
+    return LoneTouch(replace(model, springs=course.fine.springs), course.fine.state, feature, curvature, rubbed=touch)
 
 
 def added_up(lone: tuple[LoneTouch, ...], layer: LayerProblem, share: float = 1.0) -> Array:
-    """A start: the displacements of all touches added up, and their depths from where they begin to touch with what the
-    others' surfaces sink at their places, times a share."""
+    """A start: the displacements of all touches added up, fading towards sides that are held, and their depths from
+    where they begin to touch with what the others' surfaces sink at their places, times a share."""
     moved, free = np.zeros((len(layer.mesh.nodes), 3)), layer.mesh.unknown >= 0
-    axes = [press.axis for press in layer.presses]
+    axes, places = [press.axis for press in layer.presses], layer.mesh.coordinates
     for one, axis in zip(lone, axes, strict=True):
-        moved += displacement(one, axis, layer.mesh.coordinates)
-    moved = (layer.mesh.layout.turn(layer.mesh.coordinates[:, :2]) @ moved[..., None])[..., 0]
+        moved += displacement(one, axis, places)
+    held = places[(layer.mesh.unknown[:, 0] < 0) & (places[:, 2] > -1 + 1e-9)]
+    if len(held):
+        moved *= np.minimum(KDTree(held).query(places)[0] / _FADING, 1.0)[:, None]
+    moved = (layer.mesh.layout.turn(places[:, :2]) @ moved[..., None])[..., 0]
     depths = []
     for one, axis, press in zip(lone, axes, layer.presses, strict=True):
         sunk = sum(-float(displacement(other, there, np.append(axis, 0.0)[None])[0, 2])
