@@ -116,7 +116,7 @@ def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corr
 
 def problem_alone(model: LayerProblem, k: int, level: Level, curvature: float) -> LayerProblem:
     """Punch k alone on its section, upright on an endless layer, flat or of a curvature."""
-    press = replace(model.presses[k], pose=None)
+    press = replace(model.presses[k], pose=None, rigid=replace(model.presses[k].rigid, shape=None))
     mesh = mesh_alone(model.mesh, k, press.rigid.profile.radius, level, curvature)
     return replace(model, mesh=mesh, presses=(press,))
 
