@@ -1,8 +1,8 @@
 """Touches on curved bodies against triquadratic bricks of scikit-fem (`peers/hexahedra.py`).
 
 A ball of 10 mm radius, 3 mm deep in 10 mm of neo-Hooke (nu = 0.25), on top of a sphere, a cylinder and a saddle; and a
-flat punch of 14 mm with a round edge of 2 mm that leans by `tilt_deg`, on a flat layer. Bricks are 1.6 mm wide under
-the ball and end 52 mm from the apex (1.1 radii of a saddle at most), 1.8 and 32 mm under the other; ends are free.
+flat punch of 14 mm with a round edge of 2 mm that leans by `tilt_deg`, on a flat layer. Bricks are 2 mm wide under the
+ball and end 52 mm from the apex (1.1 radii of a saddle at most), 2.2 and 32 mm under the other; ends are free.
 
 force_mu_mm2 is the force over mu; force_difference is to the bricks: on the flat layer, upright, it is what those leave
 of the axisymmetric solution. signal_difference is that of the integral of what a nominal skin driven by the principal
@@ -37,8 +37,8 @@ from matcal.laws.neo_hooke import NeoHooke
 LAW, THICKNESS_M, SENSITIVITY = NeoHooke(1e4, 0.25), 0.01, -2.0
 BALL = Punch(profile="sphere", diameter_m=0.02, depth_m=0.003)
 LEANING = Punch(diameter_m=0.014, fillet_m=0.002, depth_m=0.003, tilt_rad=np.deg2rad(5))
-RADII_M = quick((0.04, 0.1, 0.3), (0.04,))
-SIZE_MM, SIZE_LEANING_MM = quick((1.6, 1.8), (2.5, 2.5))
+RADII_M = (0.04,)
+SIZE_MM, SIZE_LEANING_MM = quick((2.0, 2.2), (2.5, 2.5))
 END_MM = 52.0
 PER_FORCE = 1e6 / LAW.mu_0_Pa  # mu mm^2 per N
 
