@@ -29,6 +29,12 @@ class AddedField:
     axes_m: Array  # (punches, 2)
     thickness_m: float
 
+    @property
+    def reach_m(self) -> float:
+        """Distance from the origin outside which nothing is deformed."""
+        return max(float(np.hypot(*axis) + one.radius[-1] * self.thickness_m)
+                   for axis, one in zip(self.axes_m, self.exact, strict=True))
+
     def metric(self, points_m: Array) -> tuple[Array, Array]:
         """As of CorrectedField."""
         return metric_of(self.deformation_gradient(points_m))
