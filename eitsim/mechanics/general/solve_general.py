@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.layer.lone_touches import LoneTouch
 from eitsim.mechanics.general.mesh_errors import Corrected, CorrectedField, corrected, problem_alone
@@ -68,15 +69,17 @@ class Cost:
 
 
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
-                  bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> GeneralSolution:
+                  bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT,
+                  shapes: Sequence[PunchShape | None] = ()) -> GeneralSolution:
     """Equilibrium of a layer, its bottom fixed and its sides free or bonded, with what is bonded to it, under rigid
     punches; flat or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
-    A punch that rubs holds the layer where it does so alone (`layer.grips`).
+    A punch that rubs holds the layer where it does so alone (`layer.grips`). Shapes (punches,), m, stand in place of
+    the punches' profiles, which then are about what they are, for the start and the mesh.
 
     ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
     started, lone = cpu_s(), lone_touches(law, body, punches, layout)
-    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, bodies, layout), lone,
+    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, bodies, layout, shapes), lone,
                                          body.thickness_m), lone, each) for each in (coarser, level))
     depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches)
     by_friction = _errors_of_friction(fine, lone)
