@@ -115,7 +115,7 @@ def rebuilt(kind: Any, name: str, arrays: Arrays) -> Any:
                        for field in dataclasses.fields(kind)})
     if typing.get_origin(kind) is tuple:
         item = typing.get_args(kind)[0]
-        return tuple(rebuilt(item, f"{name}.{i}", arrays) for i in range(int(arrays[f"{name}.count"])))
+        return tuple(rebuilt(item, f"{name}.{i}", arrays) for i in range(int(arrays.get(f"{name}.count", 0))))
     if isinstance(kind, types.GenericAlias) or typing.get_origin(kind) is np.ndarray:
         return arrays[name]
     return kind(arrays[name].item())

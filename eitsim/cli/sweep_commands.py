@@ -64,8 +64,10 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
     Example: eitsim sweep scenes.csv --scene scene.toml --card card.json --out sweep
     """
     from eitsim.cli.progress import in_words
+    from eitsim.sweeps.dataset.parquet import OTHER_PROFILES
     from eitsim.sweeps.design.design import kept_from_edges
     from eitsim.sweeps.run.account import account_of, document, lines
+    from eitsim.sweeps.run.other_profiles import other_profiles
     from eitsim.sweeps.run.scene_table import as_design
     from eitsim.sweeps.run.sweep import sweep as solve_design
 
@@ -96,7 +98,10 @@ def sweep(design: Annotated[Path, typer.Argument(metavar="DESIGN", help="Design 
               f"there; outcomes: {in_words(account.outcomes)}.")
         clean = (f"rows are clean: `eitsim measure {out} --out {out}-measured` adds [measurement] of the design"
                  if rows.measurement else None)
-        for line in filter(None, (clean, account.method, kept_from_edges(rows))):
+        others = (f"{same.scenes} of these touches by other profiles are in {out / OTHER_PROFILES}: `surrogate train` "
+                  "learns from them what a profile changes of the force"
+                  if (same := other_profiles(rows)) is not None else None)
+        for line in filter(None, (clean, account.method, kept_from_edges(rows), others)):
             print(line)
         for name, message in sorted(account.reasons.items()):
             print(f"first \"{name}\": {message}")

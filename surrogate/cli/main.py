@@ -43,8 +43,8 @@ WORKERS_HELP = "Processes that share the networks; by default one, and one a cor
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."
 EXACT_HELP = ("Take signals as exact: the error that the simulator states of them does not count. For comparing "
               "methods on simulated touches, not for a real sensor.")
-PUNCHES_HELP = ("All touches to be read are by punches of the few diameters of the sweep: d and F are surer, and "
-                "wrong for any other punch. Method forward.")
+PUNCHES_HELP = ("All touches to be read are by punches of the profile and the few diameters of the sweep: d and F "
+                "are surer, and wrong for any other punch. Method forward.")
 LEVELS_HELP = "Noise levels of the stored scores, next to no noise, in dB below the RMS of the baseline voltages."
 
 

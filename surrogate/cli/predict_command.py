@@ -69,8 +69,9 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
 
     Intervals hold for single touches of the trained kind of punch within the trained ranges, which `surrogate
     evaluate` prints. A touch outside them is flagged where its signal or its answer shows it; where the signal
-    leaves open a diameter outside them, the intervals of d and F reach as far. A heavier touch, or a punch of
-    another profile, may look like one within with no flag. One frame in depth: `surrogate frame`.
+    leaves open a diameter outside them, the intervals of d and F reach as far; those of F hold the forces of other
+    profiles that the sweep solved. A heavier touch may look like one within with no flag. One frame in depth:
+    `surrogate frame`.
 
     Example: surrogate predict forward frames.csv --baseline untouched.csv --out predictions.csv
     """

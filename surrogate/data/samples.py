@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from eitsim.scene.drive import voltage_columns
-from eitsim.sweeps.dataset.parquet import RELAXATION, TOUCH, Dataset, read_dataset
+from eitsim.sweeps.dataset.parquet import MANIFEST, OTHER_PROFILES, RELAXATION, TOUCH, Dataset, read_dataset
 from eitsim.sweeps.dataset.touch_kinds import near_edge
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.measurement.instrument_table import TABLE
@@ -55,6 +55,15 @@ class Samples:
         return self.target[:, [self.names.index(name) for name in names]]
 
 
+@dataclass(frozen=True, eq=False)
+class OtherProfile:
+    """Touches by punches of a profile that is not the samples' own."""
+
+    profile: str
+    touch: Array  # (n, 4) x, y, d, mm, and F, N
+    signal_V: Array  # (n, readings) touched minus untouched, V
+
+
 @dataclass(frozen=True, kw_only=True)
 class SweepSamples(Samples):
     """Solved scenes of one sensor; targets are those of outputs.ALL that the data set has."""
@@ -76,6 +85,7 @@ class SweepSamples(Samples):
     measurement: Mapping[str, Any] = field(default_factory=dict)
     relaxation: Mapping[str, Any] = field(default_factory=dict)  # the manifest's, empty where none is stated
     profile: str = ""  # of the punch, in words
+    others: tuple[OtherProfile, ...] = ()  # touches by other profiles, each read by what the rows teach
 
 
 def read_samples(data: SweepSamples | Dataset | Path | str) -> SweepSamples:
@@ -92,7 +102,7 @@ def read_samples(data: SweepSamples | Dataset | Path | str) -> SweepSamples:
         ring = ring_of_design(data.design["tables"], _untouched(data.ok), _places(data.ok))
     except ValueError as error:
         raise InputFileError(folder, str(error)) from None
-    return _samples(folder, data, ring)
+    return replace(_samples(folder, data, ring), others=_others(data.folder / OTHER_PROFILES))
 
 
 def _samples(folder: Path, data: Dataset, ring: Ring) -> SweepSamples:
@@ -117,6 +127,17 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> SweepSamples:
                         card=rows["card_sample"].to_numpy(np.int64), material=material, signal_sd=signal_sd,
                         row_hash=_hashes(scene, target), near_edge=near_edge(rows), measurement=measurement,
                         relaxation=data.manifest.get(RELAXATION, {}), profile=_profile(data.design["tables"]))
+
+
+def _others(folder: Path) -> tuple[OtherProfile, ...]:
+    """The touches of other profiles that a sweep solved next to its own; none where it solved none."""
+    if not (folder / MANIFEST).exists():
+        return ()
+    rows = read_dataset(folder).ok
+    readings = sum(name.startswith("dv_") for name in rows.columns)
+    return tuple(OtherProfile(str(name), _numbers(folder, one, [*TOUCH]),
+                              _numbers(folder, one, voltage_columns(readings, "dv")))
+                 for name, one in rows.groupby("punch_profile"))
 
 
 def _profile(tables: Mapping[str, Any]) -> str:

@@ -40,13 +40,29 @@ class Estimate:
     past_below: Array
     past_above: Array
     other: Mask  # (n,) whether the signal asks for such a punch, none of the trained ones being likely
+    # (n, outputs) by what punches of other profiles multiply the lower and the upper end of an interval; 1 for learners
+    # that know of none
+    ratio_below: Array
+    ratio_above: Array
     parts: Parts | None = None  # what makes up sd, for learners that can tell
 
-    def ends(self, factor: Array, of_normal: Array | float) -> tuple[Array, Array]:
+    def of_profile(self, factor: Array, of_normal: Array | float) -> tuple[Array, Array]:
         """Distances (n, outputs) of values to the ends of intervals of so many (n, outputs) standard deviations; of as
-        many as a normal variable has, for punches outside the training range."""
+        many as a normal variable has, for punches outside the training range. Of punches of the trained profile."""
         return (np.maximum(self.below * factor, self.past_below * of_normal),
                 np.maximum(self.above * factor, self.past_above * of_normal))
+
+    def ends(self, factor: Array, of_normal: Array | float) -> tuple[Array, Array]:
+        """As `of_profile`, of punches of the other profiles too."""
+        below, above = self.of_profile(factor, of_normal)
+        low, high = self.value - below, self.value + above
+        return (self.value - low * np.where(low > 0, self.ratio_below, 1.0),
+                high * np.where(high > 0, self.ratio_above, 1.0) - self.value)
+
+    def errors(self, target: Array) -> Array:
+        """(n, outputs) errors of values, as far as other profiles do not make up for them."""
+        over = np.maximum(self.value - target / np.where(target > 0, self.ratio_below, 1.0), 0.0)
+        return over + np.minimum(self.value - target / np.where(target > 0, self.ratio_above, 1.0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -66,7 +82,7 @@ def regression(value: Array, variance: Array) -> Estimate:
     sd = np.sqrt(variance)
     none = np.zeros(len(value), bool)
     return Estimate(value, sd, np.ones(len(value)), ~none, sd, sd, none, np.ones(len(value)),
-                    np.zeros((len(value), 0)), 0 * sd, 0 * sd, none)
+                    np.zeros((len(value), 0)), 0 * sd, 0 * sd, none, np.ones(sd.shape), np.ones(sd.shape))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,11 +15,12 @@ from surrogate.data.sensor_ring import Ring, radial
 from surrogate.forward_map import forward_map, rim_correction
 from surrogate.forward_map.amplitude import amplitude
 from surrogate.forward_map.forward_map import ForwardMap, near_an_edge, places_at
-from surrogate.forward_map.inversion import mechanical_response
+from surrogate.forward_map.inversion import mechanical_response, other_profiles
 from surrogate.forward_map.inversion.diameter_force_posterior import RADII, Table, drawn, moments, one_sided
 from surrogate.forward_map.inversion.edge_errors import with_places_held
-from surrogate.forward_map.inversion.invert import LEAST_SIDE, Inversion, Peak, invert
+from surrogate.forward_map.inversion.invert import FORCE, LEAST_SIDE, Inversion, Peak, invert
 from surrogate.forward_map.inversion.mechanical_response import Answer, Response
+from surrogate.forward_map.inversion.other_profiles import ForceRatio
 from surrogate.forward_map.inversion.reading_covariance import Drift, drift_of
 from surrogate.forward_map.known_places import MIN_ROWS, by_one_edge, known_place, series_suffices
 from surrogate.learners.base import Estimate, Learner, Parts, Training
@@ -29,7 +30,7 @@ from touchcal.arrays import Array, Mask
 BATCH = 64  # frames solved together, to bound the memory
 # What an estimate holds for each frame, besides the parts of its standard deviations.
 _EACH = ("value", "sd", "misfit", "inside", "below", "above", "near_edge", "map_part", "left",
-         "past_below", "past_above", "other")
+         "past_below", "past_above", "other", "ratio_below", "ratio_above")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,7 @@ class TouchInversion(Learner):
     forward: ForwardMap
     response: Response
     columns: NDArray[np.int64]  # positions of the requested outputs among the touch's four and the response's
+    profiles: tuple[ForceRatio, ...] = ()  # what other profiles than the trained one change of the force
 
     @classmethod
     def fit(cls, rows: Samples, training: Training) -> TouchInversion:
@@ -62,7 +64,8 @@ class TouchInversion(Learner):
         if not training.known_punches:
             forward = replace(forward, known_mm=np.zeros(0))
         forward = with_places_held(forward, touch, error_V)
-        return cls(forward, response, np.array([order.index(name) for name in training.names]))
+        others = () if training.known_punches else other_profiles.learned(forward, rows.others)
+        return cls(forward, response, np.array([order.index(name) for name in training.names]), others)
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
         """Requested outputs of signals (n, readings) under white noise."""
@@ -104,7 +107,7 @@ class TouchInversion(Learner):
 
     def drifting(self, root: Array) -> DriftingInversion:
         """The inversion with a drift in the covariance of the readings."""
-        return DriftingInversion(self.forward, self.response, self.columns, drift_of(root))
+        return DriftingInversion(self.forward, self.response, self.columns, self.profiles, drift=drift_of(root))
 
 
 def _by_one_edge_at_most(rows: SweepSamples) -> SweepSamples:
@@ -122,7 +125,7 @@ def _by_one_edge_at_most(rows: SweepSamples) -> SweepSamples:
 class DriftingInversion(TouchInversion):
     """An inversion of frames between which the instrument may have drifted."""
 
-    drift: Drift
+    drift: Drift = field(kw_only=True)
 
     def estimate(self, signal_V: Array, noise_V: float) -> Estimate:
         """As TouchInversion, with the drift in the covariance of the readings."""
@@ -146,11 +149,14 @@ def answered(learner: TouchInversion, found: Inversion) -> Estimate:
         mean, spread, both = _response(learner, found, answer)
         value, sd, sides, past = (np.concatenate(pair, axis=-1) for pair in (
             (value, mean), (sd, spread), (sides, both), (past, _past(learner, found, mean))))
+    ratio = np.ones((2, *value.shape))
+    ratio[:, :, FORCE] = other_profiles.extremes(learner.profiles, found.touch)
     c = learner.columns
     parts = _parts(found.peak, slope, own, sd)
     return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, sides[0][:, c], sides[1][:, c],
                     near_an_edge(learner.forward, found.touch), found.map_part, found.left,
-                    past[0][:, c], past[1][:, c], found.other, Parts(parts.noise[:, c], parts.material[:, c]))
+                    past[0][:, c], past[1][:, c], found.other, ratio[0][:, c], ratio[1][:, c],
+                    Parts(parts.noise[:, c], parts.material[:, c]))
 
 
 def _parts(peak: Peak, slope: Array, own: Array | float, sd: Array) -> Parts:

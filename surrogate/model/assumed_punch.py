@@ -19,4 +19,6 @@ def assumed_punch(model: TrainedModel) -> str:
         sizes = f"of {model.trained.lowest[k]:g} to {model.trained.highest[k]:g} mm"
     else:
         sizes = "of the trained diameters"
-    return f"one punch, {profile}, {sizes}"
+    others = [one.profile for one in getattr(model.learner, "profiles", ())]
+    held = f"; intervals of F hold the force of profile {', '.join(others)} too" if others else ""
+    return f"one punch, {profile}, {sizes}{held}"

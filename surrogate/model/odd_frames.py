@@ -21,7 +21,9 @@ from touchcal.arrays import Array
 # Chance of the noise of a trained touch that is called unlike a touch, and what the map's error may make of a misfit,
 # over the worst of the validation rows.
 CHANCE, MAP_FACTOR = 2e-3, 1.5
-TOUCHES = 20  # directions of trained signals, as of another touch
+# Most directions of trained signals, as of another touch, of which those count that noise does not hide; and how many
+# of them the place and the size of a touch take up.
+TOUCHES, TAKEN = 20, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +38,18 @@ class Causes:
 
 def causes_of(ring: Ring, signal_V: Array, noise: ReadingNoise) -> Causes:
     """Causes that readings of a ring may share, the signals (n, readings) of trained touches among them."""
-    unit = signal_V / np.linalg.norm(signal_V, axis=1, keepdims=True)
-    axes = np.linalg.svd(unit @ whitening(noise), full_matrices=False)[2][:TOUCHES]
+    whitened = signal_V @ whitening(noise)
+    unit = whitened / np.linalg.norm(signal_V, axis=1, keepdims=True)
+    axes = np.linalg.svd(unit, full_matrices=False)[2][:TOUCHES]
+    seen = np.sqrt(np.mean((whitened @ axes.T) ** 2, axis=0)) > noise.white_V
+    axes = axes[:max(int(seen.sum()), TAKEN + 1)]
     matrix = np.stack([one / np.trace(one) for one in (*shared_causes(ring), axes.T @ axes)])
     degrees = 1 / np.einsum("kpq,kpq->k", matrix, matrix)
     tails = max(noise.energy_sd**2 * len(noise.root) / 2, 1.0)
     chance, fewer = CHANCE / (len(matrix) + 1), degrees / tails
     whole = len(noise.root) / tails
-    return Causes(matrix, np.linalg.eigvalsh(matrix)[:, -1] * len(noise.root), chdtri(fewer, chance) / fewer,
+    free = np.r_[fewer[:-1], max(degrees[-1] - TAKEN, 1.0) / tails]
+    return Causes(matrix, np.linalg.eigvalsh(matrix)[:, -1] * len(noise.root), chdtri(free, chance) / fewer,
                   float(chdtri(whole, chance) / whole))
 
 

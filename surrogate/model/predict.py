@@ -203,7 +203,7 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
     detailed: list[dict[Flag, str]] = [{} for _ in signal]
     reverse = touched & of_other_sign(predictor.novelty, signal, predictor.noise.rms_V)
     reverse |= volts @ predictor.baseline_V < 0
-    parts = np.full((len(signal), _force_part_count(model)), np.nan)
+    parts, several = np.full((len(signal), _force_part_count(model)), np.nan), np.zeros(len(signal), bool)
     if np.any(touched):
         found = read(signal[touched])
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise)
@@ -213,16 +213,17 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
         scale = predictor.scale.of(found.sd, found.near_edge)
         below[touched], above[touched] = (_widened(model, side, strange, outside)
                                           for side in found.ends(scale, normal(COVERAGE)))
+        plain = np.add(*found.of_profile(scale, normal(COVERAGE)))
+        several[touched] = _several(model, plain) & ~outside
         strange = np.maximum(strange, oddness(predictor.causes, found, model.trained.misfit))
         kinds[touched] = (Flag.OUTSIDE * outside + Flag.MISFIT * (strange > 1)
                           + Flag.OTHER_PUNCH * (found.other & ~outside))
         _name_outside(model, np.flatnonzero(touched), off, detailed)
         kinds += Flag.GAIN * _gain_named(predictor, signal, np.flatnonzero(kinds & Flag.MISFIT), detailed)
         if parts.shape[1]:
-            parts[touched] = _force_parts(model, found, (below + above)[touched] / 2 / normal(COVERAGE))
-    kinds += Flag.OTHER_SIGN * reverse
-    wide = (kinds & Flag.OUTSIDE) > 0  # intervals are as wide as the range there
-    kinds += Flag.SEVERAL * (_several(model, below + above) & ~wide)
+            parts[touched] = _force_parts(model, found, plain / 2 / normal(COVERAGE),
+                                          (below + above)[touched] / 2 / normal(COVERAGE))
+    kinds += Flag.OTHER_SIGN * reverse + Flag.SEVERAL * several
     flags = [in_words(kind, more) for kind, more in zip(kinds.tolist(), detailed, strict=True)]
     left = np.where([name in STRESSES for name in model.names], predictor.left, 1.0)
     return Predictions(value * left, below * left, above * left, flags, parts * predictor.left, kinds)
@@ -233,13 +234,14 @@ def _force_part_count(model: TrainedModel) -> int:
     return len(PARTS) if METHODS[model.method].separates_errors and "F" in model.names else 0
 
 
-def _force_parts(model: TrainedModel, found: Estimate, sd: Array) -> Array:
-    """(n, 3) parts of the force's calibrated standard deviations, of sd (n, outputs), in the shares of the estimate."""
+def _force_parts(model: TrainedModel, found: Estimate, plain: Array, sd: Array) -> Array:
+    """(n, 3) parts of the force's calibrated standard deviations, of sd (n, outputs): noise and material in their
+    shares of those of the trained profile, `plain`, and the model's the rest."""
     assert found.parts is not None
     k = model.names.index("F")
-    each = (found.parts.noise, found.parts.material, found.parts.model(found.sd))
-    shares = sd[:, k, None] / np.maximum(found.sd[:, k, None], np.finfo(float).tiny)
-    return np.column_stack([part[:, k] for part in each]) * shares
+    shares = plain[:, k] / np.maximum(found.sd[:, k], np.finfo(float).tiny)
+    noise, material = found.parts.noise[:, k] * shares, found.parts.material[:, k] * shares
+    return np.column_stack([noise, material, np.sqrt(np.maximum(sd[:, k]**2 - noise**2 - material**2, 0.0))])
 
 
 def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Mask) -> Array:

@@ -53,8 +53,8 @@ def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", ou
         Take signals for exact: what the simulator states of their error does not count. For comparing methods on
         simulated touches, not for a real sensor.
     known_punches : bool
-        All touches to be read are by punches of the diameters that training rows share, where these are a few; d and F
-        are then surer, and wrong, with no flag, for any other punch. Method forward.
+        All touches to be read are by punches of the trained profile, of the diameters that training rows share, where
+        these are a few; d and F are then surer, and wrong, with no flag, for any other punch. Method forward.
 
     Returns
     -------

@@ -24,6 +24,7 @@ _MOST = 100_000  # Triangles, before they are halved, at most.
 _ROUNDING = 1e-13  # A change smaller than this part of the readings is one of rounding.
 _SHARE = 0.7  # Part of the error in the triangles that are halved.
 _PAIRS = 15  # Pairs of the nodes of a triangle.
+_TOGETHER = 2000  # Triangles that are looked at together.
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +66,9 @@ def solve_sheet(facets: Facets, z: Array, untouched: State, touched: State | Non
             break
         marked = np.zeros(len(facets.cells), dtype=bool)
         if off > readings:
-            marked |= _most(_local_change(pairs[:1], [1.0]))
+            marked |= _most(_local_change(finer, pairs[:1], [1.0]))
         if late:
-            marked |= _most(_local_change(pairs, [-1.0, 1.0]))
+            marked |= _most(_local_change(finer, pairs, [-1.0, 1.0]))
         facets = halved(facets, marked)
     missed = [f"the {name} of the curved skin {verb} known to {found:.1e} only, {asked:g} was asked for"
               for name, verb, found, asked in (("readings", "are", off, readings), ("signal", "is", change_off, signal))
@@ -87,8 +88,8 @@ class _Halving:
 
     coarse_Ohm: Array
     fine_Ohm: Array
-    steps: Array  # (4 t, pairs, electrodes) differences over pairs of nodes of what halving changes of the potentials
-    weight: Array  # (4 t, pairs) weights of the pairs, 1/Ohm
+    away: Array  # (nodes, electrodes) what halving changes of the potentials of the halved mesh
+    weight: Array  # (4 t, pairs) weights of the pairs of its triangles' nodes, 1/Ohm
 
 
 def _halving(mesh: SkinMesh, finer: SkinMesh, sheets: Sequence[Array], z: Array, orders: Sequence[Dissection]
@@ -96,19 +97,23 @@ def _halving(mesh: SkinMesh, finer: SkinMesh, sheets: Sequence[Array], z: Array,
     coarse, fine = (centred(one, potentials(one, sheet, z, order=order))
                     for one, sheet, order in zip((mesh, finer), sheets, orders, strict=True))
     away = fine[:len(finer.nodes_m)] - prolonged(mesh, coarse[:len(mesh.nodes_m)])
-    i, j = np.triu_indices(6, 1)
     weight = weights(finer, sheets[1], z)[:_PAIRS * len(finer.cells)].reshape(-1, _PAIRS)
-    return _Halving(coarse[-mesh.count:], fine[-mesh.count:], away[finer.cells[:, i]] - away[finer.cells[:, j]], weight)
+    return _Halving(coarse[-mesh.count:], fine[-mesh.count:], away, weight)
 
 
-def _local_change(pairs: Sequence[_Halving], signs: Sequence[float]) -> Array:
+def _local_change(finer: SkinMesh, pairs: Sequence[_Halving], signs: Sequence[float]) -> Array:
     """(t,) Frobenius norm of what each triangle adds to the change of the impedance matrix by halving, Ohm, summed over
     states with signs."""
-    steps = np.concatenate([pair.steps for pair in pairs], axis=1)
-    weight = np.concatenate([sign * pair.weight for sign, pair in zip(signs, pairs, strict=True)], axis=1)
-    inner = steps @ steps.swapaxes(1, 2)
-    squared = np.einsum("tp,tpq,tq->t", weight, inner**2, weight)
-    return np.sqrt(np.maximum(squared, 0)).reshape(-1, 4).sum(axis=1)
+    i, j = np.triu_indices(6, 1)
+    parts = []
+    for first in range(0, len(finer.cells), _TOGETHER):
+        cells = finer.cells[first:first + _TOGETHER]
+        steps = np.concatenate([pair.away[cells[:, i]] - pair.away[cells[:, j]] for pair in pairs], axis=1)
+        weight = np.concatenate([sign * pair.weight[first:first + _TOGETHER]
+                                 for sign, pair in zip(signs, pairs, strict=True)], axis=1)
+        inner = steps @ steps.swapaxes(1, 2)
+        parts.append(np.einsum("tp,tpq,tq->t", weight, inner**2, weight, optimize=True))
+    return np.sqrt(np.maximum(np.concatenate(parts), 0)).reshape(-1, 4).sum(axis=1)
 
 
 def prolonged(mesh: SkinMesh, potential: Array) -> Array:

@@ -33,8 +33,8 @@ class Facets:
     @property
     def edges(self) -> tuple[Indices, Indices]:
         """Corners (edges, 2) of all edges, the lower number first, and the edges (t, 3) of each triangle."""
-        found, number = np.unique(sides(self.cells[:, :3]), axis=0, return_inverse=True)
-        return found, number.reshape(len(EDGES), -1).T
+        first, number, ends = _edges(self.cells[:, :3])
+        return ends[first], number.reshape(len(EDGES), -1).T
 
     def lengths_m(self, of_triangle: Indices) -> Array:
         """Lengths (edges,), m, of the chords of all edges, from `edges`."""
@@ -43,6 +43,13 @@ class Facets:
         for k, (a, b, _) in enumerate(EDGES):
             out[of_triangle[:, k]] = np.linalg.norm(corners[:, a] - corners[:, b], axis=1)
         return out
+
+
+def _edges(corners: Indices) -> tuple[Indices, Indices, Indices]:
+    """Of the sides (3 t, 2) of triangles (t, 3): the first of each edge, the edge of each, and the sides themselves."""
+    ends = sides(corners)
+    _, first, number = np.unique(ends @ np.array([corners.max() + 1, 1]), return_index=True, return_inverse=True)
+    return first, number, ends
 
 
 def functions(at: Array) -> Array:
@@ -116,13 +123,12 @@ def _pieces(pattern: int, corners: Array, at: Array) -> list[tuple[Indices, tupl
 def _joined(facets: Facets, corners: Indices, local: Array, parent: Indices) -> Facets:
     """Pieces with corners (t, 3), numbered as nodes, at places (t, 3, 2) of their parents."""
     middles = np.stack([(local[:, a] + local[:, b]) / 2 for a, b, _ in EDGES], axis=1)
-    place = np.einsum("tpk,tkx->tpx", functions(np.concatenate([local, middles], axis=1)),
-                      facets.nodes_m[facets.cells[parent]])
+    place = functions(np.concatenate([local, middles], axis=1)) @ facets.nodes_m[facets.cells[parent]]
     used, corners = np.unique(corners, return_inverse=True)
     corners = corners.reshape(-1, 3)
     nodes = np.empty((len(used), 3))
     nodes[corners.T.ravel()] = place[:, :3].swapaxes(0, 1).reshape(-1, 3)
-    _, first, number = np.unique(sides(corners), axis=0, return_index=True, return_inverse=True)
+    first, number, _ = _edges(corners)
     on_edges = place[:, 3:].swapaxes(0, 1).reshape(-1, 3)[first]
     cells = np.column_stack([corners, len(nodes) + number.reshape(len(EDGES), -1).T])
     return Facets(np.vstack([nodes, on_edges]), cells, facets.electrode[parent], facets.factor[parent],

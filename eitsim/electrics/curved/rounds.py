@@ -1,6 +1,7 @@
 """Round parts of a sheet in space, cut out by balls: their edges become edges of quadratic triangles."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +21,28 @@ _BISECTIONS = 40  # To find where an edge meets a ball.
 _HALVINGS = 40  # Of triangles at the edge of a round part, at most.
 
 
-def refined_at(facets: Facets, centre_m: Array, radius_m: float, chords: int = _CHORDS) -> Facets:
-    """The sheet with triangles small enough where a ball's surface may cut them."""
-    size = 2 * np.pi * radius_m / chords
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """Cuts a round part out of a sheet."""
+
+    centre_m: Array  # (3,) m
+    radius_m: float  # m
+    chords: int = _CHORDS  # edges about the part, about, at least
+
+
+def refined_at(facets: Facets, balls: Sequence[Ball]) -> Facets:
+    """The sheet with triangles small enough where balls' surfaces may cut them."""
     for _ in range(_HALVINGS):
-        away = np.linalg.norm(facets.nodes_m[facets.cells] - centre_m, axis=2)
-        corners = facets.corners_m
+        corners, nodes = facets.corners_m, facets.nodes_m[facets.cells]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        # the ball's surface is nearer than the triangle's own size
-        near = (away.min(axis=1) < radius_m + longest / 4) & (away.max(axis=1) > radius_m - longest / 4)
-        inside = away.min(axis=1) - longest < radius_m
-        large = (longest > size) & (near | (inside & (longest > radius_m)))
+        large = np.zeros(len(longest), dtype=bool)
+        for ball in balls:
+            away = np.linalg.norm(nodes - ball.centre_m, axis=2)
+            least, radius = away.min(axis=1), ball.radius_m
+            # the ball's surface is nearer than the triangle's own size
+            near = (least < radius + longest / 4) & (away.max(axis=1) > radius - longest / 4)
+            inside = (least - longest < radius) & (longest > radius)
+            large |= (longest > 2 * np.pi * radius / ball.chords) & (near | inside)
         if not large.any():
             break
         facets = halved(facets, large)
@@ -42,7 +54,7 @@ def cut_out(facets: Facets, centre_m: Array, radius_m: float) -> tuple[Facets, N
     point nearest to the centre. Corners near the ball are moved onto it along the sheet, and so are the middles of the
     new edges; triangles are cut smaller where these would fold."""
     for times in range(_FINER + 1):
-        facets = refined_at(facets, centre_m, radius_m, _CHORDS << times)
+        facets = refined_at(facets, [Ball(centre_m, radius_m, _CHORDS << times)])
         cut, inside, smooth = _cut(facets, centre_m, radius_m)
         if smooth:
             break
@@ -122,8 +134,10 @@ def _rounded(facets: Facets, inside: NDArray[np.bool_], centre: Array, radius: f
     rim = rim[np.abs(np.sum(normal[first[rim]] * normal[last[rim]], axis=1)) > np.cos(_CREASE)]
     nodes = facets.nodes_m.copy()
     nodes[middle[rim]] = _onto_ball(nodes[middle[rim]], normal[first[rim]], centre, radius)
-    folded = np.zeros(len(nodes), dtype=bool)
-    folded[facets.cells[_folds(nodes[facets.cells])][:, 3:]] = True
+    moved, folded = np.zeros(len(nodes), dtype=bool), np.zeros(len(nodes), dtype=bool)
+    moved[middle[rim]] = True
+    near = facets.cells[moved[facets.cells[:, 3:]].any(axis=1)]
+    folded[near[_folds(nodes[near])][:, 3:]] = True
     back = middle[rim][folded[middle[rim]]]
     nodes[back] = facets.nodes_m[back]
     return replace(facets, nodes_m=nodes), not len(back)

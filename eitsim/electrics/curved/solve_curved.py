@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eitsim.electrics.cem.assembly import Array, SkinMesh
 from eitsim.electrics.curved.adapted_sheet import solve_sheet
 from eitsim.electrics.curved.facets import Facets
-from eitsim.electrics.curved.rounds import cut_out
+from eitsim.electrics.curved.rounds import Ball, cut_out, refined_at
 from eitsim.electrics.mesh.p2_triangles import EDGES, sides
 from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
 from eitsim.scene.drive import read_out
@@ -131,6 +131,7 @@ def prepared(skin: CurvedSkin) -> Facets:
     facets = facets_of(skin.mesh)
     widths = np.broadcast_to(np.asarray(skin.widths_m, dtype=float), skin.count)
     rounds = [*zip(skin.places_m, widths, strict=False), *((p.centre_m, p.width_m) for p in skin.patches)]
+    facets = refined_at(facets, [Ball(np.asarray(place), width / 2) for place, width in rounds])
     for k, group in enumerate(skin.groups):
         if group not in skin.mesh.groups:
             raise ValueError(f"groups in [electrodes]: {skin.mesh.name} has no group {group!r}; it has "

@@ -9,7 +9,7 @@ import numpy as np
 from eitsim.electrics.cem.assembly import Array, SkinMesh, quadrature_points, tangent_axes, tangent_frames
 from eitsim.electrics.curved.adapted_sheet import SheetReadings, solve_sheet
 from eitsim.electrics.curved.facets import Facets
-from eitsim.electrics.curved.rounds import refined_at
+from eitsim.electrics.curved.rounds import Ball, refined_at
 from eitsim.scene.results import SpaceField
 from eitsim.scene.scene import Skin
 from eitsim.sheet.sheet_conductance import NEAR_RANGE, conductance_of, driving_strain, untouched_conductance
@@ -31,8 +31,7 @@ def solve_touched(facets: Facets, z: Array, skin: Skin, law: Conductivity, field
                   ends: Sequence[ContactEnd], readings: float, signal: float) -> SheetReadings:
     """Readings of a sheet untouched, and with the conductance that a field in space gives it: on triangles cut small at
     the ends of contacts, then halved as `solve_sheet` does; z (electrodes,), Ohm m^2."""
-    for end in ends:
-        facets = refined_at(facets, np.asarray(end.centre_m), end.radius_m, _edges_around(end))
+    facets = refined_at(facets, [Ball(np.asarray(end.centre_m), end.radius_m, _edges_around(end)) for end in ends])
     return solve_sheet(facets, z, partial(_at_rest, untouched_conductance(law, skin)),
                        partial(_pressed, field, skin, law), readings, signal)
 

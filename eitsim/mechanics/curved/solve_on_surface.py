@@ -68,7 +68,9 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
         there = [replace(punches[k], x_m=float(u), y_m=float(v)) for k, (u, v) in zip(group, uv, strict=True)]
         fine, rough = (_within(layout, each, there) for each in (level, coarser))
         solution = solve_general(law, body, there, level=fine, coarser=rough, bonded=bonded, layout=layout)
-        parts.append(Neighbourhood(layout, solution.field, layout.chart.limit_m))
+        ends = max(float(np.hypot(*axis) + lone.radius[-1] * layout.unit_m)
+                   for axis, lone in zip(solution.field.axes_m, solution.field.exact, strict=True))
+        parts.append(Neighbourhood(layout, solution.field, min(layout.chart.limit_m, ends)))
         found |= dict(zip(group, solution.touches, strict=True))
         solutions.append(solution)
     return CurvedSolution(tuple(found[k] for k in range(len(punches))), SpaceField(tuple(parts)), tuple(solutions))

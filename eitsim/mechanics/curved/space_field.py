@@ -57,8 +57,9 @@ class SpaceField:
         for part in self.parts:
             chart, unit = part.layout.chart, part.layout.unit_m
             near = np.flatnonzero(np.linalg.norm(points_m - chart.place(np.zeros(2))[0], axis=1) < part.reach_m)
-            uv = chart.find(points_m[near])
+            uv = chart.find(points_m[near]) if len(near) else np.empty((0, 2))
             there = np.linalg.norm(uv, axis=1) < part.reach_m  # false where they are not found
             near, uv = near[there], uv[there]
-            out[near] += local(part, uv, part.layout.turn(uv / unit))
+            if len(near):
+                out[near] += local(part, uv, part.layout.turn(uv / unit))
         return out

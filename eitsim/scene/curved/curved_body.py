@@ -1,26 +1,28 @@
 """A body that is not flat: a layer of one thickness under a curved outer surface, fixed to a rigid core."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eitsim.scene.curved.triangulated import cylinder_triangles, saddle_triangles, sphere_triangles
+from eitsim.scene.curved.triangulated import cylinder_triangles, quadratic, saddle_triangles, sphere_triangles
 from eitsim.scene.scene import Body
 from eitsim.scene.surfaces.curved_surface import CurvedSurface
 from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
-from eitsim.scene.triangle_files import TriangleMesh
+from eitsim.scene.surfaces.triangle_surface import triangle_surface
+from eitsim.scene.triangle_files import TriangleMesh, read_triangles
 from touchcal.document import is_number
 from touchcal.errors import unknown_key
 
 # word in [body] -> keys of its numbers; those in _OPTIONAL may be left out
 SURFACES = {"cylinder": ("radius_mm", "length_mm"), "sphere": ("radius_mm",),
             "saddle": ("radius_mm", "radius_2_mm", "length_mm", "width_mm")}
-_OPTIONAL = ("width_mm",)
+_OPTIONAL = ("width_mm", "unit_mm")
+_OF_FILES = ("unit_mm",)
 _SIGNED = ("radius_mm", "radius_2_mm")  # of a saddle
 
 
@@ -49,17 +51,26 @@ def curved_body(raw: Mapping[str, Any], folder: Path) -> CurvedBody:
     """The body of a table [body] that has `surface`; ValueError names the key."""
     kind = raw["surface"]
     thickness = _number(raw, "thickness_mm", positive=True) if "thickness_mm" in raw else 1e3 * Body.thickness_m
-    if not isinstance(kind, str) or kind not in SURFACES:
-        raise ValueError(f"surface in [body] must be one of {', '.join(SURFACES)}, got {kind!r:.80}.")
-    keys = SURFACES[kind]
+    if not isinstance(kind, str) or not (kind in SURFACES or Path(kind).suffix):
+        raise ValueError(f"surface in [body] must be one of {', '.join(SURFACES)}, or name a file of triangles, got "
+                         f"{kind!r:.80}.")
+    keys = SURFACES.get(kind, _OF_FILES)
     if unknown := [key for key in raw if key not in ("surface", "thickness_mm", *keys)]:
         raise ValueError(unknown_key(unknown[0], ("surface", "thickness_mm", *keys), "body"))
     if missing := [key for key in keys if key not in raw and key not in _OPTIONAL]:
         raise ValueError(f"{missing[0]} in [body] is missing: surface = \"{kind}\" needs {' and '.join(missing)}.")
     signed = _SIGNED if kind == "saddle" else ()
     sizes = {key: _number(raw, key, positive=key not in signed) / 1e3 for key in keys if key in raw}
-    surface, triangles = _made(kind, sizes)
+    surface, triangles = _made(kind, sizes) if kind in SURFACES else _of_file(folder / kind, sizes.get("unit_mm", 1e-3))
     return CurvedBody(surface, triangles, thickness / 1e3, {**raw, "thickness_mm": thickness})
+
+
+def _of_file(path: Path, unit_m: float) -> tuple[CurvedSurface, TriangleMesh]:
+    mesh = read_triangles(path, unit_m)
+    surface = triangle_surface(mesh)
+    if mesh.cells.shape[1] == 3:
+        mesh = replace(quadratic(surface, surface.nodes_m, surface.cells, mesh.name), groups=mesh.groups)
+    return surface, mesh
 
 
 def _made(kind: str, sizes: Mapping[str, float]) -> tuple[CurvedSurface, TriangleMesh]:

@@ -65,7 +65,7 @@ def _solved(scene: CurvedScene, material: Material, plan: Plan, exact: bool) -> 
     moments = tuple(Moment(t, pressed.touches, each) for (t, pressed), each in zip(states, readings, strict=True))
     return Result("bottomed_out" if too_deep else "ok", plan, touches, readings[-1],
                   moments if scene.hold.time_s else (), note, error_estimate=errors, numerical_error=numerical,
-                  surface=states[-1][1].field, as_if_flat=alone_on_flat(scene, material.law))
+                  surface=states[-1][1].field, as_if_flat=alone_on_flat(scene, material))
 
 
 def _over_time(scene: CurvedScene, material: Material, exact: bool) -> list[tuple[float, Pressed]]:

@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from eitsim.mechanics.axisymmetric.hold import relaxed
+from eitsim.mechanics.axisymmetric.hold import relaxed, solve_hold
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.curved.solve_on_surface import solve_on_surface
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH
 from eitsim.scene.curved.curved_scene import CurvedScene
 from eitsim.scene.results import SpaceField, Touch
 from eitsim.scene.scene import Punch
+from eitsim.simulation.material import Material
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words
 from matcal.laws.law import Law
 from touchcal.choice import Choice
@@ -56,11 +57,14 @@ def pressed(scene: CurvedScene, law: Law, punches: Sequence[Punch], exact: bool 
     return Pressed(solved.touches, solved.field)
 
 
-def alone_on_flat(scene: CurvedScene, law: Law) -> tuple[Touch, ...]:
-    """What every touch gives alone, upright, on a flat layer of the same thickness; empty where one
-    has no equilibrium there."""
+def alone_on_flat(scene: CurvedScene, material: Material) -> tuple[Touch, ...]:
+    """What every touch gives alone, upright, on a flat layer of the same thickness, or at the end of a hold, then
+    without friction; empty where one has no equilibrium there."""
+    law, body, hold = material.law, scene.body.flat, scene.hold
+    punches = [_upright(punch) for punch in scene.punches]
     try:
-        return tuple(solve_touch(law, scene.body.flat, _upright(punch)) for punch in scene.punches)
+        return tuple(solve_hold(law, material.series, body, replace(punch, friction="none"), hold)[-1][1]
+                     if hold.time_s else solve_touch(law, body, punch) for punch in punches)
     except NotConverged:
         return ()
 

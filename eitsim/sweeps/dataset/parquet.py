@@ -31,6 +31,8 @@ SCHEMA = 2
 # Older ones that can be read: in 1 parts were named by their last scene too.
 _READABLE = (1, SCHEMA)
 MANIFEST = "design.json"
+# Folder, in that of a set, of the set of its first touches by punches of other profiles.
+OTHER_PROFILES = "other_profiles"
 # Key of the manifest, and of what each part says of itself: a hash that only one sweep or measurement has. Sets that
 # were made earlier have none.
 IDENTITY = "identity"

@@ -1,6 +1,7 @@
 """A clean data set measured: the same rows with readings as an instrument gives them, part by part, in a new folder."""
 
 import hashlib
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -111,6 +112,8 @@ def measure(clean: Dataset | Path | str, out: Path | str, measurement: Measureme
                 progress(sums.all_rows)
         stated |= {"measured": vars(sums.summary(lab.measurement))}
         parquet.write_manifest(folder, stated)
+        if (others := clean / parquet.OTHER_PROFILES).is_dir():  # they teach what is left open of clean signals
+            shutil.copytree(others, folder / parquet.OTHER_PROFILES, dirs_exist_ok=True)
     return Dataset(folder, stated)
 
 

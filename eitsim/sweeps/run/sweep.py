@@ -20,6 +20,7 @@ from eitsim.sweeps.design.design import Design, representative_scene
 from eitsim.sweeps.run.folder import ROWS, Standing, check_own, keep_to_table, missing, sole_writer, start_or_continue
 from eitsim.sweeps.run.load_path_choice import describe_method, method_for, table_of
 from eitsim.sweeps.run.omissions import LEFT_OUT, omissions
+from eitsim.sweeps.run.other_profiles import other_profiles
 from eitsim.sweeps.run.parts import Part, solved_parts
 from eitsim.sweeps.run.rows import blank_row
 from eitsim.sweeps.run.scene_table import as_design
@@ -53,7 +54,8 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
           scenes: int | None = None, scene: Path | str | None = None, workers: int = 1, scheduler: Pool | None = None,
           reuse: bool | None = None, exact: bool = False, other_code: bool = False,
           progress: Callable[[Progress], None] | None = None) -> Dataset:
-    """Solve every scene of a design that a folder lacks; one that was stopped goes on where it was.
+    """Solve every scene of a design that a folder lacks; one that was stopped goes on where it was. The first touches
+    of many are solved by punches of other profiles as well, in a folder of their own (`other_profiles`).
 
     Rows, but for COST, depend on the design, the card, `reuse` and `exact` only, not on who works or how often the
     sweep was stopped. A scene whose solution takes its process with it, again and again, is a row "crashed", which the
@@ -121,15 +123,23 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
     if exact and reuse:
         raise ValueError("exact solves every touch itself; leave out reuse.")
     _ = material_of(representative_scene(design), card).skin  # ValueError where the card lacks what every row needs
-    cards = cards_for(design.material, design.seed, card, in_pairs=design.sampler == nested_design.SAMPLER)
-    folder = Path(out)
+    folder, others = Path(out), other_profiles(design)
     with _entered(scheduler) as pool:
-        check_own(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        with sole_writer(folder):
-            work = _work(design, cards, folder, reuse, exact, other_code, progress or (lambda step: None))
-            account = _done(work, pool, workers)
+        account = _swept(design, card, folder, pool, workers, reuse, exact, other_code, progress or (lambda step: None))
+        if others is not None:
+            _swept(others, card, folder / parquet.OTHER_PROFILES, pool, workers, None, exact, other_code,
+                   lambda step: None)
     return replace(parquet.open_dataset(folder), account=account)
+
+
+def _swept(design: Design, card: MaterialCard, folder: Path, pool: WorkerPool | None, workers: int, reuse: bool | None,
+           exact: bool, other_code: bool, hears: Callable[[Progress], None]) -> Account:
+    """What `sweep` does in one folder."""
+    cards = cards_for(design.material, design.seed, card, in_pairs=design.sampler == nested_design.SAMPLER)
+    check_own(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with sole_writer(folder):
+        return _done(_work(design, cards, folder, reuse, exact, other_code, hears), pool, workers)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from eitsim.electrics.cem.assembly import impedance
 from eitsim.electrics.curved import adapted_sheet
 from eitsim.electrics.curved.adapted_sheet import skin_mesh
 from eitsim.electrics.curved.facets import Facets, halved, slopes
-from eitsim.electrics.curved.rounds import cut_out, refined_at
+from eitsim.electrics.curved.rounds import cut_out
 from eitsim.electrics.curved.solve_curved import facets_of, prepared, solve_curved_skin
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_untouched
@@ -101,12 +101,12 @@ def test_a_ball_cuts_the_area_of_a_cap_out_of_a_sphere_and_one_piece_alone(skins
         [np.sin(s), np.cos(s) * np.sin(z), np.cos(s) * np.cos(z)]), quadratic=True)
     facets = facets_of(TriangleMesh("cap", nodes, cells, {}))  # type: ignore[arg-type]
     centre = 0.05 * np.array([np.sin(0.31), np.cos(0.31) * np.sin(-0.2), np.cos(0.31) * np.cos(-0.2)])
-    cut, inside = cut_out(refined_at(facets, centre, 0.008), centre, 0.008)
+    cut, inside = cut_out(facets, centre, 0.008)
     assert areas_m2(cut)[inside].sum() == pytest.approx(np.pi * 0.008**2, rel=2e-4)
     conforming(cut)
     two = np.vstack([nodes, nodes + np.array([0, 0, 0.004])])
     sheets = facets_of(TriangleMesh("two", two, np.vstack([cells, cells + len(nodes)]), {}))  # type: ignore[arg-type]
-    cut, inside = cut_out(refined_at(sheets, centre, 0.008), centre, 0.008)
+    cut, inside = cut_out(sheets, centre, 0.008)
     assert cut.parent[inside].max() < len(cells)
 
 

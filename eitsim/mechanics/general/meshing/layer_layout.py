@@ -13,7 +13,7 @@ from eitsim.scene.surfaces.geodesic_arcs import arcs
 from touchcal.arrays import Array
 
 # Steps of the differences for tangents, and for a surface's curvatures under a punch: over so much it is averaged.
-_STEP, _CURVING = 1e-5, 0.2
+_STEP, _CURVING = 1e-4, 0.3
 
 
 class Layout(Coordinates, Protocol):
