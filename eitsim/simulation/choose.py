@@ -168,16 +168,18 @@ def _stored(table: Table | None, law: Law, scene: Scene,
 
 
 def _way(case: Case) -> Way:
-    """The cheapest route that serves and meets the requested error, in an exact run the one for these; without what
-    electrodes and ends of contacts may cost where none does with it; else the first that meets it and is refused, of
-    several touches the last, or that of those that leave out least."""
+    """The cheapest route that serves and meets the requested error, in an exact run the one for these; where none does
+    with what electrodes and ends of contacts may cost, the one of those that do without that omits least; else the
+    first that meets it and is refused, of several touches the last, or that of those that leave out least."""
     ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
             for route in known_routes.ROUTES if case.exact or not route.for_exact
             if (answer := route.serves(case)) is not NOT_MEANT]
     fine = [way for way in ways if way.route.leaves_out(case) <= case.allowed]
-    whole = [way for way in fine if _omitted(way) <= case.allowed]
-    if serving := [way for way in whole if way.why is None] or [way for way in fine if way.why is None]:
-        return min(serving, key=lambda way: (not way.route.for_exact, way.cost_s))
+    serving = [way for way in fine if way.why is None]
+    if whole := [way for way in serving if _omitted(way) <= case.allowed]:
+        return min(whole, key=lambda way: (not way.route.for_exact, way.cost_s))
+    if serving:
+        return min(serving, key=lambda way: (_omitted(way), way.cost_s))
     if fine:
         return fine[0 if len(case.touches) == 1 else -1]
     return min(reversed(ways), key=lambda way: way.route.leaves_out(case))
@@ -187,9 +189,10 @@ def _omitted(way: Way) -> float:
     """What it leaves out, with what electrodes that do not give way and the end of a conducting punch's contact may
     cost where it should count them."""
     case, route = way.case, way.route
+    out = route.leaves_out(case) + route.outside(case)
     if not case.bodies or (route.spatial and not case.on_pad):
-        return route.leaves_out(case)
-    return route.leaves_out(case) + case.by_electrodes + (0.0 if route.spatial else case.by_contact_end)
+        return out
+    return out + case.by_electrodes + (0.0 if route.spatial else case.by_contact_end)
 
 
 def _from_table(chosen: Chosen, table: Table) -> tuple[Way, ...]:

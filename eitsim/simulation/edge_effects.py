@@ -49,6 +49,13 @@ def effect_of_edges(scene: Scene, punch: Punch) -> float:
     return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps.tolist())
 
 
+def far_edges_effect(scene: Scene, punch: Punch, outside: float) -> float:
+    """What the edges further from its edge than so many thicknesses may cost, as `effect_of_edges`."""
+    gaps = scene.body.edge.quarters_m((punch.x_m, punch.y_m)) - punch.diameter_m / 2
+    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps.tolist()
+               if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
+
+
 def other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -> float:
     """What the edges but the nearest may cost: the sum of what the rim of a disc would, as near as the nearest of them
     in each quarter about the punch; outside: of those further from its edge than so many thicknesses."""

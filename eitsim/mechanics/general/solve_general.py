@@ -29,8 +29,8 @@ _DEPTH_LEFT, _SIGNAL_LEFT = 0.5, 1.0
 # Floors of both: 2 and 5 mm from an edge depths are within 0.1 % of an independent program; 8 mm from one dV by the
 # principal strain is within 1.3 % of `solve_near_rim`, on FINE within 0.5 %.
 _DEPTH_FLOOR = 1e-3
-# Floor of signals: what each punch alone leaves, and parts of what edges and others change, the first up to a limit.
-_SIGNAL_FLOOR, _OF_LITTLE, _LITTLE, _OF_CHANGE = 3e-3, 0.2, 1e-2, 0.06
+# Floor of signals, and the part of what edges and other punches change that is their floor.
+_SIGNAL_FLOOR, _OF_CHANGE = 1e-2, 0.06
 # Part of what edges and other punches change that the way of loading may alter where a punch rubs, as near a rim.
 _WAY = 0.1
 # Bytes of a number of the factors and of an element's matrix, with what is kept of both at a time; and what the program
@@ -128,9 +128,8 @@ def _errors(rough: Corrected, fine: Corrected, punches: Sequence[Punch], changed
     strains = [layer_surface.strains_at(each.field, points) for each in (rough, fine)]
     signal = [float(np.linalg.norm(a - b) / np.linalg.norm(b)) for a, b in zip(*moments, strict=True)]
     missed = [float(np.sqrt(areas @ (a - b) ** 2 / (areas @ b**2))) for a, b in zip(*strains, strict=True)]
-    floor = np.maximum(np.minimum(_OF_LITTLE * changed, _LITTLE), _OF_CHANGE * changed)
-    return (np.maximum(_DEPTH_LEFT * depth, _DEPTH_FLOOR),
-            np.maximum.reduce([_SIGNAL_LEFT * np.array(signal), floor, np.full(len(STRAINS), _SIGNAL_FLOOR)]),
+    floor = np.maximum(_OF_CHANGE * changed, _SIGNAL_FLOOR)
+    return (np.maximum(_DEPTH_LEFT * depth, _DEPTH_FLOOR), np.maximum(_SIGNAL_LEFT * np.array(signal), floor),
             np.array(missed))
 
 

@@ -1,6 +1,7 @@
 """Any touches that physics allows, one or several together, in three dimensions: what no other route serves."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import ClassVar
 
@@ -12,6 +13,7 @@ from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.rim.interaction import edge_gap_m
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
+from eitsim.simulation.edge_effects import far_edges_effect
 from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge, off_skin
 from matcal.laws.law import Law
 from touchcal.choice import Choice
@@ -35,6 +37,10 @@ class General(Route):
             return Choice(Why.TOUCHING, {"least_m": least_m})
         return _ONE_S * len(case.punches)
 
+    def outside(self, case: Case) -> float:
+        reach = (FINE if case.exact else COARSE).reach
+        return max(far_edges_effect(case.scene, punch, reach) for punch in case.punches)
+
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         return self.solve_together(case, law, keep, ())[0]
 
@@ -43,7 +49,8 @@ class General(Route):
         body, places = case.scene.body, np.array([(punch.x_m, punch.y_m) for punch in case.punches])
         least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
         bodies = bodies_of(body, case.scene.electrodes, places, least)
-        return solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies).touches
+        touches = solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies).touches
+        return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
 
     def words(self, of: Values) -> Words:
         how = "a coarser mesh tells the error, which counts in the result's own"

@@ -144,6 +144,10 @@ class Route:
         """Relative error of the signal dV that it leaves out, at most."""
         return 0.0
 
+    def outside(self, case: Case) -> float:
+        """What edges outside its mesh may change of the signal; its touches' own errors hold it."""
+        return 0.0
+
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         """One touch; `keep` keeps it by its content, and takes one that was. NotConverged where none is found."""
         raise NotImplementedError
