@@ -69,7 +69,7 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
         fine, rough = (_within(layout, each, there) for each in (level, coarser))
         solution = solve_general(law, body, there, level=fine, coarser=rough, bonded=bonded, layout=layout)
         ends = max(float(np.hypot(*axis) + lone.radius[-1] * layout.unit_m)
-                   for axis, lone in zip(solution.field.axes_m, solution.field.exact, strict=True))
+                   for axis, lone in zip(solution.field.exact.axes_m, solution.field.exact.exact, strict=True))
         parts.append(Neighbourhood(layout, solution.field, min(layout.chart.limit_m, ends)))
         found |= dict(zip(group, solution.touches, strict=True))
         solutions.append(solution)
