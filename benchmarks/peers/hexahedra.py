@@ -16,7 +16,8 @@ from skfem import Basis, ElementHex2, FacetBasis, MeshHex, MeshHex2
 from eitsim.numerics.multifrontal import factorise, tree
 
 PENALTY = 2e3  # Contact pressure over penetration, mu/mm.
-ITERATIONS, TOLERANCE = 60, 1e-8
+ITERATIONS, TOLERANCE = 60, 1e-6
+HALVED = 12  # Iterations from which steps are halved: points of contact come and go in turn.
 LONGEST = 0.3  # Longest step of a node, mm.
 
 
@@ -102,7 +103,7 @@ def _first(points: np.ndarray, punch: RoundedDisc, axis: np.ndarray) -> float:
 
 def _equilibrium(moved, nodes, unknown, slope, weight, shape, area, on, order, at_rest, punch, axis, height, bulk):
     free = unknown >= 0
-    for _ in range(ITERATIONS):
+    for n in range(ITERATIONS):
         f = np.eye(3) + np.einsum("eai,eqaj->eqij", moved[nodes], slope)
         inverse = np.swapaxes(np.linalg.inv(f), 2, 3)
         volume = bulk * np.log(np.linalg.det(f))
@@ -126,7 +127,7 @@ def _equilibrium(moved, nodes, unknown, slope, weight, shape, area, on, order, a
         size = matrix.shape[1] * 3
         step = np.zeros_like(moved)
         step[free] = factorise(order, np.ascontiguousarray(matrix.reshape(-1, size, size)))(push[free])
-        length = min(1.0, LONGEST / np.abs(step).max())
+        length = min(1.0 if n < HALVED else 0.5, LONGEST / np.abs(step).max())
         while np.linalg.det(np.eye(3) + np.einsum("eai,eqaj->eqij", (moved - length * step)[nodes], slope)).min() <= 0:
             length /= 2
         moved = moved - length * step

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.solid.grid import Grid, lagrange
 from eitsim.scene.profiles.profile import Profile
 from touchcal.arrays import Array
@@ -28,6 +29,7 @@ class RigidPunch:
     # penetration at which the pressure is twice what the penalty alone gives; from there on it grows with the third
     # power
     stiffening_penetration: float = np.inf
+    shape: PunchShape | None = None  # in space in place of the profile; None: that of the profile
 
 
 class Faces(Protocol):
@@ -92,6 +94,9 @@ def contact_state(punch: RigidPunch, facets: Facets, position: Array, depth: flo
 def spatial_contact(punch: RigidPunch, seen: Array) -> ContactState:
     """Contact state of points (facets, points, 3) of the surface seen from the punch's lowest point, upright; normal
     and curvature have three components."""
+    if punch.shape is not None:
+        depth, (slope, bend) = punch.shape.penetration(seen), punch.shape.derivatives(seen)
+        return ContactState(np.maximum(depth, 0.0), slope, bend, np.zeros(depth.shape, dtype=bool))
     x, y, height = np.moveaxis(seen, -1, 0)
     radius = np.maximum(np.hypot(x, y), _ON_AXIS)
     penetration, n_r, n_z, bend, wall = punch.profile.signed_distance(radius, height)
@@ -102,6 +107,13 @@ def spatial_contact(punch: RigidPunch, seen: Array) -> ContactState:
     curvature = curvature - bend[..., None, None] * down[..., :, None] * down[..., None, :]
     return ContactState(np.maximum(penetration, 0.0), np.stack([n_r * cosine, n_r * sine, n_z], axis=-1), curvature,
                         wall)
+
+
+def spatial_penetration(punch: RigidPunch, seen: Array) -> Array:
+    """Depth (...) inside the punch of points (..., 3) as of `spatial_contact`, negative outside."""
+    if punch.shape is not None:
+        return punch.shape.penetration(seen)
+    return punch.profile.signed_distance(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2]).penetration
 
 
 def touching_depth(penetration: Callable[[float], Array]) -> float:

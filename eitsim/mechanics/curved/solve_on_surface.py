@@ -12,6 +12,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
+from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.curved.solve_on_cap import solve_on_cap
 from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout, curvatures
@@ -45,11 +46,12 @@ class CurvedSolution:
 
 
 def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array, *,
-                 level: Level = COARSE, coarser: Level = ROUGH, bonded: bool = False) -> CurvedSolution:
+                     level: Level = COARSE, coarser: Level = ROUGH, bonded: bool = False,
+                     shapes: Sequence[PunchShape | None] = ()) -> CurvedSolution:
     """Equilibrium of a layer of a thickness, m, under a surface, fixed to a rigid core, under rigid punches. Each
     stands over the place of the surface that is nearest to its own of places (punches, 3), m, along the
     normal there but for its tilt, whose direction counts from the first tangent (`tangent_frame`); its x and y are not
-    read. Ends of the surface are free or bonded.
+    read. Ends of the surface are free or bonded; shapes as of `solve_general`.
 
     ValueError where a punch that leans rubs, or one overhangs an edge or another punch, or the body is too small or too
     curved for the layer; NotConverged where no equilibrium is found.
@@ -59,7 +61,9 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
     for group in _groups(punches, places, thickness_m * (2 * level.reach + _MARGIN)):
         layout = ChartLayout(surface.chart_about(places[group].mean(axis=0)), thickness_m)
         uv = layout.chart.find(places[group])
-        if layout.chart.ball_m is not None and len(group) == 1 and punches[group[0]].tilt_rad == 0:
+        own = [shapes[k] for k in group] if shapes else []
+        if layout.chart.ball_m is not None and len(group) == 1 and punches[group[0]].tilt_rad == 0 and own in (
+                [], [None]):
             _within(layout, level, [replace(punches[group[0]], x_m=0.0, y_m=0.0)])
             found[group[0]], cap = solve_on_cap(law, thickness_m, punches[group[0]], 1 / layout.chart.ball_m)
             parts.append(Neighbourhood(layout, cap, layout.chart.limit_m))
@@ -67,10 +71,9 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
         body = Body(layout.chart.edge, thickness_m)
         there = [replace(punches[k], x_m=float(u), y_m=float(v)) for k, (u, v) in zip(group, uv, strict=True)]
         fine, rough = (_within(layout, each, there) for each in (level, coarser))
-        solution = solve_general(law, body, there, level=fine, coarser=rough, bonded=bonded, layout=layout)
-        ends = max(float(np.hypot(*axis) + lone.radius[-1] * layout.unit_m)
-                   for axis, lone in zip(solution.field.exact.axes_m, solution.field.exact.exact, strict=True))
-        parts.append(Neighbourhood(layout, solution.field, min(layout.chart.limit_m, ends)))
+        solution = solve_general(law, body, there, level=fine, coarser=rough, bonded=bonded, layout=layout,
+                                 shapes=own)
+        parts.append(Neighbourhood(layout, solution.field, min(layout.chart.limit_m, solution.field.exact.reach_m)))
         found |= dict(zip(group, solution.touches, strict=True))
         solutions.append(solution)
     return CurvedSolution(tuple(found[k] for k in range(len(punches))), SpaceField(tuple(parts)), tuple(solutions))

@@ -29,6 +29,12 @@ class AddedField:
     axes_m: Array  # (punches, 2)
     thickness_m: float
 
+    @property
+    def reach_m(self) -> float:
+        """Distance from the origin outside which nothing is deformed."""
+        return max(float(np.hypot(*axis) + one.radius[-1] * self.thickness_m)
+                   for axis, one in zip(self.axes_m, self.exact, strict=True))
+
     def metric(self, points_m: Array) -> tuple[Array, Array]:
         """As of CorrectedField."""
         return metric_of(self.deformation_gradient(points_m))
@@ -116,7 +122,7 @@ def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corr
 
 def problem_alone(model: LayerProblem, k: int, level: Level, curvature: float) -> LayerProblem:
     """Punch k alone on its section, upright on an endless layer, flat or of a curvature."""
-    press = replace(model.presses[k], pose=None)
+    press = replace(model.presses[k], pose=None, rigid=replace(model.presses[k].rigid, shape=None))
     mesh = mesh_alone(model.mesh, k, press.rigid.profile.radius, level, curvature)
     return replace(model, mesh=mesh, presses=(press,))
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
+from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.general.layer import equilibrium_of_many as many
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
@@ -62,16 +63,19 @@ def _lone(law: Law, body: Body, punch: Punch, layout: Layout) -> LoneTouch:
 
 
 def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneTouch], level: Level,
-            bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> LayerProblem:
+            bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT,
+            shapes: Sequence[PunchShape | None] = ()) -> LayerProblem:
     """The layer under its punches, whose x and y are coordinates of the layout, on a mesh of a level; bodies: as of
-    `layer_mesh`."""
+    `layer_mesh`; shapes (m): as of `solve_general`."""
     centres = np.array([[punch.x_m, punch.y_m] for punch in punches]) / body.thickness_m
     mesh = layer_mesh(body, centres, tuple(one.zone for one in lone), tuple(one.feature for one in lone), level,
                       bonded=bonded, bodies=bodies, layout=layout)
     unit = force_unit(law, body)
-    presses = tuple(posed(Press(one.model.punch, centre, None if punch.force_N is None else punch.force_N / unit,
+    rigid = [one.model.punch if shape is None else replace(one.model.punch, shape=shape.scaled(body.thickness_m))
+             for one, shape in zip(lone, shapes or [None] * len(lone), strict=True)]
+    presses = tuple(posed(Press(own, centre, None if punch.force_N is None else punch.force_N / unit,
                                 one.state.force, grip_of(one.model)), punch, layout)
-                    for one, centre, punch in zip(lone, centres, punches, strict=True))
+                    for one, own, centre, punch in zip(lone, rigid, centres, punches, strict=True))
     return LayerProblem(over(law, law.mu_0_Pa), mesh, presses)
 
 

@@ -11,6 +11,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.spatial import KDTree
 
 from eitsim.scene.surfaces.curved_surface import tangent_frame
@@ -103,13 +105,33 @@ class TriangleSurface:
 
 
 def triangle_surface(mesh: TriangleMesh) -> TriangleSurface:
-    """The surface of a file's triangles, turned so that a closed one has its outward side outside."""
-    nodes, cells = mesh.nodes_m, mesh.cells[:, :3]
-    used, cells = np.unique(cells, return_inverse=True)
-    nodes, cells = nodes[used], cells.reshape(-1, 3)
+    """The surface of a file's triangles, each part turned one way round, outwards where it is closed."""
+    used, cells = np.unique(mesh.cells[:, :3], return_inverse=True)
+    nodes, cells = mesh.nodes_m[used], cells.reshape(-1, 3)
+    return TriangleSurface(nodes, _turned(nodes, cells))
+
+
+def _turned(nodes: Array, cells: Indices) -> Indices:
+    """Triangles of which neighbours run their common side in opposite directions, part by part, with a volume about the
+    middle that is positive."""
+    one, other = cells.T.ravel(), cells[:, [1, 2, 0]].T.ravel()
+    side = np.minimum(one, other) * len(nodes) + np.maximum(one, other)
+    order = np.argsort(side, kind="stable")
+    pair = np.flatnonzero(side[order][1:] == side[order][:-1])
+    first, second = order[pair], order[pair + 1]
+    left, right, twisted = first % len(cells), second % len(cells), (one[first] == one[second]).astype(float)
+    graph = coo_matrix((1 + twisted, (left, right)), shape=(len(cells),) * 2).tocsr()
+    graph = graph + graph.T
+    odd = np.zeros(len(cells), dtype=bool)
+    count, part = connected_components(graph, directed=False)
+    for k in range(count):
+        way, before = breadth_first_order(graph, int(np.argmax(part == k)), directed=False)
+        for cell in way[1:]:
+            odd[cell] = odd[before[cell]] ^ (graph[before[cell], cell] > 1.5)
+    cells = np.where(odd[:, None], cells[:, ::-1], cells)
     a, b, c = np.moveaxis(nodes[cells] - nodes.mean(axis=0), 1, 0)
-    inverted = float(np.sum(a * np.cross(b, c))) < 0
-    return TriangleSurface(nodes, cells[:, ::-1] if inverted else cells)
+    volume = np.bincount(part, np.sum(a * np.cross(b, c), axis=1), count)
+    return np.where((volume < 0)[part][:, None], cells[:, ::-1], cells)
 
 
 def _phong(corners: Array, normals: Array, share: Array) -> tuple[Array, Array]:

@@ -15,17 +15,20 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     solve_touch,
     under_force,
 )
+from eitsim.mechanics.contact.punch_shape import PunchShape, punch_shape
 from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, solve_on_surface
 from eitsim.mechanics.general.meshing.levels import ROUGH, Level
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.solid.cap_grid import on_cap
-from eitsim.mechanics.solid.grid import foam_grid
+from eitsim.mechanics.solid.grid import tensor_grid
+from eitsim.scene.curved.triangulated import sphere_triangles
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.scene import Body, Punch, profile_of
 from eitsim.scene.surfaces.curved_surface import CurvedSurface
 from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
+from eitsim.scene.surfaces.triangle_surface import triangle_surface
 from matcal.laws.neo_hooke import NeoHooke
 
 LAW = NeoHooke(1e4, 0.25)
@@ -54,11 +57,13 @@ def _on_cap(curvature_per_m: float, depth: float) -> float:
 
 
 def test_a_grid_on_a_cap_fills_its_shell() -> None:
-    grid = on_cap(foam_grid(Body(Disc(0.04)), Punch(), 1e-3), 0.25)
-    cosine = 1 - np.cos(4 * 0.25)
-    assert grid.weight.sum() == pytest.approx(2 * np.pi / 3 * (4**3 - 3**3) * cosine, rel=1e-5)
+    exact = 2 * np.pi / 3 * (4**3 - 3**3) * (1 - np.cos(4 * 0.25))
+    grids = [tensor_grid(np.linspace(0, 4, count), np.linspace(-1, 0, 3)) for count in (5, 9)]
+    coarse, fine = (abs(on_cap(grid, 0.25).weight.sum() / exact - 1) for grid in grids)
+    assert fine < coarse / 8
+    assert fine < 1e-4
     with pytest.raises(ValueError, match="does not fit"):
-        on_cap(foam_grid(Body(Disc(0.04)), Punch(), 1e-3), 1.1)
+        on_cap(grids[0], 1.1)
 
 
 def test_a_cap_is_pressed_as_bricks_say_and_a_flat_layer_is_its_limit() -> None:
@@ -70,17 +75,19 @@ def test_a_cap_is_pressed_as_bricks_say_and_a_flat_layer_is_its_limit() -> None:
 
 def test_a_hollow_cap_is_touched_first_at_the_punch_s_edge() -> None:
     levels = mesh_hierarchy(LAW, Body(Disc(0.04)), Punch(), None, None, curvature_per_m=-25.0)
-    inner = 7.0 - 0.5
+    inner = 7.0 - 0.5  # mm
     assert first_touch(levels[-1]) * 10 == pytest.approx(-(40 - np.sqrt(40**2 - inner**2)), rel=0.1)
     state = under_force(levels, 1.0 / force_unit(LAW, Body()))[-1]
     assert state.depth - first_touch(levels[-1]) > 0
 
 
+@pytest.mark.slow
 def test_a_cylinder_is_pressed_as_bricks_say(cylinder: CurvedSolution) -> None:
     (touch,) = cylinder.touches
     assert touch.force_N * 100 / _on_cap(0.0, 0.3) == pytest.approx(BRICKS["cylinder"] / BRICKS["flat"], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_field_in_space_is_the_identity_far_off_and_turns_with_the_body(cylinder: CurvedSolution) -> None:
     surface, field = Cylinder(0.04, 0.3), cylinder.field
     far = surface.nearest(np.array([[-0.1, 0.0, 1.0], [0.0, -1.0, -1.5]]))[0]
@@ -97,6 +104,7 @@ def test_a_field_in_space_is_the_identity_far_off_and_turns_with_the_body(cylind
     assert gradient[2, 0, 0] == pytest.approx(gradient[3, 0, 0], abs=0.02)
 
 
+@pytest.mark.slow
 def test_the_gradient_in_space_is_that_of_the_displacement(cylinder: CurvedSolution) -> None:
     chart = Cylinder(0.04, 0.3).chart_about(np.array([0.01, 0.02, 0.03]))
     uv, step = np.array([[0.012, 0.001], [-0.004, 0.013]]), 1e-5
@@ -141,4 +149,32 @@ def test_bodies_that_are_too_small_are_refused() -> None:
     with pytest.raises(ValueError, match="thickness_mm"):
         _pressed(Sphere(0.0105), [0, 0, 1])
     with pytest.raises(ValueError, match="do not fit"):
-        _pressed(Cylinder(0.012, 0.1), [0, 0, 1])
+        _pressed(Cylinder(0.0115, 0.1), [0, 0, 1])
+
+
+def _ball_shape() -> PunchShape:
+    """The punch BALL by its triangles."""
+    ball = sphere_triangles(Sphere(0.01), 0.01)
+    lifted = replace(ball, nodes_m=ball.nodes_m + np.array([0, 0, 0.013]))
+    return punch_shape(triangle_surface(lifted), 0.01, 0.006)
+
+
+def test_a_shape_is_the_distance_to_its_triangles() -> None:
+    rng, shape = np.random.default_rng(0), _ball_shape()
+    points = np.column_stack([rng.uniform(-0.007, 0.007, (500, 2)), rng.uniform(-1e-3, 5e-3, 500)])
+    away = points - np.array([0, 0, 0.01])
+    exact = 0.01 - np.linalg.norm(away, axis=1)
+    points, away, exact = (part[np.abs(exact) < 2e-3] for part in (points, away, exact))
+    assert shape.penetration(points) == pytest.approx(exact, abs=2e-6)
+    slope, bend = shape.derivatives(points)
+    assert slope == pytest.approx(-away / np.linalg.norm(away, axis=1, keepdims=True), abs=5e-3)
+    assert np.trace(bend, axis1=1, axis2=2) * 0.01 == pytest.approx(-2 * 0.01 / (0.01 - exact), abs=0.2)
+
+
+@pytest.mark.slow
+def test_a_ball_of_triangles_presses_as_the_profile_does() -> None:
+    body = Body(Disc(0.1))
+    (touch,) = solve_general(LAW, body, [BALL], level=ROUGH, coarser=ROUGHER, shapes=[_ball_shape()]).touches
+    exact = solve_touch(LAW, body, BALL)
+    assert touch.force_N == pytest.approx(exact.force_N, rel=2e-3)
+    assert touch.contact_area_m2 == pytest.approx(exact.contact_area_m2, rel=0.01)

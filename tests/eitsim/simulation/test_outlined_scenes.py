@@ -198,11 +198,14 @@ PAIR = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.
 def test_touches_near_each_other_are_solved_together_and_next_to_an_edge_with_all_edges():
     assert make_plan(replace(SCENE, punches=PAIR), CARD).refusal == ""
     askew = tuple(replace(punch, x_m=punch.x_m - 0.006, y_m=0.03) for punch in PAIR)
-    plan = make_plan(replace(SCENE, punches=askew), CARD)
+    soft = replace(SCENE, punches=askew, electrodes=replace(SCENE.electrodes, soft=True))
+    plan = make_plan(soft, CARD)
     assert plan.refusal == ""
     made = [d.decision.split(",")[0] for d in plan.decisions if "three dimensions" in d.decision]
     assert made == ["mechanics in three dimensions near several edges"] * 2 + [
         "touches 1 and 2 solved together in three dimensions"]
+    stiff = [d.kind for d in make_plan(replace(SCENE, punches=askew), CARD).decisions]
+    assert stiff.count("general") == 3
     far = (Punch(-0.005, 0.0, 0.008, force_N=0.1), Punch(0.03, 0.0, 0.008, force_N=0.1))
     assert make_plan(replace(SCENE, punches=far), CARD).refusal == ""
     stuck = tuple(replace(punch, friction="stick") for punch in askew)

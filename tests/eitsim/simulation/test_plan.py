@@ -111,6 +111,15 @@ def test_a_conducting_punch_is_planned_with_what_it_leaves_out(raw: dict, names:
         assert any(name in d.decision for d in plan.decisions), name
 
 
+def test_touches_at_patches_are_planned_with_those_under_a_punch_soft() -> None:
+    """At 0 degrees on a patch, between two of them at half a step."""
+    for angle, soft in ((0.0, True), (np.pi / 16, False)):
+        place = {"x_mm": 88 * np.cos(angle), "y_mm": 88 * np.sin(angle), "diameter_mm": 8}
+        plan = make_plan(scene_from({"electrodes": {"kind": "patch"}, "punch": place}), CARD)
+        assert plan.refusal == ""
+        assert ("electrodes do not stiffen the foam" in {d.decision for d in plan.decisions}) is soft
+
+
 def test_an_edge_on_the_rim_is_refused_with_what_to_change() -> None:
     assert make_plan(scene_from({"punch": {"x_mm": 93}}), CARD).refusal == (
         "the punch's edge lies on the rim of the disc; change x_mm and y_mm so that the punch lies 0.01 mm further "

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.punch_contact import spatial_contact
+from eitsim.mechanics.contact.punch_contact import spatial_contact, spatial_penetration
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press, contacts, split
 from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.meshing.wedge import Facets, facet_shapes
@@ -76,7 +76,7 @@ def _curve(press: Press, depth: float, field: LayerField, way: Array, sector: in
     radius = (press.rigid.profile.radius + _REACH) * np.arange(1, _RADII + 1) / _RADII
     points = press.axis + radius[:, None] * way[:, None]
     seen = press.seen(_moved(field, points * field.thickness_m) / field.thickness_m, depth)
-    inside = press.rigid.profile.signed_distance(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2]).penetration
+    inside = spatial_penetration(press.rigid, seen)
     inside = maximum_filter1d(inside, sector + 1, axis=0, mode="wrap")
     if not (inside > 0).any(axis=1).all():
         return np.empty((0, 2))

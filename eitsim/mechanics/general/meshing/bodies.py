@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eitsim.mechanics.general.meshing.edge_path import EdgePath, edge_path, open_path
 from eitsim.scene.edges.electrode_outlines import outlines_m
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.outline_edge import arcs_of, edge_starts
+from eitsim.scene.outline_edge import arcs_of, edge_starts, places_along
 from eitsim.scene.polygons import distance_to
 from eitsim.scene.scene import Body
 from touchcal.arrays import Array
@@ -18,8 +17,8 @@ class Pad:
     """A pad on the surface."""
 
     outline: Array  # (n, 2) corners, the first one again at the end
-    path: EdgePath  # what of that does not lie on the edge of the skin
-    ends: Array  # (2,) arc lengths along the edge at which that path begins and ends; (0,) of a closed one
+    line: Array  # (m, 2) what of that does not lie on the edge of the skin, closed or from edge to edge
+    ends: Array  # (2,) arc lengths along the edge at which that line begins and ends; (0,) of a closed one
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +49,14 @@ def bodies_of(body: Body, electrodes: Electrodes, places_m: Array, least_m: Arra
     clear = [all(distance_to(outline, place) > least for place, least in zip(places_m, least_m, strict=True))
              for outline in outlines]
     if electrodes.anywhere:
-        return Bodies(np.empty((0, 2)), tuple(Pad(outline / unit, edge_path(outline[:-1] / unit), np.empty(0))
+        return Bodies(np.empty((0, 2)), tuple(Pad(outline / unit, outline / unit, np.empty(0))
                                               for outline, free in zip(outlines, clear, strict=True) if free))
-    edge, pads = edge_path(body.edge.loops[0] / unit), []
+    pads = []
     for outline, ends, free in zip(outlines, _arcs(body, body.edge.stretches_m(electrodes)), clear, strict=True):
         if free:
-            first, last = edge.at(ends / unit)
             inner = outline[len(outline) // 2:-1][::-1] / unit
-            along = edge.at(np.linspace(ends[0], ends[1], len(inner)) / unit)
-            pads.append(Pad(np.vstack([along, inner[::-1], along[:1]]), open_path(np.vstack([first, inner, last])),
+            along = places_along(body.edge, np.linspace(ends[0], ends[1], len(inner))) / unit
+            pads.append(Pad(np.vstack([along, inner[::-1], along[:1]]), np.vstack([along[:1], inner, along[-1:]]),
                             np.mod(ends, whole) / unit))
     return Bodies(np.empty((0, 2)), tuple(pads))
 

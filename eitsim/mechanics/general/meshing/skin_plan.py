@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from eitsim.mechanics.general.meshing.bodies import Bodies, Pad
-from eitsim.mechanics.general.meshing.edge_path import EdgePath, edge_path, pieces
+from eitsim.mechanics.general.meshing.edge_path import EdgePath, edge_path, open_path, pieces
 from eitsim.mechanics.general.meshing.graded_triangles import cross, filled, quadratic
 from eitsim.mechanics.solid.grid import spread
 from eitsim.scene.polygons import inside
@@ -94,7 +94,8 @@ def plan(circles: tuple[Circle, ...], loops: tuple[Array, ...], growth: float, l
         return np.all([inside(p, start, end), beyond(p) < 3 * largest, *outside], axis=0)
 
     around = circles
-    rims, paths = len(paths), [*paths, *(pad.path for pad in bodies.pads)]
+    rims, paths = len(paths), [*paths, *(open_path(pad.line) if len(pad.ends) else edge_path(pad.line[:-1])
+                                    for pad in bodies.pads)]
     stops = [bodies.ends, *[bodies.ends[:0]] * (len(paths) - 1)]
     cuts = [pieces(path, lambda p: _by_circles(circles, p, growth, largest), ends)
             for path, ends in zip(paths, stops, strict=True)]

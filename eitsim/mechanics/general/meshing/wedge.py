@@ -18,8 +18,6 @@ from touchcal.arrays import Array
 Indices = NDArray[np.int64]
 
 NODES, TRIANGLE = 18, 6
-# Corners of the triangle's edges, and the nodes in their middles.
-EDGES = ((0, 1), (1, 2), (0, 2))
 # Points of the quadrature on the triangle (its degree) and along the line; fewer leave modes without stiffness.
 _DEGREE, _ALONG = 4, 3
 

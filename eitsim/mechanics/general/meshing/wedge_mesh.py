@@ -8,10 +8,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from eitsim.mechanics.general.meshing.graded_triangles import EDGES
 from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout, in_space
 from eitsim.mechanics.general.meshing.section import Section, halved
 from eitsim.mechanics.general.meshing.skin_plan import Circle, Plan
-from eitsim.mechanics.general.meshing.wedge import EDGES, Facets, facets, gauss_points, shapes
+from eitsim.mechanics.general.meshing.wedge import Facets, facets, gauss_points, shapes
 from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
