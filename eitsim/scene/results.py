@@ -90,6 +90,10 @@ class SurfaceField(Protocol):
 class SpaceField(Protocol):
     """What touches make of a curved body, at places of its untouched outer surface."""
 
+    def near(self, points_m: Array) -> NDArray[np.bool_]:
+        """(n,) whether points (n, 3), m, lie where something may move."""
+        ...
+
     def deformation_gradient(self, points_m: Array) -> Array:
         """F (n, 3, 3) at points (n, 3), m; the identity where nothing moves."""
         ...

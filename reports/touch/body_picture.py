@@ -26,9 +26,10 @@ _HIDDEN = 0.35  # Cosine from which on triangles face away from the first punch 
 _TURN, _RISE = 25.0, 12.0  # Angles, deg, from the first punch's axis at which the body is seen.
 
 
-def body(tables: Mapping[str, Any]) -> ReportFigure:
-    """The body with numbered electrodes and its punches, to scale; `tables` as in a scene file."""
-    scene = curved_scene(tables, Path())
+def body(tables: Mapping[str, Any], folder: Path) -> ReportFigure:
+    """The body with numbered electrodes and its punches, to scale; `tables` as in a scene file, whose
+    surface may be a file in the folder. InputFileError where that is not there."""
+    scene = curved_scene(tables, folder)
     figure = style.sheet(74, 80)
     axes = _axes(figure, 111, scene)
     mesh = scene.body.triangles
@@ -55,7 +56,7 @@ def body(tables: Mapping[str, Any]) -> ReportFigure:
 
 def response(file: Path, tables: Mapping[str, Any]) -> ReportFigure:
     """Displacement and conductance of the touched skin, from the file of `eitsim run --skin`."""
-    scene, mesh = curved_scene(tables, Path()), meshio.vtu.read(file)
+    scene, mesh = curved_scene(tables, file.parent), meshio.vtu.read(file)
     corners = 1e3 * mesh.points[mesh.cells[0].data[:, :3]]
     moved = 1e3 * np.linalg.norm(mesh.point_data["displacement_m"], axis=1).reshape(-1, 6).mean(axis=1)
     tensor = np.asarray(mesh.point_data["sheet_conductance_S"]).reshape(-1, 3, 3)

@@ -14,6 +14,7 @@ from reports.document.verdict import ERROR, EXTRAPOLATED, NOT_USABLE, PAST_TEST,
 from reports.touch import body_picture, reading_figures, skin_maps, touch_figures
 from reports.touch.drive_sentence import drive_sentence
 from touchcal.document import Keys
+from touchcal.errors import InputFileError
 from touchcal.json_file import read_json
 
 TOGETHER = {"general", "on_surface"}  # Kinds of routes whose profiles are means over the directions about a punch.
@@ -29,7 +30,7 @@ def report(path: Path) -> Report:
     """Everything that the template `touch.typ` shows of a result; InputFileError where the file is none."""
     result = read_result(path)
     absent: dict[str, str] = {}
-    plates = _plates(result, absent) + _maps(path, result, absent)
+    plates = _plates(path, result, absent) + _maps(path, result, absent)
     tables = {"plan": _plan_table(result["plan"])}
     prose = provenance.origin(result)
     if "delta_max_mm" in result:
@@ -124,11 +125,10 @@ def _voltages(result: Mapping[str, Any]) -> tuple[reading_figures.Array, reading
     return np.array(result["readings_V"], dtype=float), np.array(result["baseline_V"], dtype=float)
 
 
-def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFigure]:
+def _plates(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFigure]:
     plates = []
     if "scene" in result:
-        draw = body_picture.body if _curved(result) else touch_figures.scene
-        plates.append(draw(result["scene"]))
+        plates += _scene(path, result, absent)
     if profiles := result.get("profile", []):
         # where the rim or a neighbour changes the surface outside the profile, that is of the touch alone
         kinds = {decision.get("kind") for decision in result["plan"]}
@@ -145,6 +145,17 @@ def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFig
     return plates
 
 
+def _scene(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFigure]:
+    """The sensor; a curved body whose surface is a file where that lies next to the result."""
+    if not _curved(result):
+        return [touch_figures.scene(result["scene"])]
+    try:
+        return [body_picture.body(result["scene"], path.parent)]
+    except InputFileError:
+        absent["scene"] = f"No picture of the body: {result['scene']['body']['surface']} is not next to the result."
+        return []
+
+
 def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFigure]:
     """Maps of the skin where the result names the file that holds them; else `absent` says why there are none."""
     file = _skin_file(path, result)
@@ -158,6 +169,9 @@ def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list
         absent["maps"] = f"No maps: {file.name} is not the file that was written with this result. {RUN_AGAIN}"
         return []
     if _curved(result):
+        if "scene" in absent:
+            absent["maps"] = absent["scene"]
+            return []
         return [body_picture.response(file, result["scene"])]
     skin = skin_maps.read(file)
     return [skin_maps.response(skin, result["scene"]),

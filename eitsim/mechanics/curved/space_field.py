@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout
 from touchcal.arrays import Array
@@ -36,6 +37,13 @@ class SpaceField:
     """Deformation of a body's outer surface at its untouched places (n, 3), m; as it was far from all touches."""
 
     parts: tuple[Neighbourhood, ...]
+
+    def near(self, points_m: Array) -> NDArray[np.bool_]:
+        """(n,) whether points (n, 3) lie where something may move."""
+        out = np.zeros(len(points_m), dtype=bool)
+        for part in self.parts:
+            out |= np.linalg.norm(points_m - part.layout.chart.place(np.zeros(2))[0], axis=1) < part.reach_m
+        return out
 
     def deformation_gradient(self, points_m: Array) -> Array:
         """F (n, 3, 3) along the axes of space."""

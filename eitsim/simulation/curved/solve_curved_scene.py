@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eitsim.electrics.curved.adapted_sheet import SheetReadings, skin_mesh
 from eitsim.electrics.curved.skin_file import curved_skin_fields, write_curved_skin
@@ -27,6 +28,7 @@ from eitsim.simulation.routes.on_surface import Pressed, alone_on_flat, pressed
 from eitsim.simulation.validity import check_positive
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import compilation_s, cpu_s
 
@@ -143,10 +145,18 @@ class OnSurfaceField:
     scene: CurvedScene
     field: SpaceField
 
-    def deformation_gradient(self, points_m: np.ndarray) -> np.ndarray:
+    def near(self, points_m: Array) -> NDArray[np.bool_]:
         """As of `SpaceField`."""
-        return self.field.deformation_gradient(self.scene.body.surface.nearest(points_m)[0])
+        return self.field.near(points_m)
 
-    def displacement(self, points_m: np.ndarray) -> np.ndarray:
+    def deformation_gradient(self, points_m: Array) -> Array:
         """As of `SpaceField`."""
-        return self.field.displacement(self.scene.body.surface.nearest(points_m)[0])
+        near, out = self.near(points_m), np.tile(np.eye(3), (len(points_m), 1, 1))
+        out[near] = self.field.deformation_gradient(self.scene.body.surface.nearest(points_m[near])[0])
+        return out
+
+    def displacement(self, points_m: Array) -> Array:
+        """As of `SpaceField`."""
+        near, out = self.near(points_m), np.zeros_like(points_m)
+        out[near] = self.field.displacement(self.scene.body.surface.nearest(points_m[near])[0])
+        return out

@@ -50,6 +50,9 @@ class FlatField:
     touch: Touch
     in_plane: Callable[[Array], tuple[Array, Array]]
 
+    def near(self, points_m: Array) -> NDArray[np.bool_]:
+        return np.ones(len(points_m), dtype=bool)
+
     def deformation_gradient(self, points_m: Array) -> Array:
         places, frames = self.in_plane(points_m)
         metric, normal = surface_metric(places, PUNCH, self.touch)
@@ -123,6 +126,9 @@ def test_the_conductance_of_a_stretched_sheet_is_that_of_its_principal_stretches
     axes = frame @ np.block([[along, np.zeros((2, 1))], [np.zeros((1, 2)), np.ones((1, 1))]])
 
     class Stretched:
+        def near(self, points_m: Array) -> NDArray[np.bool_]:
+            return np.ones(len(points_m), dtype=bool)
+
         def deformation_gradient(self, points_m: Array) -> Array:
             return np.broadcast_to(turn @ axes @ np.diag([first, second, normal]) @ axes.T, (len(points_m), 3, 3))
 

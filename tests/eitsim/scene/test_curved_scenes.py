@@ -65,7 +65,7 @@ def test_the_tables_of_a_scene_give_the_scene() -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
-    ('"cylinder"', '"cone"', r"surface in \[body\] must be one of cylinder, sphere, saddle, got 'cone'"),
+    ('"cylinder"', '"cone"', "must be one of cylinder, sphere, saddle, or name a file of triangles"),
     ("length_mm = 180", "", r"length_mm in \[body\] is missing"),
     ("radius_mm = 45", "radius_mm = -45", r"radius_mm in \[body\] must be a positive number, got -45"),
     ("thickness_mm = 8", "thicknes_mm = 8", "Did you mean 'thickness_mm'"),
