@@ -55,7 +55,7 @@ def frame(model_folder: ModelFolder,
     Example: surrogate frame forward frames.csv --posterior --seed 1 --out posteriors.csv
     """
     from surrogate.data.frame_source import check_no_port, comes_live
-    from surrogate.model.assumed_punch import assumed_punch
+    from surrogate.model.assumed_punch import assumed_punch, of_trained_profile
     from surrogate.model.model import load_of_sweep
 
     check_no_port(frames)
@@ -72,7 +72,7 @@ def frame(model_folder: ModelFolder,
         raise ValueError("--card describes the simulator of --direct or --posterior. Leave it out.")
     if card is None and (data or scene) is not None:
         raise ValueError("--data and --scene describe the sensor of the simulator, which needs --card CARD too.")
-    model = load_of_sweep(model_folder)
+    model = of_trained_profile(load_of_sweep(model_folder))
     read = compared_frames(model, Path(frames), baseline, noise_v, scale_baseline)
     say_assumed(model)
     if touches == 2:

@@ -26,6 +26,7 @@ from surrogate.live.controls import Limits
 from surrogate.live.messages import hello
 from surrogate.live.serve import PAGE
 from surrogate.live.skins import forward_of, limits_of, usual_noise_V
+from surrogate.model.assumed_punch import of_trained_profile
 from surrogate.model.predict import WEAK
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import interval_scale
@@ -66,6 +67,7 @@ def export_page(model: SweepModel, path: Path | str) -> None:
     --------
     >>> export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
     """
+    model = of_trained_profile(model)
     greeting = hello(model, pressable(model), "exported", usual_noise_V(model))
     data = {"hello": greeting | {"assumes": f"{greeting['assumes']}; {UNFLAGGED}"}, "map": document(model)}
     text = _whole(json.dumps(data, allow_nan=False))

@@ -1,10 +1,15 @@
 """The punch that a model takes every touch to be made by, in words."""
 
+from dataclasses import replace
+from typing import TypeVar
+
 import numpy as np
 
 from surrogate.data.outputs import of
+from surrogate.learners.forward import TouchInversion
 from surrogate.model.trained import TrainedModel
 
+Kind = TypeVar("Kind", bound=TrainedModel)
 MOST = 8  # diameters that are listed; more are a range
 
 
@@ -22,3 +27,9 @@ def assumed_punch(model: TrainedModel) -> str:
     others = [one.profile for one in getattr(model.learner, "profiles", ())]
     held = f"; intervals of F hold the force of profile {', '.join(others)} too" if others else ""
     return f"one punch, {profile}, {sizes}{held}"
+
+
+def of_trained_profile(model: Kind) -> Kind:
+    """The model whose intervals hold for the trained profile alone."""
+    learner = model.learner
+    return replace(model, learner=replace(learner, profiles=())) if isinstance(learner, TouchInversion) else model

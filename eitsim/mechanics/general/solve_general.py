@@ -28,7 +28,9 @@ from touchcal.jit import cpu_s
 _DEPTH_LEFT, _SIGNAL_LEFT = 0.5, 1.0
 # Floors of both: 2 and 5 mm from an edge depths are within 0.1 % of an independent program; 8 mm from one dV by the
 # principal strain is within 1.3 % of `solve_near_rim`, on FINE within 0.5 %.
-_DEPTH_FLOOR, _SIGNAL_FLOOR = 1e-3, 1e-2
+_DEPTH_FLOOR = 1e-3
+# Floor of signals: what each punch alone leaves, and parts of what edges and others change, the first up to a limit.
+_SIGNAL_FLOOR, _OF_LITTLE, _LITTLE, _OF_CHANGE = 3e-3, 0.2, 1e-2, 0.06
 # Part of what edges and other punches change that the way of loading may alter where a punch rubs, as near a rim.
 _WAY = 0.1
 # Bytes of a number of the factors and of an element's matrix, with what is kept of both at a time; and what the program
@@ -81,8 +83,9 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     started, lone = cpu_s(), lone_touches(law, body, punches, layout)
     rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, bodies, layout, shapes), lone,
                                          body.thickness_m), lone, each) for each in (coarser, level))
-    depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches)
-    by_friction = _errors_of_friction(fine, lone)
+    changed = _changed(fine)
+    depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches, changed)
+    by_friction = _errors_of_friction(fine, lone, changed)
     depth_errors, signal_errors = depth_errors + by_friction[0], signal_errors + by_friction[1]
     spent = cpu_s() - started
     touches = [replace(touch_about(k, fine, rough, law, body), signal_errors=signal_errors, depth_error=float(error),
@@ -107,7 +110,15 @@ def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Lev
     return Cost(unknowns, memory, _ITERATIONS * together + _ALONE * each)
 
 
-def _errors(rough: Corrected, fine: Corrected, punches: Sequence[Punch]) -> tuple[Array, Array, Array]:
+def _changed(fine: Corrected) -> Array:
+    """(3,) What edges and other punches change of the signals, relative, by scene.STRAINS."""
+    points, areas = layer_surface.surface_points(fine.solved.field)
+    whole, alone = (layer_surface.nominal_moments(field, points, areas) for field in (fine.field, fine.field.exact))
+    return np.linalg.norm(whole - alone, axis=(1, 2)) / np.linalg.norm(whole, axis=(1, 2))
+
+
+def _errors(rough: Corrected, fine: Corrected, punches: Sequence[Punch], changed: Array
+            ) -> tuple[Array, Array, Array]:
     """Relative errors (punches,) of depths, or of forces at given depths, and (3,) of signals and of strains, by
     scene.STRAINS."""
     held = np.array([punch.force_N is None for punch in punches])
@@ -117,19 +128,18 @@ def _errors(rough: Corrected, fine: Corrected, punches: Sequence[Punch]) -> tupl
     strains = [layer_surface.strains_at(each.field, points) for each in (rough, fine)]
     signal = [float(np.linalg.norm(a - b) / np.linalg.norm(b)) for a, b in zip(*moments, strict=True)]
     missed = [float(np.sqrt(areas @ (a - b) ** 2 / (areas @ b**2))) for a, b in zip(*strains, strict=True)]
-    return (np.maximum(_DEPTH_LEFT * depth, _DEPTH_FLOOR), np.maximum(_SIGNAL_LEFT * np.array(signal), _SIGNAL_FLOOR),
+    floor = np.maximum(np.minimum(_OF_LITTLE * changed, _LITTLE), _OF_CHANGE * changed)
+    return (np.maximum(_DEPTH_LEFT * depth, _DEPTH_FLOOR),
+            np.maximum.reduce([_SIGNAL_LEFT * np.array(signal), floor, np.full(len(STRAINS), _SIGNAL_FLOOR)]),
             np.array(missed))
 
 
-def _errors_of_friction(fine: Corrected, lone: Sequence[LoneTouch]) -> tuple[Array, Array]:
+def _errors_of_friction(fine: Corrected, lone: Sequence[LoneTouch], changed: Array) -> tuple[Array, Array]:
     """What friction adds to the errors (punches,) of depths and (3,) of signals: those of its increments about each
     punch alone, and what the way of loading may alter of what edges and other punches change."""
     rubbed = [one.rubbed for one in lone if one.rubbed is not None]
     if not rubbed:
         return np.zeros(len(lone)), np.zeros(len(STRAINS))
-    points, areas = layer_surface.surface_points(fine.solved.field)
-    whole, alone = (layer_surface.nominal_moments(field, points, areas) for field in (fine.field, fine.field.exact))
-    changed = np.linalg.norm(whole - alone, axis=(1, 2)) / np.linalg.norm(whole, axis=(1, 2))
     depths = [0.0 if one.rubbed is None else one.rubbed.depth_error + _WAY * abs(depth / one.state.depth - 1)
               for depth, one in zip(fine.depths.tolist(), lone, strict=True)]
     return np.array(depths), np.max([touch.signal_errors for touch in rubbed], axis=0) + _WAY * changed

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eitsim.mechanics.curved.rubbed_field import with_friction
+from eitsim.mechanics.general.friction_alone import Rubbed
 
 import eitsim
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.curved.rubbed_field import with_friction
-from eitsim.mechanics.general.friction_alone import Rubbed
 from eitsim.scene.curved.curved_scene import CurvedScene, curved_scene
 from eitsim.scene.results import Result
 from eitsim.scene.scene import Body, Punch

@@ -1,0 +1,134 @@
+"""Do 95 % intervals of fitted numbers hold? nu and moduli with nu fitted, c_0 and a_i of a conductivity; fresh noise.
+
+Run by `make bench`, or by hand with REPLICAS [CASE ...]; writes results/parameter_coverage.csv next to this file, where
+cases that were not run keep their earlier rows. Noise is a share of the rms stress, or 0.03 S/m, white or correlated
+from point to point (ar), or grows with the value (proportional). Per case, method and quantity: replicas, share of them
+whose interval holds the truth, and half its width in per cent of the truth (of 1 for nu).
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from conditions import earlier, quick, shown, written
+
+import matcal
+
+STRAINS = {"uniaxial": np.linspace(0, -0.5, 50), "shear": np.linspace(0, 0.7, 50),
+           "volumetric": np.linspace(1, 0.6, 40), "planar": np.linspace(0, 0.5, 40)}
+C_0, A, STRETCH = 30.0, np.array([-2.0, 2.0, -1.0]), 0.4
+
+
+@dataclass(frozen=True)
+class Foam:
+    """Tests of a foam whose nu is fitted."""
+
+    mu_Pa: Sequence[float]
+    alpha: Sequence[float]
+    nu: float
+    modes: Sequence[str]
+    noise: float = 0.005
+    ar: float = 0.0
+
+
+@dataclass(frozen=True)
+class Skin:
+    """A conductivity test."""
+
+    points: int = 100
+    ar: float = 0.0
+    proportional: bool = False
+    posterior: bool = False
+
+
+TWO = ([18e3, 2e3], [8.0, -1.8])
+CASES: dict[str, Foam | Skin] = {
+    "uniaxial, shear, nu 0.2": Foam(*TWO, 0.2, ("uniaxial", "shear")),
+    "uniaxial, shear, nu 0.1": Foam(*TWO, 0.1, ("uniaxial", "shear")),
+    "uniaxial, shear, nu 0.4": Foam(*TWO, 0.4, ("uniaxial", "shear")),
+    "uniaxial, shear, soft, nu 0.3": Foam([6e3, 8e3], [2.0, 7.0], 0.3, ("uniaxial", "shear")),
+    "uniaxial, shear, nu 0.2, ar 0.9": Foam(*TWO, 0.2, ("uniaxial", "shear"), ar=0.9),
+    "uniaxial, shear, volumetric, nu 0.2": Foam(*TWO, 0.2, ("uniaxial", "shear", "volumetric")),
+    "uniaxial, planar, nu 0.2": Foam(*TWO, 0.2, ("uniaxial", "planar")),
+    "uniaxial, planar, nu 0.4, 1 %": Foam(*TWO, 0.4, ("uniaxial", "planar"), 0.01),
+    "skin": Skin(), "skin, ar 0.5": Skin(ar=0.5), "skin, ar 0.9": Skin(ar=0.9), "skin, 12 points": Skin(12),
+    "skin, proportional": Skin(proportional=True), "skin, posterior": Skin(posterior=True),
+    "skin, ar 0.5, posterior": Skin(ar=0.5, posterior=True), "skin, ar 0.9, posterior": Skin(ar=0.9, posterior=True)}
+
+
+def errors(count: int, ar: float, rng: np.random.Generator) -> np.ndarray:
+    """Errors of unit size (count,), correlated by `ar` from point to point."""
+    fresh = rng.normal(size=count)
+    out = fresh.copy()
+    for k in range(1, count):
+        out[k] = ar * out[k - 1] + np.sqrt(1 - ar**2) * fresh[k]
+    return out
+
+
+def foam_rows(case: Foam, rng: np.random.Generator) -> dict[str, tuple[float, float, float]]:
+    """Quantity -> (truth, ends of its interval)."""
+    law = matcal.Hyperfoam(case.mu_Pa, case.alpha, [case.nu] * len(case.mu_Pa))
+    tests = []
+    for mode in case.modes:
+        stress = matcal.nominal_stress(law, mode, STRAINS[mode])
+        size = case.noise * np.sqrt(np.mean(stress**2))
+        tests.append({mode: (STRAINS[mode], stress + size * errors(stress.size, case.ar, rng))})
+    found = matcal.fit(tests, poisson="fit").card.fit
+    plateau = -float(matcal.nominal_stress(law, "uniaxial", -0.4))
+    truth = {"mu_0_Pa": law.mu_0_Pa, "E_0_Pa": law.E_0_Pa, "plateau_Pa": plateau}
+    return {"nu": (case.nu, *found["nu"]["interval"])} | {
+        name: (truth[name], row["lo"], row["hi"]) for name, row in found["derived"].items()}
+
+
+def skin_rows(case: Skin, rng: np.random.Generator) -> dict[str, tuple[float, float, float]]:
+    """Quantity -> (truth, ends of its interval)."""
+    e = np.linspace(0, STRETCH, case.points)
+    value = C_0 * (1 + A[0] * e + A[1] * e**2 + A[2] * e**3)
+    noise = 0.03 * errors(e.size, case.ar, rng) * (value / value.mean() if case.proportional else 1.0)
+    card = matcal.fit([{"conductivity": (e, value + noise)}], posterior=case.posterior).card
+    truth = {"c0_S_per_m": C_0} | {f"a_{k + 1}": a for k, a in enumerate(A)}
+    if case.posterior:
+        drawn = card.posterior["derived"]
+        return {name: (t, drawn[name]["lo"], drawn[name]["hi"]) for name, t in truth.items()}
+    part = card.fit["conductivity"]
+    ends = [part["c0_interval_S_per_m"], *part["a_interval"]]
+    return {name: (t, *pair) for (name, t), pair in zip(truth.items(), ends, strict=True)}
+
+
+def run(name: str, replicas: int, seed: int = 0) -> list[dict]:
+    """Rows of one case."""
+    case, begun = CASES[name], time.process_time()
+    each = [(foam_rows if isinstance(case, Foam) else skin_rows)(case, np.random.default_rng([seed, k]))
+            for k in range(replicas)]
+    spent = (time.process_time() - begun) / replicas
+    out = []
+    for quantity in each[0]:
+        truth, low, high = np.array([rows[quantity] for rows in each if quantity in rows]).T
+        size = 1.0 if quantity == "nu" else np.abs(truth)
+        out.append({"case": name, "quantity": quantity, "replicas": truth.size,
+                    "covered_percent": 100 * float(np.mean((low <= truth) & (truth <= high))),
+                    "half_width_percent": 100 * float(np.median((high - low) / 2 / size)), "cpu_s": spent})
+    return out
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("replicas", nargs="?", type=int, default=quick(100, 2))
+    parser.add_argument("cases", nargs="*", default=list(CASES))
+    asked = parser.parse_args()
+    if unknown := set(asked.cases) - set(CASES):
+        parser.error(f"unknown case {', '.join(sorted(unknown))}; known: {'; '.join(CASES)}")
+    table = pd.DataFrame([row for name in asked.cases for row in run(name, asked.replicas)])
+    old = earlier("parameter_coverage")
+    if len(old):
+        table = pd.concat([old[~old["case"].isin(asked.cases)], table], ignore_index=True)
+    shown(written(table, "parameter_coverage"))
+
+
+if __name__ == "__main__":
+    main()
