@@ -45,7 +45,8 @@ class Chart(Coordinates, Protocol):
         ...
 
     def find(self, points: Array) -> Array:
-        """Coordinates (n, 2) of points (n, 3) of the surface; NaN where the coordinates do not reach."""
+        """Coordinates (n, 2) of the places nearest to points (n, 3) on or near the surface; NaN where they do not
+        reach."""
         ...
 
 

@@ -15,7 +15,7 @@ from touchcal.arrays import Array
 
 # Newton steps back to coordinates, and in lengths of the surface the longest of them, the last, that of differences and
 # the largest miss.
-_STEPS, _LONGEST, _DONE, _STEP, _MISS = 12, 0.2, 1e-9, 1e-5, 1e-6
+_STEPS, _LONGEST, _DONE, _STEP, _MISS = 12, 0.2, 1e-9, 1e-5, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,8 @@ class ProjectedChart:
 
     def find(self, points: Array) -> Array:
         """As of `Chart`."""
-        uv, step = (points - self.origin) @ self.frame[:2].T, _STEP * self.length_m
+        points, step = self.surface.nearest(points)[0], _STEP * self.length_m
+        uv = (points - self.origin) @ self.frame[:2].T
         for _ in range(_STEPS):
             along = np.stack([(self.place(uv + d)[0] - self.place(uv - d)[0]) / (2 * step) for d in step * np.eye(2)],
                              axis=-1)

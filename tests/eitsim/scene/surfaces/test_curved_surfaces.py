@@ -28,6 +28,7 @@ def test_coordinates_are_found_again_and_normals_are_across_the_surface(surface:
     uv = 0.025 * rng.uniform(-1, 1, (50, 2))
     points, normals = chart.place(uv)
     assert chart.find(points) == pytest.approx(uv, abs=1e-9)
+    assert chart.find(points + 1e-4 * normals) == pytest.approx(uv, abs=1e-8)
     again, across = surface.nearest(points + 3e-3 * normals)
     assert again == pytest.approx(points, abs=1e-9)
     assert across == pytest.approx(normals, abs=1e-7)
