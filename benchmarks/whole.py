@@ -27,14 +27,13 @@ from conditions import quick, shown, written
 HERE = Path(__file__).parent
 RAW = HERE.parent / "data_raw"
 # what each benchmark is given, of the short chain's files
-GIVEN = {"frame_drift": ("sweep",), "inversion_limit": ("forward", "sweep", "card.json"), "limits": ("card.json",),
+GIVEN = {"frame_drift": ("sweep",), "inversion_limit": ("forward", "sweep", "card.json"),
          "live_page": ("forward", "card.json"), "sensor_design": ("card.json", "sweep"), "streaming": ("ridge",),
          "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json"),
          "variants": ("card.json",)}
 # what needs the paper's sweep of 4,000 scenes, or a GPU, or measures nothing, and is run by hand
 APART = ("carry_over", "contacts", "faithful", "gpu", "mutants", "paced_stream", "ridge", "silent_answers",
-         "simulated_prior", "surrogates", "tracker", "transfer",
-         "untouched_frame", "whole_disc", "unchanged")
+         "simulated_prior", "surrogates", "tracker", "transfer", "untouched_frame", "whole_disc", "unchanged")
 CHAIN = (
     ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
      f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",

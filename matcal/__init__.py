@@ -20,22 +20,4 @@ if TYPE_CHECKING:
     from matcal.reduction.inspect import inspect
     from matcal.reduction.reduce import read_test
 
-__getattr__, __dir__, __all__ = attach(__name__, {
-    "Calibration": "matcal.record.calibration",
-    "Conductivity": "matcal.laws.conductivity",
-    "Experiment": "matcal.reduction.experiment",
-    "FitOptions": "matcal.fitting.fit_options",
-    "Hyperfoam": "matcal.laws.hyperfoam",
-    "MaterialCard": "matcal.card",
-    "Prony": "matcal.laws.prony",
-    "check": "matcal.record.predict",
-    "export": "matcal.record.exporters.deck",
-    "fit": "matcal.record.calibration",
-    "inspect": "matcal.reduction.inspect",
-    "nominal_stress": "matcal.laws.deformation_modes",
-    "predict": "matcal.record.predict",
-    "read_card": "matcal.card",
-    "read_test": "matcal.reduction.reduce",
-    "stability": "matcal.laws.stability",
-    "write_card": "matcal.card",
-})
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -32,11 +32,4 @@ if TYPE_CHECKING:
     from surrogate.model.tracking.tracker import Tracker as Tracker
     from surrogate.model.train import train as train
 
-__getattr__, __dir__, __all__ = attach(__name__, {
-    "METHODS": "surrogate.learners.registry", "Estimate": "surrogate.learners.base", "Labels": "eitsim.sensors.labels",
-    "Learner": "surrogate.learners.base", "Model": "surrogate.model.model",
-    "PressModel": "surrogate.model.recorded.press_model", "SweepModel": "surrogate.model.sweep_model",
-    "Training": "surrogate.learners.base", "cramer_rao": "surrogate.bounds.cramer_rao",
-    "evaluate": "surrogate.model.evaluate", "learn": "surrogate.model.recorded.learn_presses",
-    "load": "surrogate.model.model", "read_labels": "eitsim.sensors.labels", "train": "surrogate.model.train",
-    "Tracked": "surrogate.model.tracking.tracked", "Tracker": "surrogate.model.tracking.tracker"})
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

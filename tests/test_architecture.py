@@ -158,7 +158,7 @@ def climbs(work: Callable[[], object]) -> set[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize(("scene", "most"), [({}, 8), ({"punch": {"conductor": True}}, 8), (
-    {"punch": {"x_mm": 85, "force_N": 0.2}}, 20)], ids=str)
+    {"punch": {"x_mm": 85, "force_N": 0.2}, "electrodes": {"soft": True}}, 20)], ids=str)
 def test_a_scene_is_solved_downstairs(scene: dict[str, Any], most: int) -> None:
     """What is passed down is data: only a solver of numerics asks what it solves, above it, for energies and systems.
     """
@@ -214,13 +214,13 @@ def test_only_reports_draw() -> None:
 
 @pytest.mark.parametrize(("work", "may"), [
     ("import matcal.card", set()),
-    ("import matcal; matcal.inspect('data_raw/uniaxial.csv')", set()),
+    ("import matcal; matcal.inspect('data_raw/mts_uniaxial.txt')", set()),
     ("import matcal; matcal.fit(['data_raw/uniaxial.csv', 'data_raw/shear.csv'])", {"scipy"})], ids=str)
 def test_a_command_imports_what_it_needs(work: str, may: set[str]) -> None:
     """Imports are most of the time of a short command: half a second for each of the heavy packages."""
     loaded = subprocess.run([sys.executable, "-c", f"{work}; import sys; print(*sys.modules)"], capture_output=True,
                             text=True, check=True, cwd=ROOT).stdout
-    heavy = {"emcee", "torch", "skfem", "matplotlib", "scipy", "pandas", "numba", "arviz", "lmfit", "pint"}
+    heavy = {"emcee", "torch", "skfem", "matplotlib", "scipy", "pandas", "numba", "arviz", "lmfit", "pint", "typer"}
     assert heavy & set(loaded.split()) <= may
 
 

@@ -3,6 +3,7 @@
 Compiled loops are kept on disk. Numba compiles a loop again where its own file has changed; here also where the file of
 a compiled function has changed that its module imports, directly or not. Numbers from other files are not followed.
 What compilation takes, once, is no cost of a result: `cpu_s` leaves it out, and a terminal is told when it begins.
+Without numba the same loops run as they are written, some 60 times slower.
 """
 
 import functools
@@ -18,11 +19,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from touchcal.lazy import install, installed
+
 Result = TypeVar("Result")
 
 _WITH_LOOPS: set[str] = set()  # Modules with functions that are compiled.
 _COMPILABLE: set[Callable[..., Any]] = set()
 COMPILING = "compiling, once after an installation or a change of the code: some 10 CPU seconds"
+UNCOMPILED = "numba is not installed, so that touches take some 60 times longer"
 
 
 def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.float64]:
@@ -33,6 +37,8 @@ def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.flo
 def compiled(function: Callable[..., Result], module: str = "") -> Callable[..., Result]:
     """Compile a loop over arrays; kept on disk where there is a place to write, else compiled by each process. `module`
     has the functions that a loop made anew for each such module calls: each is kept by itself."""
+    if not _compiles():
+        return function
     from numba import njit
 
     if module:
@@ -55,6 +61,8 @@ def compiled(function: Callable[..., Result], module: str = "") -> Callable[...,
 def compilable(*functions: Callable[..., Any]) -> None:
     """Let compiled loops call functions of arrays, which stay as they are, on single numbers, with those that they
     call."""
+    if not _compiles():
+        return
     from numba.extending import register_jitable
 
     for function in functions:
@@ -74,7 +82,15 @@ def cpu_s() -> float:
 
 def compilation_s() -> float:
     """CPU seconds that compilation took in this process so far."""
-    return _compilation().cpu_s
+    return _compilation().cpu_s if _compiles() else 0.0
+
+
+@functools.cache
+def _compiles() -> bool:
+    """Whether numba is there; where it is not, standard error is told so once."""
+    if not (there := installed("numba")) and multiprocessing.parent_process() is None:
+        print(f"{UNCOMPILED}; {install('numba')}", file=sys.stderr)
+    return there
 
 
 @functools.cache

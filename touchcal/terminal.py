@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from touchcal.errors import NotConverged
+from touchcal.lazy import missing, needed
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -69,8 +70,8 @@ def run(app: typer.Typer, name: str, arguments_of: Mapping[str, str] = MappingPr
             raise
         finally:
             sys.stdout.flush()
-    except (ValueError, OSError, NotConverged) as error:
-        if debug:
+    except (ValueError, OSError, NotConverged, ModuleNotFoundError) as error:
+        if debug or (isinstance(error, ModuleNotFoundError) and missing(error) is error):
             raise
         if isinstance(error, BrokenPipeError) and _reader_left():
             _end_of_pipe()
@@ -108,6 +109,8 @@ def _end_of_pipe() -> NoReturn:
 
 
 def _sentence(error: BaseException) -> str:
+    if isinstance(error, ModuleNotFoundError):
+        return str(missing(error))
     if isinstance(error, FileNotFoundError) and error.filename:
         return f"{error.filename}: no such file. Check the name and the folder."
     if isinstance(error, OSError) and error.filename:
@@ -143,8 +146,10 @@ def numbers(text: str, flag: str, example: str) -> list[float]:
 
 
 def check_out(out: Path, flag: str = "--out", *, folder: bool = False) -> None:
-    """Before any work: ValueError where a file (or `folder`) cannot be written at `out`; folders are never made above
-    it."""
+    """Before any work: ValueError where a file (or `folder`) cannot be written at `out`, or what a PDF is drawn with is
+    not installed; folders are never made above it."""
+    for package in ("matplotlib", "typst", "pyarrow") if out.suffix == ".pdf" else ():
+        needed(package, "reports")
     what = "folder" if folder else "file"
     if above := next((place for place in out.parents if place.is_file()), None):
         raise ValueError(f"{flag} {out}: {above} is a file, and nothing can be written below it. Choose another place.")

@@ -10,7 +10,6 @@ from matplotlib.patches import Patch, Rectangle
 from reports.document import style
 
 KEPT, CAUTION, LOST = "kept", "caution", "lost"
-STATES = (KEPT, CAUTION, LOST)
 COLOURS = {KEPT: "#d3e5f2", CAUTION: "#f3c774", LOST: style.SECOND}
 HATCHES = {KEPT: "", CAUTION: "....", LOST: "////"}
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from eitsim.sensors.inspection import Inspection
     from eitsim.sensors.layout.sensor_design import SensorDesign
 
+_FLAT = ("force_N", "delta_max_mm", "A_c_mm2")  # Outputs that are compared with those of a flat layer.
 _MOST_NUMBERS = 4  # of parameters that are named one by one
 _MOST_NOTES = 8  # of images, one a line
 
@@ -68,6 +69,9 @@ def show_result(result: Result, document: dict[str, Any], scene: Path) -> None:
         for key, (name, _) in MECHANICS.items():
             values = document[key] if isinstance(document[key], list) else [document[key]]
             table.add_row(f"{name}, {key}", ", ".join(f"{value:.5g}" for value in values))
+            if "as_if_flat" in document and key in _FLAT:
+                flat = ", ".join(f"{value:.5g}" for value in _listed(document["as_if_flat"][key]))
+                table.add_row("  as if flat: alone, upright, without friction", flat)
         table.add_row("Largest signal, voltage touched less untouched, mV", f"{largest_V * 1e3:.4g}")
         for key, value in result.error_estimate.items():
             numerical = result.numerical_error[key]

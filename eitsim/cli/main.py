@@ -14,10 +14,12 @@ import typer
 from eitsim.cli import sensor_commands
 from eitsim.cli.fitted_card import warn_of_other_card
 from eitsim.cli.sweep_commands import check_pdf, indices, measure, report, report_written, sweep
+from eitsim.scene.curved.curved_scene import AnyScene, read_any_scene
 from eitsim.scene.scene import Scene, read_scene
 from matcal.card import MaterialCard, read_card
 from touchcal.errors import InputFileError, NotConverged
 from touchcal.json_file import write_json
+from touchcal.lazy import needed
 from touchcal.terminal import JsonOption, application, check_apart, check_out, numbers, print_json, run
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False)
     from eitsim.simulation.result_json import decisions
     from eitsim.simulation.simulate import plan as planned
 
-    parsed = read_scene(scene)
+    parsed = read_any_scene(scene)
     made = planned(parsed, _card_path(scene, parsed, card))
     if as_json:
         print_json({"plan": decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
@@ -91,7 +93,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
 
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
-    parsed = read_scene(scene)
+    parsed = read_any_scene(scene)
     files = OutputFiles(fields, frames, skin, _whole(skin_patterns, "--skin-patterns"), sensitivity, fields_steps)
     outs = {"--out": out, "--report": report, **files.places}
     for flag, place in outs.items():
@@ -121,7 +123,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         raise NotConverged(f"{scene}: {result.outcome}: {result.message}")
 
 
-def _write_files(scene: Scene, result: Result, document: dict[str, Any], card: MaterialCard,
+def _write_files(scene: AnyScene, result: Result, document: dict[str, Any], card: MaterialCard,
                  files: OutputFiles, out: Path | None, report: Path | None, exact: bool) -> Iterator[str]:
     """Write what is requested next to a stored result, whose hash comes after the skin's file is named in it."""
     from eitsim.cli.output_files import write_output_files
@@ -150,6 +152,7 @@ def draw(series: Annotated[Path, typer.Argument(metavar="SERIES", help="Series o
 
     Example: eitsim draw press.pvd --out press.png
     """
+    needed("pyvista", "pictures in three dimensions")
     from reports.touch.press_picture import draw_press
 
     check_out(out)
@@ -302,7 +305,7 @@ app.command()(report)
 app.add_typer(sensor_commands.app, name="sensor")
 
 
-def _card_path(scene_path: Path, scene: Scene, card: Path | None) -> Path:
+def _card_path(scene_path: Path, scene: AnyScene, card: Path | None) -> Path:
     own = scene_path.parent / scene.card if scene.card is not None else None
     if card is not None:
         if own is not None and scene.channels.size_error:

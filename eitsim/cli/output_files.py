@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene
 from eitsim.scene.results import Result
-from eitsim.scene.scene import Scene
 from matcal.card import MaterialCard
 from touchcal.terminal import counter
 
@@ -28,7 +28,7 @@ class OutputFiles:
                 "--sensitivity": self.sensitivity}
 
 
-def check_output_files(scene: Scene, files: OutputFiles, outs: Mapping[str, Path | None] | None = None) -> None:
+def check_output_files(scene: AnyScene, files: OutputFiles, outs: Mapping[str, Path | None] | None = None) -> None:
     """ValueError, before anything is solved, where the scene has no such file, or the folder of a series is in the way
     of another one to be written (option -> place)."""
     if (result := (outs or {}).get("--out")) is not None and result.suffix not in ("", ".json"):
@@ -36,6 +36,9 @@ def check_output_files(scene: Scene, files: OutputFiles, outs: Mapping[str, Path
                          "in .json.")
     if files.skin is not None and files.skin.suffix != ".vtu":
         raise ValueError(f"--skin {files.skin}: the file is a VTU file; give a name that ends in .vtu.")
+    if isinstance(scene, CurvedScene):
+        _check_on_curved(files)
+        return
     if files.fields is not None and files.fields.suffix not in (".vtu", ".pvd"):
         raise ValueError(f"--fields {files.fields}: the file is a VTU file; give a name that ends in .vtu, or in .pvd "
                          "for a series of the press.")
@@ -62,6 +65,14 @@ def check_output_files(scene: Scene, files: OutputFiles, outs: Mapping[str, Path
         check_differentiable(scene)
 
 
+def _check_on_curved(files: OutputFiles) -> None:
+    for flag, given in (("--fields", files.fields), ("--sensitivity", files.sensitivity)):
+        if given is not None:
+            raise ValueError(f"{flag} is not built on curved bodies; --skin writes what the touch does to the skin.")
+    if files.skin is None and files.patterns is not None:
+        raise ValueError("--skin-patterns has no effect without --skin; add --skin skin.vtu.")
+
+
 def _check_series(series: Path, outs: Mapping[str, Path | None]) -> None:
     from eitsim.simulation.press_series import check_folder
 
@@ -75,9 +86,22 @@ def _check_series(series: Path, outs: Mapping[str, Path | None]) -> None:
                              f"{flag} {place} is written. Choose another name.")
 
 
-def write_output_files(scene: Scene, result: Result, card: MaterialCard,
+def write_output_files(scene: AnyScene, result: Result, card: MaterialCard,
                        files: OutputFiles, *, exact: bool = False) -> Iterator[tuple[str, Path]]:
     """Write the files that are asked for of a result, solved exactly or not; what each is, and where."""
+    if files.frames is not None and result.readings is not None:
+        from eitsim.scene.frames import write_frames
+
+        write_frames(files.frames, [moment.readings for moment in result.moments] or [result.readings])
+        yield "frames", files.frames
+    if isinstance(scene, CurvedScene):
+        if files.skin is not None:
+            from eitsim.simulation.curved.solve_curved_scene import write_skin
+            from eitsim.simulation.material import material_of
+
+            write_skin(scene, result, material_of(scene.flat, card).skin, files.skin, files.patterns)
+            yield "skin", files.skin
+        return
     if files.fields is not None and files.fields.suffix == ".pvd":
         from eitsim.simulation.press_series import STEPS, press_of, write_press
 
@@ -92,11 +116,6 @@ def write_output_files(scene: Scene, result: Result, card: MaterialCard,
         (touch,) = result.touches
         write_vtu(touch, files.fields)
         yield "fields", files.fields
-    if files.frames is not None and result.readings is not None:
-        from eitsim.scene.frames import write_frames
-
-        write_frames(files.frames, [moment.readings for moment in result.moments] or [result.readings])
-        yield "frames", files.frames
     if files.skin is not None:
         from eitsim.electrics.forward.sheet_fields import write_skin_vtu
         from eitsim.simulation.material import material_of

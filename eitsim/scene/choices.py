@@ -8,23 +8,24 @@ Kind = StrEnum("Kind", (
     "STORED", "FROM_REST", "ALONE",
     # the punch: what it conducts, its contact
     "INSULATED", "FLOATING", "END_BY_NEIGHBOUR", "END_BY_EDGE", "NO_FRICTION", "FRICTION",
-    "FRICTION_ALONE", "RIGID_PUNCH",
+    "RIGID_PUNCH",
     # time
     "HOLD_KEPT", "HOLD_STEPPED", "HOLD_ELASTIC", "LOADED_AT_ONCE", "LOADED_OVER", "ONE_RELAXATION", "NO_MEMORY",
     "NO_VISCOELASTICITY",
     # laws
     "OUTSIDE_FITS", "POSITIVE_IN_PART", "STRAIN", "ONE_CARD", "DRAWN_CARDS",
     # skin and electrodes
-    "FIXED_CHOICES", "NO_LOAD_IN_SKIN", "SHEET", "SOFT_ELECTRODES", "MESH", "RINGS", "UNTOUCHED_TRIANGLES",
-    "PATCH_AREA", "EVEN_SHEET", "SHEET_CONDUCTANCE", "SCATTER", "CHANNELS", "MISSING", "ONE_MATRIX",
+    "FIXED_CHOICES", "NO_LOAD_IN_SKIN", "SHEET", "STIFF_ELECTRODES", "SOFT_ELECTRODES", "MESH", "RINGS",
+    "UNTOUCHED_TRIANGLES", "PATCH_AREA", "EVEN_SHEET", "SHEET_CONDUCTANCE", "SCATTER", "CHANNELS", "MISSING",
+    "ONE_MATRIX",
     # exact runs
     "FINER_MESH", "EXACT_SKIN"))
 
 Why = StrEnum("Why", (
-    "CONDUCTIVITY_UNIT", "TOO_THIN", "TOO_SHALLOW", "TOO_LIGHT", "ELECTRODES", "TOO_DEEP", "ON_ELECTRODES",
+    "CONDUCTIVITY_UNIT", "TOO_THIN", "TOO_SHALLOW", "TOO_LIGHT", "ELECTRODES", "TOO_DEEP",
     # of routes
     "OFF_SKIN", "NOT_MEANT",
     # of neighbours
     "OVERLAP", "MORE_THAN_TWO", "PAIR_FRICTION", "PAIR_GAP",
-    # of what is solved in three dimensions
-    "TOUCHING"))
+    # of what is solved in three dimensions, and on curved bodies
+    "TOUCHING", "UNFIT"))

@@ -20,8 +20,10 @@ from touchcal.toml_file import read_toml
 Point = tuple[float, ...]
 
 NO_MECHANICS = "mechanics on curved bodies is left out"
+_COLUMNS = ("x_mm", "y_mm", "z_mm")
+_NARROW_MM = 1.0  # Width of electrodes of which only the number counts.
 _KEYS = {"body": ("mesh", "unit_mm"), "skin": ("conductance_S",),
-         "electrodes": ("x_mm", "y_mm", "z_mm", "width_mm", "groups", "contact_impedance_Ohm_m2"),
+         "electrodes": ("at_mm", "x_mm", "y_mm", "z_mm", "width_mm", "groups", "contact_impedance_Ohm_m2"),
          "drive": ("current_mA", "pattern", "reading", *MATRICES),
          "patch": ("x_mm", "y_mm", "z_mm", "width_mm", "factor")}
 
@@ -83,30 +85,57 @@ def _skin(tables: Mapping[str, Any], folder: Path) -> CurvedSkin:
                              "conductance.")
     if unknown := [key for key in tables if key not in _KEYS]:
         raise ValueError(unknown_key(unknown[0], _KEYS))
-    parts = {name: _table(name, tables.get(name, {})) for name in ("body", "skin", "electrodes", "drive")}
-    body, electrodes = parts["body"], parts["electrodes"]
+    parts = {name: _table(name, tables.get(name, {})) for name in ("body", "skin")}
+    body = parts["body"]
     if not isinstance(body.get("mesh"), str):
         raise ValueError("mesh in [body] must name a file of triangles (.stl, .obj, .msh, .vtu ...).")
-    unit = _positive("unit_mm in [body]", body.get("unit_mm", 1.0)) / 1e3
-    given: dict[str, Any] = {}
-    if "groups" in electrodes:
-        if other := [key for key in ("x_mm", "y_mm", "z_mm", "width_mm") if key in electrodes]:
+    unit = positive("unit_mm in [body]", body.get("unit_mm", 1.0)) / 1e3
+    electrodes = electrodes_of(tables.get("electrodes", {}))
+    patches = tuple(_patch(one) for one in _list("[[patch]]", tables.get("patch", [])))
+    sheet = positive("conductance_S in [skin]", parts["skin"].get("conductance_S"))
+    drive = drive_of(tables.get("drive", {}), electrodes)
+    return CurvedSkin(read_triangles(folder / body["mesh"], unit), sheet, drive=drive, patches=patches, **electrodes)
+
+
+def electrodes_of(raw: Any) -> dict[str, Any]:
+    """Electrodes of a table [electrodes], as fields of `CurvedSkin`; ValueError names the key."""
+    table, given = _table("electrodes", raw), {}
+    if "groups" in table:
+        if other := [key for key in ("at_mm", *_COLUMNS, "width_mm") if key in table]:
             raise ValueError(f"{other[0]} in [electrodes] has no effect with groups; leave it out.")
-        given["groups"] = tuple(_list("groups in [electrodes]", electrodes["groups"]))
+        given["groups"] = tuple(_list("groups in [electrodes]", table["groups"]))
     else:
-        columns = [_numbers(f"{key} in [electrodes]", electrodes.get(key)) for key in ("x_mm", "y_mm", "z_mm")]
+        given["places_m"] = _places_m(table)
+        given["widths_m"] = _each("width_mm in [electrodes]", table.get("width_mm", 10.0), 1e-3)
+    if "contact_impedance_Ohm_m2" in table:
+        given["contact_impedance_Ohm_m2"] = _each("contact_impedance_Ohm_m2 in [electrodes]",
+                                                  table["contact_impedance_Ohm_m2"], 1.0)
+    return given
+
+
+def _places_m(table: Mapping[str, Any]) -> tuple[Point, ...]:
+    """Places, m, by x_mm, y_mm and z_mm, or by at_mm."""
+    if "at_mm" in table:
+        if other := [key for key in _COLUMNS if key in table]:
+            raise ValueError(f"{other[0]} in [electrodes] has no effect with at_mm; leave it out.")
+        places = [_numbers("places of at_mm in [electrodes]", place)
+                  for place in _list("at_mm in [electrodes]", table["at_mm"])]
+        if any(len(place) != 3 for place in places):
+            raise ValueError("at_mm in [electrodes] must hold x, y and z of each electrode.")
+    else:
+        columns = [_numbers(f"{key} in [electrodes]", table.get(key)) for key in _COLUMNS]
         if len({len(column) for column in columns}) > 1:
             raise ValueError("x_mm, y_mm and z_mm in [electrodes] must hold one number an electrode each, got "
                              f"{', '.join(str(len(column)) for column in columns)}.")
-        given["places_m"] = tuple(tuple(part / 1e3 for part in place) for place in zip(*columns, strict=True))
-        given["widths_m"] = _each("width_mm in [electrodes]", electrodes.get("width_mm", 10.0), 1e-3)
-    if "contact_impedance_Ohm_m2" in electrodes:
-        given["contact_impedance_Ohm_m2"] = _each("contact_impedance_Ohm_m2 in [electrodes]",
-                                                  electrodes["contact_impedance_Ohm_m2"], 1.0)
-    patches = tuple(_patch(one) for one in _list("[[patch]]", tables.get("patch", [])))
-    sheet = _positive("conductance_S in [skin]", parts["skin"].get("conductance_S"))
-    drive = scene_from({"drive": parts["drive"]}).drive
-    return CurvedSkin(read_triangles(folder / body["mesh"], unit), sheet, drive=drive, patches=patches, **given)
+        places = list(zip(*columns, strict=True))
+    return tuple(tuple(part / 1e3 for part in place) for place in places)
+
+
+def drive_of(raw: Any, electrodes: Mapping[str, Any]) -> Drive:
+    """The drive of a table [drive] for so many electrodes; ValueError names the key."""
+    count = len(electrodes.get("places_m") or electrodes.get("groups") or ())
+    count = min(max(count, FEWEST), MOST)
+    return scene_from({"drive": _table("drive", raw), "electrodes": {"count": count, "width_mm": _NARROW_MM}}).drive
 
 
 def _table(name: str, raw: Any) -> Mapping[str, Any]:
@@ -120,10 +149,10 @@ def _table(name: str, raw: Any) -> Mapping[str, Any]:
 def _patch(raw: Any) -> ConductancePatch:
     table = _table("patch", raw)
     place = [_numbers(f"{key} in [[patch]]", [table.get(key)])[0] / 1e3 for key in ("x_mm", "y_mm", "z_mm")]
-    factor = _positive("factor in [[patch]]", table.get("factor"))
+    factor = positive("factor in [[patch]]", table.get("factor"))
     if factor == 1:
         raise ValueError("factor in [[patch]] is 1, which changes nothing; give another one or leave the patch out.")
-    return ConductancePatch(tuple(place), _positive("width_mm in [[patch]]", table.get("width_mm")) / 1e3, factor)
+    return ConductancePatch(tuple(place), positive("width_mm in [[patch]]", table.get("width_mm")) / 1e3, factor)
 
 
 def _list(where: str, value: Any) -> list[Any]:
@@ -138,7 +167,7 @@ def _numbers(where: str, value: Any) -> list[float]:
     return [float(one) for one in value]
 
 
-def _positive(where: str, value: Any) -> float:
+def positive(where: str, value: Any) -> float:
     if not is_number(value) or not value > 0:
         raise ValueError(f"{where} must be a positive number, got {value!r:.80}.")
     return float(value)
@@ -146,8 +175,8 @@ def _positive(where: str, value: Any) -> float:
 
 def _each(where: str, value: Any, unit: float) -> float | tuple[float, ...]:
     if isinstance(value, list):
-        return tuple(_positive(where, one) * unit for one in value)
-    return _positive(where, value) * unit
+        return tuple(positive(where, one) * unit for one in value)
+    return positive(where, value) * unit
 
 
 def _check(skin: CurvedSkin) -> None:

@@ -13,6 +13,7 @@ from eitsim.scene.polygons import MOST_POINTS, signed_area
 from touchcal.arrays import Array
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError
+from touchcal.lazy import needed
 
 _SAG_MM = 0.01  # Largest distance of a curve of a drawing from its chords, mm.
 _PER_INCH = 96.0  # User units of an SVG without units of its own.
@@ -59,12 +60,11 @@ def _csv(path: Path, unit_mm: float) -> list[Array]:
 
 
 def _dxf(path: Path, unit_mm: float) -> list[Array]:
-    try:
-        from ezdxf import filemanagement, units
-        from ezdxf import path as paths
-        from ezdxf.lldxf.const import DXFError
-    except ImportError:
-        raise _missing("ezdxf", ".dxf") from None
+    needed("ezdxf", "outlines in .dxf files")
+    from ezdxf import filemanagement, units
+    from ezdxf import path as paths
+    from ezdxf.lldxf.const import DXFError
+
     try:
         drawing = filemanagement.readfile(path)
     except (DXFError, OSError) as error:
@@ -80,10 +80,7 @@ def _dxf(path: Path, unit_mm: float) -> list[Array]:
 
 
 def _svg(path: Path, unit_mm: float) -> list[Array]:
-    try:
-        import svgelements
-    except ImportError:
-        raise _missing("svgelements", ".svg") from None
+    svgelements: Any = needed("svgelements", "outlines in .svg files")
     try:
         drawing = svgelements.SVG.parse(str(path), ppi=_PER_INCH)
     except (ValueError, OSError, SyntaxError) as error:
@@ -146,8 +143,3 @@ def _joined(path: Path, pieces: Sequence[Array]) -> list[Array]:
             loop = np.vstack([loop, (piece if side == 0 else piece[::-1])[1:]])
         loops.append(loop[:-1])
     return loops
-
-
-def _missing(name: str, suffix: str) -> ValueError:
-    return ValueError(f"outline in [body]: {suffix} files need the package {name}, which is not installed; run "
-                      f"pip install '.[outlines]' in the project's folder, or give the corners as a .csv file.")

@@ -113,6 +113,14 @@ def squared_distance(points: Array, start: Array, end: Array) -> Array:
     return np.sum((points - start - way[..., None] * along) ** 2, axis=-1)
 
 
+def distance_to(path: Array, point: Array) -> float:
+    """Distance of a point (2,) to a path (n, 2), or to what it surrounds where its last point is its first."""
+    start, end = path[:-1], path[1:]
+    if np.array_equal(path[0], path[-1]) and inside(point, start, end):
+        return 0.0
+    return math.sqrt(float(squared_distance(point, start, end).min()))
+
+
 def touching(start: Array, end: Array, starts: Array, ends: Array, within: float) -> NDArray[np.bool_]:
     """Which edges (n, 2) cross an edge (2,) or come closer to it than `within`, m."""
     def side(a: Array, b: Array, p: Array) -> Array:

@@ -87,6 +87,18 @@ class SurfaceField(Protocol):
         ...
 
 
+class SpaceField(Protocol):
+    """What touches make of a curved body, at places of its untouched outer surface."""
+
+    def deformation_gradient(self, points_m: Array) -> Array:
+        """F (n, 3, 3) at points (n, 3), m; the identity where nothing moves."""
+        ...
+
+    def displacement(self, points_m: Array) -> Array:
+        """Displacement (n, 3), m, of points (n, 3), m."""
+        ...
+
+
 @dataclass(frozen=True)
 class Section:
     """The foam's displacement on the half-plane through the punch's axis, on its elements."""
@@ -169,6 +181,8 @@ class Touch:
     # strain of the skin under this touch and those solved with it, in place of the stretches above, which are then
     # averages about the punch; None where the stretches and `rim` say all
     surface: SurfaceField | None = None
+    # (k,) reference radii, m, at which contact ends in k even directions from +x; None where it is round
+    contact_ends_m: Array | None = None
 
     @property
     def axisymmetric(self) -> bool:
@@ -238,6 +252,10 @@ class Result:
     error_estimate: Mapping[str, float] = field(default_factory=dict)
     # the part of them that solving left, without what the plan left out
     numerical_error: Mapping[str, float] = field(default_factory=dict)
+    # on a curved body: what is made of its surface, at the end of a hold; None on flat ones
+    surface: SpaceField | None = field(default=None, repr=False)
+    # on a curved body: every touch as it would be alone, upright, without friction on a flat layer; empty on flat ones
+    as_if_flat: tuple[Touch, ...] = field(default=(), repr=False)
     # "cpu_s", "compilation_cpu_s" (once, not in it), "wall_s", "peak_MB"
     cost: Mapping[str, float] = field(default_factory=dict)
 

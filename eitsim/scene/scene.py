@@ -52,6 +52,11 @@ class Body:
         return not self.edge.is_round
 
     @property
+    def size_m(self) -> float:
+        """Square root of its area over pi, m, by which lengths on the skin are measured."""
+        return self.edge.size_m
+
+    @property
     def radius_m(self) -> float:
         """Radius of a disc, m; ValueError for another edge."""
         if not isinstance(self.edge, Disc):
@@ -81,6 +86,10 @@ class Punch:
     fillet_m: float = 0.0005
     # angle between a cone's axis and its face, rad; without effect on the other profiles
     half_angle_rad: float = math.radians(60)
+    # angle, rad, between its axis, along which it is pressed, and the skin's normal; and the direction from the x axis
+    # to which the axis leans, on whose side the edge stands lowest
+    tilt_rad: float = 0.0
+    tilt_direction_rad: float = 0.0
     friction: str = "none"  # one of FRICTIONS
     friction_coefficient: float = 0.0  # shear over pressure that it slips at; 0 unless by Coulomb's law
     conductor: bool = False  # whether the punch conducts and floats
@@ -308,6 +317,9 @@ def read_scene(path: Path | str) -> Scene:
     if "readings" in raw:
         raise InputFileError(path, "[readings] makes it a sensor file, which `eitsim sensor` and `eitsim reconstruct` "
                                    "take; in Python eitsim.read_sensor(path).scene is its scene.")
+    if isinstance(raw.get("body"), Mapping) and "surface" in raw["body"]:
+        raise InputFileError(path, "surface in [body] makes it a scene on a curved body, which `eitsim run` and "
+                                   "`eitsim plan` take; here flat skins alone are taken.")
     try:
         return scene_from(with_files(raw, path.parent))
     except ValueError as error:

@@ -37,7 +37,7 @@ def read_triangles(path: Path, unit_m: float = 1e-3) -> TriangleMesh:
     """The triangles of a file, in lengths of `unit_m`, m; quadratic ones keep their curves. InputFileError where it
     holds none, other cells of a surface, flat triangles, or edges that three triangles share."""
     if not path.exists():
-        raise InputFileError(path, "no such file, which mesh in [body] names. Check the name, which is relative to the "
+        raise InputFileError(path, "no such file, which [body] names. Check the name, which is relative to the "
                                    "file of the skin.")
     try:
         mesh = read_mesh(path)

@@ -17,8 +17,6 @@ from eitsim.scene.electrodes import FEWEST, MOST
 from touchcal.arrays import Array, Index
 
 MEAN = -1  # number of a minus electrode that stands for the mean of all of them
-# What is read of each pattern: the difference of a pair, or a voltage against a reference.
-REFERENCES = ("pair", "before", "mean", "sink")
 KEPT = ("undriven", "all", "open")
 _ALL_FIRSTS = 32
 

@@ -68,7 +68,7 @@ def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, l
     """Conductance tensor (..., 2, 2), S, at points (..., 2) of the reference disc, axisymmetric about the punch but for
     what the rim changes."""
     if not touch.axisymmetric:
-        return _conductance_of(*surface_metric(points_m, punch, touch), skin, law)
+        return conductance_of(*surface_metric(points_m, punch, touch), skin, law)
     offset = points_m - np.array([punch.x_m, punch.y_m])
     radius = np.hypot(offset[..., 0], offset[..., 1])
     normal = np.where(radius[..., None] > 0, offset / np.maximum(radius, 1e-300)[..., None], np.array([1.0, 0.0]))
@@ -84,7 +84,7 @@ def touched_conductance(points_m: Array, touches: Sequence[tuple[Punch, Touch]],
     """
     if len(touches) == 1:
         return sheet_conductance(points_m, *touches[0], skin, law)
-    return _conductance_of(*added_metric(points_m, touches), skin, law)
+    return conductance_of(*added_metric(points_m, touches), skin, law)
 
 
 def added_metric(points_m: Array, touches: Sequence[tuple[Punch, Touch]]) -> tuple[Array, Array]:
@@ -159,8 +159,9 @@ def areal_stretch(metric: Array) -> Array:
     return np.sqrt(squared)
 
 
-def _conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity) -> Array:
-    """c t J_s C_s^-1 of a metric C_s and the stretch normal to the surface."""
+def conductance_of(metric: Array, normal: Array, skin: Skin, law: Conductivity) -> Array:
+    """Conductance (..., 2, 2), S, c t J_s C_s^-1 of a metric C_s (..., 2, 2) and the stretch (...) normal to the
+    surface."""
     xx, xy, yy = metric[..., 0, 0], metric[..., 0, 1], metric[..., 1, 1]
     first = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
     areal = areal_stretch(metric)

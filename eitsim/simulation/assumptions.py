@@ -9,25 +9,24 @@ from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Kind
 from eitsim.scene.drive import protocol
 from eitsim.scene.results import Touch, of_strain
-from eitsim.scene.scene import Scene
+from eitsim.scene.scene import Hold, Scene
 from eitsim.simulation.choose import Chosen, Way
+from eitsim.simulation.routes.route import Route
 from eitsim.simulation.validity import positive_from
+from matcal.laws.law import Law
+from matcal.laws.prony import Prony
 from touchcal.choice import Choice
 
 STEEL_E_PA = 210e9
 _SDS = 3.0  # standard deviations that a bound states; surrogates take it back
-# Part of the rim's effect that the end of a conducting punch's contact, kept as it is without the rim, may cost of dV:
-# above all that were measured, 14 mm under 0.1 and 1 N.
-_CONTACT_SHARE = 0.6
 # What a touch from a table may be off over the largest deviation that was measured when it was made: of 40 random
 # touches 35 were within once the largest, 39 within twice.
 _SAFETY = 2.0
-# By the strain that drives the skin, what friction changed of the effect of the rim on dV, at most
-# (benchmarks/friction_alone.py).
-_FRICTION_ALONE = {"normal": 0.02, "principal": 0.065, "areal": 0.39}
-# By the strain that drives the skin, the largest differences, relative, of the moment of the strain and of the strain
-# (L2) between held touches and the elastic ones that stand for them, alone (benchmarks/elastic_holds.py).
-_ELASTIC_HOLD = {"normal": (0.045, 0.085), "principal": (0.036, 0.092), "areal": (0.031, 0.212)}
+# By what is held and the strain that drives the skin, the largest differences, relative, of the moment of the strain
+# and of the strain (L2) between held touches and the elastic ones that stand for them, alone
+# (benchmarks/elastic_holds.py).
+_ELASTIC_HOLD = {"force": {"normal": (0.045, 0.085), "principal": (0.036, 0.092), "areal": (0.031, 0.212)},
+                 "depth": {"normal": (0.015, 0.031), "principal": (0.0065, 0.034), "areal": (0.011, 0.053)}}
 
 
 def choices(chosen: Chosen) -> Iterator[Choice]:
@@ -54,27 +53,22 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
             yield stored_choice(chosen.table, way.touch, scene)
         elif way.case.punch.force_N is not None:
             yield Choice(Kind.FROM_REST)
-        yield from _conductor(way, i in paired)
+        yield from _conductor(way, solving.route, i in paired)
     yield from _neighbours(chosen)
-    yield from _hold(chosen) if scene.hold.time_s else (_moduli(chosen),)
+    yield from hold_choices(scene.hold, scene.skin.strain, law, elastic=chosen.elastic) if scene.hold.time_s else (
+        moduli_choice(scene.hold, law, card.prony),)
     yield Choice(Kind.OUTSIDE_FITS, cost=None)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
         yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
     yield Choice(Kind.STRAIN, {"strain": scene.skin.strain, "conducts": any(p.conductor for p in scene.punches)}, None)
     yield Choice(Kind.ONE_CARD, cost=None)
-    alone = [chosen.way_of(i).route.friction_alone for i in range(len(chosen.ways))]
-    rubs = [way.case.punch.friction != "none" for way in chosen.ways]
-    for way, rubbed, by_itself in zip(chosen.ways, rubs, alone, strict=True):
-        yield Choice(Kind.FRICTION, {"near": way.case.near and not by_itself}) if rubbed else Choice(
-            Kind.NO_FRICTION, cost=None)
-    if any(rubbed and by_itself for rubbed, by_itself in zip(rubs, alone, strict=True)):
-        signal = _FRICTION_ALONE[scene.skin.strain]
-        yield Choice(Kind.FRICTION_ALONE, {"signal": signal}, signal)
+    for i, way in enumerate(chosen.ways):
+        yield Choice(Kind.NO_FRICTION, cost=None) if way.case.punch.friction == "none" else Choice(
+            Kind.FRICTION, {"near": way.case.near or chosen.way_of(i).route.spatial})
     yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
     if not scene.electrodes.soft:
-        yield Choice(Kind.SOFT_ELECTRODES, {"holes": chosen.ways[0].case.bare_holes},
-                     max(way.case.stiffening for way in chosen.ways))
+        yield from _bodies(chosen)
     yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
     over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)
     yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
@@ -94,15 +88,27 @@ def stored_choice(table: Table, touch: Touch, scene: Scene) -> Choice:
         "safety": _SAFETY, "cpu_s": table.whole_cpu_s, "strain_bound": _SAFETY * error.strain}, _SAFETY * bound)
 
 
-def _conductor(way: Way, paired: bool) -> Iterator[Choice]:
+def _bodies(chosen: Chosen) -> Iterator[Choice]:
+    """Electrodes that do not give way: as bodies for touches that are solved so, left out for the others."""
+    left_out = [way.case.by_electrodes for i, way in enumerate(chosen.ways)
+                if way.case.on_pad or not chosen.way_of(i).route.spatial]
+    if len(left_out) < len(chosen.ways):
+        yield Choice(Kind.STIFF_ELECTRODES, {"plates": chosen.scene.electrodes.along_edge})
+    if left_out:
+        yield Choice(Kind.SOFT_ELECTRODES, {"plates": chosen.scene.electrodes.along_edge}, max(left_out))
+
+
+def _conductor(way: Way, route: Route, paired: bool) -> Iterator[Choice]:
     if not way.case.punch.conductor:
         yield Choice(Kind.INSULATED)
         return
     yield Choice(Kind.FLOATING)
+    if route.spatial:
+        return
     if paired:
         yield Choice(Kind.END_BY_NEIGHBOUR, cost=None)
     elif way.case.near:
-        yield Choice(Kind.END_BY_EDGE, cost=_CONTACT_SHARE * way.case.by_edges)
+        yield Choice(Kind.END_BY_EDGE, cost=way.case.by_contact_end)
 
 
 def _neighbours(chosen: Chosen) -> Iterator[Choice]:
@@ -118,23 +124,24 @@ def _neighbours(chosen: Chosen) -> Iterator[Choice]:
                                   "thickness_m": thickness_m}, expected(scene.body, punches, groups))
 
 
-def _moduli(chosen: Chosen) -> Choice:
-    law, series = chosen.material.law, chosen.material.card.prony
+def moduli_choice(hold: Hold, law: Law, series: Prony | None) -> Choice:
+    """Without a hold."""
     relaxes = law.moduli == "instantaneous" and series is not None
     return Choice(Kind.NO_VISCOELASTICITY, {
-        "moduli": law.moduli, "by_card": chosen.scene.hold.moduli == "card",
+        "moduli": law.moduli, "by_card": hold.moduli == "card",
         "left": series.g_infinity if relaxes and series is not None else None})
 
 
-def _hold(chosen: Chosen) -> Iterator[Choice]:
-    hold = chosen.scene.hold
-    if chosen.elastic:
-        moment, strain = _ELASTIC_HOLD[chosen.scene.skin.strain]
-        yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control, "moment": moment, "strain_bound": strain}, moment)
+def hold_choices(hold: Hold, strain: str, law: Law, *, elastic: bool) -> Iterator[Choice]:
+    """Of a hold, by elastic touches or not."""
+    if elastic:
+        moment, strain_bound = _ELASTIC_HOLD[hold.control][strain]
+        yield Choice(Kind.HOLD_ELASTIC, {"control": hold.control, "moment": moment, "strain_bound": strain_bound},
+                     moment)
     else:
         yield Choice(Kind.HOLD_KEPT) if hold.keeps_deformation else Choice(Kind.HOLD_STEPPED, {"control": hold.control})
     yield Choice(Kind.LOADED_OVER, {"loading_s": hold.loading_s}) if hold.loading_s else Choice(Kind.LOADED_AT_ONCE)
-    if chosen.material.law.hencky_ratio != (0.0, True):
+    if law.hencky_ratio != (0.0, True):
         yield Choice(Kind.ONE_RELAXATION, cost=None)
     yield Choice(Kind.NO_MEMORY, cost=None)
 

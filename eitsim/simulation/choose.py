@@ -8,17 +8,19 @@ from dataclasses import dataclass, replace
 from eitsim.electrics.forward.skins import skin_of
 from eitsim.mechanics.axisymmetric.elastic_holds import elastic_forces
 from eitsim.mechanics.axisymmetric.hold import kept, relaxed
+from eitsim.mechanics.curved.solve_on_surface import unfit
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
 from eitsim.scene.choices import Why
-from eitsim.scene.electrodes import lengths, present
+from eitsim.scene.curved.curved_scene import CurvedScene
+from eitsim.scene.electrodes import present
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Hold, Scene
+from eitsim.scene.scene import Hold, Punch, Scene
 from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.material import Material
 from eitsim.simulation.routes import known_routes
-from eitsim.simulation.routes.axisymmetric import fine_enough
+from eitsim.simulation.routes.axisymmetric import AXISYMMETRIC, fine_enough
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route
 from eitsim.simulation.validity import unresolvable
 from matcal.laws.law import Law
@@ -52,6 +54,7 @@ class Chosen:
     ways: tuple[Way, ...]  # one a touch, as if it were alone
     clusters: tuple[Way, ...]  # of touches that are solved together
     elastic: bool = False  # whether held touches are taken as elastic ones at each time
+    bodies: bool = True  # whether electrodes are solved as bodies where leaving that out costs more than allowed
     table: Table | None = None  # that touches are taken from
     why: Choice | None = None  # why the scene cannot be solved; None where it can
 
@@ -105,27 +108,29 @@ class Chosen:
         """Touches of the instantaneous law under forces; at the scene's depth where none is given."""
         punches = tuple(punch if force is None else replace(punch, force_N=force, depth_m=None)
                         for punch, force in zip(self.scene.punches, forces_N, strict=True))
-        return choose(replace(_loaded(self.scene), punches=punches), self.material, exact=self.exact).touches()
+        return choose(replace(_loaded(self.scene), punches=punches), self.material, exact=self.exact,
+                      bodies=self.bodies).touches()
 
 
-def choose(scene: Scene, material: Material, *, exact: bool = False, table: Table | None = None) -> Chosen:
+def choose(scene: Scene, material: Material, *, exact: bool = False, bodies: bool = True,
+           table: Table | None = None) -> Chosen:
     """How each touch of a scene is solved; what cannot be is said in `why`, never raised.
 
-    exact: leave nothing out that a route can solve; table: load paths, of which those touches are taken that they hold
-    to the requested error, not with exact.
+    exact: leave nothing out that a route can solve; bodies: as of `Case`; table: load paths, of which those touches are
+    taken that they hold to the requested error, not with exact.
     """
-    ways, clusters = choose_ways(scene, exact=exact)
+    ways, clusters = choose_ways(scene, exact=exact, bodies=bodies)
     if elastic := _creeps_otherwise(ways):
-        ways, clusters = choose_ways(_loaded(scene), exact=exact)
-    made = Chosen(scene, material, exact, ways, tuple(way for way in clusters if way.why is None), elastic,
+        ways, clusters = choose_ways(_loaded(scene), exact=exact, bodies=bodies)
+    made = Chosen(scene, material, exact, ways, tuple(way for way in clusters if way.why is None), elastic, bodies,
                   None if exact else table, _why(scene, material, ways, clusters))
     return made if made.table is None else replace(made, ways=_from_table(made, made.table))
 
 
 def _creeps_otherwise(ways: Sequence[Way]) -> bool:
-    """Whether touches creep that no route steps in time: but one alone, without friction, far from edges."""
+    """Whether touches creep that no route steps in time: but an axisymmetric one alone, without friction."""
     case = ways[0].case
-    return case.creeps and (len(ways) > 1 or case.near or case.punch.friction != "none")
+    return case.creeps and (len(ways) > 1 or ways[0].route is not AXISYMMETRIC or case.punch.friction != "none")
 
 
 def _loaded(scene: Scene) -> Scene:
@@ -133,22 +138,23 @@ def _loaded(scene: Scene) -> Scene:
     return replace(scene, hold=Hold())
 
 
-def choose_ways(scene: Scene, *, exact: bool = False) -> tuple[tuple[Way, ...], tuple[Way, ...]]:
+def choose_ways(scene: Scene, *, exact: bool = False, bodies: bool = True
+                ) -> tuple[tuple[Way, ...], tuple[Way, ...]]:
     """The way of each touch by itself, whatever the material, and those of touches that are to be solved together."""
-    ways = tuple(_way(Case(scene, (i,), exact)) for i in range(len(scene.punches)))
+    ways = tuple(_way(Case(scene, (i,), exact, bodies)) for i in range(len(scene.punches)))
     return ways, _together(scene, ways)
 
 
 def tabled_near_edge(scene: Scene, reach: float) -> int:
     """How many touches of a scene lie near an edge where a table of what edges change as far as a reach, thicknesses,
     may hold them."""
-    ways = [_way(Case(scene, (i,))) for i in range(len(scene.punches))]
+    ways = [_way(Case(scene, (i,), bodies=False)) for i in range(len(scene.punches))]
     return sum(way.case.near and way.why is None and way.route.storable(way.case, reach) for way in ways)
 
 
 def served(table: Table | None, law: Law, scene: Scene) -> tuple[Touch | None, ...]:
     """The touches of a scene that a table holds to the requested error; None for each that is to be solved."""
-    ways = [_way(Case(scene, (i,))) for i in range(len(scene.punches))]
+    ways = [_way(Case(scene, (i,), bodies=False)) for i in range(len(scene.punches))]
     return _stored(table, law, scene, [(way.route, way.case) for way in ways])
 
 
@@ -162,17 +168,28 @@ def _stored(table: Table | None, law: Law, scene: Scene,
 
 
 def _way(case: Case) -> Way:
-    """The cheapest route that serves and meets the requested error, in an exact run the one for these; where none does,
-    the first that meets it and is refused, of several touches the last, or that of those that leave out least."""
+    """The cheapest route that serves and meets the requested error, in an exact run the one for these; without what
+    electrodes and ends of contacts may cost where none does with it; else the first that meets it and is refused, of
+    several touches the last, or that of those that leave out least."""
     ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
             for route in known_routes.ROUTES if case.exact or not route.for_exact
             if (answer := route.serves(case)) is not NOT_MEANT]
     fine = [way for way in ways if way.route.leaves_out(case) <= case.allowed]
-    if serving := [way for way in fine if way.why is None]:
+    whole = [way for way in fine if _omitted(way) <= case.allowed]
+    if serving := [way for way in whole if way.why is None] or [way for way in fine if way.why is None]:
         return min(serving, key=lambda way: (not way.route.for_exact, way.cost_s))
     if fine:
         return fine[0 if len(case.touches) == 1 else -1]
     return min(reversed(ways), key=lambda way: way.route.leaves_out(case))
+
+
+def _omitted(way: Way) -> float:
+    """What it leaves out, with what electrodes that do not give way and the end of a conducting punch's contact may
+    cost where it should count them."""
+    case, route = way.case, way.route
+    if not case.bodies or (route.spatial and not case.on_pad):
+        return route.leaves_out(case)
+    return route.leaves_out(case) + case.by_electrodes + (0.0 if route.spatial else case.by_contact_end)
 
 
 def _from_table(chosen: Chosen, table: Table) -> tuple[Way, ...]:
@@ -191,11 +208,11 @@ def _together(scene: Scene, ways: Sequence[Way]) -> tuple[Way, ...]:
     """The touches that must be solved together, or cannot; with exact any two that can, far from edges."""
     if len(ways) < 2:
         return ()
-    exact = ways[0].case.exact
+    exact, bodies = ways[0].case.exact, ways[0].case.bodies
     if exact and len(ways) == 2 and not any(way.case.near for way in ways) and (
-            both := _way(Case(scene, (0, 1), exact))).why is None:
+            both := _way(Case(scene, (0, 1), exact, bodies))).why is None:
         return (both,)
-    return tuple(_way(Case(scene, group, exact)) for group in clusters(
+    return tuple(_way(Case(scene, group, exact, bodies)) for group in clusters(
         scene.body, scene.punches, _NEIGHBOUR_SHARE * scene.accuracy.signal))
 
 
@@ -212,14 +229,26 @@ def _why(scene: Scene, material: Material, ways: Sequence[Way], together: Sequen
     return _why_neighbours(scene, together) if len(ways) > 1 else None
 
 
+def curved_problem(scene: CurvedScene, material: Material) -> Choice | None:
+    """Why a scene on a curved body cannot be solved; None where nothing says so before it is."""
+    for punch in scene.punches:
+        if (why := _too_deep(punch, scene.body.thickness_m)) is not None:
+            return why
+    if problem := unfit(scene.body.surface, scene.body.thickness_m, scene.punches, scene.places_m):
+        return Choice(Why.UNFIT, {"problem": problem})
+    return unresolvable(scene.flat, material)
+
+
+def _too_deep(punch: Punch, thickness_m: float) -> Choice | None:
+    deepest_m = _DEEPEST * thickness_m
+    return None if punch.depth_m is None or punch.depth_m <= deepest_m else Choice(
+        Why.TOO_DEEP, {"depth_m": punch.depth_m, "share": _DEEPEST, "deepest_m": deepest_m})
+
+
 def _why_alone(way: Way) -> Choice | None:
-    case, scene, punch = way.case, way.case.scene, way.case.punch
-    deepest_m = _DEEPEST * scene.body.thickness_m
-    if punch.depth_m is not None and punch.depth_m > deepest_m:
-        return Choice(Why.TOO_DEEP, {"depth_m": punch.depth_m, "share": _DEEPEST, "deepest_m": deepest_m})
-    length_m = float(lengths(scene.electrodes)[0])
-    if scene.electrodes.at_rim and (onto_m := length_m - case.gap_m) >= 0:
-        return Choice(Why.ON_ELECTRODES, {"onto_m": onto_m, "length_m": length_m})
+    case, scene = way.case, way.case.scene
+    if (why := _too_deep(case.punch, scene.body.thickness_m)) is not None:
+        return why
     if way.why is None or way.why.kind is Why.OFF_SKIN:
         return way.why
     return replace(way.why, values={

@@ -9,12 +9,12 @@ from eitsim.simulation.material import Material, material_of
 from matcal.card import MaterialCard
 
 
-def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = False) -> Plan:
+def make_plan(scene: Scene, card: MaterialCard | Material, *, exact: bool = False, bodies: bool = True) -> Plan:
     """The plan of a scene with a card or its material; what cannot be solved is a refusal in it, never an exception.
 
-    exact: turn off every omission that can be, and say of the others that they stay.
+    exact: turn off every omission that can be, and say of the others that they stay; bodies: as of `Case`.
     """
-    return plan_of(choose(scene, material_of(scene, card), exact=exact))
+    return plan_of(choose(scene, material_of(scene, card), exact=exact, bodies=bodies))
 
 
 def plan_of(chosen: Chosen) -> Plan:

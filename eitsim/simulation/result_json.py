@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, curved_tables
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
-from eitsim.scene.scene import Scene, scene_tables
+from eitsim.scene.scene import scene_tables
 from eitsim.sheet.sheet_conductance import extrapolated_share
 from eitsim.simulation.error_budget import error_budget, numerical_errors
 from matcal.card import MaterialCard, as_card, card_identity
 from touchcal.provenance import versions
 
 
-def result_document(result: Result, scene: Scene, card: MaterialCard | Path | str) -> dict[str, Any]:
+def result_document(result: Result, scene: AnyScene, card: MaterialCard | Path | str) -> dict[str, Any]:
     """The document that `eitsim run --out` writes of a result: plain JSON values, units in the names of the keys.
 
     Parameters
@@ -31,11 +32,12 @@ def result_document(result: Result, scene: Scene, card: MaterialCard | Path | st
         Keys as in `result.json`: the scene's tables, the card's name and hash, versions, plan, outputs and errors.
     """
     card = as_card(card)
-    return {"schema": 1, "scene": scene_tables(scene), "card": card_identity(card),
-            "versions": versions()} | as_json(result, scene, card)
+    tables = curved_tables(scene) if isinstance(scene, CurvedScene) else scene_tables(scene)
+    return {"schema": 1, "scene": tables, "card": card_identity(card), "versions": versions()} | as_json(
+        result, scene, card)
 
 
-def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
+def as_json(result: Result, scene: AnyScene, card: MaterialCard) -> dict[str, Any]:
     """A result as plain JSON values with the keys of the command-line contract; several touches give lists."""
     out: dict[str, Any] = {
         "outcome": result.outcome, "message": result.message,
@@ -60,6 +62,7 @@ def as_json(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
                       **fitted_ranges(result, scene, card)},
         "slip_fraction": [touch.slip_fraction for touch in result.touches],
         "profile": [profile(touch, scene) for touch in result.touches]} | (
+            {"as_if_flat": dict(_of_touches(result.as_if_flat))} if result.as_if_flat else {}) | (
             {"times": [moment_block(moment, result.plan, scene.skin.strain) for moment in result.moments]}
             if result.moments else {})
 
@@ -97,7 +100,7 @@ def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:
     return {"radius_mm": radius, "below_mm": below}
 
 
-def fitted_ranges(result: Result, scene: Scene, card: MaterialCard) -> dict[str, Any]:
+def fitted_ranges(result: Result, scene: AnyScene, card: MaterialCard) -> dict[str, Any]:
     """Least through-thickness strain of the surface, the strains over which foam and skin were fitted, and the share
     of the signal that comes from skin outside them.
 
@@ -130,9 +133,9 @@ def mechanical(touch: Touch) -> dict[str, float]:
             "wall_contact_mm2": touch.wall_contact_m2 * 1e6}
 
 
-def profile(touch: Touch, scene: Scene) -> dict[str, list[float]]:
+def profile(touch: Touch, scene: AnyScene) -> dict[str, list[float]]:
     """Surface fields of a touch along the reference radius, out to the disc's radius, units in their names."""
-    inside = touch.radius_m <= scene.body.edge.size_m
+    inside = touch.radius_m <= scene.body.size_m
     fields = {"radius_mm": touch.radius_m * 1e3, "u_r_mm": touch.u_r_m * 1e3, "u_z_mm": touch.u_z_m * 1e3,
               "pressure_kPa": touch.pressure_Pa / 1e3, "stretch_normal": touch.stretch_normal,
               "stretch_meridian": touch.stretch_meridian, "stretch_hoop": touch.stretch_hoop}

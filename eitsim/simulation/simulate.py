@@ -11,18 +11,21 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import expected, interaction
+from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, read_any_scene
 from eitsim.scene.results import Moment, Plan, Readings, Result, Touch, of_strain
 from eitsim.scene.scene import Scene, as_scene
 from eitsim.sheet.sheet_conductance import FoldedSkin
 from eitsim.simulation.choose import Chosen, choose
 from eitsim.simulation.contact_end import variants, with_conductors
+from eitsim.simulation.curved.curved_plan import curved_plan
+from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, plan_of
 from eitsim.simulation.reuse import scene_shape, table_for
-from eitsim.simulation.validity import check_positive
+from eitsim.simulation.validity import check_positive, strained_too_far
 from matcal.card import MaterialCard, as_card, lacking
-from matcal.laws.conductivity import Conductivity
+from matcal.laws.conductivity import Conductivity, NotPositive
 from touchcal.errors import NotConverged
 from touchcal.jit import compilation_s, cpu_s
 
@@ -30,14 +33,14 @@ from touchcal.jit import compilation_s, cpu_s
 ELECTRICS_SHARE = 0.2
 
 
-def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False,
+def simulate(scene: AnyScene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False,
              reuse: bool = False) -> Result:
     """Solve one scene with one material: depth, pressure, contact and electrode voltages, each with its error estimate.
 
     Parameters
     ----------
     scene
-        A `Scene` (lengths in m, forces in N), or a scene file (TOML).
+        A `Scene` (lengths in m, forces in N), one on a curved body, or a scene file (TOML).
     card
         A `MaterialCard`, or the file of one.
     exact
@@ -73,7 +76,11 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     """
     if exact and reuse:
         raise ValueError("exact solves every touch separately; leave out reuse.")
-    scene, card, table = as_scene(scene), as_card(card), None
+    scene, card, table = _read(scene), as_card(card), None
+    if isinstance(scene, CurvedScene):
+        if reuse:
+            raise ValueError("reuse: load paths are those of flat layers; leave it out on a curved body.")
+        return solve_curved_scene(scene, card, exact=exact)
     if reuse:
         table, note = table_for(scene_shape(scene, card))
         if note:
@@ -81,7 +88,7 @@ def simulate(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exac
     return solve_scene(scene, card, exact=exact, table=table)
 
 
-def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False) -> Plan:
+def plan(scene: AnyScene | Path | str, card: MaterialCard | Path | str, *, exact: bool = False) -> Plan:
     """What solving a scene needs and leaves out, the reason, and the error each omission may cost; nothing is solved.
 
     Parameters
@@ -109,24 +116,31 @@ def plan(scene: Scene | Path | str, card: MaterialCard | Path | str, *, exact: b
     >>> eitsim.plan(eitsim.Scene(punches=[eitsim.Punch(depth_m=0.002)]), card).refusal
     ''
     """
-    card = as_card(card)
-    made = make_plan(as_scene(scene), card, exact=exact)
+    card, scene = as_card(card), _read(scene)
+    made = curved_plan(scene, material_of(scene.flat, card)) if isinstance(scene, CurvedScene) else make_plan(
+        scene, card, exact=exact)
     return replace(made, refusal=made.refusal or lacking(card, "conductivity", "the skin"))
 
 
-def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False,
+def _read(scene: AnyScene | Path | str) -> AnyScene:
+    known = scene if isinstance(scene, Scene | CurvedScene) else read_any_scene(scene)
+    return known if isinstance(known, CurvedScene) else as_scene(known)
+
+
+def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False, bodies: bool = True,
                 table: Table | None = None) -> Result:
     """Solve a scene with a card or its material; a refusal or a failure of a solver is the result's outcome, which its
     message explains.
 
-    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan says; table: load
-    paths that serve the touches they hold to the requested error (choose.served), not with exact.
+    exact: on the finer mesh of the foam, and on a mesh of the skin, from the start, as the plan says; bodies: solve
+    electrodes as bodies where leaving that out costs more than allowed; table: load paths that serve the touches they
+    hold to the requested error (choose.served), not with exact.
     ValueError where the card lacks a part that the scene needs.
     """
     wall, cpu, compiling = time.perf_counter(), cpu_s(), compilation_s()
     material = material_of(scene, card)
     _ = material.skin  # ValueError where the card lacks it
-    chosen = choose(scene, material, exact=exact, table=table)
+    chosen = choose(scene, material, exact=exact, bodies=bodies, table=table)
     made = plan_of(chosen)
     result = _solved(chosen, made) if chosen.why is None else Result("refused", made, message=made.refusal)
     return replace(result, cost={
@@ -183,18 +197,17 @@ def _neighbours(chosen: Chosen, touches: tuple[Touch, ...]) -> tuple[dict[str, f
 def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity, exact: bool) -> Readings:
     """Readings of solved touches, as fine as the scene asks for or as the touches are themselves; ValueError where the
     conductivity is not positive."""
-    try:
-        check_positive(skin_law, scene.skin.strain, touches)
-    except ValueError as error:
-        raise _Refused(str(error)) from None
     worst = max(scene.accuracy.signal, *(of_strain(touch.signal_errors, scene.skin.strain) for touch in touches))
     solver = partial(solve, scene.body, scene.skin, scene.electrodes, scene.drive, law=skin_law,
                      channels=scene.channels, signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
     pressed = tuple(zip(scene.punches, touches, strict=True))
     try:
+        check_positive(skin_law, scene.skin.strain, touches)
         return with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
     except FoldedSkin as error:
         raise _Refused(str(error)) from None
+    except NotPositive as error:
+        raise _Refused(strained_too_far(error)) from None
 
 
 def _moments(chosen: Chosen) -> tuple[Moment, ...]:

@@ -12,7 +12,7 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene, profile_of
 from eitsim.sheet.sheet_conductance import driving_strain
 from eitsim.simulation.material import Material
-from matcal.laws.conductivity import Conductivity, conductivity
+from matcal.laws.conductivity import Conductivity, NotPositive, conductivity
 from matcal.laws.law import Law
 from touchcal.choice import Choice
 
@@ -45,15 +45,17 @@ def _first_root(a: tuple[float, ...]) -> float | None:
 
 
 def check_positive(law: Conductivity, strain: str, touches: Sequence[Touch]) -> None:
-    """ValueError where solved touches, by themselves, strain the skin to where its cubic is not positive; only their
+    """NotPositive where solved touches, by themselves, strain the skin to where its cubic is not positive; only their
     mechanics tells."""
     driving = np.concatenate([driving_strain(strain, touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal)
                               for touch in touches])
-    try:
-        conductivity(law, driving)
-    except ValueError as error:
-        raise ValueError(f"the touch strains the skin further than its law goes, which its solved mechanics alone "
-                         f"tells. Press less, or fix the card: {error}") from None
+    conductivity(law, driving)
+
+
+def strained_too_far(error: NotPositive) -> str:
+    """Why a solved touch is refused whose skin's cubic is not positive, with what to change."""
+    return ("the touch strains the skin further than its law goes, which its solved mechanics alone tells. Press less, "
+            f"or fix the card: {error}")
 
 
 def _conductivity_problem(material: Material) -> Choice | None:

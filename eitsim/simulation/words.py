@@ -24,6 +24,10 @@ _STAYS = "; exact does not change it, since nothing that does without it is buil
 _REMEDIES: dict[str, str] = {
     Kind.SOFT_ELECTRODES: "Where yours give way, as paint, foil and thin wires do, write soft = true in [electrodes]."}
 
+# What electrodes are where they do not give way: lines along the edge, or patches.
+_BODIES = {True: "stiff plates that stand on the base and hold the side as high as the foam",
+           False: "stiff pads bonded to the surface, which move with it"}
+
 _LINES: dict[Kind, Words] = {
     Kind.FROM_REST: ("solved from rest at the force itself", "no load path is stored or interpolated"),
     Kind.INSULATED: ("no conduction through the punch", "conductor is false in [punch]"),
@@ -48,11 +52,8 @@ _LINES: dict[Kind, Words] = {
     Kind.HOLD_ELASTIC: (
         "a hold at constant {control}, as elastic touches", "near edges, together and with friction nothing is "
         "stepped in time: each touch alone is, without friction, and an elastic one under the force that makes it as "
-        "deep stands for it at every time. Of 24 such lone touches the moment of the strain differed by {moment:.1%} "
-        "at most, the strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
-    Kind.FRICTION_ALONE: (
-        "what friction changes is that of each touch alone", "what it changes of the effect of edges and neighbours is "
-        "left out; near the rim that was at most {signal:.0%} of dV in 12 touches (benchmarks/friction_alone.py)"),
+        "deep stands for it at every time. Of such lone touches at constant {control} the moment of the strain "
+        "differed by {moment:.1%} at most, the strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
     Kind.LOADED_AT_ONCE: ("loaded at once", "loading_s in [hold] is 0; instantaneous moduli"),
     Kind.LOADED_OVER: (
         "loaded over {loading_s:g} s at a constant rate (loading_s in [hold])",
@@ -161,21 +162,26 @@ def _strain(of: Values) -> Words:
 
 
 def _friction(of: Values) -> Words:
-    near = ("; what the rim changes is taken at the end of that way alone, with what sticks stuck and what slips under "
-            "its largest shear. In 16 or 8 increments of it, at three touches that stick, the added depth was at most "
-            "2 % and the added movement 10 % different: that part of it counts in the result's own error too"
-            ) if of["near"] else ""
+    near = ("; what edges and other punches change is taken at the end of that way alone, with what sticks stuck and "
+            "what slips under its largest shear. In 16 or 8 increments of it, at three touches that stick, the added "
+            "depth was at most 2 % and the added movement 10 % different: that part of it counts in the result's own "
+            "error too") if of["near"] else ""
     return "friction, loaded in increments", (
         "what the foam sticks to depends on the way there, a straight rise of the force; half as many increments tell "
         f"the error, which counts in the result's own; on the default mesh, whatever accuracy is asked for{near}")
 
 
 def _soft_electrodes(of: Values) -> Words:
-    return "electrodes do not stiffen the rim", (
-        "rigid ones up to half as high as the foam changed the signal by at most what the rim does, as high as the "
-        "foam and fixed to the ground by up to 1.7 times as much (benchmarks/rim_electrodes.py). Where a touch's "
-        "dipole nearly vanishes both are larger parts of its signal than the bound; soft = true in [electrodes] says "
-        f"that they give way{'; holes carry none' if of['holes'] else ''}")
+    return "electrodes do not stiffen the foam", (
+        f"{_BODIES[of['plates']]} would change the signal by so much at most, by the gap from the punch's edge to the "
+        "nearest (benchmarks/stiff_electrodes.py). Where a touch's dipole nearly vanishes it is a larger part of its "
+        "signal; soft = true in [electrodes] says that they give way")
+
+
+def _stiff_electrodes(of: Values) -> Words:
+    return "electrodes are stiff bodies", (
+        f"{_BODIES[of['plates']]} are part of what is solved in three dimensions; soft = true in [electrodes] says "
+        "that they give way")
 
 
 def _mesh(of: Values) -> Words:
@@ -200,7 +206,8 @@ def _missing(of: Values) -> Words:
 _MADE: dict[str, Callable[[Values], Words]] = {
     Kind.STORED: _stored, Kind.ALONE: _alone,
     Kind.NO_VISCOELASTICITY: _no_viscoelasticity, Kind.STRAIN: _strain, Kind.FRICTION: _friction,
-    Kind.SOFT_ELECTRODES: _soft_electrodes, Kind.MESH: _mesh, Kind.RINGS: _rings, Kind.MISSING: _missing}
+    Kind.SOFT_ELECTRODES: _soft_electrodes, Kind.STIFF_ELECTRODES: _stiff_electrodes, Kind.MESH: _mesh,
+    Kind.RINGS: _rings, Kind.MISSING: _missing}
 
 
 def decision(choice: Choice) -> Decision:
@@ -220,6 +227,7 @@ def _in_mm(values: Values) -> dict[str, Any]:
 
 _REFUSALS = {
     Why.ELECTRODES: "{problem}",
+    Why.UNFIT: "{problem}",
     Why.CONDUCTIVITY_UNIT: (
         "c0_S_per_m = {c0_S_per_m:g} in the conductivity of card '{card}': {least:g} to {most:g} S/m is solved; check "
         "its unit, or fit the conductivity again."),
@@ -227,11 +235,7 @@ _REFUSALS = {
         "depth_mm = {depth_mm:g} in [punch] is so little that rounding hides the touch; give at least {least_mm:g}."),
     Why.TOO_DEEP: (
         "depth_mm = {depth_mm:g} in [punch] is above {share:.0%} of the foam's thickness, which squeezes it flat; give "
-        "at most {deepest_mm:g}."),
-    Why.ON_ELECTRODES: (
-        "the punch's edge reaches {onto_mm:.1f} mm into the ring of {length_mm:g} mm that the patch electrodes lie on, "
-        "where touches are not built; move the punch inwards by more than that, or make length_mm in [electrodes] "
-        "smaller.")}
+        "at most {deepest_mm:g}.")}
 
 
 def refusal(why: Choice) -> str:
@@ -275,7 +279,7 @@ def _near_edge(of: Values, problem: str) -> str:
     inwards = f"move the punch inwards to a gap of {of['clear_mm']:.0f} mm or " if (
         of["clear_m"] < of["radius_m"]) else ""
     return (f"the punch's edge is {of['gap_mm']:.1f} mm from {near}, where the touch is not axisymmetric: neglecting "
-            f"{edge} may cost {of['cost']:.2g} of the signal, allowed is {of['allowed']:.2g} (half of signal in "
+            f"{edge} may cost {of['cost']:.2g} of the signal, allowed is {of['allowed']:.2g} (part of signal in "
             f"[accuracy]). There, {problem}; {inwards}ask for less accuracy (a larger signal in [accuracy]).")
 
 

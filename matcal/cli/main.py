@@ -13,6 +13,7 @@ import typer
 from matcal.laws.known_laws import LAWS
 from matcal.record.exporters.programs import targets
 from touchcal.errors import InputFileError, NotConverged
+from touchcal.lazy import install, installed
 from touchcal.terminal import JsonOption, SeedOption, application, check_apart, check_out, counter, print_json, run
 
 app = application("Calibrate a foam and its conductive skin from test files into a material card.")
@@ -114,6 +115,9 @@ def fit_command(
                 raise
             found, unfinished = error.estimate, error
     card = found.save(out).card
+    if not installed("pyarrow"):
+        print(f"matcal: {card.data} has no tables of the tests, for which pyarrow is not installed; "
+              f"{install('pyarrow')}", file=sys.stderr)
     if as_json:
         print_json(card_json(card) | {"card": str(out)})
     else:

@@ -27,15 +27,19 @@ class Conductivity:
             raise ValueError(f"conductivity: c0_S_per_m must be positive, got {self.c0_S_per_m}.")
 
 
+class NotPositive(ValueError):
+    """A strain at which a conductivity's cubic is not positive."""
+
+
 def conductivity(law: Conductivity, strain: ArrayLike) -> Array:
-    """c(e), S/m, any shape; ValueError where c <= 0, naming the strain."""
+    """c(e), S/m, any shape; NotPositive where c <= 0, naming the strain."""
     e = np.asarray(strain, dtype=float)
     c = law.c0_S_per_m * (1 + e * (law.a[0] + e * (law.a[1] + e * law.a[2])))
     if np.any(~(c > 0)):
         worst = float(np.ravel(e)[np.argmin(np.ravel(c))])
-        raise ValueError(f"conductivity: c({worst:g}) = {float(np.min(c)):g} S/m is not positive; the cubic was fitted "
-                         f"for strains {law.strain_range[0]:g} to {law.strain_range[1]:g}. Fit it with positivity over "
-                         "the strain in use.")
+        raise NotPositive(f"conductivity: c({worst:g}) = {float(np.min(c)):g} S/m is not positive; the cubic was "
+                          f"fitted for strains {law.strain_range[0]:g} to {law.strain_range[1]:g}. Fit it with "
+                          "positivity over the strain in use.")
     return c
 
 

@@ -14,6 +14,7 @@ from matcal.readers.column_options import parse_selection, selections_of
 from matcal.record.write import check_place, make_card, write_record
 from matcal.reduction.reduce import Given, read_and_reduce, tests_of
 from touchcal.errors import NotConverged
+from touchcal.lazy import needed
 
 if TYPE_CHECKING:
     from matcal.posterior.sample import Posterior
@@ -43,7 +44,8 @@ class Calibration:
         Returns
         -------
         Calibration
-            With the card as it was written: named after its file, and with `file` set.
+            With the card as it was written: named after its file, and with `file` set; without pyarrow the folder has
+            no tables.
 
         Raises
         ------
@@ -108,6 +110,8 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     >>> card.hyperfoam.alpha.size, sorted(card.hyperfoam.strain_range), card.provenance["synthetic"]
     (2, ['shear', 'uniaxial'], True)
     """
+    if posterior:
+        needed("arviz", "posteriors")
     options = replace(options or FitOptions(), **choices)
     own, others = tests_of(tests), tests_of(predicted)
     if not own:

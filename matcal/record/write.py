@@ -14,9 +14,10 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +40,7 @@ from matcal.record.bands import Columns, conductivity_band, stress_bands
 from matcal.record.fit_summary import curve_of, summary
 from matcal.reduction.experiment import Experiment
 from touchcal.json_file import write_json
+from touchcal.lazy import installed
 from touchcal.whole_file import keep_mode
 
 if TYPE_CHECKING:
@@ -60,7 +62,7 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
     tested = [*found.experiments, *(p.curve.experiment for p in found.predicted)]
     spent = dict(found.cpu_s) | ({"posterior": posterior.checks["cpu_s"]} if posterior else {})
     provenance = {"files": [{"name": p.name, "sha256": hashlib.sha256(p.read_bytes()).hexdigest()} for p in files],
-                  "versions": {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES},
+                  "versions": {"python": platform.python_version()} | _versions(),
                   "synthetic": any("synthetic" in e.facts for e in tested), "seed": seed,
                   "date": datetime.now(UTC).isoformat(timespec="seconds"),
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
@@ -70,6 +72,14 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
                         fit=summary(found, posterior.draws if posterior else None),
                         stability=stability(law) if law else {}, provenance=provenance,
                         posterior=_posterior_part(posterior, law) if posterior else {})
+
+
+def _versions() -> dict[str, str]:
+    found: dict[str, str] = {}
+    for package in _PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
 
 
 def said(found: FittedLaws) -> dict[str, tuple[str, ...]]:
@@ -135,7 +145,9 @@ def _write_folder(found: FittedLaws, posterior: Posterior | None, folder: Path) 
 
 
 def write_table(columns: Columns, path: Path) -> None:
-    """Write columns (n,) of numbers, truths or words as a Parquet file."""
+    """Write columns (n,) of numbers, truths or words as a Parquet file; nothing where pyarrow is not installed."""
+    if not installed("pyarrow"):
+        return
     from pyarrow import Table, parquet
 
     parquet.write_table(Table.from_arrays([_arrow(values) for values in columns.values()], [*columns]), path,
@@ -208,4 +220,4 @@ def _posterior_part(posterior: Posterior, law: Law | None) -> dict[str, Any]:
 def about_draws(posterior: Posterior) -> dict[str, str | int]:
     """What a file of draws says of itself: prior, seed, versions, whether the chains converged."""
     return {"prior": posterior.prior, "seed": posterior.seed, "converged": int(bool(posterior.checks["converged"])),
-            **{f"version_{p}": version(p) for p in _PACKAGES}}
+            **{f"version_{package}": number for package, number in _versions().items()}}

@@ -137,7 +137,7 @@ def _plates(folder: Path, data: Dataset, ok: Columns, failed: Columns) -> list[R
     rms_V = rms_of(folder, ok["scene"].astype(np.int64))
     placed = np.isfinite(failed["x_mm"]) & np.isfinite(failed["y_mm"])
     return [sweep_figures.touch_map(ok, {name: values[placed] for name, values in failed.items()}, rms_V, tables),
-            sweep_figures.ranges(ok, TOUCH, OUTPUTS), sweep_figures.accuracy(ok)]
+            sweep_figures.ranges(ok, TOUCH, [name for name in OUTPUTS if name in ok]), sweep_figures.accuracy(ok)]
 
 
 def rms_of(folder: Path, scenes: NDArray[np.int64]) -> Array:

@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reports.document.style import FAINT, GREY, SECOND, SEQUENTIAL, house
+from touchcal.lazy import needed
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-INSTALL = "run pip install '.[draw]' in the project's folder."
 SUFFIXES = (".png", ".gif")
 # Libraries that draw without a display on Linux, of which VTK takes the first that is there.
 _OFF_SCREEN = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so.6")
@@ -138,11 +138,7 @@ def check_picture(out: Path) -> None:
     """ValueError for a suffix that is none of SUFFIXES, and where pyvista or what it draws with is missing."""
     if out.suffix not in SUFFIXES:
         raise ValueError(f"`out` {out}: a picture is a .png, an animation a .gif; give a name that ends so.")
-    try:
-        import pyvista  # noqa: F401
-    except ImportError as error:
-        raise ValueError(f"pictures in three dimensions need {error.name}, which is not installed; "
-                         f"{INSTALL}") from None
+    needed("pyvista", "pictures in three dimensions")
     if not can_draw():
         raise ValueError(f"pictures in three dimensions are drawn without a display by {' or '.join(_OFF_SCREEN)}, "
                          "and none can be loaded. Install one; on Debian: apt-get install libegl1 libgl1-mesa-dri")

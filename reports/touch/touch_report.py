@@ -11,13 +11,14 @@ from reports.document import provenance
 from reports.document.numerals import counted, interval, number, percent, typeset, volts
 from reports.document.page import Report, ReportFigure, Table
 from reports.document.verdict import ERROR, EXTRAPOLATED, NOT_USABLE, PAST_TEST, Verdict, graded, no_better, real, worst
-from reports.touch import reading_figures, skin_maps, touch_figures
+from reports.touch import body_picture, reading_figures, skin_maps, touch_figures
 from reports.touch.drive_sentence import drive_sentence
 from touchcal.document import Keys
 from touchcal.json_file import read_json
 
+TOGETHER = {"general", "on_surface"}  # Kinds of routes whose profiles are means over the directions about a punch.
 # Kinds of decisions, those of all routes but the axisymmetric one, by which edges or a neighbour change the touch.
-CHANGED = {"nearest_edge", "all_edges", "whole_disc", "pair", "general"}
+CHANGED = {"nearest_edge", "all_edges", "whole_disc", "pair", *TOGETHER}
 RUN_AGAIN = "Run `eitsim run` again with --skin."
 NO_MAPS = ("No maps of the skin: the result names no file of them. `eitsim run --skin skin.vtu --out result.json` "
            "writes one.")
@@ -126,11 +127,13 @@ def _voltages(result: Mapping[str, Any]) -> tuple[reading_figures.Array, reading
 def _plates(result: Mapping[str, Any], absent: dict[str, str]) -> list[ReportFigure]:
     plates = []
     if "scene" in result:
-        plates.append(touch_figures.scene(result["scene"]))
+        draw = body_picture.body if _curved(result) else touch_figures.scene
+        plates.append(draw(result["scene"]))
     if profiles := result.get("profile", []):
         # where the rim or a neighbour changes the surface outside the profile, that is of the touch alone
         kinds = {decision.get("kind") for decision in result["plan"]}
-        plates += [touch_figures.profile(block, i, len(profiles), not CHANGED.isdisjoint(kinds), "general" in kinds)
+        plates += [touch_figures.profile(block, i, len(profiles), not CHANGED.isdisjoint(kinds),
+                                         not TOGETHER.isdisjoint(kinds))
                    for i, block in enumerate(profiles)]
     else:
         absent["profile"] = "No surface profile: the result holds none."
@@ -154,9 +157,15 @@ def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list
     if provenance.source(file).sha256 != result["skin_file"]["sha256"]:
         absent["maps"] = f"No maps: {file.name} is not the file that was written with this result. {RUN_AGAIN}"
         return []
+    if _curved(result):
+        return [body_picture.response(file, result["scene"])]
     skin = skin_maps.read(file)
     return [skin_maps.response(skin, result["scene"]),
             skin_maps.equipotentials(skin, result["scene"], skin_maps.apart(skin.patterns))]
+
+
+def _curved(result: Mapping[str, Any]) -> bool:
+    return "surface" in result["scene"]["body"]
 
 
 def _skin_file(path: Path, result: Mapping[str, Any]) -> Path | None:
@@ -171,7 +180,12 @@ def _mechanics_table(result: Mapping[str, Any]) -> Table:
     heads = ["value"] if count == 1 else [f"touch {i + 1}" for i in range(count)]
     at = f" {when}" if (when := _when(result)) else ""
     caption = f"The mechanical outputs{at}{_peaks(columns['sigma_max_kPa'], columns['sigma_ave_kPa'])}."
-    return Table(caption, ["output", "unit", *heads], rows, "wl" + "r" * count)
+    if flat := result.get("as_if_flat"):
+        rows = [[*row, *(number(v) for v in touches(flat, key))] for row, key in zip(rows, columns, strict=True)]
+        heads += ["as if flat"] if count == 1 else [f"{i + 1} as if flat" for i in range(count)]
+        caption += (" As if flat: what the same punch gives alone, upright and without friction on a flat layer of the "
+                    "same thickness.")
+    return Table(caption, ["output", "unit", *heads], rows, "wl" + "r" * len(heads))
 
 
 def _peaks(peaks: Sequence[float], means: Sequence[float]) -> str:

@@ -120,7 +120,7 @@ def _at_place(table: SlopeTable, where: Domain, place: int, noise_V: float, spre
 def _gradients(samples: SweepSamples) -> dict[str, Gradient]:
     """Derivatives of the mechanical outputs by d and F, of processes learned from some of the rows."""
     some = take(samples, spread_evenly(len(samples), _ROWS))
-    names, touch = outputs.RESPONSES, some.target[:, :outputs.TOUCH]
+    names, touch = samples.names[outputs.TOUCH:], some.target[:, :outputs.TOUCH]
     learned = mechanical_response.fit(some.ring, touch, some.target[:, outputs.TOUCH:], names,
                                       np.zeros((len(touch), 0)))
 

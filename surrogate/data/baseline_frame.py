@@ -46,11 +46,6 @@ class Comparison:
     gain: Array  # (readings,) factors by which all readings are to be multiplied: V0 over those measured, or 1
     words: str  # what differs, what fits and what is done about it; empty where the frame is the training's
 
-    @property
-    def noise_factor(self) -> float:
-        """Factor of the noise of scaled readings, r.m.s."""
-        return float(np.sqrt(np.mean(self.gain**2)))
-
 
 @dataclass(frozen=True)
 class _Explanation:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 from eitsim.sensors.formats.serial_magnitudes import labelled
 from surrogate.data.frame_rows import CHUNK, is_number, text_of
+from touchcal.lazy import needed
 
 if TYPE_CHECKING:
     import serial
 
 STANDARD_INPUT = "-"
 BAUD = 115200  # bits a second where none are given; boards on USB take any
-INSTALL = "run pip install '.[serial]' in the project's folder."
 QUIET_S = 5.0  # how long nothing may come until a port says so
 LONGEST_START = 1 << 15  # bytes that a board may send before its first line of numbers: 3 s at BAUD
 _DEVICE = re.compile(r"/dev/(tty|cu)\S+|COM\d+", re.IGNORECASE)
@@ -45,11 +45,10 @@ def opened(frames: str, say: Callable[[str], object] = lambda words: None) -> It
             yield source
         return
     port, baud = _port(frames)
-    try:
-        import serial
-        from serial.tools.list_ports import comports
-    except ImportError:
-        raise ValueError(f"serial ports need pyserial, which is not installed; {INSTALL}") from None
+    needed("serial", "serial ports")
+    import serial
+    from serial.tools.list_ports import comports
+
     try:
         device = serial.Serial(port, baud, timeout=QUIET_S)
     except serial.SerialException as error:

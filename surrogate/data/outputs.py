@@ -44,10 +44,11 @@ ROUNDING = 1e-9  # part of a value by which rounding may move it past an end of 
 SI = {"mm": ("m", 1e-3), "N": ("N", 1.0), "kPa": ("Pa", 1e3), "mm2": ("m2", 1e-6)}
 
 
-def chosen(choice: str | Sequence[str]) -> tuple[str, ...]:
-    """Names of a choice (a list, or separated by commas; "all"), in the order of NAMES; ValueError lists the known."""
+def chosen(choice: str | Sequence[str], known: Sequence[str] = NAMES) -> tuple[str, ...]:
+    """Names of a choice (a list, or separated by commas; "all" that are known), in the order of NAMES; ValueError lists
+    them all."""
     if choice == "all":
-        return NAMES
+        return tuple(known)
     requested = [name.strip() for name in choice.split(",")] if isinstance(choice, str) else choice
     if unknown := [name for name in requested if name not in NAMES]:
         raise ValueError(f"output '{unknown[0]}' is unknown; known: all, {', '.join(NAMES)}.")

@@ -48,7 +48,10 @@ class Samples:
         return np.zeros(len(self))
 
     def targets(self, names: Sequence[str]) -> Array:
-        """(n, outputs) targets of the outputs of these names."""
+        """(n, outputs) targets of the outputs of these names; ValueError for one that the samples lack."""
+        if lacking := [name for name in names if name not in self.names]:
+            raise ValueError(f"these rows say nothing of the output '{lacking[0]}'; they have "
+                             f"{', '.join(self.names)}. Leave it out, or sweep again.")
         return self.target[:, [self.names.index(name) for name in names]]
 
 
@@ -63,7 +66,7 @@ class OtherProfile:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSamples(Samples):
-    """Solved scenes of one sensor; targets are outputs.ALL."""
+    """Solved scenes of one sensor; targets are those of outputs.ALL that the data set has."""
 
     names: tuple[str, ...] = outputs.NAMES
     ring: Ring
@@ -112,15 +115,16 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> SweepSamples:
     readings = len(ring.read)
     touched = _numbers(folder, rows, voltage_columns(readings))
     signal = _numbers(folder, rows, voltage_columns(readings, "dv"))
-    target = _numbers(folder, rows, [output.column for output in outputs.ALL])
+    known = [output for output in outputs.ALL if output.role is not outputs.Role.RESPONSE or output.column in rows]
+    target = _numbers(folder, rows, [output.column for output in known])
     scene = rows["scene"].to_numpy(np.int64)
     group = _touches(data.design["sampler"], scene, rows)
     material = material_states.answers(rows, "hold" in data.design["tables"])
     measurement = {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
     signal_sd = _numbers(folder, rows, ["signal_error"])[:, 0] / STATED_PER_SD
-    return SweepSamples(signal_V=signal, target=target, group=group, ring=ring, scene=scene,
-                        baseline_V=touched - signal, card=rows["card_sample"].to_numpy(np.int64), material=material,
-                        signal_sd=signal_sd,
+    return SweepSamples(signal_V=signal, target=target, names=tuple(output.name for output in known), group=group,
+                        ring=ring, scene=scene, baseline_V=touched - signal,
+                        card=rows["card_sample"].to_numpy(np.int64), material=material, signal_sd=signal_sd,
                         row_hash=_hashes(scene, target), near_edge=near_edge(rows), measurement=measurement,
                         relaxation=data.manifest.get(RELAXATION, {}), profile=_profile(data.design["tables"]))
 

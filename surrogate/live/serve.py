@@ -21,13 +21,13 @@ from surrogate.live.controls import MOST_BYTES, Latest, Limits, controls_of
 from surrogate.live.guard import App, guarded
 from surrogate.live.moments import Moment
 from surrogate.model.tracking.tracked import UNREADABLE, Tracked
+from touchcal.lazy import needed
 
 HOST = "127.0.0.1"
 PAGE = Path(__file__).parent / "page"
 # Frames that wait for a watcher at most, before the oldest is left out; watchers at most
 WAITING, WATCHERS = 25, 8
 ENDED, SHOWN = "the input ended", "the recording ended; start the command again to see it again"
-INSTALL = "run pip install '.[live]' in the project's folder."
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +74,8 @@ class _Watchers:
 
 def check_installed() -> None:
     """ValueError with what to install where the page's server is missing."""
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-        import websockets  # noqa: F401
-    except ImportError as error:
-        raise ValueError(f"the page needs {error.name}, which is not installed; {INSTALL}") from None
+    for package in ("starlette", "uvicorn", "websockets"):
+        needed(package, "pages")
 
 
 def app_of(show: Show, hosts: tuple[str, ...], token: str) -> App:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.data.torch_installed import check_torch
 from surrogate.learners.bayesian_network.ensemble import Networks
 from surrogate.learners.bayesian_network.min_max import MinMax
 from surrogate.learners.network import FeatureNetworks
 from surrogate.learners.signal_features import Directions
 from surrogate.learners.trainbr import Trainbr
 from surrogate.model.sweep_model import SweepModel
+from touchcal.lazy import needed
 
 if TYPE_CHECKING:
     from torch import nn
@@ -41,7 +41,7 @@ def write(model: SweepModel, path: Path) -> dict[str, str]:
 
     torch calls TorchScript deprecated; its successor, torch.export, writes no file that C++ reads without a compiler.
     """
-    check_torch("exported networks")
+    needed("torch", "exported networks")
     import torch
 
     described = {"inputs": f"{len(model.baseline_V)} differences to the untouched frame, V, float64, one frame a row",

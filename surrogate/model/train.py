@@ -76,7 +76,9 @@ def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", ou
         raise ValueError(f"epochs are steps of {listed(lambda one: one.epochs)}; {method} has none. Leave them out.")
     if epochs is not None and epochs < 1:
         raise ValueError(f"epochs must be 1 or more, got {epochs}.")
-    samples, names = _read(data, exact_signals), chosen_outputs(outputs)
+    chosen_outputs(outputs)
+    samples = _read(data, exact_signals)
+    names = chosen_outputs(outputs, samples.names)
     part = split(samples.group, seed)
     training, validation, other = take(samples, part == "train"), take(samples, part == "val"), None
     _check_signals(training)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from eitsim.sensors.labels import PLACE, Labels
 from surrogate.data.dead_readings import too_many
-from surrogate.data.torch_installed import check_torch
 from surrogate.recordings import scalar_reader, touch_reader
 from surrogate.recordings.ageing import learn_known
 from surrogate.recordings.baselines import without
@@ -27,6 +26,7 @@ from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
 from surrogate.statistics.conformal import chosen, conformal_scale, widened
 from touchcal.arrays import Array, Index, Mask
+from touchcal.lazy import needed
 
 SPARED = 3  # directions of drift taken out where no place is read and the untouched frame is old
 Found = TypeVar("Found")
@@ -116,7 +116,7 @@ def fit(presses: Presses, labels: Labels, seed: int = 0, expectation: Expectatio
     A label that is the same in all presses, or of which held-out presses are read no better than by its mean, is left
     out. ValueError where there are fewer than FEWEST presses or no label differs; NothingToRead where none is read.
     """
-    check_torch("readers of presses, whose families are trained networks among others,")
+    needed("torch", "readers of presses, whose families are trained networks among others,")
     press = press_of_frames(presses, labels)
     count = too_few(press)
     varied, left_out = varied_labels(labels)

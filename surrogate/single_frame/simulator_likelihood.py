@@ -9,7 +9,7 @@ from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.scene.scene import Scene, read_scene
 from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.material import material_of
-from eitsim.simulation.simulate import simulate
+from eitsim.simulation.simulate import solve_scene
 from matcal.card import MaterialCard, read_card
 from surrogate.bounds.dataset_bound import example_of
 from surrogate.bounds.fisher_information import Slopes
@@ -93,9 +93,10 @@ def scene_at(simulator: Simulator, touches: Array) -> Scene:
 
 
 def solved(simulator: Simulator, touches: Array) -> Solved:
-    """Readings of touches (4,) or (k, 4); NotConverged where they cannot be solved, with the simulator's words."""
+    """Readings of touches (4,) or (k, 4), electrodes no bodies, as in the sweep; NotConverged where they cannot be
+    solved, with the simulator's words."""
     scene = scene_at(simulator, touches)
-    found = simulate(scene, simulator.card)
+    found = solve_scene(scene, simulator.card, bodies=False)
     if found.outcome != "ok" or found.readings is None:
         raise NotConverged(f"the simulator has no readings of this touch ({found.outcome}): {found.message}",
                            estimate=np.asarray(touches))

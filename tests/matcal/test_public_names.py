@@ -62,13 +62,6 @@ def test_importing_matcal_loads_nothing_heavy() -> None:
     assert len([name for name in loaded if name.startswith("matcal")]) == 1
 
 
-def test_inspecting_a_usual_file_loads_no_solver_and_no_table_of_units() -> None:
-    said = subprocess.run([sys.executable, "-c", "import sys; import matcal; matcal.inspect(sys.argv[1]); "
-                           "print(*sys.modules)", str(DATA / "mts_uniaxial.txt")], capture_output=True, text=True,
-                          check=True).stdout.split()
-    assert not {"scipy", "pandas", "pint", "lmfit", "typer", "arviz"} & set(said)
-
-
 def test_fit_from_files_is_the_command(fitted: matcal.Calibration, tmp_path: Path,
                                        monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a").mkdir()

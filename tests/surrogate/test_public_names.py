@@ -5,7 +5,9 @@ from __future__ import annotations
 import doctest
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -51,13 +53,12 @@ def test_a_folder_a_data_set_and_its_rows_train_the_same(model: surrogate.Model,
 
 
 def test_predictions_are_in_si_and_those_of_the_command(model: surrogate.Model, samples: SweepSamples,
-                                                        tmp_path: Path) -> None:
+                                                        tmp_path: Path, command: Callable[..., Any]) -> None:
     frames, baseline = samples.baseline_V[:5] + samples.signal_V[:5], samples.baseline_V[0]
     model.save(tmp_path / "model")
     found = surrogate.load(tmp_path / "model").predict(frames, baseline)
     pd.DataFrame(np.vstack([baseline, frames])).to_csv(tmp_path / "frames.csv", index=False, header=False)
-    subprocess.run([sys.executable, "-m", "surrogate", "predict", str(tmp_path / "model"), str(tmp_path / "frames.csv"),
-                    "--out", str(tmp_path / "out.csv")], check=True, capture_output=True)
+    assert not command("surrogate", "predict", "model", "frames.csv", "--out", "out.csv", cwd=tmp_path).returncode
     written = pd.read_csv(tmp_path / "out.csv", keep_default_na=False)
     assert list(found) == [c.replace("_mm2", "_m2").replace("_mm", "_m").replace("_kPa", "_Pa")
                            for c in columns(model)[1:]]

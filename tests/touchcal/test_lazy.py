@@ -14,8 +14,9 @@ from touchcal import lazy
 def test_a_name_is_imported_when_it_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "lazy_toy").mkdir()
     (tmp_path / "lazy_toy/__init__.py").write_text(
-        "from touchcal.lazy import attach\n"
-        "__getattr__, __dir__, __all__ = attach(__name__, {'answer': 'lazy_toy.inner', 'absent': 'lazy_toy.inner'})\n")
+        "from typing import TYPE_CHECKING\nfrom touchcal.lazy import attach\n"
+        "if TYPE_CHECKING:\n    from lazy_toy.inner import answer, absent\n"
+        "__getattr__, __dir__, __all__ = attach(__name__, __file__)\n")
     (tmp_path / "lazy_toy/inner.py").write_text("answer = 42\n")
     monkeypatch.syspath_prepend(tmp_path)
     import lazy_toy  # pyright: ignore[reportMissingImports]

@@ -121,8 +121,8 @@ def weights(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLi
 
     The matrix is int grad v . sigma grad u + (1/z) int (v - V)(u - U), over lengths under lines, areas under patches;
     its rows sum to zero. Conductance is (cells,) or (cells, q) where isotropic, (cells, q, 2, 2) where a tensor; z one
-    number or (count,), Ohm m for lines and Ohm m^2 for patches. ValueError where z or a conductance is not positive,
-    or a tensor not symmetric.
+    number or (count,), Ohm m for lines and Ohm m^2 for patches. On a sheet in space tensors are seen along the
+    `tangent_frames`. ValueError where z or a conductance is not positive, or a tensor not symmetric.
     Source: Somersalo, Cheney, Isaacson, doi:10.1137/0152060.
     """
     local = contacts(mesh) / _per_electrode(mesh, contact_impedance)[mesh.electrode, None, None]
@@ -289,8 +289,9 @@ def _stiffness(mesh: SkinMesh, conductance: Array) -> Array:
     _, gradient, weights, products = _reference(mesh.element)
     x = mesh.nodes_m[mesh.cells]
     if x.shape[2] == 3:
-        return _in_space(x, conductance, gradient, weights) @ products
-    xr, xs, yr, ys = (x[..., i] @ gradient[..., j].T for i in (0, 1) for j in (0, 1))
+        xr, xs, yr, ys = _in_tangent_planes(x, gradient)
+    else:
+        xr, xs, yr, ys = (x[..., i] @ gradient[..., j].T for i in (0, 1) for j in (0, 1))
     det = xr * ys - xs * yr
     if not np.all(det * np.sign(det[:, :1]) > 0):
         raise ValueError("the mesh has an element that is flat or folded over; check the order of its nodes.")
@@ -302,17 +303,29 @@ def _stiffness(mesh: SkinMesh, conductance: Array) -> Array:
     return pulled.reshape(len(x), -1) @ products
 
 
-def _in_space(x: Array, conductance: Array, gradient: Array, weights: Array) -> Array:
-    """Pulled back isotropic conductances (cells, 3 q) of a sheet in space, by the metric of its own tangent planes."""
-    if conductance.ndim == 4:
-        raise ValueError("a sheet in space is solved with isotropic conductances, got tensors.")
+def _in_tangent_planes(x: Array, gradient: Array) -> tuple[Array, Array, Array, Array]:
+    """Parts (cells, q) along both axes of `tangent_frames` of the derivatives of places on a sheet in space; negative
+    turns where it is folded over."""
     one, other = (np.einsum("ekx,qk->eqx", x, gradient[..., i]) for i in (0, 1))
+    first, second, normal = np.moveaxis(tangent_axes(one, other), -1, 0)
+    upright = np.where(np.sum(normal * normal[:, :1], axis=-1) > 0, 1.0, -1.0)
+    along = np.sum(one * first, axis=-1)
+    return along, np.sum(other * first, axis=-1), np.zeros_like(along), upright * np.sum(other * second, axis=-1)
+
+
+def tangent_axes(one: Array, other: Array) -> Array:
+    """Orthonormal frames (..., 3, 3) of two tangents (..., 3); columns: along the first, across it, and normal."""
     normal = np.cross(one, other)
-    if not np.all(np.sum(normal * normal[:, :1], axis=-1) > 0):
-        raise ValueError("the mesh has an element that is flat or folded over; check the order of its nodes.")
-    sheet = _components(conductance, normal.shape[:2])[0] * weights / np.linalg.norm(normal, axis=-1)
-    parts = [np.sum(a * b, axis=-1) for a, b in ((other, other), (one, one), (one, -other))]
-    return np.stack([sheet * part for part in parts], axis=-1).reshape(len(x), -1)
+    first, normal = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), np.finfo(float).tiny)
+                     for v in (one, normal))
+    return np.stack([first, np.cross(normal, first), normal], axis=-1)
+
+
+def tangent_frames(mesh: SkinMesh) -> Array:
+    """Orthonormal frames (cells, q, 3, 3) at the `quadrature_points` of a sheet in space: columns along the cell's
+    first reference axis, across it, and normal. Tensors of its conductance are seen along the first two."""
+    gradient, x = _reference(mesh.element)[1], mesh.nodes_m[mesh.cells]
+    return tangent_axes(*(np.einsum("ekx,qk->eqx", x, gradient[..., i]) for i in (0, 1)))
 
 
 def _components(conductance: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:

@@ -45,11 +45,22 @@ def shunts(points_m: Array, touches: Touches) -> Array:
     conducting = [(punch, touch) for punch, touch in touches if punch.conductor]
     out = np.zeros((len(conducting), *points_m.shape[:-1]))
     for k, (punch, touch) in enumerate(conducting):
-        radius = np.hypot(points_m[..., 0] - punch.x_m, points_m[..., 1] - punch.y_m)
+        radius = _seen_radius(touch, points_m - np.array([punch.x_m, punch.y_m]))
         near = shunt(punch, touch, radius, np.ones_like(radius)) > 0
         areal = areal_stretch(added_metric(points_m[near], touches)[0])
         out[k, near] = shunt(punch, touch, radius[near], areal)
     return out
+
+
+def _seen_radius(touch: Touch, away_m: Array) -> Array:
+    """Radii (...), m, of places (..., 2) about a punch's axis, where its contact is not round scaled so that it ends at
+    the largest in all directions."""
+    radius = np.hypot(away_m[..., 0], away_m[..., 1])
+    if (ends := touch.contact_ends_m) is None:
+        return radius
+    angle = 2 * np.pi * np.arange(len(ends)) / len(ends)
+    end = np.interp(np.arctan2(away_m[..., 1], away_m[..., 0]), angle, ends, period=2 * np.pi)
+    return radius * ends.max() / end
 
 
 def floating(mesh: SkinMesh, touches: Touches) -> Floating | None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eitsim.electrics.cem.assembly import Array, Indices
 from eitsim.electrics.mesh.p2_triangles import EDGES, sides
 
-_CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,16 +31,10 @@ class Facets:
         return self.nodes_m[self.cells[:, :3]]
 
     @property
-    def area_m2(self) -> Array:
-        """Areas (t,), m^2, of the plane triangles between the corners."""
-        a, b, c = np.moveaxis(self.corners_m, 1, 0)
-        return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-
-    @property
     def edges(self) -> tuple[Indices, Indices]:
         """Corners (edges, 2) of all edges, the lower number first, and the edges (t, 3) of each triangle."""
-        found, number = np.unique(sides(self.cells[:, :3]), axis=0, return_inverse=True)
-        return found, number.reshape(len(EDGES), -1).T
+        first, number, ends = _edges(self.cells[:, :3])
+        return ends[first], number.reshape(len(EDGES), -1).T
 
     def lengths_m(self, of_triangle: Indices) -> Array:
         """Lengths (edges,), m, of the chords of all edges, from `edges`."""
@@ -51,11 +45,27 @@ class Facets:
         return out
 
 
+def _edges(corners: Indices) -> tuple[Indices, Indices, Indices]:
+    """Of the sides (3 t, 2) of triangles (t, 3): the first of each edge, the edge of each, and the sides themselves."""
+    ends = sides(corners)
+    _, first, number = np.unique(ends @ np.array([corners.max() + 1, 1]), return_index=True, return_inverse=True)
+    return first, number, ends
+
+
 def functions(at: Array) -> Array:
     """Quadratic functions (..., 6) of the corners and middles at points (..., 2) of the reference triangle."""
     x, y = at[..., 0], at[..., 1]
     z = 1 - x - y
     return np.stack([z * (2 * z - 1), x * (2 * x - 1), y * (2 * y - 1), 4 * x * z, 4 * x * y, 4 * y * z], axis=-1)
+
+
+def slopes(at: Array) -> Array:
+    """Derivatives (..., 6, 2) of `functions` along both axes of the reference triangle at points (..., 2)."""
+    x, y = at[..., 0], at[..., 1]
+    z, none = 1 - x - y, np.zeros_like(x)
+    by_x = np.stack([1 - 4 * z, 4 * x - 1, none, 4 * (z - x), 4 * y, -4 * y], axis=-1)
+    by_y = np.stack([1 - 4 * z, none, 4 * y - 1, -4 * x, 4 * x, 4 * (z - y)], axis=-1)
+    return np.stack([by_x, by_y], axis=-1)
 
 
 def split(facets: Facets, cut: NDArray[np.bool_], share: Array) -> Facets:
@@ -69,11 +79,11 @@ def split(facets: Facets, cut: NDArray[np.bool_], share: Array) -> Facets:
         if not len(t):
             continue
         at, name = np.empty((len(t), 6, 2)), np.empty((len(t), 6), dtype=np.int64)
-        at[:, :3], name[:, :3] = _CORNERS, facets.cells[t, :3]
+        at[:, :3], name[:, :3] = CORNERS, facets.cells[t, :3]
         for k, (a, b, _) in enumerate(EDGES):
             from_lower = share[own[t, k]]
             along = np.where(facets.cells[t, a] == ends[own[t, k], 0], from_lower, 1 - from_lower)
-            at[:, 3 + k] = (1 - along)[:, None] * _CORNERS[a] + along[:, None] * _CORNERS[b]
+            at[:, 3 + k] = (1 - along)[:, None] * CORNERS[a] + along[:, None] * CORNERS[b]
             name[:, 3 + k] = number[own[t, k]]
         for rows, pieces in _pieces(pattern, facets.corners_m[t], at):
             for piece in pieces:
@@ -113,13 +123,12 @@ def _pieces(pattern: int, corners: Array, at: Array) -> list[tuple[Indices, tupl
 def _joined(facets: Facets, corners: Indices, local: Array, parent: Indices) -> Facets:
     """Pieces with corners (t, 3), numbered as nodes, at places (t, 3, 2) of their parents."""
     middles = np.stack([(local[:, a] + local[:, b]) / 2 for a, b, _ in EDGES], axis=1)
-    place = np.einsum("tpk,tkx->tpx", functions(np.concatenate([local, middles], axis=1)),
-                      facets.nodes_m[facets.cells[parent]])
+    place = functions(np.concatenate([local, middles], axis=1)) @ facets.nodes_m[facets.cells[parent]]
     used, corners = np.unique(corners, return_inverse=True)
     corners = corners.reshape(-1, 3)
     nodes = np.empty((len(used), 3))
     nodes[corners.T.ravel()] = place[:, :3].swapaxes(0, 1).reshape(-1, 3)
-    _, first, number = np.unique(sides(corners), axis=0, return_index=True, return_inverse=True)
+    first, number, _ = _edges(corners)
     on_edges = place[:, 3:].swapaxes(0, 1).reshape(-1, 3)[first]
     cells = np.column_stack([corners, len(nodes) + number.reshape(len(EDGES), -1).T])
     return Facets(np.vstack([nodes, on_edges]), cells, facets.electrode[parent], facets.factor[parent],

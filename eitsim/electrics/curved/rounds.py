@@ -1,4 +1,7 @@
-"""Round parts of a sheet in space, cut out by balls: their edges become edges of triangles."""
+"""Round parts of a sheet in space, cut out by balls: their edges become edges of quadratic triangles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,26 +9,40 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from eitsim.electrics.cem.assembly import Array, Indices
-from eitsim.electrics.curved.facets import Facets, halved, split
+from eitsim.electrics.curved.facets import CORNERS, Facets, halved, slopes, split
+from eitsim.electrics.mesh.p2_triangles import EDGES
 
-_CHORDS = 24  # Chords about a round part, about, at least.
-_MOVES = 3  # Times that the ball grows for the chords' area.
-_ON = 0.05  # A corner is on a ball where it is nearer to it than this part of its edges.
+_CHORDS = 16  # Edges about a round part, about, at least; they are parabolas through three points of the ball.
+_FINER = 3  # Times that there may be twice as many, where triangles fold over.
+_ON = 0.2  # A corner nearer to the ball than this part of its shortest edge is moved onto it.
+_CREASE = 0.3  # Angle, rad, between triangles and their mean, from which on their common corner stays.
+_LEAST_TURN = 0.1  # Least area of a triangle at any place over its plane one that a curved edge may leave.
 _BISECTIONS = 40  # To find where an edge meets a ball.
 _HALVINGS = 40  # Of triangles at the edge of a round part, at most.
 
 
-def refined_at(facets: Facets, centre_m: Array, radius_m: float) -> Facets:
-    """The sheet with triangles small enough where a ball's surface may cut them."""
-    size = 2 * np.pi * radius_m / _CHORDS
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """Cuts a round part out of a sheet."""
+
+    centre_m: Array  # (3,) m
+    radius_m: float  # m
+    chords: int = _CHORDS  # edges about the part, about, at least
+
+
+def refined_at(facets: Facets, balls: Sequence[Ball]) -> Facets:
+    """The sheet with triangles small enough where balls' surfaces may cut them."""
     for _ in range(_HALVINGS):
-        away = np.linalg.norm(facets.nodes_m[facets.cells] - centre_m, axis=2)
-        corners = facets.corners_m
+        corners, nodes = facets.corners_m, facets.nodes_m[facets.cells]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        # the ball's surface is nearer than the triangle's own size
-        near = (away.min(axis=1) < radius_m + longest / 4) & (away.max(axis=1) > radius_m - longest / 4)
-        inside = away.min(axis=1) - longest < radius_m
-        large = (longest > size) & (near | (inside & (longest > radius_m)))
+        large = np.zeros(len(longest), dtype=bool)
+        for ball in balls:
+            away = np.linalg.norm(nodes - ball.centre_m, axis=2)
+            least, radius = away.min(axis=1), ball.radius_m
+            # the ball's surface is nearer than the triangle's own size
+            near = (least < radius + longest / 4) & (away.max(axis=1) > radius - longest / 4)
+            inside = (least - longest < radius) & (longest > radius)
+            large |= (longest > 2 * np.pi * radius / ball.chords) & (near | inside)
         if not large.any():
             break
         facets = halved(facets, large)
@@ -34,28 +51,105 @@ def refined_at(facets: Facets, centre_m: Array, radius_m: float) -> Facets:
 
 def cut_out(facets: Facets, centre_m: Array, radius_m: float) -> tuple[Facets, NDArray[np.bool_]]:
     """The sheet cut along the surface of a ball, and which of its triangles (t,) lie inside, in one piece with the
-    point nearest to the centre. The chords that stand for the arcs are moved outwards so that the area is the ball's.
-    """
-    radius = radius_m
-    for _ in range(_MOVES):
-        cut, inside = _cut(facets, centre_m, radius)
-        radius += _short(cut, inside, centre_m, radius_m)
-    return _cut(facets, centre_m, radius)
+    point nearest to the centre. Corners near the ball are moved onto it along the sheet, and so are the middles of the
+    new edges; triangles are cut smaller where these would fold."""
+    for times in range(_FINER + 1):
+        facets = refined_at(facets, [Ball(centre_m, radius_m, _CHORDS << times)])
+        cut, inside, smooth = _cut(facets, centre_m, radius_m)
+        if smooth:
+            break
+    return cut, inside
 
 
-def _cut(facets: Facets, centre: Array, radius: float) -> tuple[Facets, NDArray[np.bool_]]:
+def _cut(facets: Facets, centre: Array, radius: float) -> tuple[Facets, NDArray[np.bool_], bool]:
+    """As `cut_out`, and whether every new edge is curved."""
+    facets, side = _snapped(facets, centre, radius)
     ends, own = facets.edges
-    away = np.linalg.norm(facets.nodes_m - centre, axis=1) - radius
-    length = facets.lengths_m(own)
-    shortest = np.full(len(away), np.inf)
-    np.minimum.at(shortest, ends.ravel(), np.repeat(length, 2))
-    side = np.where(np.abs(away) < _ON * np.where(np.isfinite(shortest), shortest, 0.0), 0, np.sign(away)).astype(int)
     crossed = side[ends[:, 0]] * side[ends[:, 1]] < 0
     out = split(facets, crossed, _shares(facets, ends, own, crossed, centre, radius))
     # corners of the pieces lie on one side or on the ball: the one that is furthest off shows the side
     off = np.linalg.norm(out.corners_m - centre, axis=2) - radius
-    inside = off[np.arange(len(off)), np.argmax(np.abs(off), axis=1)] < 0
-    return out, _one_piece(out, inside, centre)
+    inside = _one_piece(out, off[np.arange(len(off)), np.argmax(np.abs(off), axis=1)] < 0, centre)
+    rounded, smooth = _rounded(out, inside, centre, radius)
+    return rounded, inside, smooth
+
+
+def _snapped(facets: Facets, centre: Array, radius: float) -> tuple[Facets, Indices]:
+    """The sheet with its corners near the ball moved onto it, and the side of the ball (nodes,) of each: -1 inside, 0
+    on it, 1 outside."""
+    ends, own = facets.edges
+    nodes, corner = facets.nodes_m, facets.cells[:, :3].ravel()
+    shortest = np.full(len(nodes), np.inf)
+    np.minimum.at(shortest, ends.ravel(), np.repeat(facets.lengths_m(own), 2))
+    away = np.linalg.norm(nodes - centre, axis=1) - radius
+    near = np.isfinite(shortest) & (np.abs(away) < _ON * np.where(np.isfinite(shortest), shortest, 0.0))
+    mean, any_normal = np.zeros_like(nodes), np.zeros_like(nodes)
+    normal = np.repeat(_normals(facets), 3, axis=0)
+    any_normal[corner] = normal
+    normal = np.where(np.sum(normal * any_normal[corner], axis=1, keepdims=True) < 0, -normal, normal)
+    np.add.at(mean, corner, normal)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), np.finfo(float).tiny)
+    bend = np.zeros(len(nodes))
+    np.maximum.at(bend, corner, np.arccos(np.clip(np.sum(normal * mean[corner], axis=1), -1, 1)))
+    rim = np.zeros(len(nodes), dtype=bool)
+    rim[ends[np.bincount(own.ravel()) == 1]] = True
+    free = np.flatnonzero(near & (bend < _CREASE) & ~rim)
+    shift = np.zeros_like(nodes)
+    shift[free] = _onto_ball(nodes[free], mean[free], centre, radius) - nodes[free]
+    for k, (a, b, _) in enumerate(EDGES):
+        shift[facets.cells[:, 3 + k]] = (shift[facets.cells[:, a]] + shift[facets.cells[:, b]]) / 2
+    return replace(facets, nodes_m=nodes + shift), np.where(near, 0, np.sign(away)).astype(int)
+
+
+def _normals(facets: Facets) -> Array:
+    """Unit normals (t, 3) of the plane triangles between the corners."""
+    a, b, c = np.moveaxis(facets.corners_m, 1, 0)
+    normal = np.cross(b - a, c - a)
+    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+def _onto_ball(points: Array, normals: Array, centre: Array, radius: float) -> Array:
+    """Points (n, 3) moved in the planes of normals (n, 3) to the ball's surface; where a plane misses it they stay."""
+    off = points - centre
+    height = np.sum(off * normals, axis=1, keepdims=True)
+    flat = off - height * normals
+    length = np.linalg.norm(flat, axis=1, keepdims=True)
+    reach = np.sqrt(np.maximum(radius**2 - height**2, 0.0))
+    return np.where((reach > 0) & (length > 0), points + (reach / np.maximum(length, np.finfo(float).tiny) - 1) * flat,
+                    points)
+
+
+def _rounded(facets: Facets, inside: NDArray[np.bool_], centre: Array, radius: float) -> tuple[Facets, bool]:
+    """The sheet with the middles of the edges of a part on the ball, where these do not run along creases and fold no
+    triangle; and whether none would be folded."""
+    ends, own = facets.edges
+    count, normal = len(ends), _normals(facets)
+    first, last = np.full(count, -1), np.full(count, -1)
+    middle = np.empty(count, dtype=np.int64)
+    for k in range(3):
+        middle[own[:, k]] = facets.cells[:, 3 + k]
+        first[own[inside, k]] = np.flatnonzero(inside)
+        last[own[~inside, k]] = np.flatnonzero(~inside)
+    rim = np.flatnonzero((first >= 0) & (last >= 0))
+    rim = rim[np.abs(np.sum(normal[first[rim]] * normal[last[rim]], axis=1)) > np.cos(_CREASE)]
+    nodes = facets.nodes_m.copy()
+    nodes[middle[rim]] = _onto_ball(nodes[middle[rim]], normal[first[rim]], centre, radius)
+    moved, folded = np.zeros(len(nodes), dtype=bool), np.zeros(len(nodes), dtype=bool)
+    moved[middle[rim]] = True
+    near = facets.cells[moved[facets.cells[:, 3:]].any(axis=1)]
+    folded[near[_folds(nodes[near])][:, 3:]] = True
+    back = middle[rim][folded[middle[rim]]]
+    nodes[back] = facets.nodes_m[back]
+    return replace(facets, nodes_m=nodes), not len(back)
+
+
+def _folds(nodes: Array) -> NDArray[np.bool_]:
+    """Which of the quadratic triangles (t, 6, 3) turn over, or nearly so, at a corner or at the middle of an edge."""
+    at = np.vstack([CORNERS, (CORNERS + np.roll(CORNERS, -1, axis=0)) / 2])
+    tangents = np.einsum("tkx,pkb->tpbx", nodes, slopes(at))
+    turn = np.cross(tangents[:, :, 0], tangents[:, :, 1])
+    plain = np.cross(nodes[:, 1] - nodes[:, 0], nodes[:, 2] - nodes[:, 0])
+    return np.min(np.einsum("tpx,tx->tp", turn, plain), axis=1) < _LEAST_TURN * np.sum(plain**2, axis=1)
 
 
 def _shares(facets: Facets, ends: Indices, own: Indices, crossed: NDArray[np.bool_], centre: Array,
@@ -90,16 +184,3 @@ def _one_piece(facets: Facets, inside: NDArray[np.bool_], centre: Array) -> NDAr
     out = np.zeros(len(inside), dtype=bool)
     out[kept[part == part[nearest]]] = True
     return out
-
-
-def _short(facets: Facets, inside: NDArray[np.bool_], centre: Array, radius: float) -> float:
-    """How far outwards, m, the edges of a part must move for its area to be that of the ball: each chord of length l
-    misses l^3/(12 r), and what its ends lie inside the ball."""
-    ends, own = facets.edges
-    rim = (np.bincount(own[inside].ravel(), minlength=len(ends)) == 1) & (np.bincount(own.ravel()) == 2)
-    if not rim.any():
-        return 0.0
-    a, b = (facets.nodes_m[ends[rim, k]] for k in (0, 1))
-    length = np.linalg.norm(b - a, axis=1)
-    within = radius - (np.linalg.norm(a - centre, axis=1) + np.linalg.norm(b - centre, axis=1)) / 2
-    return float(np.sum(length**3 / (12 * radius) + length * within) / length.sum())

@@ -2,30 +2,26 @@
 
 import hashlib
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.electrics.cem.assembly import Array, SkinMesh, dissection, potentials, weights
-from eitsim.electrics.curved.facets import Facets, halved
-from eitsim.electrics.curved.rounds import cut_out, refined_at
-from eitsim.electrics.mesh.p2_triangles import EDGES, sides, uniform_refinement
-from eitsim.electrics.outline.adapted_mesh import readings_difference
+from eitsim.electrics.cem.assembly import Array, SkinMesh
+from eitsim.electrics.curved.adapted_sheet import solve_sheet
+from eitsim.electrics.curved.facets import Facets
+from eitsim.electrics.curved.rounds import Ball, cut_out, refined_at
+from eitsim.electrics.mesh.p2_triangles import EDGES, sides
 from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
 from eitsim.scene.drive import read_out
 from eitsim.scene.triangle_files import TriangleMesh
-from touchcal.errors import InputFileError, NotConverged
+from touchcal.errors import InputFileError
 from touchcal.jit import cpu_s
 from touchcal.provenance import versions
 
 READINGS, SIGNAL = 1e-4, 1e-3  # Relative errors of the untouched readings and of the signal, unless given.
-_LEFT = 0.5  # What halving once more leaves of the change by halving, at most.
-_STEPS = 40  # Refinements, at most.
-_MOST = 100_000  # Triangles, before they are halved, at most.
-_ROUNDING = 1e-13  # A change smaller than this part of the readings is one of rounding.
-_SHARE = 0.7  # Part of the energy's error in the triangles that are halved.
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +58,7 @@ def solve_curved_skin(skin: CurvedSkin | Path | str, *, readings: float = READIN
     -------
     CurvedReadings
         Impedance matrices (Ohm), readings and signal (V), and their estimated errors: half of what halving all
-        triangles changes.
+        triangles changes of readings, and all that it changes of the signal.
 
     Raises
     ------
@@ -80,27 +76,18 @@ def solve_curved_skin(skin: CurvedSkin | Path | str, *, readings: float = READIN
     """
     begun = cpu_s()
     skin = skin if isinstance(skin, CurvedSkin) else read_curved_skin(skin)
-    facets, z = _prepared(skin), contact_impedances(skin)
-    for _ in range(_STEPS):
-        mesh = skin_mesh(facets, skin.count)
-        finer = uniform_refinement(mesh)
-        states = [facets.factor * 0 + 1, facets.factor] if skin.patches else [facets.factor]
-        pairs = [_solved(mesh, finer, skin.conductance_S * factor, z) for factor in states]
-        off = _LEFT * readings_difference(pairs[0].coarse_Ohm, pairs[0].fine_Ohm)
-        change_off = _change_error(*pairs) if skin.patches else None
-        if off <= readings and (change_off is None or change_off <= signal):
-            change = pairs[-1].fine_Ohm - pairs[0].fine_Ohm
-            return CurvedReadings(
-                pairs[0].fine_Ohm, pairs[-1].fine_Ohm, read_out(skin.drive, pairs[0].fine_Ohm),
-                read_out(skin.drive, change), off, change_off, len(finer.cells), len(finer.nodes_m),
-                cpu_s() - begun)
-        if len(facets.cells) > _MOST:
-            break
-        facets = halved(facets, _most(np.sum([pair.indicator for pair in pairs], axis=0)))
-    missed = [f"the {name} of the curved skin {verb} known to {found:.1e} only, {asked:g} was asked for"
-              for name, verb, found, asked in (("readings", "are", off, readings), ("signal", "is", change_off, signal))
-              if found is not None and not found <= asked]
-    raise NotConverged(f"{' and '.join(missed)}; give wider electrodes or larger contact impedances.")
+    at_rest, pressed = (partial(_conductance, skin.conductance_S, touched=touched) for touched in (False, True))
+    found = solve_sheet(_prepared(skin), contact_impedances(skin), at_rest, pressed if skin.patches else None, readings,
+                        signal)
+    return CurvedReadings(
+        found.impedance_Ohm, found.touched_Ohm, read_out(skin.drive, found.impedance_Ohm),
+        read_out(skin.drive, found.touched_Ohm - found.impedance_Ohm), found.readings_error, found.signal_error,
+        len(found.mesh.cells), len(found.mesh.nodes_m), cpu_s() - begun)
+
+
+def _conductance(sheet_S: float, mesh: SkinMesh, facets: Facets, parts: int, *, touched: bool) -> Array:
+    """(cells,) sheet conductance, S, of triangles cut in parts, with the patches' factors where touched."""
+    return np.repeat(sheet_S * (facets.factor if touched else np.ones_like(facets.factor)), parts)
 
 
 def curved_document(path: Path, skin: CurvedSkin, solved: CurvedReadings) -> dict[str, Any]:
@@ -144,8 +131,7 @@ def prepared(skin: CurvedSkin) -> Facets:
     facets = facets_of(skin.mesh)
     widths = np.broadcast_to(np.asarray(skin.widths_m, dtype=float), skin.count)
     rounds = [*zip(skin.places_m, widths, strict=False), *((p.centre_m, p.width_m) for p in skin.patches)]
-    for place, width in rounds:
-        facets = refined_at(facets, np.asarray(place), width / 2)
+    facets = refined_at(facets, [Ball(np.asarray(place), width / 2) for place, width in rounds])
     for k, group in enumerate(skin.groups):
         if group not in skin.mesh.groups:
             raise ValueError(f"groups in [electrodes]: {skin.mesh.name} has no group {group!r}; it has "
@@ -183,56 +169,3 @@ def facets_of(mesh: TriangleMesh) -> Facets:
         nodes = np.vstack([nodes, nodes[edges].mean(axis=1)])
     count = len(cells)
     return Facets(nodes, cells, np.full(count, -1), np.ones(count), np.arange(count))
-
-
-def skin_mesh(facets: Facets, count: int) -> SkinMesh:
-    """The sheet as a mesh with what of it lies under electrodes."""
-    covered = facets.electrode >= 0
-    return SkinMesh(facets.nodes_m, facets.cells, facets.cells[covered], facets.electrode[covered], count, "P2")
-
-
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """One state of the skin on a mesh and on the same one halved."""
-
-    coarse_Ohm: Array
-    fine_Ohm: Array
-    indicator: Array  # (t,) energy of the difference in each triangle of the mesh, over all electrodes
-
-    def minus(self, other: "_Pair") -> tuple[Array, Array]:
-        return self.coarse_Ohm - other.coarse_Ohm, self.fine_Ohm - other.fine_Ohm
-
-
-def _change_error(untouched: _Pair, touched: _Pair) -> float:
-    """Estimated relative error of what the patches change, 2-norm; 0 where that is rounding of the readings."""
-    if readings_difference(touched.fine_Ohm, untouched.fine_Ohm) < _ROUNDING:
-        return 0.0
-    return _LEFT * readings_difference(*touched.minus(untouched))
-
-
-def _solved(mesh: SkinMesh, finer: SkinMesh, sheet: Array, z: Array) -> _Pair:
-    found = []
-    for one, conductance in ((mesh, sheet), (finer, np.repeat(sheet, 4))):
-        potential = potentials(one, conductance, z, order=dissection(one))
-        found.append(potential - potential[-mesh.count:].mean(axis=0))
-    coarse, fine = found
-    away = fine[:len(finer.nodes_m)] - prolonged(mesh, coarse[:len(mesh.nodes_m)])
-    of_pairs = weights(finer, np.repeat(sheet, 4), z)[:15 * len(finer.cells)].reshape(len(finer.cells), 15)
-    i, j = np.triu_indices(6, 1)
-    step = away[finer.cells[:, i]] - away[finer.cells[:, j]]
-    energy = np.einsum("tp,tpk->t", of_pairs, step**2)
-    return _Pair(coarse[-mesh.count:], fine[-mesh.count:], energy.reshape(-1, 4).sum(axis=1))
-
-
-def prolonged(mesh: SkinMesh, potential: Array) -> Array:
-    """Potentials (nodes, k) of a P2 mesh at the nodes of the same mesh halved: they go over as its nodes' places do."""
-    return uniform_refinement(replace(mesh, nodes_m=potential)).nodes_m
-
-
-def _most(indicator: Array) -> NDArray[np.bool_]:
-    """Which of the triangles (t,) hold most of the error: the fewest that have _SHARE of it."""
-    order = np.argsort(-indicator)
-    total = np.cumsum(indicator[order])
-    out = np.zeros(len(indicator), dtype=bool)
-    out[order[:int(np.searchsorted(total, _SHARE * total[-1])) + 1]] = True
-    return out

@@ -19,6 +19,7 @@ from eitsim.electrics.cem.ring_scattering import Circle, Coupling
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.ring_mesh import patch_radii, rim_angles, ring_mesh, template
 from eitsim.electrics.mesh.symmetric_mesh import alike_mesh
+from eitsim.electrics.outline.patched_disc import patched_disc_mesh, reaches_patches
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.electrodes import contact_impedances, identical
 from eitsim.scene.results import Touch
@@ -115,6 +116,8 @@ class DiscSkin:
 
     def touched_mesh(self, touches: Touches) -> SkinMesh:
         """The mesh of a touched skin's fields."""
+        if self.on_patches(touches):
+            return patched_disc_mesh(self.body, self.electrodes, touches)
         return following_mesh(self.body, self.electrodes, touches, _FIELDS_LEVEL)
 
     def needs_mesh(self, touches: Touches) -> bool:
@@ -134,7 +137,13 @@ class DiscSkin:
 
     def touch_mesh(self, touches: Touches) -> SkinMesh:
         """The mesh that dV is taken on, to be halved."""
+        if self.on_patches(touches):
+            return patched_disc_mesh(self.body, self.electrodes, touches)
         return alike_mesh(self.body, self.electrodes, touches)
+
+    def on_patches(self, touches: Touches) -> bool:
+        """Whether contacts reach patches, which a mesh of rings cannot follow."""
+        return reaches_patches(self.body, self.electrodes, touches)
 
     def rooms_m(self, touches: Touches) -> list[float]:
         """Radii, m, of the circles about the punches in which nodes of that mesh may move, free of edges and

@@ -95,6 +95,10 @@ class OutlinedSkin:
     def touch_mesh(self, touches: Touches) -> SkinMesh:
         return outlined_mesh(self.body, self.electrodes, self.conductance_S, touches)
 
+    def on_patches(self, touches: Touches) -> bool:
+        """Whether contacts reach patches that its mesh cannot follow; none."""
+        return False
+
     def rooms_m(self, touches: Touches) -> list[float]:
         out = reaches(self.body, touches)
         for k, loop in enumerate(patch_loops(self.electrodes) if self.electrodes.anywhere else ()):

@@ -129,7 +129,7 @@ def solve(body: Body, skin: Skin, electrodes: Electrodes, drive: Drive, touches:
     do, and those on the surface of a skin with an outline; near edges of an outline its circle scatters every harmonic
     into others (`coupled_scattering`). How far the estimates of outlines are off: benchmarks/outline_touches.py.
 
-    ValueError for no touch, contacts that overlap or overhang, or reach patches of a disc, an unknown method,
+    ValueError for no touch, contacts that overlap or overhang, an unknown method,
     "multipole" for patches or a touch near the rim, and where the conductivity is not positive.
     """
     start = cpu_s()
@@ -286,7 +286,8 @@ def _overlap(sensor: _Sensor, touches: Touches) -> float:
 def _by_mesh(sensor: _Sensor, touches: Touches, signal: float) -> _Change:
     """The mesh is halved until the coarser one agrees; all halvings cover the same curved cells. A rough mesh, where
     there is one, may show that no halving is needed."""
-    cut = any(rings.admissible_radius(sensor.body, punch) < touch.contact_radius_m for punch, touch in touches)
+    cut = sensor.solver.on_patches(touches) or any(
+        rings.admissible_radius(sensor.body, punch) < touch.contact_radius_m for punch, touch in touches)
     mesh, rough = sensor.solver.touch_mesh(touches), sensor.solver.rough_mesh(touches, cut)
     change = _on_mesh(sensor, touches, mesh)
     share = 1.0 if rough is None else (len(rough.nodes_m) / len(mesh.nodes_m)) ** RATE

@@ -1,5 +1,6 @@
 """A mesh of a skin with an outline that follows its touches: lines at their contacts, triangles as small as needed."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from eitsim.electrics.outline.triangles import EVEN, Triangles, refined, skin_me
 from eitsim.scene.polygons import circle
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Electrodes, Punch
+
+Within = tuple[Punch, Touch, float]
 
 FIELDS = 1e-3  # Estimated error of the untouched readings from which the mesh is fine enough outside the touches.
 # Length of the triangles' sides over the width of the rings that an axisymmetric mesh would have there.
@@ -28,7 +31,7 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
     base = base_triangles(body, electrodes, conductance_S)
     known, area = KDTree(base.centres_m), base.area_m2
     within = within_edges(body, touches)
-    sizes = [_sizes(*one) for one in within]
+    sizes = touched_sizes(within)
 
     def limit(places: Array) -> Array:
         out = area[known.query(places)[1]]
@@ -38,8 +41,7 @@ def touch_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touches
             out = np.minimum(out, EVEN * here**2)
         return out
 
-    lines = [circle((punch.x_m, punch.y_m), mark, _chords(mark, *own))
-             for (punch, touch, _), own in zip(within, sizes, strict=True) for mark in contact_lines(punch, touch)]
+    lines = contact_circles(within, sizes)
     return skin_mesh(refined(triangulated(body.outline, electrodes, lines), limit), electrodes)
 
 
@@ -57,7 +59,7 @@ def base_triangles(body: Body, electrodes: Electrodes, conductance_S: float, kno
     return next(mesh for mesh, error in history if error <= known_to)
 
 
-def within_edges(body: Body, touches: Touches) -> list[tuple[Punch, Touch, float]]:
+def within_edges(body: Body, touches: Touches) -> list[Within]:
     """Punches, their touches with the ends of contact on the skin, and the distance, m, from each contact to the
     nearest edge or to the middle of the way to another; ValueError where a punch reaches an edge, or contacts meet."""
     place = np.array([[punch.x_m, punch.y_m] for punch, _ in touches])
@@ -73,6 +75,17 @@ def within_edges(body: Body, touches: Touches) -> list[tuple[Punch, Touch, float
     ends = np.maximum(inner, [touch.contact_radius_m for touch in inside])
     gaps = np.minimum(inner + room - ends, separation.min(axis=1) / 2)
     return [(punch, touch, float(gap)) for (punch, _), touch, gap in zip(touches, inside, gaps, strict=True)]
+
+
+def touched_sizes(within: Sequence[Within]) -> list[tuple[Array, Array]]:
+    """Radii about each punch, m, and the length of the triangles' sides there, m."""
+    return [_sizes(*one) for one in within]
+
+
+def contact_circles(within: Sequence[Within], sizes: Sequence[tuple[Array, Array]]) -> list[Array]:
+    """The circles (n, 2), m, of all contacts."""
+    return [circle((punch.x_m, punch.y_m), mark, _chords(mark, *own))
+            for (punch, touch, _), own in zip(within, sizes, strict=True) for mark in contact_lines(punch, touch)]
 
 
 def _sizes(punch: Punch, touch: Touch, gap: float) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.outline_edge import edge_starts, places_along
 from eitsim.scene.polygons import inside
 from touchcal.errors import NotConverged
+from touchcal.lazy import needed
 
 if TYPE_CHECKING:
     import pythoncdt
@@ -70,7 +71,14 @@ def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: 
         outer, marker = _outer(outline, electrodes)
     elif electrodes is not None:
         patches = patch_loops(electrodes)
-    parts = [outer, *holes, *patches, *lines, *left_out]
+    return of_lines([outer, *holes], marker, [*patches, *lines], left_out)
+
+
+def of_lines(loops: Sequence[Array], marker: Indices, lines: Sequence[Array],
+             left_out: Sequence[Array] = ()) -> Triangles:
+    """What lies inside the first of closed lines (n, 2), m, and outside the others, in triangles, with further lines
+    and without what lies inside those left out; marker: of the edges of the first line."""
+    parts = [*loops, *lines, *left_out]
     starts = np.cumsum([0, *map(len, parts)])
     numbers = [start + np.arange(len(part)) for start, part in zip(starts, parts, strict=False)]
     segments = np.vstack([np.column_stack([number, np.roll(number, -1)]) for number in numbers])
@@ -79,7 +87,7 @@ def triangulated(outline: Outline, electrodes: Electrodes | None = None, lines: 
                                                                  for k, loop in enumerate(left_out))])
     corners, number = np.unique(np.vstack(parts), axis=0, return_inverse=True)
     empty = np.empty((0, 3), dtype=np.int64)
-    return _made(Triangles(corners, empty, number.ravel()[segments], markers, (outer, *holes, *left_out)),
+    return _made(Triangles(corners, empty, number.ravel()[segments], markers, (*loops, *left_out)),
                  lambda places_m: np.full(len(places_m), np.inf))
 
 
@@ -128,11 +136,7 @@ def _with_lines_cut(mesh: Triangles, area_m2: Callable[[Array], Array]) -> Trian
 
 def _made(mesh: Triangles, area_m2: Callable[[Array], Array]) -> Triangles:
     """Triangles with the corners and lines of a mesh and further corners, so small as asked for."""
-    try:
-        import pythoncdt as cdt
-    except ImportError:
-        raise ValueError("skins with an outline need the package pythoncdt, which is not installed; run "
-                         "pip install '.[outlines]' in the project's folder.") from None
+    cdt: Any = needed("pythoncdt", "skins with an outline")
     mesh = _with_lines_cut(mesh, area_m2)
     low, high = mesh.corners_m.min(axis=0), mesh.corners_m.max(axis=0)
     size = float((high - low).max())
@@ -225,8 +229,9 @@ def _check_number(count: int) -> None:
                            "fillet_mm, or ask for less accuracy.")
 
 
-def skin_mesh(mesh: Triangles, electrodes: Electrodes, element: str = "P2") -> SkinMesh:
-    """The triangles as a mesh with straight edges, of "P2" or "P1" elements, and what of it lies under electrodes."""
+def skin_mesh(mesh: Triangles, electrodes: Electrodes, element: str = "P2", patches: Sequence[Array] = ()) -> SkinMesh:
+    """The triangles as a mesh with straight edges, of "P2" or "P1" elements, and what of it lies under electrodes:
+    along the edge, or inside patches (n, 2), m, by default those on the surface."""
     corners, cells = mesh.corners_m, mesh.cells
     nodes, under, electrode = corners, np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int64)
     kept = mesh.marker > _BARE
@@ -239,8 +244,8 @@ def skin_mesh(mesh: Triangles, electrodes: Electrodes, element: str = "P2") -> S
         cells = np.column_stack([cells, len(corners) + number.reshape(len(EDGES), -1).T])
         middle = len(corners) + np.searchsorted(keys, _keys(np.sort(under, axis=1), len(corners)))
         under = np.column_stack([under, middle])
-    if electrodes.anywhere:
-        owner = _owners(mesh.centres_m, electrodes)
+    if not electrodes.along_edge:
+        owner = _owners(mesh.centres_m, patches or patch_loops(electrodes))
         under, electrode = cells[owner >= 0], owner[owner >= 0]
     return SkinMesh(nodes, cells, under, electrode, electrodes.count, element)
 
@@ -250,9 +255,9 @@ def _keys(edges: Indices, size: int) -> Indices:
     return edges[:, 0] * size + edges[:, 1]
 
 
-def _owners(points: Array, electrodes: Electrodes) -> Indices:
-    """The electrode (n,) on the surface that each point lies on, -1 where none does."""
+def _owners(points: Array, patches: Sequence[Array]) -> Indices:
+    """The patch (n,) that each point lies on, -1 where none does."""
     owner = np.full(len(points), -1)
-    for k, patch in enumerate(patch_loops(electrodes)):
+    for k, patch in enumerate(patches):
         owner[inside(points, patch, np.roll(patch, -1, axis=0))] = k
     return owner

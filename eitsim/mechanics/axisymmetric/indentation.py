@@ -15,6 +15,7 @@ from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.friction import FrictionState, Nearest
 from eitsim.mechanics.contact.punch_contact import ContactState, Facets, RigidPunch
 from eitsim.mechanics.solid import axisymmetric_assembly
+from eitsim.mechanics.solid.cap_grid import on_cap
 from eitsim.mechanics.solid.grid import Grid, default_element_m, feature_m, foam_grid, lagrange
 from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
 from eitsim.numerics.newton import System, minimise
@@ -66,11 +67,13 @@ class Equilibrium:
 
 
 def indentation_problem(law: Law, body: Body, punch: Punch, element_m: float, penalty: float,
-                        order: int = 2, even: float = 0.0) -> IndentationProblem:
+                        order: int = 2, even: float = 0.0, curvature_per_m: float = 0.0) -> IndentationProblem:
     """Discretise a touch; penalty is nominal pressure over penetration, in mu_0 over grid.feature_m; order and even as
-    of grid.foam_grid."""
+    of grid.foam_grid; curvature of the outer surface, 1/m, positive where convex."""
     unit = body.thickness_m
     grid, profile = foam_grid(body, punch, element_m, order, even), profile_of(punch, unit)
+    if curvature_per_m:
+        grid = on_cap(grid, curvature_per_m * unit)
     feature = feature_m(body, punch)
     rigid = RigidPunch(profile, penalty * unit / feature, _FIRM * feature / unit)
     facets = contact.top_facets(grid, profile.radius + _REACH)
@@ -80,15 +83,23 @@ def indentation_problem(law: Law, body: Body, punch: Punch, element_m: float, pe
 
 def at_rest(model: IndentationProblem, force: float) -> Array:
     """Foam at rest under a punch so deep that its penalty balances the force, as far as that is trusted."""
-    rest = np.zeros(model.grid.unknowns)
+    rest, first = np.zeros(model.grid.unknowns), first_touch(model)
 
     def excess(depth: float) -> float:
         return contact.forces(model.punch, model.facets, contact_state(model, np.append(rest, depth)))[1] - force
 
-    deepest = _DEEPEST * model.punch.profile.edge_radius
+    deepest = first + _DEEPEST * model.punch.profile.edge_radius
     if excess(deepest) < 0:
         return np.append(rest, deepest)
-    return np.append(rest, root_scalar(excess, bracket=(0.0, deepest), xtol=1e-15, rtol=1e-6).root)
+    return np.append(rest, root_scalar(excess, bracket=(first, deepest), xtol=1e-15, rtol=1e-6).root)
+
+
+def first_touch(model: IndentationProblem) -> float:
+    """Depth of the punch's lowest point at which it begins to touch: negative on a hollow cap."""
+    if model.grid.laid is None:
+        return 0.0
+    return contact.touching_depth(lambda depth: contact.contact_state(
+        model.punch, model.facets, model.grid.nodes, depth).penetration)
 
 
 def positions(model: IndentationProblem, x: Array) -> Array:

@@ -72,9 +72,7 @@ def solve_touch(law: Law, body: Body, punch: Punch, *, element_m: float | None =
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     if shear_limit == 0:
         return touch_of(law, body, levels, at_depth(levels, depth), started)
-    guess = at_depth(levels[:1], depth)[0].force
-    course = friction_increments.at_depth(levels[-2], levels[-1], shear_limit, depth, guess)
-    return _rubbed(law, body, levels, course, started)
+    return rubbed(law, body, levels, rubbed_course(levels, shear_limit, None, depth), started)
 
 
 def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *, element_m: float | None = None,
@@ -89,7 +87,7 @@ def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *,
     if shear_limit > 0:
         scaled = [force / unit for force in forces_N]
         for course in friction_increments.under_forces(levels[-2], levels[-1], shear_limit, scaled):
-            touches.append(_rubbed(law, body, levels, course, started))
+            touches.append(rubbed(law, body, levels, course, started))
             started = cpu_s()
         return touches
     for force in forces_N:
@@ -105,9 +103,10 @@ def force_unit(law: Law, body: Body) -> float:
 
 
 def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
-                   penalty: float | None, order: int = 2, even: float = 0.0) -> list[IndentationProblem]:
+                   penalty: float | None, order: int = 2, even: float = 0.0, curvature_per_m: float = 0.0
+                   ) -> list[IndentationProblem]:
     """Frictionless problems from coarse to fine, halving; the coarsest has _COARSEST default element sizes or more;
-    even as of grid.foam_grid."""
+    even and curvature_per_m as of `indentation.indentation_problem`."""
     if punch.friction != "none":
         raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
     profile = profile_of(punch)
@@ -120,7 +119,8 @@ def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
                          f"half the thickness, got {element_m}; the default is {default:.3g} m.")
     while len(sizes) < 2 or sizes[0] < _COARSEST * default:
         sizes.insert(0, 2 * sizes[0])
-    return [indentation.indentation_problem(law, body, punch, size, penalty, order, even) for size in sizes]
+    return [indentation.indentation_problem(law, body, punch, size, penalty, order, even, curvature_per_m)
+            for size in sizes]
 
 
 def _rubbing(law: Law, body: Body, punch: Punch, element_m: float | None, penalty: float | None,
@@ -132,8 +132,17 @@ def _rubbing(law: Law, body: Body, punch: Punch, element_m: float | None, penalt
     return mesh_hierarchy(law, body, smooth, element_m, penalty, order), friction.coefficient(punch)
 
 
-def _rubbed(law: Law, body: Body, levels: list[IndentationProblem], course: FrictionHistory,
-            started: float) -> Touch:
+def rubbed_course(levels: list[IndentationProblem], shear_limit: float, force: float | None,
+                  depth: float) -> FrictionHistory:
+    """The course with friction to a force or, where that is None, to a corrected depth, thicknesses."""
+    if force is not None:
+        return next(friction_increments.under_forces(levels[-2], levels[-1], shear_limit, [force]))
+    guess = at_depth(levels[:1], depth)[0].force
+    return friction_increments.at_depth(levels[-2], levels[-1], shear_limit, depth, guess)
+
+
+def rubbed(law: Law, body: Body, levels: list[IndentationProblem], course: FrictionHistory,
+           started: float) -> Touch:
     """A touch with friction; what half as many increments change, and the last pass did, adds to its errors."""
     touch = touch_of(law, body, levels[-2:], [course.coarse.state, course.fine.state], started)
     touch = with_change(touch, levels[-2], course.coarse.state, course.rough.state)

@@ -7,6 +7,7 @@ import numpy as np
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets
+from eitsim.mechanics.solid.cap_grid import meridian
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.sheet.sheet_conductance import dipole, driving_strains
 from touchcal.arrays import Array
@@ -51,13 +52,28 @@ def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:
     by_height = lagrange(order, np.ones(1))[1][0] * 2 / (rows[-1] - rows[-1 - order])
     position = facets.shape @ where[facets.nodes]
     along = facets.slope @ where[facets.nodes]
-    columns = where[facets.nodes[..., None] + np.arange(-order, 1)]
-    up = facets.shape @ np.einsum("k,faki->fai", by_height, columns)
+    columns = facets.nodes[..., None] + np.arange(-order, 1)
+    up = facets.shape @ np.einsum("k,faki->fai", by_height, where[columns])
+    if model.grid.laid is not None:
+        before = model.grid.nodes
+        along, up = _by_cap(model.grid.curvature, facets, along, up, facets.slope @ before[facets.nodes],
+                            facets.shape @ np.einsum("k,faki->fai", by_height, before[columns]))
     meridian = np.hypot(along[..., 0], along[..., 1])
-    on_axis = facets.radius == 0
-    hoop = np.where(on_axis, meridian, position[..., 0] / np.where(on_axis, 1.0, facets.radius))
+    around, on_axis = model.grid.nodes[facets.nodes, 0] @ facets.shape.T, facets.radius == 0
+    hoop = np.where(on_axis, meridian, position[..., 0] / np.where(on_axis, 1.0, around))
     normal = (along[..., 0] * up[..., 1] - along[..., 1] * up[..., 0]) / meridian
     return Stretch(position, meridian, hoop, normal, along[..., 0] * hoop, along, up)
+
+
+def _by_cap(curvature: float, facets: Facets, along: Array, up: Array, along_before: Array, up_before: Array
+            ) -> tuple[Array, Array]:
+    """F t and F n (facets, points, 2) of the cap's unit tangent t and normal n, from the derivatives of current and of
+    reference positions: those of the elements' are not quite of unit length."""
+    gradient = np.stack([along, up], axis=-1) @ np.linalg.inv(np.stack([along_before, up_before], axis=-1))
+    _, normal = meridian(facets.radius.ravel(), curvature)
+    normal = normal.reshape(along.shape)
+    tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
+    return (gradient @ tangent[..., None])[..., 0], (gradient @ normal[..., None])[..., 0]
 
 
 def samples(model: IndentationProblem, x: Array) -> tuple[Array, Stretch]:
@@ -87,7 +103,7 @@ def contact_of(model: IndentationProblem, x: Array) -> Contact:
     touched = at.penetration > 0
     projected = fine.weight * field.widening * (touched & ~at.wall)
     wall = fine.weight * field.meridian * field.hoop * (touched & at.wall)
-    middle = model.grid.nodes[facets.nodes[:, [0, -1]], 0].mean(axis=1)
+    middle = model.grid.flat_nodes[facets.nodes[:, [0, -1]], 0].mean(axis=1)
     return Contact(pressure, middle, _end(model, fine, field.position, float(x[-1])), float(projected.sum()),
                    float(wall.sum()), float(np.pi * abs(outer**2 - inner**2)))
 

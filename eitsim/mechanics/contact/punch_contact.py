@@ -1,11 +1,13 @@
 """Contact of the foam's top with a rigid punch: penetration, its pressure and energy, and their derivatives."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.solid.grid import Grid, lagrange
 from eitsim.scene.profiles.profile import Profile
 from touchcal.arrays import Array
@@ -14,6 +16,7 @@ Indices = NDArray[np.int64]
 
 # Gauss points a facet.
 POINTS = 4
+_TOUCHING = 1e-12  # Thicknesses to which the depth of first touch is found.
 _ON_AXIS = 1e-12  # Radius of points on the axis, about which nothing curves there.
 
 
@@ -26,6 +29,7 @@ class RigidPunch:
     # penetration at which the pressure is twice what the penalty alone gives; from there on it grows with the third
     # power
     stiffening_penetration: float = np.inf
+    shape: PunchShape | None = None  # in space in place of the profile; None: that of the profile
 
 
 class Faces(Protocol):
@@ -49,7 +53,7 @@ class Facets:
     nodes: Indices  # (facets, p + 1) nodes from the inner to the outer end
     shape: Array  # (points, p + 1) shape functions
     slope: Array  # (facets, points, p + 1) their derivatives by the reference radius
-    radius: Array  # (facets, points) reference radius
+    radius: Array  # (facets, points) reference radius, on a curved cap by arc length
     weight: Array  # (facets, points) quadrature weight, 2 pi r included
 
 
@@ -65,16 +69,17 @@ class ContactState:
 
 def top_facets(grid: Grid, reach: float = np.inf, points: int = POINTS) -> Facets:
     """Top facets that start inside the radius `reach`, with that many Gauss points each."""
-    return facets_at(grid, grid.top[grid.nodes[grid.top[:, 0], 0] < reach], *np.polynomial.legendre.leggauss(points))
+    near = grid.flat_nodes[grid.top[:, 0], 0] < reach
+    return facets_at(grid, grid.top[near], *np.polynomial.legendre.leggauss(points))
 
 
 def facets_at(grid: Grid, nodes: Indices, t: Array, weight: Array) -> Facets:
     """Facets of these nodes (facets, p + 1) with points t in [-1, 1] and their weights (points,)."""
     shape, by_t = lagrange(grid.order, t)
-    ends = grid.nodes[nodes, 0]
+    ends = grid.flat_nodes[nodes, 0]
     half = (ends[:, -1] - ends[:, 0])[:, None] / 2
-    radius = ends @ shape.T
-    return Facets(nodes, shape, by_t[None] / half[..., None], radius, 2 * np.pi * radius * half * weight)
+    radius, around = ends @ shape.T, grid.nodes[nodes, 0] @ shape.T
+    return Facets(nodes, shape, by_t[None] / half[..., None], radius, 2 * np.pi * around * half * weight)
 
 
 def contact_state(punch: RigidPunch, facets: Facets, position: Array, depth: float) -> ContactState:
@@ -89,6 +94,9 @@ def contact_state(punch: RigidPunch, facets: Facets, position: Array, depth: flo
 def spatial_contact(punch: RigidPunch, seen: Array) -> ContactState:
     """Contact state of points (facets, points, 3) of the surface seen from the punch's lowest point, upright; normal
     and curvature have three components."""
+    if punch.shape is not None:
+        depth, (slope, bend) = punch.shape.penetration(seen), punch.shape.derivatives(seen)
+        return ContactState(np.maximum(depth, 0.0), slope, bend, np.zeros(depth.shape, dtype=bool))
     x, y, height = np.moveaxis(seen, -1, 0)
     radius = np.maximum(np.hypot(x, y), _ON_AXIS)
     penetration, n_r, n_z, bend, wall = punch.profile.signed_distance(radius, height)
@@ -99,6 +107,22 @@ def spatial_contact(punch: RigidPunch, seen: Array) -> ContactState:
     curvature = curvature - bend[..., None, None] * down[..., :, None] * down[..., None, :]
     return ContactState(np.maximum(penetration, 0.0), np.stack([n_r * cosine, n_r * sine, n_z], axis=-1), curvature,
                         wall)
+
+
+def spatial_penetration(punch: RigidPunch, seen: Array) -> Array:
+    """Depth (...) inside the punch of points (..., 3) as of `spatial_contact`, negative outside."""
+    if punch.shape is not None:
+        return punch.shape.penetration(seen)
+    return punch.profile.signed_distance(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2]).penetration
+
+
+def touching_depth(penetration: Callable[[float], Array]) -> float:
+    """The depth, from -1 to 1, up to which no point is penetrated at rest: by bisection."""
+    low, high = -1.0, 1.0
+    while high - low > _TOUCHING:
+        middle = (low + high) / 2
+        low, high = (low, middle) if np.any(penetration(middle) > 0) else (middle, high)
+    return low
 
 
 def pressure(punch: RigidPunch, penetration: Array) -> Array:

@@ -56,9 +56,10 @@ def potential(held: StickSprings, seen: Array) -> Array:
     return np.sum(held.stiffness * elastic * (size - elastic / 2), axis=1)
 
 
-def pull(held: StickSprings, seen: Array) -> Array:
-    """Derivative of the potential by the displacement (facets points, 3, angles)."""
-    taken = np.clip(slip(held, seen), -held.most, held.most)
+def pull(held: StickSprings, seen: Array, *, elastic: bool = False) -> Array:
+    """Derivative of the potential by the displacement (facets points, 3, angles); elastic: without what slips."""
+    size = slip(held, seen)
+    taken = np.where(np.abs(size) < held.most, size, 0.0 if elastic else np.clip(size, -held.most, held.most))
     return np.swapaxes(held.direction, 1, 2) @ (held.stiffness * taken)
 
 

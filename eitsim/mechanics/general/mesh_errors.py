@@ -22,14 +22,45 @@ from touchcal.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
+class AddedField:
+    """The surfaces of lone touches added up, as no mesh in three dimensions shows them; places (..., 2) in m."""
+
+    exact: tuple[LoneSurface, ...]
+    axes_m: Array  # (punches, 2)
+    thickness_m: float
+
+    @property
+    def reach_m(self) -> float:
+        """Distance from the origin outside which nothing is deformed."""
+        return max(float(np.hypot(*axis) + one.radius[-1] * self.thickness_m)
+                   for axis, one in zip(self.axes_m, self.exact, strict=True))
+
+    def metric(self, points_m: Array) -> tuple[Array, Array]:
+        """As of CorrectedField."""
+        return metric_of(self.deformation_gradient(points_m))
+
+    def deformation_gradient(self, points_m: Array) -> Array:
+        """F (..., 3, 3) at the surface."""
+        added = sum(each.gradient(at) for each, at in zip(self.exact, self._away(points_m), strict=True))
+        return np.eye(3) + np.reshape(added, (*np.shape(points_m)[:-1], 3, 3))
+
+    def displacement(self, points_m: Array) -> Array:
+        """Displacement (..., 3), m, of the surface."""
+        added = sum(each.displacement(at) for each, at in zip(self.exact, self._away(points_m), strict=True))
+        return np.reshape(added, (*np.shape(points_m)[:-1], 3)) * self.thickness_m
+
+    def _away(self, points_m: Array) -> list[Array]:
+        return [np.reshape(points_m - axis, (-1, 2)) / self.thickness_m for axis in self.axes_m]
+
+
+@dataclass(frozen=True, eq=False)
 class CorrectedField:
     """A layer's surface with, for each punch alone, the axisymmetric surface in place of the mesh's own; places
     (..., 2) in m."""
 
     field: LayerField
     alone: tuple[LayerField, ...]
-    exact: tuple[LoneSurface, ...]
-    axes_m: Array  # (punches, 2)
+    exact: AddedField
     contact_curves_m: tuple[Array, ...]  # as of LayerField
 
     def metric(self, points_m: Array) -> tuple[Array, Array]:
@@ -38,19 +69,15 @@ class CorrectedField:
 
     def deformation_gradient(self, points_m: Array) -> Array:
         """F (..., 3, 3) at the surface."""
-        out = self.field.deformation_gradient(points_m)
-        for field, exact, axis in zip(self.alone, self.exact, self.axes_m, strict=True):
-            away = np.reshape(points_m - axis, (-1, 2)) / field.thickness_m
-            out = out + exact.gradient(away).reshape(out.shape) - (field.deformation_gradient(points_m) - np.eye(3))
+        out = self.field.deformation_gradient(points_m) + self.exact.deformation_gradient(points_m) - np.eye(3)
+        for field in self.alone:
+            out = out - (field.deformation_gradient(points_m) - np.eye(3))
         return out
 
     def displacement(self, points_m: Array) -> Array:
         """Displacement (..., 3), m, of the surface."""
-        out = self.field.displacement(points_m)
-        for field, exact, axis in zip(self.alone, self.exact, self.axes_m, strict=True):
-            away = np.reshape(points_m - axis, (-1, 2)) / field.thickness_m
-            out = out + exact.displacement(away).reshape(out.shape) * field.thickness_m - field.displacement(points_m)
-        return out
+        whole = self.field.displacement(points_m) + self.exact.displacement(points_m)
+        return whole - sum(field.displacement(points_m) for field in self.alone)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +95,7 @@ class Corrected:
 def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corrected:
     """The layer, and each punch alone on its section. NotConverged where one of them is not found."""
     model = solved.model
-    alone = [equilibrium(problem_alone(model, k, level), (one,), solved.field.thickness_m)
+    alone = [equilibrium(problem_alone(model, k, level, one.curvature), (one,), solved.field.thickness_m)
              for k, one in enumerate(lone)]
     depths, forces = solved.depths.copy(), many.reactions(model, solved.x)
     contacts, curves = [], []
@@ -87,16 +114,17 @@ def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corr
         curves.append(_moved_out(solved.field.contact_curves_m[k], own.field.contact_curves_m[0],
                                  press.axis * solved.field.thickness_m, exact.radius * solved.field.thickness_m))
     axes = np.array([press.axis for press in model.presses]) * solved.field.thickness_m
-    field = CorrectedField(solved.field, tuple(own.field for own in alone), tuple(map(lone_surface, lone)), axes,
-                           tuple(curves))
+    added = AddedField(tuple(map(lone_surface, lone)), axes, solved.field.thickness_m)
+    field = CorrectedField(solved.field, tuple(own.field for own in alone), added, tuple(curves))
     unknowns = model.mesh.unknowns + sum(own.model.mesh.unknowns for own in alone)
     return Corrected(solved, depths, forces, tuple(contacts), field, unknowns)
 
 
-def problem_alone(model: LayerProblem, k: int, level: Level) -> LayerProblem:
-    """Punch k alone on its section, on an endless layer."""
-    press = model.presses[k]
-    return replace(model, mesh=mesh_alone(model.mesh, k, press.rigid.profile.radius, level), presses=(press,))
+def problem_alone(model: LayerProblem, k: int, level: Level, curvature: float) -> LayerProblem:
+    """Punch k alone on its section, upright on an endless layer, flat or of a curvature."""
+    press = replace(model.presses[k], pose=None, rigid=replace(model.presses[k].rigid, shape=None))
+    mesh = mesh_alone(model.mesh, k, press.rigid.profile.radius, level, curvature)
+    return replace(model, mesh=mesh, presses=(press,))
 
 
 def _moved_out(curve: Array, alone: Array, axis: Array, end: float) -> Array:

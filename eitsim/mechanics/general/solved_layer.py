@@ -6,11 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
+from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.general.layer import equilibrium_of_many as many
 from eitsim.mechanics.general.layer import layer_surface
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
+from eitsim.mechanics.general.layer.grips import grip_of
 from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.layer.lone_touches import LoneTouch, added_up, lone_touch
+from eitsim.mechanics.general.layer.pose import posed
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
+from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout, curvatures
 from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
 from eitsim.numerics.newton import Minimum
 from eitsim.scene.scene import Body, Punch
@@ -20,6 +25,9 @@ from touchcal.errors import NotConverged
 
 # How often the load is halved for a start where the equilibrium is not found from the sum of the lone touches.
 _HALVINGS = 4
+_BISECTIONS = 40
+_SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)  # Shares of the sum of the lone touches that are tried as a start.
+_SPHERICAL = 1e-6  # Difference of principal curvatures, over the thickness, up to which a surface is a sphere's.
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,45 +37,69 @@ class Solved:
     model: LayerProblem
     x: Array  # (unknowns + punches,) as in `equilibrium_of_many`
     residuals: tuple[float, ...]
-    depths: Array  # (punches,) thicknesses, without the contacts' penetration
+    depths: Array  # (punches,) thicknesses from where a posed one begins to touch, without the contacts' penetration
     field: LayerField
 
 
-def lone_touches(law: Law, body: Body, punches: Sequence[Punch]) -> tuple[LoneTouch, ...]:
-    """Each punch's touch far from edges and others; ValueError where a punch rubs."""
-    for punch in punches:
-        if punch.friction != "none":
-            raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
-    return tuple(lone_touch(law, body, punch) for punch in punches)
+def upright_where_they_rub(punches: Sequence[Punch]) -> None:
+    """ValueError where a punch that leans rubs: about it no lone touch says what is held."""
+    if any(punch.tilt_rad and punch.friction != "none" for punch in punches):
+        raise ValueError("friction in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
+
+
+def lone_touches(law: Law, body: Body, punches: Sequence[Punch], layout: Layout = FLAT) -> tuple[LoneTouch, ...]:
+    """Each punch's touch far from edges and others, upright on a cap of the surface's mean curvature there; ValueError
+    where one that leans rubs."""
+    upright_where_they_rub(punches)
+    return tuple(_lone(law, body, punch, layout) for punch in punches)
+
+
+def _lone(law: Law, body: Body, punch: Punch, layout: Layout) -> LoneTouch:
+    low, high = curvatures(layout, np.array([punch.x_m, punch.y_m]) / body.thickness_m)
+    mean = lone_touch(law, body, punch, (low + high) / 2)
+    if high - low < _SPHERICAL:
+        return mean
+    return replace(mean, others=tuple(lone_touch(law, body, punch, one).zone for one in (low, high)))
 
 
 def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneTouch], level: Level,
-            bonded: bool = False) -> LayerProblem:
-    """The layer under its punches on a mesh of a level."""
+            bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT,
+            shapes: Sequence[PunchShape | None] = ()) -> LayerProblem:
+    """The layer under its punches, whose x and y are coordinates of the layout, on a mesh of a level; bodies: as of
+    `layer_mesh`; shapes (m): as of `solve_general`."""
     centres = np.array([[punch.x_m, punch.y_m] for punch in punches]) / body.thickness_m
     mesh = layer_mesh(body, centres, tuple(one.zone for one in lone), tuple(one.feature for one in lone), level,
-                      bonded=bonded)
+                      bonded=bonded, bodies=bodies, layout=layout)
     unit = force_unit(law, body)
-    presses = tuple(Press(one.model.punch, centre, None if punch.force_N is None else punch.force_N / unit,
-                          one.state.force) for one, centre, punch in zip(lone, centres, punches, strict=True))
+    rigid = [one.model.punch if shape is None else replace(one.model.punch, shape=shape.scaled(body.thickness_m))
+             for one, shape in zip(lone, shapes or [None] * len(lone), strict=True)]
+    presses = tuple(posed(Press(own, centre, None if punch.force_N is None else punch.force_N / unit,
+                                one.state.force, grip_of(one.model)), punch, layout)
+                    for one, own, centre, punch in zip(lone, rigid, centres, punches, strict=True))
     return LayerProblem(over(law, law.mu_0_Pa), mesh, presses)
 
 
 def equilibrium(model: LayerProblem, lone: tuple[LoneTouch, ...], thickness_m: float) -> Solved:
     """Its equilibrium. NotConverged where none is found."""
-    minimum = _reached(model, lone, added_up(lone, model), _HALVINGS)
+    minimum = _reached(model, lone, _upright(model, added_up(lone, model)), _HALVINGS)
     held = [one.state.x[-1] - one.state.depth if press.force is None else 0.0
             for one, press in zip(lone, model.presses, strict=True)]
     field = LayerField(model.mesh, many.split(model, minimum.x)[0], thickness_m, ())
     curves = layer_surface.contact_curves(model, minimum.x, field)
-    return Solved(model, minimum.x, minimum.residuals, many.corrected_depths(model, minimum) - held,
+    first = [press.pose.first if press.pose else 0.0 for press in model.presses]
+    return Solved(model, minimum.x, minimum.residuals, many.corrected_depths(model, minimum) - held - first,
                   replace(field, contact_curves_m=curves))
+
+
+def _upright(model: LayerProblem, start: Array) -> Array:
+    """The largest share of a start that does not turn the layer inside out between the points of a coarse mesh."""
+    return next((share * start for share in _SHARES if np.isfinite(many.energy(model, share * start))), start)
 
 
 def _reached(model: LayerProblem, lone: tuple[LoneTouch, ...], start: Array, halvings: int) -> Minimum:
     """The equilibrium from a start; else by way of half the load."""
     try:
-        return many.solve(model, start)
+        return many.solve(model, _touching(model, start))
     except NotConverged:
         if halvings == 0:
             raise
@@ -79,4 +111,19 @@ def _reached(model: LayerProblem, lone: tuple[LoneTouch, ...], start: Array, hal
                     halvings - 1)
     ahead = half.x.copy()
     ahead[model.mesh.unknowns:] = np.where(depths > 0, held, ahead[model.mesh.unknowns:])
-    return many.solve(model, ahead)
+    return many.solve(model, _touching(model, ahead))
+
+
+def _touching(model: LayerProblem, x: Array) -> Array:
+    """A start with punches that do not touch the layer so deep that their contacts balance their forces: by bisection.
+    """
+    low, high = x.copy(), x.copy()
+    off = np.flatnonzero((many.reactions(model, x) == 0) & [press.force is not None for press in model.presses])
+    high[model.mesh.unknowns + off] += 1.0
+    force = np.array([press.force or 0.0 for press in model.presses])
+    for _ in range(_BISECTIONS if len(off) else 0):
+        middle = (low + high) / 2
+        over = model.mesh.unknowns + off[many.reactions(model, middle)[off] > force[off]]
+        under = np.setdiff1d(model.mesh.unknowns + off, over)
+        high[over], low[under] = middle[over], middle[under]
+    return high

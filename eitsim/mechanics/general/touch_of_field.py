@@ -27,14 +27,15 @@ def touch_about(k: int, fine: Corrected, rough: Corrected, law: Law, body: Body)
     force_N = float(fine.forces[k]) * law.mu_0_Pa * unit**2
     area = min(contact.area, np.pi * press.rigid.profile.radius**2)
     means = _means(fine.field, press.axis * unit, body, (press.rigid.profile.radius + _REACH) * unit)
-    curve = fine.field.contact_curves_m[k]
-    reach = float(np.linalg.norm(curve - press.axis * unit, axis=1).max(initial=0.0))
+    ends = np.linalg.norm(fine.field.contact_curves_m[k] - press.axis * unit, axis=1)
+    reach = float(ends.max(initial=0.0))
     average = force_N / (area * unit**2)
     residuals = rough.solved.residuals + fine.solved.residuals
     return Touch(
         radius_m=means.radius_m, u_r_m=means.u_r_m, u_z_m=means.u_z_m, stretch_meridian=means.meridian,
         stretch_hoop=means.hoop, stretch_normal=means.normal,
         pressure_Pa=np.where(means.radius_m <= reach, average, 0.0), contact_radius_m=reach, surface=fine.field,
+        contact_ends_m=ends if len(ends) else None,
         force_N=force_N, depth_m=float(fine.depths[k]) * unit, sigma_max_Pa=contact.largest * law.mu_0_Pa,
         sigma_ave_Pa=average, contact_area_m2=area * unit**2, wall_contact_m2=contact.wall * unit**2, depth_error=0.0,
         signal_errors=np.zeros(len(STRAINS)), fraction_non_elliptic=_non_elliptic(fine.solved),

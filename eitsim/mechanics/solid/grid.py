@@ -44,6 +44,14 @@ class Grid:
     gradient: Array
     weight: Array  # (elements, points) quadrature weight, 2 pi r included unless plane strain
     top: Indices  # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, outwards
+    # (nodes, 2) arc length and height of nodes that stand on a curved cap, column after column; None: as the nodes
+    laid: Array | None = None
+    curvature: float = 0.0  # of that cap's outer surface, positive where convex
+
+    @property
+    def flat_nodes(self) -> Array:
+        """Nodes (nodes, 2) as the mesh was laid out flat."""
+        return self.nodes if self.laid is None else self.laid
 
     @property
     def order(self) -> int:
@@ -51,9 +59,9 @@ class Grid:
 
     @property
     def lines(self) -> tuple[Array, Array]:
-        """Radii of the node columns and heights of the node rows."""
+        """Radii of the node columns and heights of the node rows, as laid out flat."""
         rows = int(self.top[0, 0]) + 1
-        return self.nodes[::rows, 0], self.nodes[:rows, 1]
+        return self.flat_nodes[::rows, 0], self.flat_nodes[:rows, 1]
 
     @property
     def counter_clockwise(self) -> Indices:

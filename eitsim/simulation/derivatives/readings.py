@@ -61,7 +61,7 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
     where the mechanics does not converge.
     """
     material = material_of(scene, card)
-    chosen = choose(scene, material)
+    chosen = choose(scene, material, bodies=False)
     if chosen.why is not None:
         raise ValueError(refusal(chosen.why))
     check_differentiable(scene)
@@ -114,7 +114,7 @@ def check_differentiable(scene: Scene) -> None:
 
 
 def _problem(scene: Scene) -> str:
-    ways, clusters = choose_ways(scene)
+    ways, clusters = choose_ways(scene, bodies=False)
     if scene.body.has_outline and any(way.case.near for way in ways):
         return ("a touch near the edge of an outline, where their meshes do not resolve what the edge changes: of a "
                 "punch 12 mm from one those by place were 4 and 13 % off. Move the punch inwards, or ask for less "

@@ -1,11 +1,12 @@
 """Any touches that physics allows, one or several together, in three dimensions: what no other route serves."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 from typing import ClassVar
 
-from eitsim.mechanics.general.friction_alone import with_friction
+import numpy as np
+
+from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.rim.interaction import edge_gap_m
@@ -19,10 +20,10 @@ _ONE_S = 20.0  # CPU time of a usual touch (benchmarks/results/general_touches.c
 
 
 class General(Route):
-    """On a mesh of the neighbourhood of the touches; what friction changes of each alone is added."""
+    """On a mesh of the neighbourhood of the touches, with electrodes as bodies."""
 
     kind = "general"
-    friction_alone = True
+    spatial = True
     problems: ClassVar[Mapping[str, str]] = {
         Why.TOUCHING: "touches are solved together from a gap of {least_mm:.2g} mm on"}
 
@@ -39,9 +40,10 @@ class General(Route):
 
     def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
         level, coarser = (FINE, COARSE) if case.exact else (COARSE, ROUGH)
-        body, smooth = case.scene.body, [replace(punch, friction="none") for punch in case.punches]
-        solution = solve_general(law, body, smooth, level=level, coarser=coarser)
-        return with_friction(solution.touches, law, body, case.punches)
+        body, places = case.scene.body, np.array([(punch.x_m, punch.y_m) for punch in case.punches])
+        least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
+        bodies = bodies_of(body, case.scene.electrodes, places, least)
+        return solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies).touches
 
     def words(self, of: Values) -> Words:
         how = "a coarser mesh tells the error, which counts in the result's own"

@@ -5,6 +5,7 @@ from eitsim.simulation.routes.all_edges import ALL_EDGES
 from eitsim.simulation.routes.axisymmetric import AXISYMMETRIC
 from eitsim.simulation.routes.general import General
 from eitsim.simulation.routes.nearest_alone import NearestAlone
+from eitsim.simulation.routes.on_surface import ON_SURFACE
 from eitsim.simulation.routes.pair import Pair
 from eitsim.simulation.routes.route import Route
 from eitsim.simulation.routes.whole_disc import WholeDisc
@@ -16,4 +17,5 @@ ROUTES: tuple[Route, ...] = (
     WholeDisc(),
     Pair(),
     General(),
+    ON_SURFACE,
 )

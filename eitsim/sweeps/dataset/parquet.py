@@ -37,6 +37,7 @@ OTHER_PROFILES = "other_profiles"
 # were made earlier have none.
 IDENTITY = "identity"
 _STAMP = b"touchcal"  # Key of a part's Parquet metadata: JSON of IDENTITY and of the hash of its rows.
+# What follows of a touch; sets that were made before one of these was computed lack its column.
 OUTPUTS = ("sigma_max_kPa", "sigma_ave_kPa", "A_c_mm2", "delta_max_mm")
 TOUCH = ("x_mm", "y_mm", "d_mm", "F_N")
 # What differs where a row is solved again: CPU time in all, and of it for touches, for readings and for fields, s.
@@ -86,7 +87,7 @@ class Dataset:
         names = None if self.columns is None else [*dict.fromkeys([*FIXED, *self.columns])]
         found = [read_part(path, names, self.manifest) for path in parts(self.folder)]
         table = pd.concat(found, ignore_index=True).sort_values("scene", ignore_index=True)
-        if missing := [name for name in FIXED if name not in table.columns]:
+        if missing := [name for name in FIXED if name not in (*table.columns, *OUTPUTS)]:
             raise InputFileError(self.folder, f"the column {missing[0]} is missing from its Parquet parts.")
         if table["scene"].duplicated().any():
             twice = int(table.loc[table["scene"].duplicated(), "scene"].iloc[0])

@@ -61,7 +61,7 @@ def _plans(design: Design, cards: Cards, exact: bool) -> Iterator[tuple[Decision
         except ValueError:
             continue
         try:
-            yield make_plan(scene, card_at(cards, card_number(design, index)), exact=exact).decisions
+            yield make_plan(scene, card_at(cards, card_number(design, index)), exact=exact, bodies=exact).decisions
         except ValueError:
             yield ()
 

@@ -53,7 +53,7 @@ def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | N
         raise
     except ValueError as error:
         return keys | {"outcome": "refused", "message": str(error)}
-    result = solve_scene(scene, material, exact=exact, table=table)
+    result = solve_scene(scene, material, exact=exact, bodies=exact, table=table)
     row: dict[str, Any] = keys | {"outcome": result.outcome, "message": result.message} | _values(result)
     if result.readings is not None:
         row[parquet.EXTRAPOLATED] = extrapolated_share(result.touches, scene.skin, material.skin)

@@ -132,10 +132,10 @@ def test_an_exact_run_writes_the_fields(command: Command, folder: Path) -> None:
     assert result["plan"][0]["decision"].startswith("exact")
 
 
-def test_run_refuses_to_write_over_its_scene_or_its_card(folder: Path) -> None:
+def test_run_refuses_to_write_over_its_scene_or_its_card(command: Command, folder: Path) -> None:
     before = {name: (folder / name).read_bytes() for name in ("scene.toml", "card.json")}
     for option, place in (("--frames", "card.json"), ("--out", "scene.toml")):
-        done = process(folder, "run", "scene.toml", option, place)
+        done = command("eitsim", "run", "scene.toml", option, place, cwd=folder)
         assert done.returncode == 2
         assert "would be overwritten" in done.stderr
     assert {name: (folder / name).read_bytes() for name in before} == before

@@ -81,6 +81,17 @@ def test_the_shunt_ends_with_the_contact_and_follows_the_stretched_area():
     assert between[0] == 0 < between[1]
 
 
+def test_a_contact_that_is_not_round_shunts_as_far_as_it_goes_in_each_direction():
+    angle = 2 * np.pi * np.arange(64) / 64
+    ends = 0.004 / np.sqrt(np.cos(angle) ** 2 + 4 * np.sin(angle) ** 2)  # half axes of 4 and 2 mm
+    touch = replace(pressed(), contact_radius_m=0.004, contact_ends_m=ends)
+    x, y = np.meshgrid(*[np.linspace(-0.005, 0.005, 41) + 1e-5] * 2)
+    (found,) = shunts(np.stack([x + PUNCH.x_m, y + PUNCH.y_m], axis=-1), ((PUNCH, touch),))
+    away = np.hypot(x, 2 * y)
+    assert np.all(found[away < 0.0038] > 0)
+    assert np.all(found[away > 0.0042] == 0)
+
+
 @pytest.mark.parametrize("z", [1e-2, 1e-4])
 def test_the_mesh_converges_to_the_closed_form(z):
     """A floating disc on a flat sheet: inside u is a modified Bessel function of rho sqrt(1 / (z S))."""

@@ -161,4 +161,4 @@ def test_discs_are_solved_without_the_mesher_and_outlines_say_what_to_install():
             "read(Scene(Body(Outline('rectangle', width_m=0.12, height_m=0.1))), 6e-4)")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "208"
-    assert "need the package pythoncdt, which is not installed; run pip install '.[outlines]'" in done.stderr
+    assert "need pythoncdt, which is not installed; run pip install '.[outlines]'" in done.stderr

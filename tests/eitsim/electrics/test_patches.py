@@ -15,6 +15,7 @@ from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.forward.untouched import untouched_impedance
 from eitsim.electrics.mesh.graded_mesh import triangulation
 from eitsim.electrics.mesh.ring_mesh import template
+from eitsim.electrics.outline.patched_disc import patched_disc_mesh
 from eitsim.scene.electrodes import Electrodes, contact_impedances
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Punch, Skin
@@ -124,8 +125,24 @@ def test_readings_of_a_touch_meet_the_wanted_error():
     assert true < 0.003
 
 
-def test_a_contact_on_the_patches_is_refused():
-    with pytest.raises(ValueError, match=r"2\.0 mm into the ring that the patch electrodes lie on"):
-        solve(Body(), SKIN, EVEN, Drive(), ((Punch(0.085), pressed()),), LAW)
+def test_the_mesh_that_patches_cut_agrees_with_that_of_rings():
+    """Of a touch outside the patches, which both follow."""
+    sheets = [change(made(Body(), EVEN, TOUCHES[:1]), EVEN, TOUCHES[:1])
+              for made in (patched_disc_mesh, lambda *at: template(*at[:2], *TOUCHES[0], 4))]
+    assert relative(*sheets) < 2e-3
+
+
+def test_a_contact_on_a_patch_reads_alike_on_the_next_one():
+    """Within the estimates, though the polygon that stands for the rim has other corners there."""
+    step, changes = 2 * np.pi / EVEN.count, []
+    for k in (0, 1):
+        touches = ((Punch(0.085 * np.cos(k * step), 0.085 * np.sin(k * step)), pressed()),)
+        got = solve(Body(), SKIN, EVEN, Drive(), touches, LAW, signal=0.02)
+        assert got.signal_error < 0.02
+        changes.append(got.impedance_Ohm - untouched_impedance(Body(), EVEN, 6e-4))
+    assert relative(np.roll(changes[0], (1, 1), axis=(0, 1)), changes[1]) < 2 * got.signal_error
+
+
+def test_rings_serve_lines_alone():
     with pytest.raises(ValueError, match="with others"):
         solve(Body(), SKIN, EVEN, Drive(), TOUCHES[:1], LAW, method="multipole")

@@ -164,7 +164,7 @@ def test_where_ellipticity_is_lost_is_told(coarse):
     assert non_elliptic_place(coarse, np.zeros_like(x)) is None
 
 
-@pytest.mark.parametrize(("diameter_mm", "force_N"), [(10, 2.0), (14, 1.0), (14, 0.1)])
+@pytest.mark.parametrize(("diameter_mm", "force_N"), [(10, 2.0), (14, 0.1)])
 def test_error_estimates_cover_largest_pressure_area_and_surface_strain(diameter_mm, force_N):
     punch = Punch(diameter_m=diameter_mm * 1e-3, force_N=force_N)
     coarse, fine = (solve_touch(TABLE_1, Body(), punch, element_m=h) for h in (0.06e-3, 0.03e-3))

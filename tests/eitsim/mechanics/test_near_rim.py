@@ -303,15 +303,21 @@ def test_a_touch_near_the_rim_tells_its_error_and_ends_smoothly():
     assert np.abs(got.rim.normal[-1] - 1).max() < 1e-3
 
 
+@pytest.fixture(scope="module")
+def on_coarse_meshes():
+    """A touch far from the rim, its punch at the rim, and the touch there on two meshes."""
+    touch, punch = solve_touch(FOAM, BODY, Punch(force_N=0.1)), at_gap(0.001)
+    return touch, punch, with_signal_errors(on_two_meshes(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE))
+
+
 @pytest.mark.parametrize("because", ["it takes many iterations", "the finer one is not found"])
-def test_a_hard_touch_takes_the_coarse_mesh_and_its_error_from_a_rough_one(because, monkeypatch):
+def test_a_hard_touch_takes_the_coarse_mesh_and_its_error_from_a_rough_one(because, on_coarse_meshes, monkeypatch):
     def lost(law, body, punch, outline, fineness, before=None):
         if fineness is FINE:
             raise NotConverged("lost", estimate=np.zeros(1))
         return found(law, body, punch, outline, fineness, before)
 
-    found, touch, punch = near_rim_solver._found, solve_touch(FOAM, BODY, Punch(force_N=0.1)), at_gap(0.001)
-    same = with_signal_errors(on_two_meshes(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE))
+    found, (touch, punch, same) = near_rim_solver._found, on_coarse_meshes
     if because.startswith("it"):
         monkeypatch.setattr(near_rim_solver, "_HARD", 0)
     else:

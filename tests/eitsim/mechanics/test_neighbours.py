@@ -92,7 +92,7 @@ def test_the_plan_tells_what_being_alone_costs():
     assert not plan.refusal
     closer = [{"x_mm": 0}, {"x_mm": 30}]
     sticking = [punch | {"friction": "stick"} for punch in closer]
-    assert {"general", "friction_alone"} <= {d.kind for d in make_plan(scene_from({"punch": sticking}), CARD).decisions}
+    assert {"general", "friction"} <= {d.kind for d in make_plan(scene_from({"punch": sticking}), CARD).decisions}
     assert not make_plan(scene_from({"punch": closer, "accuracy": {"signal": 0.15}}), CARD).refusal
 
 

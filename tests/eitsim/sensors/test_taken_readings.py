@@ -45,9 +45,12 @@ def test_images_of_frames_with_zeros_or_gaps_are_those_without_these_readings(tm
 
 
 def test_a_calibration_does_not_call_them_dead() -> None:
-    sensor = sensor_from({"drive": drive_of_pairs(ALL, 16)}, Path())
-    frame = np.where(DRIVEN, 0.0, frames(ALL)[0])
-    frame[7] = 0.0
-    assert not DRIVEN[7]
-    found = calibrate(sensor, Recording(frame[None], np.arange(1), None, np.array([""]), "voltage", Path("a.csv")))
-    assert found.dead == (7,)
+    pairs = Convention(8, 8, 3, "pair", 1, "all", False, 0, 1).pairs()
+    tables = {"electrodes": {"count": 8}, "drive": drive_of_pairs(pairs, 8)}
+    driven = (pairs[:, :2, None] == pairs[:, None, 2:]).any(axis=(1, 2))
+    frame = np.where(driven, 0.0, untouched_readings(scene_from(tables), 1e-3).ravel())
+    lost = int(np.argmin(driven))
+    frame[lost] = 0.0
+    found = calibrate(sensor_from(tables, Path()), Recording(frame[None], np.arange(1), None, np.array([""]), "voltage",
+                                                             Path("a.csv")))
+    assert found.dead == (lost,)

@@ -141,7 +141,7 @@ def test_solvers_obey_what_was_chosen(called: list[str]) -> None:
     kinds: set[str] = set()
     for seed in range(200):
         scene, exact = drawn(seed)
-        chosen = choose(scene, material_of(scene, CARD), exact=exact)
+        chosen = choose(scene, material_of(scene, CARD), exact=exact, bodies=seed % 2 == 0)
         named, pairs = planned(plan_of(chosen))
         called.clear()
         _ = chosen.held() if scene.hold.time_s else chosen.touches()
@@ -157,7 +157,7 @@ def test_solvers_obey_what_was_chosen(called: list[str]) -> None:
 
 def test_a_change_from_a_table_is_said_to_be_one(touch: Touch) -> None:
     scene = Scene(punches=(Punch(x_m=0.085, force_N=0.3),), accuracy=Accuracy(0.05))
-    chosen = choose(scene, material_of(scene, CARD))
+    chosen = choose(scene, material_of(scene, CARD), bodies=False)
     none = np.zeros((1, 2))
     rim = RimField(np.ones(1), np.array([0.0, 1.0]), none[..., None], none[..., None], none, 0.1, 0.085)
     stored = replace(chosen, ways=(replace(chosen.ways[0], touch=replace(touch, rim=rim)),))
@@ -172,11 +172,23 @@ def test_the_cheapest_route_that_meets_the_error_is_taken() -> None:
     middle, edge, corner = ((0.0, 0.0), (0.066, 0.0), (0.066, 0.046))
     for place, kind in ((middle, "axisymmetric"), (edge, "nearest_edge"), (corner, "all_edges")):
         scene = Scene(body=body, punches=(Punch(*place, diameter_m=0.01),), accuracy=Accuracy(0.05))
-        ((way,), _) = choose_ways(scene)
+        ((way,), _) = choose_ways(scene, bodies=False)
         assert way.route.kind == kind
         costs = {route: route.serves(way.case) for route in ROUTES if not route.for_exact}
         assert all(route.leaves_out(way.case) > way.case.allowed for route, cost in costs.items()
                    if isinstance(cost, float) and cost < way.cost_s)
+
+
+def test_electrodes_are_bodies_where_leaving_that_out_costs_more_than_allowed() -> None:
+    """In front of one, not between two far from each other, nor where they are soft or sweeps leave it out."""
+    def kind(x_mm: float, y_mm: float, *, bodies: bool = True, **electrodes: object) -> str:
+        scene = scene_from({"body": {"radius_mm": 120}, "electrodes": {"count": 8} | electrodes,
+                            "punch": {"x_mm": x_mm, "y_mm": y_mm}, "accuracy": {"signal": 0.05}})
+        return choose_ways(scene, bodies=bodies)[0][0].route.kind
+
+    assert kind(106, 0) == "general"
+    assert {kind(106, 0, bodies=False), kind(106, 0, soft=True)} == {"nearest_edge"}
+    assert kind(102 * np.cos(np.pi / 8), 102 * np.sin(np.pi / 8)) == "nearest_edge"
 
 
 def test_every_kind_has_its_words() -> None:

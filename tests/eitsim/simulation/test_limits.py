@@ -14,10 +14,12 @@ from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import Body, Punch, scene_from
 from eitsim.sheet.sheet_conductance import FoldedSkin
 from eitsim.simulation import simulate
+from eitsim.simulation.choose import Chosen
 from eitsim.simulation.plan import make_plan
+from eitsim.simulation.simulate import solve_scene
 from eitsim.simulation.validity import check_positive, positive_from
 from matcal.card import MaterialCard
-from matcal.laws.conductivity import Conductivity, conductivity
+from matcal.laws.conductivity import Conductivity, NotPositive, conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.terminal import check_out
 
@@ -65,8 +67,29 @@ def test_the_plan_tells_the_strain_at_which_the_skins_cubic_ends() -> None:
 def test_a_touch_that_strains_the_skin_beyond_its_cubic_is_said_to_be_known_from_its_mechanics() -> None:
     touch = solve_touch(FOAM, Body(), Punch(), element_m=4 * default_element_m(Body(), Punch()))
     check_positive(SKIN, "normal", [touch])
-    with pytest.raises(ValueError, match=r"which its solved mechanics alone tells.* is not positive"):
+    with pytest.raises(NotPositive, match="is not positive"):
         check_positive(replace(SKIN, a=np.array([-2.0, 2.0, 20.0])), "normal", [touch])
+
+
+class Torn:
+    """A field of the whole skin that is flattened next to the touch, where the touch's own samples do not show it."""
+
+    def metric(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        there = np.abs(points_m[..., 0] - 0.01) < 0.003
+        return np.where(there[..., None, None], 4.0, 1.0) * np.eye(2), np.where(there, 0.3, 1.0)
+
+    def displacement(self, points_m: np.ndarray) -> np.ndarray:
+        return np.zeros((*points_m.shape[:-1], 3))
+
+
+def test_a_field_that_strains_the_skin_beyond_its_cubic_ends_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not in a traceback, wherever on the skin that is."""
+    touch = solve_touch(FOAM, Body(), Punch(), element_m=4 * default_element_m(Body(), Punch()))
+    monkeypatch.setattr(Chosen, "touches", lambda _: (replace(touch, surface=Torn()),))
+    card = replace(CARD, conductivity=replace(SKIN, a=np.array([0.0, 0.0, 4.0])))  # positive down to a strain of -0.63
+    result = solve_scene(scene_from({"skin": {"strain": "normal"}}), card)
+    assert result.outcome == "refused"
+    assert "which its solved mechanics alone tells" in result.message
 
 
 def test_places_that_cannot_be_written_are_noticed_before_any_work(tmp_path: Path) -> None:

@@ -15,8 +15,6 @@ from __future__ import annotations
 import cmath
 import json
 import re
-import subprocess
-import sys
 import xml.etree.ElementTree as xml
 from collections.abc import Callable
 from dataclasses import replace
@@ -364,12 +362,10 @@ def test_a_number_that_cannot_fit_is_refused() -> None:
         number(0.123456789012345, 6)
 
 
-def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "matcal", "export", *map(str, arguments)], capture_output=True,
-                          text=True, timeout=120)
+def test_command_line(tmp_path, command) -> None:
+    def run(*arguments):
+        return command("matcal", "export", *arguments)
 
-
-def test_command_line(tmp_path) -> None:
     card = tmp_path / "card.json"
     card.write_text(json.dumps(as_json(CARD)))
     printed = run(card, "--to", "calculix", "--moduli", "longterm")

@@ -58,5 +58,5 @@ def test_benchmarks_that_ask_for_files_are_given_them_or_run_apart(monkeypatch: 
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     whole = importlib.import_module("whole")
     asking = {path.stem for path in BENCHMARKS.glob("*.py") if "len(sys.argv)" in path.read_text(encoding="utf-8")}
-    assert {"limits", "two_touches"} <= asking
+    assert {"inversion_limit", "two_touches"} <= asking
     assert not asking - set(whole.GIVEN) - set(whole.APART)

@@ -336,17 +336,6 @@ def test_a_sweep_with_a_missing_electrode_is_refused_for_that_and_not_for_its_em
     assert "Sweep that part again" not in " ".join(err.split())
 
 
-def test_help_needs_no_torch() -> None:
-    import subprocess
-    import sys
-
-    code = (
-        "import sys, surrogate.cli.main, surrogate.model.train, surrogate.learners.ridge; print('torch' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
-
-
 @pytest.mark.slow
 def test_measured_rows_are_told_apart_as_the_clean_ones_that_they_were(call: Call, forward: Path, few: Path,
                                                                        tmp_path: Path) -> None:

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import surrogate
+from eitsim.sweeps.dataset import parquet
 from surrogate.data import outputs
 from surrogate.data.outputs import Role
+from surrogate.data.samples import SweepSamples, read_samples
 
 
 def test_every_quantity_has_a_unit_and_the_touch_comes_first() -> None:
@@ -12,3 +20,16 @@ def test_every_quantity_has_a_unit_and_the_touch_comes_first() -> None:
     assert roles == sorted(roles)
     assert (*outputs.TOUCHES, *outputs.RESPONSES) == outputs.NAMES
     assert outputs.PLACES == outputs.TOUCHES[:2] == ("x0", "y0")
+
+
+def test_a_set_from_before_a_quantity_was_computed_is_read_without_it(sweep: Path, samples: SweepSamples,
+                                                                      tmp_path: Path) -> None:
+    for path in parquet.parts(sweep):
+        parquet.write_table(tmp_path / path.name, parquet.decoded(path).drop(columns="delta_max_mm"))
+    parquet.write_manifest(tmp_path, parquet.read_manifest(sweep))
+    older = read_samples(tmp_path)
+    assert older.names == outputs.NAMES[:-1]
+    np.testing.assert_array_equal(older.target, samples.target[:, :-1])
+    assert surrogate.train(older, "ridge").names == older.names
+    with pytest.raises(ValueError, match=r"nothing of the output 'delta_max'; they have x0, .* sweep again"):
+        surrogate.train(older, "ridge", "x0,delta_max")

@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.contact import punch_contact as contact
+from eitsim.mechanics.contact import stick_springs
 from eitsim.mechanics.contact.punch_contact import ContactState, RigidPunch, spatial_contact
+from eitsim.mechanics.contact.stick_springs import StickSprings
 from eitsim.mechanics.general.layer import solid_assembly
+from eitsim.mechanics.general.layer.grips import Grip, springs_on
 from eitsim.mechanics.general.meshing.wedge import Facets
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh
 from eitsim.numerics.linear_solvers import Solve, bordered
@@ -29,15 +32,47 @@ TOLERANCE = 1e-6
 _AROUND = np.arange(8) * np.pi / 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a punch stands in space."""
+
+    origin: Array  # (3,) its lowest point at depth 0
+    axes: Array  # (3, 3) its axes in rows, the last one away from the layer
+    first: float = 0.0  # depth at which it begins to touch
+
+
+@dataclass(frozen=True, eq=False)
 class Press:
-    """One punch, upright, and what is given of it."""
+    """One punch and what is given of it."""
 
     rigid: RigidPunch
-    axis: Array  # (2,)
+    axis: Array  # (2,) coordinates of the place under it
     force: float | None  # None where the depth is kept
     # the force, or about the one that the depth takes, by which residuals are measured
     scale: float
+    grip: Grip | None = None  # what holds the layer where the punch sticks or rubs
+    pose: Pose | None = None  # None: upright on a flat layer
+
+    def seen(self, points: Array, depth: float) -> Array:
+        """Points (..., 3) of the layer from the punch's lowest point at a depth, along its axes."""
+        if self.pose is None:
+            return points - np.append(self.axis, -depth)
+        return (points - self.pose.origin) @ self.pose.axes.T + np.array([0.0, 0.0, depth])
+
+    def past(self, moved: Array, depth: float) -> Array:
+        """Displacements (..., 3) of the layer along the punch's axes, as seen from it."""
+        return (moved if self.pose is None else moved @ self.pose.axes.T) + np.array([0.0, 0.0, depth])
+
+    def load(self, on: Array, back: float) -> tuple[Array, float]:
+        """A load (f, k, 3) along the punch's axes, and by the depth, in space."""
+        return (on if self.pose is None else on @ self.pose.axes), back
+
+    def stiffness(self, blocks: Array, edge: Array, corner: float) -> tuple[Array, Array, float]:
+        """A stiffness (f, k, 3, k, 3) along the punch's axes, its border and corner by the depth, in space."""
+        if self.pose is None:
+            return blocks, edge, corner
+        turn = self.pose.axes
+        return np.einsum("faibj,ik,jl->fakbl", blocks, turn, turn, optimize=True), edge @ turn, corner
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +88,7 @@ class LayerProblem:
         """The facets that each punch may touch, with its number: those nearer to it than to any other."""
         found = []
         for faces in (self.mesh.around, self.mesh.flat):
-            middle = self.mesh.nodes[faces.nodes].mean(axis=1)[:, :2]
+            middle = self.mesh.coordinates[faces.nodes].mean(axis=1)[:, :2]
             away = np.array([np.linalg.norm(middle - p.axis, axis=1) - p.rigid.profile.radius for p in self.presses])
             owner = np.where(away.min(axis=0) < _REACH, away.argmin(axis=0), -1)
             found += [(k, part_of(faces, np.flatnonzero(owner == k))) for k in range(len(self.presses))
@@ -61,9 +96,15 @@ class LayerProblem:
         return tuple(found)
 
     @cached_property
+    def springs(self) -> tuple[StickSprings | None, ...]:
+        """What holds each of these bearings."""
+        return tuple(None if (grip := self.presses[k].grip) is None else
+                     springs_on(grip, faces, self.mesh.coordinates, self.presses[k].axis) for k, faces in self.bearings)
+
+    @cached_property
     def tree(self) -> Tree:
         """The order of elimination, by cuts through the punches' axes, along and about them."""
-        middle = self.mesh.nodes[self.mesh.elements].mean(axis=1)
+        middle = self.mesh.coordinates[self.mesh.elements].mean(axis=1)
         away = np.min([np.linalg.norm(middle[:, :2] - p.axis, axis=1) for p in self.presses], axis=0)
         level = np.array([[np.cos(a), np.sin(a), 0.0, 0.0] for a in _AROUND])
         steep = np.array([[0, 0, 1.0, 0], [0, 0, 0, 1.0], [0, 0, 1, 1], [0, 0, 1, -1]])
@@ -86,8 +127,16 @@ def contacts(model: LayerProblem, moved: Array, depths: Array) -> Iterator[tuple
     where = model.mesh.nodes + moved
     for k, faces in model.bearings:
         press = model.presses[k]
-        seen = faces.shape @ where[faces.nodes] - np.append(press.axis, -depths[k])
+        seen = press.seen(faces.shape @ where[faces.nodes], depths[k])
         yield k, faces, spatial_contact(press.rigid, seen)
+
+
+def held(model: LayerProblem, moved: Array, depths: Array) -> Iterator[tuple[int, Facets, StickSprings, Array]]:
+    """Of each bearing that is held its punch, facets, springs, and displacement (points, 3, 1) as seen from it."""
+    for (k, faces), springs in zip(model.bearings, model.springs, strict=True):
+        if springs is not None:
+            past = model.presses[k].past(faces.shape @ moved[faces.nodes], depths[k])
+            yield k, faces, springs, past.reshape(-1, 3, 1)
 
 
 def split(model: LayerProblem, x: Array) -> tuple[Array, Array]:
@@ -103,6 +152,8 @@ def energy(model: LayerProblem, x: Array) -> float:
         return np.inf
     for k, faces, at in contacts(model, moved, depths):
         stored += contact.energy(model.presses[k].rigid, faces, at)
+    for _, faces, springs, seen in held(model, moved, depths):
+        stored += float(faces.weight.ravel() @ stick_springs.potential(springs, seen)[:, 0])
     return stored - sum(p.force * depth for p, depth in zip(model.presses, depths.tolist(), strict=True)
                         if p.force is not None)
 
@@ -113,10 +164,7 @@ def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0)
     push, matrices = solid_assembly.forces_and_matrices(model.law, model.mesh, moved, negative_curvature_scale)
     count = len(model.presses)
     reaction, corner, border = np.zeros(count), np.zeros(count), np.zeros((count, *push.shape))
-    for k, faces, at in contacts(model, moved, depths):
-        rigid = model.presses[k].rigid
-        on, back = contact.forces(rigid, faces, at)
-        blocks, edge, stiff = contact.stiffness(rigid, faces, at, negative_curvature_scale)
+    for k, faces, (on, back), (blocks, edge, stiff) in _loads(model, moved, depths, negative_curvature_scale):
         reaction[k], corner[k] = reaction[k] + back, corner[k] + stiff
         np.add.at(push, faces.nodes, on)
         np.add.at(border[k], faces.nodes, edge)
@@ -124,18 +172,37 @@ def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0)
         size = place.shape[1]
         np.add.at(matrices, (faces.element[:, None, None], place[:, :, None], place[:, None]),
                   blocks.reshape(-1, size, size))
-    held = np.array([p.force is None for p in model.presses])
+    kept = np.array([p.force is None for p in model.presses])
     force = np.array([p.force or 0.0 for p in model.presses])
     free = model.mesh.unknown >= 0
 
     def factorised() -> Solve:
         solve = factorise(model.tree, matrices)
         for k in range(count):
-            edge = np.append(border[k][free] * (not held[k]), np.zeros(k))
-            solve = bordered(solve, edge, 1.0 if held[k] else corner[k])
+            edge = np.append(border[k][free] * (not kept[k]), np.zeros(k))
+            solve = bordered(solve, edge, 1.0 if kept[k] else corner[k])
         return solve
 
-    return np.append(push[free], np.where(held, 0.0, reaction - force)), factorised
+    return np.append(push[free], np.where(kept, 0.0, reaction - force)), factorised
+
+
+def _loads(model: LayerProblem, moved: Array, depths: Array, negative_curvature_scale: float
+           ) -> Iterator[tuple[int, Facets, tuple[Array, float], tuple[Array, Array, float]]]:
+    """Number of the punch, facets, and first and second derivatives of the energy of what acts on them."""
+    for k, faces, at in contacts(model, moved, depths):
+        press = model.presses[k]
+        yield (k, faces, press.load(*contact.forces(press.rigid, faces, at)),
+               press.stiffness(*contact.stiffness(press.rigid, faces, at, negative_curvature_scale)))
+    for k, faces, springs, seen in held(model, moved, depths):
+        press, tangent = model.presses[k], stick_springs.tangent(springs, seen).reshape(*faces.weight.shape, 3, 3)
+        yield (k, faces, press.load(*_pull(faces, springs, seen)),
+               press.stiffness(*contact.assemble_stiffness(faces, tangent)))
+
+
+def _pull(faces: Facets, springs: StickSprings, seen: Array, *, elastic: bool = False) -> tuple[Array, float]:
+    """Derivatives of the springs' energy by the facets' nodes and the depth; elastic: without those that slip."""
+    pull = stick_springs.pull(springs, seen, elastic=elastic)
+    return contact.assemble_load(faces, pull.reshape(*faces.weight.shape, 3))
 
 
 def solve(model: LayerProblem, start: Array, tolerance: float = TOLERANCE) -> Minimum:
@@ -147,8 +214,8 @@ def solve(model: LayerProblem, start: Array, tolerance: float = TOLERANCE) -> Mi
 def reactions(model: LayerProblem, x: Array) -> Array:
     """Forces (punches,) of the layer on the punches."""
     out = np.zeros(len(model.presses))
-    for k, faces, at in contacts(model, *split(model, x)):
-        out[k] += contact.forces(model.presses[k].rigid, faces, at)[1]
+    for k, _, (_, back), _ in _loads(model, *split(model, x), 1.0):
+        out[k] += back
     return out
 
 
@@ -158,8 +225,12 @@ def corrected_depths(model: LayerProblem, minimum: Minimum) -> Array:
     moved, depths = split(model, minimum.x)
     slope = np.zeros((len(model.mesh.nodes), 3))
     by_depth = np.zeros(len(depths))
-    for k, faces, at in contacts(model, moved, depths):
-        push, back = contact.complementary_forces(model.presses[k].rigid, faces, at)
+    loads = [(k, faces, contact.complementary_forces(model.presses[k].rigid, faces, at))
+             for k, faces, at in contacts(model, moved, depths)]
+    loads += [(k, faces, _pull(faces, springs, seen, elastic=True))
+              for k, faces, springs, seen in held(model, moved, depths)]
+    for k, faces, load in loads:
+        push, back = model.presses[k].load(*load)
         np.add.at(slope, faces.nodes, push)
         by_depth[k] += back
     out, whole = depths.copy(), np.append(slope[model.mesh.unknown >= 0], by_depth)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eitsim.mechanics.general.meshing.surface_places import Places, places
 from eitsim.mechanics.general.meshing.wedge import shapes
@@ -14,7 +15,8 @@ _TOGETHER = 20_000  # Places that are looked at together.
 
 @dataclass(frozen=True, eq=False)
 class LayerField:
-    """How the surface is deformed at places (n, 2), m, of the untouched skin; as it was where the mesh ends."""
+    """How the surface is deformed at places (n, 2), m, of the untouched skin, by coordinates as it was laid out; as it
+    was where the mesh ends. Vectors are along two tangents and the normal there."""
 
     mesh: WedgeMesh
     moved: Array  # (nodes, 3) displacements, thicknesses
@@ -37,7 +39,8 @@ class LayerField:
             jacobian = np.einsum("nai,nad->nid", self.mesh.nodes[nodes], slope)
             by_reference = np.einsum("nai,nad->nid", self.moved[nodes], slope)
             out = np.tile(np.eye(3), (len(inside), 1, 1))
-            out[inside] += by_reference @ np.linalg.inv(jacobian)
+            turn = self._turn(found, inside)
+            out[inside] += np.swapaxes(turn, 1, 2) @ by_reference @ np.linalg.inv(jacobian) @ turn
             return out
 
         return self._by_parts(points_m, at, (3, 3))
@@ -48,10 +51,14 @@ class LayerField:
             inside = found.element >= 0
             value, _ = shapes(found.reference[inside])
             out = np.zeros((len(inside), 3))
-            out[inside] = np.einsum("na,nai->ni", value, self.moved[self.mesh.elements[found.element[inside]]])
+            moved = np.einsum("na,nai->ni", value, self.moved[self.mesh.elements[found.element[inside]]])
+            out[inside] = np.einsum("nij,ni->nj", self._turn(found, inside), moved)
             return out * self.thickness_m
 
         return self._by_parts(points_m, at, (3,))
+
+    def _turn(self, found: Places, inside: NDArray[np.bool_]) -> Array:
+        return self.mesh.layout.turn(found.points[inside])
 
     def _by_parts(self, points_m: Array, at, shape: tuple[int, ...]) -> Array:
         points = np.reshape(points_m, (-1, 2)) / self.thickness_m
@@ -60,7 +67,8 @@ class LayerField:
 
 
 def metric_of(f: Array) -> tuple[Array, Array]:
-    """In-plane metric (..., 2, 2) and stretch (...) normal to the surface z = 0 of gradients F (..., 3, 3)."""
+    """In-plane metric (..., 2, 2) and stretch (...) normal to the surface of gradients F (..., 3, 3) along two
+    tangents and the normal."""
     along = f[..., :2]
     metric = np.swapaxes(along, -1, -2) @ along
     areal = np.sqrt(metric[..., 0, 0] * metric[..., 1, 1] - metric[..., 0, 1] ** 2)

@@ -1,13 +1,12 @@
 """What a solved layer shows at its surface: contact pressures and areas, curves where contact ends, mean stretches."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from eitsim.mechanics.contact import punch_contact as contact
-from eitsim.mechanics.contact.punch_contact import spatial_contact
+from eitsim.mechanics.contact.punch_contact import spatial_contact, spatial_penetration
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press, contacts, split
 from eitsim.mechanics.general.layer.layer_field import LayerField
 from eitsim.mechanics.general.meshing.wedge import Facets, facet_shapes
@@ -39,10 +38,11 @@ def contact_integrals(model: LayerProblem, x: Array, field: LayerField) -> tuple
     for k, faces, at in contacts(model, moved, depths):
         push = np.sum(faces.weight * contact.pressure(model.presses[k].rigid, at.penetration), axis=1)
         position, size = _finely(faces, where)
-        at = spatial_contact(model.presses[k].rigid, position - np.append(model.presses[k].axis, -depths[k]))
+        at = spatial_contact(model.presses[k].rigid, model.presses[k].seen(position, depths[k]))
         largest[k] = max(largest[k], float((push / size.sum(axis=1)).max(initial=0.0)))
         wall[k] += float(np.sum(size[(at.penetration > 0) & at.wall]))
-    curves = [curve + field.displacement(curve)[:, :2] for curve in field.contact_curves_m]
+    curves = [press.seen(_moved(field, curve) / field.thickness_m, 0.0)[:, :2] * field.thickness_m
+              for press, curve in zip(model.presses, field.contact_curves_m, strict=True)]
     areas = [float(signed_area(curve)) / field.thickness_m**2 * _ROUND if len(curve) else 0.0 for curve in curves]
     return tuple(PunchContact(*values) for values in zip(largest.tolist(), areas, wall.tolist(), strict=True))
 
@@ -75,9 +75,8 @@ def _curve(press: Press, depth: float, field: LayerField, way: Array, sector: in
     directions, a sector of the mesh, counts, since its arcs are not quite those of a circle."""
     radius = (press.rigid.profile.radius + _REACH) * np.arange(1, _RADII + 1) / _RADII
     points = press.axis + radius[:, None] * way[:, None]
-    seen = np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2) - np.append(press.axis, -depth)
-    seen = seen + field.displacement(points * field.thickness_m) / field.thickness_m
-    inside = press.rigid.profile.signed_distance(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2]).penetration
+    seen = press.seen(_moved(field, points * field.thickness_m) / field.thickness_m, depth)
+    inside = spatial_penetration(press.rigid, seen)
     inside = maximum_filter1d(inside, sector + 1, axis=0, mode="wrap")
     if not (inside > 0).any(axis=1).all():
         return np.empty((0, 2))
@@ -89,11 +88,18 @@ def _curve(press: Press, depth: float, field: LayerField, way: Array, sector: in
     return (press.axis + end[:, None] * way) * field.thickness_m
 
 
-def surface_points(field: LayerField) -> Iterator[tuple[Array, Array]]:
+def _moved(field: LayerField, points_m: Array) -> Array:
+    """Where places (..., 2) are in space (..., 3), m, deformed."""
+    layout, points = field.mesh.layout, points_m / field.thickness_m
+    turned = (layout.turn(points) @ field.displacement(points_m)[..., None])[..., 0]
+    return layout.place(points)[0] * field.thickness_m + turned
+
+
+def surface_points(field: LayerField) -> tuple[Array, Array]:
     """Places (n, 2), m, all over the meshed surface, and the reference areas (n,), m^2, that they stand for."""
-    for faces in (field.mesh.around, field.mesh.flat):
-        points = (faces.shape @ field.mesh.nodes[faces.nodes][..., :2]).reshape(-1, 2)
-        yield points * field.thickness_m, faces.weight.ravel() * field.thickness_m**2
+    faces, unit = (field.mesh.around, field.mesh.flat), field.thickness_m
+    points = [(each.shape @ field.mesh.coordinates[each.nodes][..., :2]).reshape(-1, 2) for each in faces]
+    return np.concatenate(points) * unit, np.concatenate([each.weight.ravel() for each in faces]) * unit**2
 
 
 def strains_at(field: SurfaceField, points_m: Array) -> Array:

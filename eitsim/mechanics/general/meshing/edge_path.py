@@ -14,18 +14,21 @@ from touchcal.arrays import Array
 
 # Turn of the edge from which a corner is one, rad, and the largest turn within a piece.
 _CORNER, _TURN = np.deg2rad(25.0), np.deg2rad(45.0)
+_SAME = 1e-6  # Ends closer than this are one.
+_NONE = np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
 class EdgePath:
-    """A closed polygon by its length."""
+    """A polygon by its length, closed or from one end to another."""
 
-    corners: Array  # (n + 1, 2) corners, the first one again at the end
+    corners: Array  # (n + 1, 2) corners, of a closed one the first again at the end
     arc: Array  # (n + 1,) length up to each
+    closed: bool = True
 
     def at(self, arc: Array) -> Array:
         """Points (..., 2) at arc lengths (...)."""
-        along = np.mod(arc, self.arc[-1])
+        along = np.mod(arc, self.arc[-1]) if self.closed else arc
         return np.stack([np.interp(along, self.arc, x) for x in self.corners.T], axis=-1)
 
 
@@ -35,15 +38,21 @@ def edge_path(loop: Array) -> EdgePath:
     return EdgePath(corners, np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))))
 
 
-def pieces(path: EdgePath, size: Size) -> Array:
-    """Arc lengths (m + 1,) of the ends of the pieces, the first one again at the end plus the whole length: corners,
-    and between them pieces no longer than the size at their places, that turn by _TURN at most."""
+def open_path(corners: Array) -> EdgePath:
+    """The path along corners (n, 2), from the first to the last."""
+    return EdgePath(corners, np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))), closed=False)
+
+
+def pieces(path: EdgePath, size: Size, ends: Array = _NONE) -> Array:
+    """Arc lengths (m + 1,) of the ends of the pieces, the first one again at the end plus the whole length: corners
+    and given ends (n,), and between them pieces no longer than the size at their places, that turn by _TURN at most."""
     side = np.diff(path.corners, axis=0)
     before = np.roll(side, 1, axis=0)
     turn = np.abs(np.arctan2(cross(before, side), np.sum(before * side, axis=1)))
-    sharp = np.flatnonzero(turn > _CORNER)
-    start = sharp if len(sharp) else np.array([0])
-    stops = np.append(path.arc[start], path.arc[start[0]] + path.arc[-1])
+    sharp = np.flatnonzero(turn > _CORNER) if path.closed else np.union1d(0, np.flatnonzero(turn > _CORNER))
+    start = np.unique(np.append(path.arc[sharp], np.mod(ends, path.arc[-1])))
+    start = start[np.append(True, np.diff(start) > _SAME)] if len(start) else path.arc[:1]
+    stops = np.append(start, start[0] + path.arc[-1])
     out = [stops[:1]]
     for a, b in itertools.pairwise(stops):
         s = np.linspace(a, b, max(65, 4 * int(np.ceil((b - a) / size(path.at(np.linspace(a, b, 65))).min()))))
@@ -51,7 +60,7 @@ def pieces(path: EdgePath, size: Size) -> Array:
         steps = np.diff(s) / size(path.at(middle))
         steps += np.diff(_turned(path, turn, s, np.isin(np.arange(len(turn)), sharp))) / _TURN
         way = np.append(0.0, np.cumsum(steps))
-        count = max(int(np.ceil(way[-1] - 1e-9)), 1 if len(sharp) > 1 else 3)
+        count = max(int(np.ceil(way[-1] - 1e-9)), 1 if len(start) > 1 else 3)
         out.append(np.append(np.interp(np.linspace(0, way[-1], count + 1)[1:-1], way, s), b))
     return np.concatenate(out)
 

@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, KDTree
 
-from eitsim.mechanics.general.meshing.wedge import EDGES
 from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
 Size = Callable[[Array], Array]
+
+# Corners of a quadratic triangle's edges, whose middles follow its corners in this order.
+EDGES = ((0, 1), (1, 2), (0, 2))
 
 # Least distance of other points from given ones, in sizes, and how often they are moved to their neighbours' mean.
 _CLOSEST, _SMOOTHINGS = 0.6, 4

@@ -4,10 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
+from eitsim.mechanics.general.meshing.layer_layout import FLAT, Cap, Layout
 from eitsim.mechanics.general.meshing.section import Grading, Zone, heights, section
 from eitsim.mechanics.general.meshing.skin_plan import circles_about, plan
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh, wedge_mesh
-from eitsim.scene.polygons import circle
+from eitsim.scene.polygons import circle, distance_to
 from eitsim.scene.scene import Body
 from touchcal.arrays import Array
 
@@ -52,9 +54,10 @@ def gaps(body: Body, centres: Array, radii: Array) -> Array:
 
 
 def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tuple[float, ...], level: Level, *,
-               bonded: bool = False) -> WedgeMesh:
-    """The mesh of a body about punches at centres (n, 2), thicknesses; sides free or bonded. ValueError where a punch
-    overhangs an edge or another punch or is nearer than LEAST_GAP."""
+               bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> WedgeMesh:
+    """The mesh of a body about punches at centres (n, 2), thicknesses, laid into space, with what is bonded to it;
+    sides elsewhere free or, bonded, fixed. ValueError where a punch overhangs an edge or another punch or is nearer
+    than LEAST_GAP."""
     radii = np.array([zone.radius for zone in zones])
     room = gaps(body, centres, radii)
     if room.min() < LEAST_GAP:
@@ -62,6 +65,8 @@ def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tu
         raise ValueError(f"the edge of punch {least} (from 0) is {room[least] * unit_mm:.3g} mm from an edge of the "
                          f"skin or from another punch; leave {LEAST_GAP * unit_mm:.3g} mm or more.")
     loops = tuple(loop / body.thickness_m for loop in body.edge.loops)
+    pads = [[distance_to(pad.outline, centre) for pad in bodies.pads] for centre in centres]
+    room = np.minimum(room, np.min(pads, axis=1, initial=np.inf) - radii)
     outer = radii + np.minimum(_SECTION, _SHARE * room)
     zones = tuple(replace(zone, end=min(zone.end, (zone.radius + 3 * float(r)) / 4))
                   for zone, r in zip(zones, outer, strict=True))
@@ -69,14 +74,16 @@ def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tu
     gradings = [level.grading(feature) for feature in features]
     layers = min((heights(g, zone, float(r)) for g, zone, r in zip(gradings, zones, outer, strict=True)),
                  key=lambda h: h[-1] - h[-2])
-    seen = plan(circles, loops, max(level.growth, _GROWTH), _LARGEST, radii + level.reach)
+    seen = plan(circles, loops, max(level.growth, _GROWTH), _LARGEST, radii + level.reach, bodies)
     sections = tuple(section(g, zone, float(r), layers) for g, zone, r in zip(gradings, zones, outer, strict=True))
-    return wedge_mesh(seen, sections, layers, bonded=bonded)
+    return wedge_mesh(seen, sections, layers, bonded=bonded, layout=layout)
 
 
-def mesh_alone(mesh: WedgeMesh, k: int, radius: float, level: Level) -> WedgeMesh:
-    """The mesh about punch k alone, with its very section and layers, on an endless layer; radius: the punch's."""
+def mesh_alone(mesh: WedgeMesh, k: int, radius: float, level: Level, curvature: float) -> WedgeMesh:
+    """The mesh about punch k alone, with its very section and layers, on an endless layer, flat or of a curvature;
+    radius: the punch's."""
     one = mesh.about[k]
     rim = circle(one.circle.centre, radius + 2 * level.reach + _FAR, _CHORDS)
-    seen = plan((one.circle,), (rim,), max(level.growth, _GROWTH), _LARGEST, np.array([radius + level.reach]))
-    return wedge_mesh(seen, (one.section,), mesh.heights)
+    seen = plan((one.circle,), (rim,), max(level.growth, _GROWTH), _LARGEST, np.array([radius + level.reach]),
+                NO_BODIES)
+    return wedge_mesh(seen, (one.section,), mesh.heights, layout=Cap(curvature, tuple(one.circle.centre.tolist())))

@@ -21,12 +21,13 @@ _OUTSIDE = -0.2
 class Places:
     """Places of the surface."""
 
+    points: Array  # (n, 2) by coordinates
     element: Indices  # (n,) wedge of each; -1 where the mesh has none
     reference: Array  # (n, 3) where it lies in the wedge
 
 
 def places(mesh: WedgeMesh, points: Array) -> Places:
-    """Wedges and references of points (n, 2), thicknesses."""
+    """Wedges and references of points (n, 2) by their coordinates, thicknesses."""
     element, reference = np.full(len(points), -1), np.zeros((len(points), 3))
     left, first_quad, first_fan = np.ones(len(points), dtype=bool), 0, 0
     for one in mesh.about:
@@ -46,12 +47,12 @@ def places(mesh: WedgeMesh, points: Array) -> Places:
         left &= ~within
         first_quad, first_fan = first_quad + sectors * (len(one.radii) - 1), first_fan + sectors
     if left.any() and first_fan < len(mesh.flat.element):
-        corners = mesh.nodes[mesh.flat.nodes[first_fan:, :3]][..., :2]
+        corners = mesh.coordinates[mesh.flat.nodes[first_fan:, :3]][..., :2]
         triangle, start, inside = np.empty(left.sum(), np.int64), np.empty((left.sum(), 2)), np.empty(left.sum())
         _find(np.ascontiguousarray(corners), points[left], triangle, start, inside)
         found, at = _on(mesh, mesh.flat, first_fan + triangle, start, points[left])
         element[left], reference[left] = np.where(inside > _OUTSIDE, found, -1), at
-    return Places(element, reference)
+    return Places(points, element, reference)
 
 
 def _on_rings(one: Revolved, radius: Array, angle: Array, sector: Indices) -> tuple[Indices, Array]:
@@ -66,7 +67,7 @@ def _on_rings(one: Revolved, radius: Array, angle: Array, sector: Indices) -> tu
 
 def _on(mesh: WedgeMesh, faces: Facets, facet: Indices, at: Array, points: Array) -> tuple[Indices, Array]:
     """Wedges (n,) and references (n, 3) of points on facets, by Newton's method from places on them."""
-    corners = mesh.nodes[faces.nodes[facet]][..., :2]
+    corners = mesh.coordinates[faces.nodes[facet]][..., :2]
     for _ in range(_STEPS):
         value, slope = facet_shapes(faces.quadrilateral, at)
         missing = points - np.einsum("na,nai->ni", value, corners)

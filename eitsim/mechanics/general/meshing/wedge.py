@@ -18,8 +18,6 @@ from touchcal.arrays import Array
 Indices = NDArray[np.int64]
 
 NODES, TRIANGLE = 18, 6
-# Corners of the triangle's edges, and the nodes in their middles.
-EDGES = ((0, 1), (1, 2), (0, 2))
 # Points of the quadrature on the triangle (its degree) and along the line; fewer leave modes without stiffness.
 _DEGREE, _ALONG = 4, 3
 
@@ -105,6 +103,6 @@ def facets(nodes_at: Array, elements: Indices, element: Indices, local: Indices,
     at, weight = facet_points(quadrilateral)
     shape, slope = facet_shapes(quadrilateral, at)
     nodes = elements[element[:, None], local]
-    along = np.einsum("pkd,fki->fpdi", slope, nodes_at[nodes][..., :2])
-    area = np.abs(along[..., 0, 0] * along[..., 1, 1] - along[..., 0, 1] * along[..., 1, 0])
+    along = np.einsum("pkd,fki->fpdi", slope, nodes_at[nodes])
+    area = np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=-1)
     return Facets(element, local, nodes, shape, ends, area * weight)

@@ -8,14 +8,18 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from eitsim.mechanics.general.meshing.graded_triangles import EDGES
+from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout, in_space
 from eitsim.mechanics.general.meshing.section import Section, halved
 from eitsim.mechanics.general.meshing.skin_plan import Circle, Plan
-from eitsim.mechanics.general.meshing.wedge import EDGES, Facets, facets, gauss_points, shapes
+from eitsim.mechanics.general.meshing.wedge import Facets, facets, gauss_points, shapes
 from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
 
 _SAME = 1e-7  # Nodes closer than this, thicknesses, are one.
+# Height of pads, thicknesses, and their stiffness over the foam's: nearly rigid.
+_PAD, _STIFF = 0.2, 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +35,11 @@ class Revolved:
 
 @dataclass(frozen=True, eq=False)
 class WedgeMesh:
-    """Wedges of 18 nodes, and their faces on the surface. Lengths in thicknesses, the surface at z = 0."""
+    """Wedges of 18 nodes, and their faces on the surface. Lengths in thicknesses."""
 
-    nodes: Array  # (n, 3)
+    nodes: Array  # (n, 3) in space
+    coordinates: Array  # (n, 3) the same as the layer was laid out flat, its surface at height 0
+    layout: Layout  # how that lies in space
     elements: Indices  # (e, 18)
     unknown: Indices  # (n, 3) number of the unknown of each displacement; -1 where it is zero
     # (e, 18, 3, q) derivatives of the shape functions by x, y and z at the quadrature's points; (e, q) their weights
@@ -50,9 +56,11 @@ class WedgeMesh:
         return int(self.unknown.max()) + 1
 
 
-def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bonded: bool = False) -> WedgeMesh:
-    """The mesh of a plan whose layers lie between heights (n,), with a section a circle; bottom fixed, sides free or,
-    bonded, fixed as well."""
+def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bonded: bool = False,
+               layout: Layout = FLAT) -> WedgeMesh:
+    """The mesh of a plan whose layers lie between heights (n,), with a section a circle; bottom fixed, sides free, but
+    not under plates, or, bonded, fixed as well; pads are stiff wedges on top; laid into space. ValueError where the
+    layer does not fit there."""
     parts, around, fans, about = [], [], [], []
     for circle, own in zip(plan.circles, sections, strict=True):
         turns = halved(circle.angles)[:-1]
@@ -64,20 +72,24 @@ def wedge_mesh(plan: Plan, sections: tuple[Section, ...], heights: Array, *, bon
         parts.append(_prisms(fan, cells, own.inner, _raised))
         fans.append(len(cells))
     parts.append(_prisms(plan.nodes, plan.cells, halved(heights), _raised))
-    nodes, elements, starts = _merged(parts)
-    fixed = _fixed(nodes, plan, bonded)
+    if plan.padded.any():
+        parts.append(_prisms(plan.nodes, plan.cells[plan.padded], _PAD * np.arange(3) / 2, _raised))
+    coordinates, elements, starts = _merged(parts)
+    fixed, nodes = _fixed(coordinates, plan, bonded), in_space(layout, coordinates)
     unknown = np.where(fixed[:, None], -1, np.cumsum(np.repeat(~fixed, 3)).reshape(-1, 3) - 1)
     gradient, weight = _quadrature(nodes[elements])
+    above = 2 * len(plan.circles) + 1
+    weight[starts[above]:] *= _STIFF
     quads = [(starts[2 * k] + len(own.cells) * np.arange(len(circle.angles) - 1)[:, None] + edge[0], edge)
              for k, (circle, own, edge) in enumerate(zip(plan.circles, sections, around, strict=True))]
     element = np.concatenate([number.ravel() for number, _ in quads])
     local, ends = (np.concatenate([np.tile(edge[i], (len(number), *(1,) * (edge[i].ndim - 1)))
                                    for number, edge in quads]) for i in (1, 2))
     tops = [starts[2 * k + 2] - count + np.arange(count) for k, count in enumerate(fans)]
-    tops.append(len(elements) - len(plan.cells) + np.arange(len(plan.cells)))
+    tops.append(starts[above] - len(plan.cells) + np.arange(len(plan.cells)))
     top = np.concatenate(tops)
     flat = facets(nodes, elements, top, np.tile(np.arange(12, 18), (len(top), 1)), np.empty((len(top), 0, 2)))
-    return WedgeMesh(nodes, elements, unknown, gradient, weight, tuple(about), plan, heights,
+    return WedgeMesh(nodes, coordinates, layout, elements, unknown, gradient, weight, tuple(about), plan, heights,
                      facets(nodes, elements, element, local, ends), flat)
 
 
@@ -147,9 +159,9 @@ def _merged(parts: list[tuple[Array, Indices]]) -> tuple[Array, Indices, list[in
 
 
 def _fixed(nodes: Array, plan: Plan, bonded: bool) -> NDArray[np.bool_]:
-    """The bottom, and the sides where the mesh is cut, or, bonded, all."""
+    """The bottom, and the sides where the mesh is cut or under plates, or, bonded, all."""
     fixed = nodes[:, 2] < -1 + _SAME
-    sides = plan.nodes[plan.cut]
+    sides = plan.nodes[plan.cut | plan.plated]
     if bonded:
         middle = plan.cells[:, 3:].ravel()
         once = np.bincount(middle, minlength=len(plan.nodes)) == 1

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.edge_path import edge_path, pieces
 from eitsim.mechanics.general.meshing.levels import ROUGH, Level, layer_mesh
 from eitsim.mechanics.general.meshing.section import Grading, Zone, core_radius, heights, size
@@ -14,6 +15,7 @@ from eitsim.mechanics.general.meshing.wedge import gauss_points, shapes
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
+from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body
 
 WHOLE = replace(ROUGH, reach=10.0)
@@ -95,3 +97,32 @@ def test_shapes_of_a_wedge_hold_what_is_quadratic() -> None:
     assert value @ field == pytest.approx(1 + at[:, 0] - 2 * at[:, 1] * at[:, 2] + at[:, 0] * at[:, 1] + at[:, 2] ** 2)
     assert slope[..., 0].T.T @ field == pytest.approx(1 + at[:, 1])
     assert weight.sum() == pytest.approx(1)
+
+
+def test_plates_hold_the_side_where_line_electrodes_lie_and_soft_ones_nothing() -> None:
+    body, lines = Body(Disc(0.03)), Electrodes(count=8, width_m=0.004)
+    none, least = np.empty((0, 2)), np.empty(0)
+    assert not len(bodies_of(body, replace(lines, soft=True), none, least).plates)
+    bodies = bodies_of(body, lines, none, least)
+    mesh = layer_mesh(body, np.zeros((1, 2)), (ZONE,), (0.05,), WHOLE, bodies=bodies)
+    side = (np.linalg.norm(mesh.nodes[:, :2], axis=1) > 3 - 1e-3) & (mesh.nodes[:, 2] > -0.9)
+    angle = np.arctan2(mesh.nodes[side, 1], mesh.nodes[side, 0])
+    away = np.abs(angle - np.round(angle / (np.pi / 4)) * np.pi / 4) * 30
+    held = mesh.unknown[side, 0] < 0
+    assert 2 - 0.01 < away[held].max() < 2 + 0.01 < away[~held].min()
+
+
+@pytest.mark.parametrize(("body", "pads", "expected"), [
+    (Body(HOLED), Electrodes(kind="surface", count=4, width_m=0.004, x_m=(-0.02, 0.0, 0.01, -0.01),
+                             y_m=(0.01, 0.015, -0.015, -0.015)), 4 * np.pi * 0.2**2),
+    (Body(Disc(0.03)), Electrodes(kind="patch", count=8, width_m=0.004, length_m=0.005), 8 * 0.4 * 0.5 * 55 / 60)])
+def test_pads_are_followed_by_the_mesh_and_stand_on_it(body: Body, pads: Electrodes, expected: float) -> None:
+    centre = np.array([[-0.5, 0.0]])
+    bodies = bodies_of(body, pads, centre * body.thickness_m, np.array([0.005]))
+    mesh = layer_mesh(body, centre, (ZONE,), (0.05,), WHOLE, bodies=bodies)
+    corners = mesh.plan.nodes[mesh.plan.cells[mesh.plan.padded][:, :3]]
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    assert np.sum(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) / 2 == pytest.approx(expected, rel=0.08)  # chords
+    assert mesh.nodes[:, 2].max() > 0.1
+    assert np.abs(mesh.nodes[mesh.flat.nodes][..., 2]).max() < 1e-9
+    assert mesh.flat.weight.sum() + mesh.around.weight.sum() == pytest.approx(body.edge.area_m2 / 1e-4, rel=2e-3)

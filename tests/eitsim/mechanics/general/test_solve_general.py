@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.general.layer.layer_surface import principal_stretches
+from eitsim.mechanics.general.layer.lone_touches import lone_surface
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solve_general import GeneralSolution, predicted_cost, solve_general
+from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin
@@ -92,9 +96,26 @@ def test_near_the_rim_it_is_what_the_rim_changes_of_the_axisymmetric_touch() -> 
     assert touch.depth_m > 1.01 * alone.depth_m
 
 
-def test_friction_and_overlap_are_refused() -> None:
-    with pytest.raises(ValueError, match="friction"):
-        _solved(Body(Disc(0.1)), Punch(friction="stick"))
+@pytest.mark.parametrize("punch", [
+    replace(FLAT, friction="stick"),
+    pytest.param(replace(FLAT, depth_m=0.003, force_N=None, friction="coulomb", friction_coefficient=0.3),
+                 marks=pytest.mark.slow)], ids=["stick", "coulomb"])
+def test_a_punch_that_rubs_holds_the_layer_as_it_does_about_its_axis(punch: Punch) -> None:
+    body, radius = Body(Disc(0.1)), np.linspace(0.0, 0.007, 30)
+    points, moved = np.column_stack([radius * np.cos(0.3), radius * np.sin(0.3)]), []
+    for each in (punch, replace(punch, friction="none")):
+        lone = lone_touches(LAW, body, [each])
+        found = equilibrium(problem(LAW, body, [each], lone, ROUGH), lone, body.thickness_m)
+        exact = lone_surface(lone[0]).displacement(points / body.thickness_m) * body.thickness_m
+        moved.append((found.field.displacement(points)[:, :2], exact[:, :2]))
+        # the mesh leaves as much of both
+        assert found.depths[0] == pytest.approx(lone[0].state.depth, rel=0.03)
+    (rough, held), (_, free) = moved
+    assert np.linalg.norm(held - free) > 0.5 * np.linalg.norm(free)
+    assert np.linalg.norm(rough - held) < 0.05 * np.linalg.norm(held - free)
+
+
+def test_overlap_is_refused() -> None:
     with pytest.raises(ValueError, match="another punch"):
         _solved(Body(Disc(0.1)), Punch(x_m=-0.006), Punch(x_m=0.007))
 

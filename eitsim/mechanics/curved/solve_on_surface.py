@@ -1,0 +1,117 @@
+"""Touches of rigid punches on a curved body whose skin lies on a rigid core: each group of near ones by itself.
+
+A group is solved by coordinates of the surface about its middle, as a flat layer is, on a mesh that is laid into space.
+Alone, a punch stands on a spherical cap of the surface's mean curvature, where its touch is axisymmetric: on a sphere
+that is all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
+
+from eitsim.mechanics.contact.punch_shape import PunchShape
+from eitsim.mechanics.curved.solve_on_cap import solve_on_cap
+from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
+from eitsim.mechanics.general.meshing.layer_layout import ChartLayout, curvatures
+from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
+from eitsim.mechanics.general.solve_general import GeneralSolution, solve_general
+from eitsim.mechanics.general.solved_layer import upright_where_they_rub
+from eitsim.scene.results import Touch
+from eitsim.scene.scene import Body, Punch
+from eitsim.scene.surfaces.curved_surface import CurvedSurface
+from matcal.laws.law import Law
+from touchcal.arrays import Array
+
+# Least distance from a punch's edge, thicknesses, to which a mesh must reach, and how far it goes on after its last
+# corner; and the largest curvature, over the thickness, whose layer is meshed.
+_LEAST_REACH, _MARGIN, _MOST_CURVED = 1.5, 1.0, 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class CurvedSolution:
+    """Touches on a curved body."""
+
+    # one a punch; lengths and directions are those of the surface, its normals in place of the z axis
+    touches: tuple[Touch, ...]
+    field: SpaceField
+    groups: tuple[GeneralSolution, ...]  # those that are solved in three dimensions
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time spent, s."""
+        return sum(touch.cpu_s for touch in self.touches)
+
+
+def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array, *,
+                     level: Level = COARSE, coarser: Level = ROUGH, bonded: bool = False,
+                     shapes: Sequence[PunchShape | None] = ()) -> CurvedSolution:
+    """Equilibrium of a layer of a thickness, m, under a surface, fixed to a rigid core, under rigid punches. Each
+    stands over the place of the surface that is nearest to its own of places (punches, 3), m, along the
+    normal there but for its tilt, whose direction counts from the first tangent (`tangent_frame`); its x and y are not
+    read. Ends of the surface are free or bonded; shapes as of `solve_general`.
+
+    ValueError where a punch that leans rubs, or one overhangs an edge or another punch, or the body is too small or too
+    curved for the layer; NotConverged where no equilibrium is found.
+    """
+    places = surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0]
+    found, parts, solutions = {}, [], []
+    for group in _groups(punches, places, thickness_m * (2 * level.reach + _MARGIN)):
+        layout = ChartLayout(surface.chart_about(places[group].mean(axis=0)), thickness_m)
+        uv = layout.chart.find(places[group])
+        own = [shapes[k] for k in group] if shapes else []
+        if layout.chart.ball_m is not None and len(group) == 1 and punches[group[0]].tilt_rad == 0 and own in (
+                [], [None]):
+            _within(layout, level, [replace(punches[group[0]], x_m=0.0, y_m=0.0)])
+            found[group[0]], cap = solve_on_cap(law, thickness_m, punches[group[0]], 1 / layout.chart.ball_m)
+            parts.append(Neighbourhood(layout, cap, layout.chart.limit_m))
+            continue
+        body = Body(layout.chart.edge, thickness_m)
+        there = [replace(punches[k], x_m=float(u), y_m=float(v)) for k, (u, v) in zip(group, uv, strict=True)]
+        fine, rough = (_within(layout, each, there) for each in (level, coarser))
+        solution = solve_general(law, body, there, level=fine, coarser=rough, bonded=bonded, layout=layout,
+                                 shapes=own)
+        parts.append(Neighbourhood(layout, solution.field, min(layout.chart.limit_m, solution.field.exact.reach_m)))
+        found |= dict(zip(group, solution.touches, strict=True))
+        solutions.append(solution)
+    return CurvedSolution(tuple(found[k] for k in range(len(punches))), SpaceField(tuple(parts)), tuple(solutions))
+
+
+def _groups(punches: Sequence[Punch], places: Array, reach_m: float) -> list[list[int]]:
+    """Numbers of punches whose edges are nearer to each other than a distance, one way or another."""
+    radius = np.array([punch.diameter_m / 2 for punch in punches])
+    near = cdist(places, places) - radius[:, None] - radius < reach_m
+    count, label = connected_components(near, directed=False)
+    return [np.flatnonzero(label == k).tolist() for k in range(count)]
+
+
+def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Level:
+    """The level with a mesh that stays within the coordinates. ValueError where that or the layer does not fit."""
+    unit = layout.unit_m
+    for punch in punches:
+        _, most = curvatures(layout, np.array([punch.x_m, punch.y_m]) / unit)
+        if not most < _MOST_CURVED:
+            raise ValueError(f"thickness_mm: {unit * 1e3:.3g} mm is too thick for a surface whose radius is "
+                             f"{unit * 1e3 / most:.3g} mm; give less than {_MOST_CURVED * unit * 1e3 / most:.3g} mm.")
+    outermost = max(np.hypot(punch.x_m, punch.y_m) + punch.diameter_m / 2 for punch in punches) / unit
+    room = layout.chart.limit_m / unit - outermost - _MARGIN
+    if not room > _LEAST_REACH:
+        raise ValueError(f"the punches and {(_LEAST_REACH + _MARGIN) * unit * 1e3:.3g} mm about them do not fit on the "
+                         f"body, of which {layout.chart.limit_m * 1e3:.3g} mm to each side can be laid out flat; take "
+                         "smaller punches, or fewer together.")
+    return replace(level, reach=min(level.reach, room))
+
+
+def unfit(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array) -> str:
+    """Why the layer or the neighbourhood of a punch does not fit on the surface, as `solve_on_surface` raises it; empty
+    where they do."""
+    for place, punch in zip(surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0], punches, strict=True):
+        layout = ChartLayout(surface.chart_about(place), thickness_m)
+        try:
+            _within(layout, COARSE, [replace(punch, x_m=0.0, y_m=0.0)])
+            upright_where_they_rub([punch])
+        except ValueError as error:
+            return str(error)
+    return ""

@@ -1,0 +1,145 @@
+"""A scene on a body that is not flat, and its file (TOML), with keys as those of flat scenes where there are such."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eitsim.scene.channels import Channels
+from eitsim.scene.curved.curved_body import CurvedBody, curved_body
+from eitsim.scene.curved_skin import CurvedSkin, drive_of, electrodes_of
+from eitsim.scene.drive import Drive, with_matrices
+from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.scene import Accuracy, Hold, Punch, Scene, Skin, read_scene, scene_from, scene_tables
+from touchcal.arrays import Array
+from touchcal.document import is_number
+from touchcal.errors import InputFileError, unknown_key
+from touchcal.toml_file import read_toml
+
+_TABLES = ("body", "punch", "skin", "electrodes", "drive", "hold", "accuracy", "card")
+_ELSEWHERE = {"x_mm": "at_mm = [x, y, z]", "y_mm": "at_mm = [x, y, z]"}
+_POSES = {"tilt_deg": "tilt_rad", "tilt_direction_deg": "tilt_direction_rad"}
+
+
+@dataclass(frozen=True, eq=False)
+class CurvedScene:
+    """Everything that one simulation on a curved body needs but the card."""
+
+    body: CurvedBody
+    punches: tuple[Punch, ...]  # one a touch; their x and y are not read
+    places_m: Array  # (punches, 3) places near which they are pressed, along the inward normal of the nearest one, m
+    # how electrodes lie on the body's triangles: fields of `CurvedSkin`
+    electrodes: Mapping[str, Any]
+    skin: Skin = field(default_factory=Skin)
+    drive: Drive = field(default_factory=Drive)
+    hold: Hold = field(default_factory=Hold)
+    accuracy: Accuracy = field(default_factory=Accuracy)
+    card: str | None = None  # path of the card that the scene file names; None where it names none
+
+    @property
+    def channels(self) -> Channels:
+        """Those of an instrument without errors."""
+        return Channels()
+
+    @property
+    def flat(self) -> Scene:
+        """The same punches on a flat layer."""
+        return Scene(self.body.flat, self.punches, self.skin, hold=self.hold, accuracy=self.accuracy)
+
+    def sheet(self, conductance_S: float) -> CurvedSkin:
+        """The untouched skin of a sheet conductance, S."""
+        return CurvedSkin(self.body.triangles, conductance_S, drive=self.drive, **self.electrodes)
+
+
+AnyScene = Scene | CurvedScene
+
+
+def read_any_scene(path: Path | str) -> AnyScene:
+    """The scene of a file, flat or on a curved body; InputFileError names the file and the key."""
+    path = Path(path)
+    raw = read_toml(path)
+    body = raw.get("body")
+    if not isinstance(body, Mapping) or "surface" not in body:
+        return read_scene(path)
+    try:
+        return curved_scene(with_matrices(raw, path.parent), path.parent)
+    except InputFileError:
+        raise
+    except ValueError as error:
+        raise InputFileError(path, str(error)) from None
+
+
+def curved_scene(raw: Mapping[str, Any], folder: Path) -> CurvedScene:
+    """A checked scene from the tables of its file, file names relative to a folder; ValueError names the key."""
+    if unknown := [key for key in raw if key not in _TABLES]:
+        raise ValueError(unknown_key(unknown[0], _TABLES))
+    body = curved_body(raw["body"], folder)
+    touches = raw.get("punch", {})
+    touches = touches if isinstance(touches, list) else [touches]
+    if not touches:
+        raise ValueError("punch is an empty list; give one [[punch]] a touch.")
+    flat = scene_from({key: raw[key] for key in ("skin", "hold", "accuracy", "card") if key in raw})
+    electrodes = _on_surface(electrodes_of(raw.get("electrodes", {})), body)
+    places = np.array([_place(table) for table in touches])
+    punches = tuple(_punch(table, body) for table in touches)
+    scene = CurvedScene(body, punches, places, electrodes, flat.skin, drive_of(raw.get("drive", {}), electrodes),
+                        flat.hold, flat.accuracy, flat.card)
+    scene.sheet(1.0)  # ValueError where electrodes cannot be
+    return scene
+
+
+def _on_surface(electrodes: Mapping[str, Any], body: CurvedBody) -> Mapping[str, Any]:
+    """Electrodes at the places of the surface nearest to those given."""
+    if "places_m" not in electrodes:
+        return electrodes
+    places = body.surface.nearest(np.array(electrodes["places_m"]).reshape(-1, 3))[0]
+    return {**electrodes, "places_m": tuple(map(tuple, places.tolist()))}
+
+
+def _place(table: Any) -> list[float]:
+    at = table.get("at_mm") if isinstance(table, Mapping) else None
+    if not isinstance(at, list) or len(at) != 3 or not all(is_number(part) for part in at):
+        raise ValueError(f"at_mm in [punch] must hold x, y and z of a place near the surface, got {at!r:.80}.")
+    return [part / 1e3 for part in at]
+
+
+def _punch(table: Mapping[str, Any], body: CurvedBody) -> Punch:
+    for key, instead in _ELSEWHERE.items():
+        if key in table:
+            raise ValueError(f"{key} in [punch] has no effect on a curved body; give {instead}.")
+    poses = {name: _degrees(key, table[key]) for key, name in _POSES.items() if key in table}
+    (punch,) = scene_from({"punch": {key: value for key, value in table.items() if key not in ("at_mm", *_POSES)},
+                           "body": {"thickness_mm": 1e3 * body.thickness_m}}).punches
+    if punch.conductor:
+        raise ValueError("conductor in [punch]: conducting punches are not built on curved bodies; leave it out.")
+    return replace(punch, **poses)
+
+
+def _degrees(key: str, value: Any) -> float:
+    if not is_number(value) or not abs(value) <= 360:
+        raise ValueError(f"{key} in [punch] must be a number from -360 to 360, got {value!r:.80}.")
+    return float(np.radians(value))
+
+
+def curved_tables(scene: CurvedScene) -> dict[str, Any]:
+    """The scene as the tables of its file, defaults filled in."""
+    flat = scene_tables(scene.flat)
+    tables = {key: flat[key] for key in ("skin", "hold", "accuracy")}
+    punches = [{**{key: value for key, value in table.items() if key not in ("x_mm", "y_mm")},
+                "at_mm": [float(f"{1e3 * part:.12g}") for part in place]}
+               | {key: float(f"{np.degrees(getattr(punch, name)):.12g}") for key, name in _POSES.items()}
+               for table, punch, place in zip(flat["punch"], scene.punches, scene.places_m.tolist(), strict=True)]
+    drive = scene_tables(Scene(drive=scene.drive, electrodes=Electrodes(count=scene.sheet(1.0).count)))["drive"]
+    return {"body": dict(scene.body.tables), "punch": punches, **tables, "electrodes": _electrode_table(scene),
+            "drive": drive}
+
+
+def _electrode_table(scene: CurvedScene) -> dict[str, Any]:
+    sheet = scene.sheet(1.0)
+    table: dict[str, Any] = {"contact_impedance_Ohm_m2": sheet.contact_impedance_Ohm_m2}
+    if sheet.groups:
+        return table | {"groups": list(sheet.groups)}
+    return table | {"at_mm": [[float(f"{1e3 * part:.12g}") for part in place] for place in sheet.places_m],
+                    "width_mm": (1e3 * np.asarray(sheet.widths_m)).tolist()}

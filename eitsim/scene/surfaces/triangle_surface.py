@@ -1,0 +1,169 @@
+"""A surface of triangles, made smooth: each is bent between the normals at its corners.
+
+Phong tessellation: a place of a triangle is moved towards the mean of its projections onto the tangent planes at the
+corners, weighted by its shares of them. It goes through the corners; a sphere of radius R is met to about h^4/R^3 by
+triangles of side h, its normals to h^2/R^2. Source: Boubekeur, Alexa, ACM Trans. Graph. 27 (2008) 141,
+doi:10.1145/1409060.1409094.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.spatial import KDTree
+
+from eitsim.scene.surfaces.curved_surface import tangent_frame
+from eitsim.scene.surfaces.projected_chart import ProjectedChart, form_at
+from eitsim.scene.triangle_files import TriangleMesh
+from touchcal.arrays import Array
+
+Indices = NDArray[np.int64]
+
+# Share of the way to the tangent planes: at 1/2 a quadratic surface is met, since between two corners a chord stands as
+# deep under the surface as that under the tangents.
+_BENT = 0.5
+# Triangles looked at about a place, those that are bent, and steps to the nearest place on one.
+_NEAR, _TRIED, _STEPS = 12, 3, 6
+# Step over which curvatures are found, in mean sides; the angle, rad, about their radius to which coordinates reach.
+_STEP, _REACH = 2.0, 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleSurface:
+    """Triangles in space, their outward side where the corners turn counter-clockwise."""
+
+    nodes_m: Array  # (n, 3)
+    cells: Indices  # (t, 3)
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit normals (n, 3) at the nodes, exact on a sphere: products of the sides there over their squares (Max, J.
+        Graph. Tools 4 (1999) 1, doi:10.1080/10867651.1999.10487501)."""
+        corners, out = self.nodes_m[self.cells], np.zeros_like(self.nodes_m)
+        for k in range(3):
+            one, other = corners[:, (k + 1) % 3] - corners[:, k], corners[:, (k + 2) % 3] - corners[:, k]
+            squares = np.sum(one**2, axis=1) * np.sum(other**2, axis=1)
+            np.add.at(out, self.cells[:, k], np.cross(one, other) / squares[:, None])
+        return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), np.finfo(float).tiny)
+
+    @cached_property
+    def side_m(self) -> float:
+        """Mean length of the triangles' sides."""
+        corners = self.nodes_m[self.cells]
+        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+
+    @cached_property
+    def _middles(self) -> KDTree:
+        return KDTree(self.nodes_m[self.cells].mean(axis=1))
+
+    @cached_property
+    def rim(self) -> Indices:
+        """Nodes on open edges: none of a closed surface."""
+        edges = np.sort(np.vstack([self.cells[:, [0, 1]], self.cells[:, [1, 2]], self.cells[:, [0, 2]]]), axis=1)
+        pairs, times = np.unique(edges, axis=0, return_counts=True)
+        return np.unique(pairs[times == 1])
+
+    def nearest(self, points: Array) -> tuple[Array, Array]:
+        """As of `CurvedSurface`, on the bent triangles near each point."""
+        _, near = self._middles.query(points, k=min(_NEAR, len(self.cells)))
+        near = near.reshape(len(points), -1)
+        corners = self.nodes_m[self.cells[near]]
+        share, miss = _flat_nearest(corners, points[:, None])
+        best, k = np.argsort(miss, axis=1)[:, :_TRIED], np.arange(len(points))
+        found = [self._bent(near[k, one], share[k, one], points) for one in best.T]
+        at, normal = (np.stack(part) for part in zip(*found, strict=True))
+        closest = np.argmin(np.linalg.norm(at - points, axis=2), axis=0)
+        return at[closest, k], normal[closest, k]
+
+    def _bent(self, cell: Indices, share: Array, points: Array) -> tuple[Array, Array]:
+        """The places of bent triangles whose normals meet the points, from flat ones by their shares (n, 2)."""
+        corners, normals = self.nodes_m[self.cells[cell]], self.normals[self.cells[cell]]
+        for _ in range(_STEPS):
+            at, normal = _phong(corners, normals, share)
+            step = 1e-4
+            along = np.stack([(_phong(corners, normals, share + d)[0] - _phong(corners, normals, share - d)[0])
+                              / (2 * step) for d in step * np.eye(2)], axis=-1)
+            metric = np.swapaxes(along, 1, 2) @ along
+            off = (points - at) - np.sum((points - at) * normal, axis=1, keepdims=True) * normal
+            share = share + np.linalg.solve(metric, np.swapaxes(along, 1, 2) @ off[..., None])[..., 0]
+            share = _inside(share)
+        at, normal = _phong(corners, normals, share)
+        return at, normal
+
+    def chart_about(self, point: Array) -> ProjectedChart:
+        """As of `CurvedSurface`; curvatures are means over a few triangles, and no coordinates reach an open edge."""
+        (origin,), (normal,) = self.nearest(np.asarray(point, dtype=float)[None])
+        frame = tangent_frame(normal)
+        form = form_at(self, origin, frame, _STEP * self.side_m)
+        size = float(np.ptp(self.nodes_m, axis=0).max())
+        radius = min(1 / max(float(np.abs(np.linalg.eigvalsh(form)).max()), 1e-300), size)
+        to_rim = np.linalg.norm(self.nodes_m[self.rim] - origin, axis=1).min(initial=np.inf)
+        return ProjectedChart(self, origin, frame, form, min(_REACH * radius, float(to_rim)), radius)
+
+
+def triangle_surface(mesh: TriangleMesh) -> TriangleSurface:
+    """The surface of a file's triangles, each part turned one way round, outwards where it is closed."""
+    used, cells = np.unique(mesh.cells[:, :3], return_inverse=True)
+    nodes, cells = mesh.nodes_m[used], cells.reshape(-1, 3)
+    return TriangleSurface(nodes, _turned(nodes, cells))
+
+
+def _turned(nodes: Array, cells: Indices) -> Indices:
+    """Triangles of which neighbours run their common side in opposite directions, part by part, with a volume about the
+    middle that is positive."""
+    one, other = cells.T.ravel(), cells[:, [1, 2, 0]].T.ravel()
+    side = np.minimum(one, other) * len(nodes) + np.maximum(one, other)
+    order = np.argsort(side, kind="stable")
+    pair = np.flatnonzero(side[order][1:] == side[order][:-1])
+    first, second = order[pair], order[pair + 1]
+    left, right, twisted = first % len(cells), second % len(cells), (one[first] == one[second]).astype(float)
+    graph = coo_matrix((1 + twisted, (left, right)), shape=(len(cells),) * 2).tocsr()
+    graph = graph + graph.T
+    odd = np.zeros(len(cells), dtype=bool)
+    count, part = connected_components(graph, directed=False)
+    for k in range(count):
+        way, before = breadth_first_order(graph, int(np.argmax(part == k)), directed=False)
+        for cell in way[1:]:
+            odd[cell] = odd[before[cell]] ^ (graph[before[cell], cell] > 1.5)
+    cells = np.where(odd[:, None], cells[:, ::-1], cells)
+    a, b, c = np.moveaxis(nodes[cells] - nodes.mean(axis=0), 1, 0)
+    volume = np.bincount(part, np.sum(a * np.cross(b, c), axis=1), count)
+    return np.where((volume < 0)[part][:, None], cells[:, ::-1], cells)
+
+
+def _phong(corners: Array, normals: Array, share: Array) -> tuple[Array, Array]:
+    """Places and unit normals (n, 3) of bent triangles, corners and normals (n, 3, 3), at shares (n, 2)."""
+    weight = np.column_stack([1 - share.sum(axis=1), share])
+    flat = np.einsum("nk,nki->ni", weight, corners)
+    off = np.einsum("nki,nki->nk", flat[:, None] - corners, normals)
+    onto = flat - np.einsum("nk,nk,nki->ni", weight, off, normals)
+    normal = np.einsum("nk,nki->ni", weight, normals)
+    return (1 - _BENT) * flat + _BENT * onto, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+def _inside(share: Array) -> Array:
+    """Shares (n, 2) moved into the triangle."""
+    share = np.maximum(share, 0.0)
+    return share / np.maximum(share.sum(axis=1, keepdims=True), 1.0)
+
+
+def _flat_nearest(corners: Array, points: Array) -> tuple[Array, Array]:
+    """Shares (..., 2) and squared distances (...) of the nearest places of triangles (..., 3, 3) to points."""
+    origin, sides = corners[..., 0, :], corners[..., 1:, :] - corners[..., :1, :]
+    off = points - origin
+    metric = np.einsum("...ai,...bi->...ab", sides, sides)
+    share = np.linalg.solve(metric, np.einsum("...ai,...i->...a", sides, off)[..., None])[..., 0]
+    best, least = share, np.where((share.min(axis=-1) >= 0) & (share.sum(axis=-1) <= 1), 0.0, np.inf)
+    least = least + np.sum((off - np.einsum("...a,...ai->...i", share, sides)) ** 2, axis=-1)
+    for start, end in (((0, 0), (1, 0)), ((0, 0), (0, 1)), ((1, 0), (0, 1))):
+        way = np.subtract(end, start) @ sides
+        base = np.array(start) @ sides
+        along = np.clip(np.sum((off - base) * way, axis=-1) / np.sum(way**2, axis=-1), 0, 1)
+        miss = np.sum((off - base - along[..., None] * way) ** 2, axis=-1)
+        closer = miss < least
+        edge = np.array(start) + along[..., None] * np.subtract(end, start)
+        best, least = np.where(closer[..., None], edge, best), np.minimum(miss, least)
+    return best, least

@@ -1,0 +1,1 @@
+"""Scenes on bodies that are not flat: plan, mechanics, skin and electrics."""

@@ -1,0 +1,49 @@
+"""What a scene on a curved body decides, assumes and leaves out, as choices in the order of a plan."""
+
+from collections.abc import Iterator
+
+from eitsim.electrics.curved.solve_curved import READINGS
+from eitsim.scene.choices import Kind
+from eitsim.scene.curved.curved_scene import CurvedScene
+from eitsim.scene.drive import protocol
+from eitsim.scene.results import Plan
+from eitsim.simulation import words
+from eitsim.simulation.assumptions import STEEL_E_PA, hold_choices, moduli_choice
+from eitsim.simulation.choose import curved_problem
+from eitsim.simulation.material import Material
+from eitsim.simulation.routes.on_surface import ON_SURFACE
+from eitsim.simulation.validity import positive_from
+from touchcal.choice import Choice
+
+_ONE_S = 20.0  # CPU time of a usual touch.
+
+
+def curved_plan(scene: CurvedScene, material: Material) -> Plan:
+    """The plan of a scene on a curved body."""
+    why = curved_problem(scene, material)
+    return Plan(tuple(map(words.decision, _choices(scene, material))), "" if why is None else words.refusal(why))
+
+
+def _choices(scene: CurvedScene, material: Material) -> Iterator[Choice]:
+    law, card, count = material.law, material.card, len(scene.punches)
+    yield Choice(ON_SURFACE.kind, {"count": count, "thickness_m": scene.body.thickness_m, "cost_s": count * _ONE_S})
+    yield Choice(Kind.FROM_REST)
+    yield Choice(Kind.INSULATED)
+    yield from hold_choices(scene.hold, scene.skin.strain, law, elastic=not scene.hold.keeps_deformation) if (
+        scene.hold.time_s) else (moduli_choice(scene.hold, law, card.prony),)
+    yield Choice(Kind.OUTSIDE_FITS, cost=None)
+    if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
+        yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
+    yield Choice(Kind.STRAIN, {"strain": scene.skin.strain, "conducts": False}, None)
+    yield Choice(Kind.ONE_CARD, cost=None)
+    rubs = any(punch.friction != "none" for punch in scene.punches)
+    yield Choice(Kind.FRICTION, {"near": True}) if rubs else Choice(Kind.NO_FRICTION, cost=None)
+    yield Choice(Kind.FIXED_CHOICES, cost=None)
+    yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
+    yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
+    over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)
+    yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
+    yield Choice(Kind.MESH, {"outline": True})
+    yield Choice(Kind.UNTOUCHED_TRIANGLES, {"readings": READINGS})
+    yield Choice(Kind.PATCH_AREA, cost=None)
+    yield Choice(Kind.ONE_MATRIX, {"patterns": protocol(scene.drive, scene.sheet(1.0).count).shape[0]})

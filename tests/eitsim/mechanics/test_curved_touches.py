@@ -1,0 +1,180 @@
+"""Touches on curved bodies: a cap's exact one, the flat limit, symmetries, poses, and the field in space."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eitsim.mechanics.axisymmetric.indentation import first_touch
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
+    at_depth,
+    force_unit,
+    mesh_hierarchy,
+    solve_touch,
+    under_force,
+)
+from eitsim.mechanics.contact.punch_shape import PunchShape, punch_shape
+from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, solve_on_surface
+from eitsim.mechanics.general.meshing.levels import ROUGH, Level
+from eitsim.mechanics.general.solve_general import solve_general
+from eitsim.mechanics.solid.cap_grid import on_cap
+from eitsim.mechanics.solid.grid import tensor_grid
+from eitsim.scene.curved.triangulated import sphere_triangles
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.scene import Body, Punch, profile_of
+from eitsim.scene.surfaces.curved_surface import CurvedSurface
+from eitsim.scene.surfaces.cylinder import Cylinder
+from eitsim.scene.surfaces.saddle import Saddle
+from eitsim.scene.surfaces.sphere import Sphere
+from eitsim.scene.surfaces.triangle_surface import triangle_surface
+from matcal.laws.neo_hooke import NeoHooke
+
+LAW = NeoHooke(1e4, 0.25)
+THICKNESS_M = 0.01
+BALL = Punch(profile="sphere", diameter_m=0.02, depth_m=0.003)
+ROUGHER = Level(12.0, 1.2, 0.9, 0.6, 8)
+# Force, mu mm^2, on a ball of 10 mm radius 3 mm deep, of triquadratic bricks (benchmarks/peers/hexahedra.py, 1.6 mm;
+# on a flat layer they leave 0.16 %).
+BRICKS = {"flat": 110.148, "cylinder": 98.884, "sphere": 88.719}
+
+
+def _pressed(surface: CurvedSurface, place: list[float], punch: Punch = BALL) -> CurvedSolution:
+    return solve_on_surface(LAW, surface, THICKNESS_M, [punch], np.array([place]), level=ROUGH, coarser=ROUGHER)
+
+
+@pytest.fixture(scope="module")
+def cylinder() -> CurvedSolution:
+    return _pressed(Cylinder(0.04, 0.3), [0.01, 0.02, 0.03])
+
+
+def _on_cap(curvature_per_m: float, depth: float) -> float:
+    """Force, mu mm^2, of the axisymmetric touch."""
+    punch = replace(BALL, fillet_m=profile_of(BALL).edge_radius)
+    levels = mesh_hierarchy(LAW, Body(Disc(0.06)), punch, None, None, curvature_per_m=curvature_per_m)
+    return at_depth(levels, depth)[-1].force * 100
+
+
+def test_a_grid_on_a_cap_fills_its_shell() -> None:
+    exact = 2 * np.pi / 3 * (4**3 - 3**3) * (1 - np.cos(4 * 0.25))
+    grids = [tensor_grid(np.linspace(0, 4, count), np.linspace(-1, 0, 3)) for count in (5, 9)]
+    coarse, fine = (abs(on_cap(grid, 0.25).weight.sum() / exact - 1) for grid in grids)
+    assert fine < coarse / 8
+    assert fine < 1e-4
+    with pytest.raises(ValueError, match="does not fit"):
+        on_cap(grids[0], 1.1)
+
+
+def test_a_cap_is_pressed_as_bricks_say_and_a_flat_layer_is_its_limit() -> None:
+    flat, cap = _on_cap(0.0, 0.3), _on_cap(25.0, 0.3)
+    assert cap / flat == pytest.approx(BRICKS["sphere"] / BRICKS["flat"], rel=1e-3)
+    assert cap == pytest.approx(BRICKS["sphere"], rel=3e-3)
+    assert _on_cap(1e-4, 0.3) == pytest.approx(flat, rel=1e-5)
+
+
+def test_a_hollow_cap_is_touched_first_at_the_punch_s_edge() -> None:
+    levels = mesh_hierarchy(LAW, Body(Disc(0.04)), Punch(), None, None, curvature_per_m=-25.0)
+    inner = 7.0 - 0.5  # mm
+    assert first_touch(levels[-1]) * 10 == pytest.approx(-(40 - np.sqrt(40**2 - inner**2)), rel=0.1)
+    state = under_force(levels, 1.0 / force_unit(LAW, Body()))[-1]
+    assert state.depth - first_touch(levels[-1]) > 0
+
+
+@pytest.mark.slow
+def test_a_cylinder_is_pressed_as_bricks_say(cylinder: CurvedSolution) -> None:
+    (touch,) = cylinder.touches
+    assert touch.force_N * 100 / _on_cap(0.0, 0.3) == pytest.approx(BRICKS["cylinder"] / BRICKS["flat"], rel=2e-3)
+
+
+@pytest.mark.slow
+def test_a_field_in_space_is_the_identity_far_off_and_turns_with_the_body(cylinder: CurvedSolution) -> None:
+    surface, field = Cylinder(0.04, 0.3), cylinder.field
+    far = surface.nearest(np.array([[-0.1, 0.0, 1.0], [0.0, -1.0, -1.5]]))[0]
+    assert field.deformation_gradient(far) == pytest.approx(np.tile(np.eye(3), (2, 1, 1)), abs=1e-12)
+    assert field.displacement(far) == pytest.approx(np.zeros((2, 3)), abs=1e-12)
+    (place,), (normal,) = surface.nearest(np.array([[0.01, 0.02, 0.03]]))
+    moved = field.displacement(place[None])[0]
+    assert moved == pytest.approx(-0.003 * normal, abs=2e-5)
+    across = np.cross(normal, [1.0, 0.0, 0.0])
+    sides = surface.nearest(place + 0.004 * np.array([across, -across, [1, 0, 0], [-1, 0, 0]]))[0]
+    gradient = field.deformation_gradient(sides)
+    turned = [float(across @ gradient[0] @ across), float(across @ gradient[1] @ across)]
+    assert turned[0] == pytest.approx(turned[1], abs=0.02)
+    assert gradient[2, 0, 0] == pytest.approx(gradient[3, 0, 0], abs=0.02)
+
+
+@pytest.mark.slow
+def test_the_gradient_in_space_is_that_of_the_displacement(cylinder: CurvedSolution) -> None:
+    chart = Cylinder(0.04, 0.3).chart_about(np.array([0.01, 0.02, 0.03]))
+    uv, step = np.array([[0.012, 0.001], [-0.004, 0.013]]), 1e-5
+    for way in np.eye(2):
+        ahead, back = (chart.place(uv + sign * step * way)[0] for sign in (1, -1))
+        change = (cylinder.field.displacement(ahead) - cylinder.field.displacement(back)) / (2 * step)
+        along = (ahead - back) / (2 * step)
+        gradient = cylinder.field.deformation_gradient(chart.place(uv)[0]) - np.eye(3)
+        assert (gradient @ along[..., None])[..., 0] == pytest.approx(change, abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_sphere_gives_the_cap_and_a_wide_cylinder_the_flat_layer() -> None:
+    (touch,) = _pressed(Sphere(0.04), [0.0, 0.03, 0.01]).touches
+    assert touch.force_N * 100 == pytest.approx(_on_cap(25.0, 0.3), rel=1e-4)
+    (wide,) = _pressed(Cylinder(100.0, 0.5), [0.0, 0.0, 100.0]).touches
+    assert wide.force_N == pytest.approx(solve_touch(LAW, Body(Disc(0.1)), BALL).force_N, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_saddle_looks_the_same_a_quarter_turn_on_upside_down() -> None:
+    one, other = (_pressed(Saddle(*radii), [0.0, 0.0, 0.0]).touches[0].force_N for radii in (
+        (0.05, -0.04), (-0.04, 0.05)))
+    assert one == pytest.approx(other, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_tilt_by_nothing_and_a_turn_of_the_tilt_change_nothing() -> None:
+    punch, body = Punch(diameter_m=0.014, fillet_m=0.002, force_N=0.5), Body(Disc(0.1))
+
+    def depth(**tilt: float) -> float:
+        return solve_general(LAW, body, [replace(punch, **tilt)], level=ROUGH, coarser=ROUGHER).touches[0].depth_m
+
+    upright = depth()
+    assert depth(tilt_rad=1e-6) == pytest.approx(upright, rel=1e-3)
+    leaning = [depth(tilt_rad=np.deg2rad(5), tilt_direction_rad=turn) for turn in (0.0, 0.7)]
+    assert leaning[0] == pytest.approx(leaning[1], rel=5e-3)
+    assert leaning[0] > 1.05 * upright
+
+
+def test_bodies_that_are_too_small_are_refused() -> None:
+    with pytest.raises(ValueError, match="thickness_mm"):
+        _pressed(Sphere(0.0105), [0, 0, 1])
+    with pytest.raises(ValueError, match="do not fit"):
+        _pressed(Cylinder(0.0115, 0.1), [0, 0, 1])
+
+
+def _ball_shape() -> PunchShape:
+    """The punch BALL by its triangles."""
+    ball = sphere_triangles(Sphere(0.01), 0.01)
+    lifted = replace(ball, nodes_m=ball.nodes_m + np.array([0, 0, 0.013]))
+    return punch_shape(triangle_surface(lifted), 0.01, 0.006)
+
+
+def test_a_shape_is_the_distance_to_its_triangles() -> None:
+    rng, shape = np.random.default_rng(0), _ball_shape()
+    points = np.column_stack([rng.uniform(-0.007, 0.007, (500, 2)), rng.uniform(-1e-3, 5e-3, 500)])
+    away = points - np.array([0, 0, 0.01])
+    exact = 0.01 - np.linalg.norm(away, axis=1)
+    points, away, exact = (part[np.abs(exact) < 2e-3] for part in (points, away, exact))
+    assert shape.penetration(points) == pytest.approx(exact, abs=2e-6)
+    slope, bend = shape.derivatives(points)
+    assert slope == pytest.approx(-away / np.linalg.norm(away, axis=1, keepdims=True), abs=5e-3)
+    assert np.trace(bend, axis1=1, axis2=2) * 0.01 == pytest.approx(-2 * 0.01 / (0.01 - exact), abs=0.2)
+
+
+@pytest.mark.slow
+def test_a_ball_of_triangles_presses_as_the_profile_does() -> None:
+    body = Body(Disc(0.1))
+    (touch,) = solve_general(LAW, body, [BALL], level=ROUGH, coarser=ROUGHER, shapes=[_ball_shape()]).touches
+    exact = solve_touch(LAW, body, BALL)
+    assert touch.force_N == pytest.approx(exact.force_N, rel=2e-3)
+    assert touch.contact_area_m2 == pytest.approx(exact.contact_area_m2, rel=0.01)

@@ -1,0 +1,100 @@
+"""Scenes on curved bodies, end to end: what symmetry says of their readings, and what a flat layer says of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from eitsim.mechanics.curved.rubbed_field import with_friction
+from eitsim.mechanics.general.friction_alone import Rubbed
+
+import eitsim
+from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.scene.curved.curved_scene import CurvedScene, curved_scene
+from eitsim.scene.results import Result
+from eitsim.scene.scene import Body, Punch
+from eitsim.scene.surfaces.sphere import Sphere
+from eitsim.sheet.sheet_conductance import surface_metric
+from eitsim.simulation.result_json import result_document
+from matcal.card import MaterialCard
+from matcal.laws.conductivity import Conductivity
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.prony import Prony
+
+FOAM = Hyperfoam(np.array([9530.0]), np.array([8.0]), np.array([0.0]), "longterm")
+CARD = MaterialCard("foam", FOAM, conductivity=Conductivity(30.0, np.array([-2.0, 2, -1]), (0, 0.4)),
+                    prony=Prony(np.array([0.4]), np.array([5.0])))
+RADIUS_MM = 40.0
+
+
+def ball(**punch: object) -> CurvedScene:
+    """A ball with four electrodes around the equator's upper side and four around the lower one."""
+    angle = np.pi / 2 * np.arange(4)
+    rings = [[RADIUS_MM * np.cos(rise) * np.cos(a), RADIUS_MM * np.cos(rise) * np.sin(a), RADIUS_MM * np.sin(rise)]
+             for rise in (0.3, -0.3) for a in angle]
+    return curved_scene({"body": {"surface": "sphere", "radius_mm": RADIUS_MM, "thickness_mm": 8},
+                         "punch": {"at_mm": [0, 0, RADIUS_MM], "diameter_mm": 14, "force_N": 0.5, **punch},
+                         "electrodes": {"at_mm": rings, "width_mm": 8}, "accuracy": {"signal": 0.02}}, Path())
+
+
+@pytest.fixture(scope="module")
+def pressed() -> Result:
+    return eitsim.simulate(ball(), CARD)
+
+
+def test_a_touch_on_the_pole_of_a_ball_reads_the_same_all_around(pressed: Result) -> None:
+    assert pressed.outcome == "ok", pressed.message
+    assert pressed.readings is not None
+    z = pressed.readings.impedance_Ohm
+    turn = np.array([1, 2, 3, 0, 5, 6, 7, 4])
+    over, under = z[:4, :4], z[4:, 4:]  # of the ring near the touch, and of the other one
+    assert np.abs(z[np.ix_(turn, turn)] - z).max() < 1e-3 * np.abs(over - under).max()
+    assert pressed.error_estimate["signal"] < 0.05
+
+
+def test_a_convex_body_gives_way_more_than_a_flat_layer_and_says_so(pressed: Result) -> None:
+    (touch,), (flat,) = pressed.touches, pressed.as_if_flat
+    assert touch.force_N == pytest.approx(flat.force_N, rel=1e-6)
+    assert 1.02 < touch.depth_m / flat.depth_m < 1.5
+    document = result_document(pressed, ball(), CARD)
+    assert document["as_if_flat"]["delta_max_mm"] == pytest.approx(1e3 * flat.depth_m)
+    assert document["plan"][0]["kind"] == "on_surface"
+    assert document["scene"]["body"]["surface"] == "sphere"
+
+
+def test_a_kept_depth_relaxes_and_a_plan_says_of_the_body_what_physics_refuses() -> None:
+    held = replace(ball(), hold=eitsim.Hold(time_s=(5.0,), control="depth"))
+    found = eitsim.simulate(held, CARD)
+    first, last = found.moments
+    assert last.touches[0].force_N / first.touches[0].force_N == pytest.approx(0.6 + 0.4 * np.exp(-1))
+    assert last.readings.signal_V == pytest.approx(first.readings.signal_V)
+    thick = replace(ball(), body=replace(ball().body, thickness_m=0.039))
+    assert "too thick" in eitsim.plan(thick, CARD).refusal
+    deep = replace(ball(), punches=(Punch(depth_m=0.0079),))
+    assert "97% of the foam's thickness" in eitsim.plan(deep, CARD).refusal
+
+
+def test_friction_adds_the_stretches_that_it_changes_on_a_flat_layer() -> None:
+    """On a ball that does not move, the field is the flat touch with friction over that without."""
+    body, punch = Body(), Punch(force_N=0.3, friction="stick")
+    lone = Rubbed(punch, solve_touch(FOAM, body, punch), solve_touch(FOAM, body, replace(punch, friction="none")))
+
+    class Still:
+        def deformation_gradient(self, points_m: np.ndarray) -> np.ndarray:
+            return np.tile(np.eye(3), (len(points_m), 1, 1))
+
+        def displacement(self, points_m: np.ndarray) -> np.ndarray:
+            return 0 * points_m
+
+    sphere = Sphere(1.0)
+    chart = sphere.chart_about(np.array([0, 0, 1.0]))
+    field = with_friction(Still(), [(0, lone)], sphere, np.array([[0, 0, 1.0]]))
+    uv = np.column_stack([np.linspace(0.001, 0.03, 30), np.zeros(30)])
+    f = field.deformation_gradient(chart.place(uv)[0])
+    squared = np.linalg.det(f) ** 2
+    (rough, rough_normal), (smooth, smooth_normal) = (surface_metric(uv, punch, t) for t in (lone.rough, lone.smooth))
+    expected = np.linalg.det(rough) / np.linalg.det(smooth) * (rough_normal / smooth_normal) ** 2
+    np.testing.assert_allclose(squared, expected, rtol=1e-9)
+    assert np.abs(expected - 1).max() > 0.01
