@@ -59,11 +59,6 @@ class Estimate:
         return (self.value - low * np.where(low > 0, self.ratio_below, 1.0),
                 high * np.where(high > 0, self.ratio_above, 1.0) - self.value)
 
-    def errors(self, target: Array) -> Array:
-        """(n, outputs) errors of values, as far as other profiles do not make up for them."""
-        over = np.maximum(self.value - target / np.where(target > 0, self.ratio_below, 1.0), 0.0)
-        return over + np.minimum(self.value - target / np.where(target > 0, self.ratio_above, 1.0), 0.0)
-
 
 @dataclass(frozen=True)
 class Parts:

@@ -144,7 +144,7 @@ def _scales(model: TrainedModel, noise: ReadingNoise, coverages: Sequence[float]
     # the simulator's error, as the forward map counts it
     noisy += signal * (np.tile(rows.signal_sd, draws) * rng.normal(size=len(target)))[:, None]
     found = estimate(model, noisy, noise)
-    error, branched = found.errors(target), model.learner.branched(model.names)
+    error, branched = found.value - target, model.learner.branched(model.names)
     sd = np.where(error > 0, found.below, found.above)
     place = np.array([name in outputs.PLACES for name in model.names])  # x and y lie across some edges, along others
     past = np.where(error > 0, found.past_below, found.past_above)

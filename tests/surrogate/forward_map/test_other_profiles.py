@@ -12,7 +12,6 @@ import surrogate
 from surrogate.data.samples import OtherProfile, SweepSamples, take
 from surrogate.forward_map.inversion import other_profiles
 from surrogate.forward_map.inversion.other_profiles import ForceRatio
-from surrogate.learners.base import regression
 from surrogate.learners.forward import TouchInversion
 from surrogate.model.assumed_punch import assumed_punch
 from surrogate.model.sweep_model import SweepModel
@@ -81,15 +80,3 @@ def test_too_few_touches_of_a_profile_teach_nothing(inner: SweepSamples) -> None
     (one,) = inner.others
     few = OtherProfile(one.profile, one.touch[:other_profiles.FEWEST - 1], one.signal_V[:other_profiles.FEWEST - 1])
     assert ratios_of(model_of(replace(inner, others=(few,)))) == ()
-
-
-def test_an_error_is_none_where_the_interval_of_its_size_ends() -> None:
-    """A target lies in an interval of so many standard deviations just where its error is no more than these."""
-    rng, shape = np.random.default_rng(5), (4000, 1)
-    found = replace(regression(rng.uniform(0.5, 2, shape), rng.uniform(0.01, 0.1, shape)),
-                    ratio_below=rng.uniform(0.8, 1, shape), ratio_above=rng.uniform(1, 1.3, shape))
-    target, factor = found.value * rng.uniform(0.6, 1.6, shape), 1.5
-    below, above = found.ends(np.full(shape, factor), 0.0)
-    held = (found.value - below <= target) & (target <= found.value + above)
-    assert 0.2 < held.mean() < 0.8
-    assert np.array_equal(held, np.abs(found.errors(target)) <= factor * found.sd)
