@@ -236,10 +236,10 @@ def _force_part_count(model: TrainedModel) -> int:
 
 def _force_parts(model: TrainedModel, found: Estimate, plain: Array, sd: Array) -> Array:
     """(n, 3) parts of the force's calibrated standard deviations, of sd (n, outputs): noise and material in their
-    shares of those of the trained profile, `plain`, and the model's the rest."""
+    shares of those of the trained profile, `plain` and at most the whole, and the model's the rest."""
     assert found.parts is not None
     k = model.names.index("F")
-    shares = plain[:, k] / np.maximum(found.sd[:, k], np.finfo(float).tiny)
+    shares = np.minimum(plain, sd)[:, k] / np.maximum(found.sd[:, k], np.finfo(float).tiny)
     noise, material = found.parts.noise[:, k] * shares, found.parts.material[:, k] * shares
     return np.column_stack([noise, material, np.sqrt(np.maximum(sd[:, k]**2 - noise**2 - material**2, 0.0))])
 

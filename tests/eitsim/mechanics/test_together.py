@@ -219,7 +219,7 @@ def test_the_plan_says_who_is_solved_together_and_who_cannot_be():
     at_rim = make_plan(scene_from({"punch": [{"x_mm": 68}, {"x_mm": 46}]}), CARD)
     assert not at_rim.refusal
     near = [d.decision for d in at_rim.decisions if d.decision.startswith(("mechanics in three", "touches 1 and 2"))]
-    assert near == ["mechanics in three dimensions near the rim, as a change of the axisymmetric touch"] * 2 + [
+    assert near == ["mechanics in three dimensions about the touch"] * 2 + [
         "touches 1 and 2 solved together in three dimensions"]
     separation = make_plan(scene_from({"punch": [*close, {"x_mm": -48}]}), CARD)
     assert not separation.refusal
