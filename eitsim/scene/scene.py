@@ -32,6 +32,7 @@ MODULI = ("card", "instantaneous", "longterm")
 _OF_UNITS = {"mm": (1e-3, 1e4), "um": (1e-3, 1e4), "N": (0.0, 1e9), "mA": (1e-9, 1e6), "deg": (-3600.0, 3600.0),
              "Ohm_m": (1e-12, 1e9), "Ohm_m2": (1e-12, 1e9), "s": (0.0, 1e12), "uS": (-1e9, 1e9), "S": (1e-12, 1e9)}
 _OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "half_angle_deg": (1.0, 89.0),
+            "tilt_deg": (-60.0, 60.0),
             "friction_coefficient": (0.0, 100.0), "signal": (1e-9, 10.0), "positions_mm": (-1e5, 1e5),
             "points_mm": (-1e4, 1e4), "holes_mm": (-1e4, 1e4), "corner_radius_mm": (0.0, 1e4),
             "gains": (-100.0, 100.0), "current_factors": (0.0, 100.0), "sheet_modes": (-10.0, 10.0),
@@ -185,6 +186,7 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
     "punch": {"x_mm": ("x_m", 1e3), "y_mm": ("y_m", 1e3), "diameter_mm": ("diameter_m", 1e3),
               "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e3), "profile": ("profile", None),
               "fillet_mm": ("fillet_m", 1e3), "half_angle_deg": ("half_angle_rad", 180 / math.pi),
+              "tilt_deg": ("tilt_rad", 180 / math.pi), "tilt_direction_deg": ("tilt_direction_rad", 180 / math.pi),
               "friction": ("friction", None), "friction_coefficient": ("friction_coefficient", 1.0),
               "conductor": ("conductor", None), "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
     "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
@@ -288,7 +290,11 @@ def _parts(scene: Scene, table: str) -> tuple[Any, ...]:
 
 
 def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
-    """Take out of a scene's tables what outlines alone have, or what they leave without effect."""
+    """Take out of a scene's tables what outlines alone have, or what they leave without effect, and the lean of upright
+    punches."""
+    for punch, table in zip(scene.punches, tables["punch"], strict=True):
+        if punch.tilt_rad == 0:
+            del table["tilt_deg"], table["tilt_direction_deg"]
     outlined, surface = not scene.body.edge.is_round, scene.electrodes.anywhere
     idle = ("first_angle_deg",) if surface else ("shape", "turn_deg", "opening_deg")
     idle += ("length_mm",) if outlined and not surface else ()
@@ -492,6 +498,8 @@ def _check_punch(punch: Punch, body: Body) -> None:
              f"diameter_mm = {punch.diameter_m * 1e3:g}", punch.fillet_m * 1e3)
     _require(0 < punch.half_angle_rad < math.pi / 2, "half_angle_deg in [punch]",
              "(from the axis to the face of a cone) must lie between 0 and 90", math.degrees(punch.half_angle_rad))
+    if punch.tilt_rad and punch.friction != "none":
+        raise ValueError("friction in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
     by_coulomb = punch.friction == "coulomb"
     _require(punch.friction_coefficient > 0 or not by_coulomb, "friction_coefficient in [punch]",
              "must be positive with friction = \"coulomb\"", punch.friction_coefficient)

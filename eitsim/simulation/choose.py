@@ -172,7 +172,8 @@ def _way(case: Case) -> Way:
     with what electrodes and ends of contacts may cost, the one of those that do without that omits least; else the
     first that meets it and is refused, of several touches the last, or that of those that leave out least."""
     ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
-            for route in known_routes.ROUTES if case.exact or not route.for_exact
+            for route in known_routes.ROUTES if (case.exact or not route.for_exact) and (
+                route.leaning or not any(punch.tilt_rad for punch in case.punches))
             if (answer := route.serves(case)) is not NOT_MEANT]
     fine = [way for way in ways if way.route.leaves_out(case) <= case.allowed]
     serving = [way for way in fine if way.why is None]

@@ -1,7 +1,7 @@
 """A scene on a body that is not flat, and its file (TOML), with keys as those of flat scenes where there are such."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ from touchcal.toml_file import read_toml
 
 _TABLES = ("body", "punch", "skin", "electrodes", "drive", "hold", "accuracy", "card")
 _ELSEWHERE = {"x_mm": "at_mm = [x, y, z]", "y_mm": "at_mm = [x, y, z]"}
-_POSES = {"tilt_deg": "tilt_rad", "tilt_direction_deg": "tilt_direction_rad"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,18 +108,11 @@ def _punch(table: Mapping[str, Any], body: CurvedBody) -> Punch:
     for key, instead in _ELSEWHERE.items():
         if key in table:
             raise ValueError(f"{key} in [punch] has no effect on a curved body; give {instead}.")
-    poses = {name: _degrees(key, table[key]) for key, name in _POSES.items() if key in table}
-    (punch,) = scene_from({"punch": {key: value for key, value in table.items() if key not in ("at_mm", *_POSES)},
+    (punch,) = scene_from({"punch": {key: value for key, value in table.items() if key != "at_mm"},
                            "body": {"thickness_mm": 1e3 * body.thickness_m}}).punches
     if punch.conductor:
         raise ValueError("conductor in [punch]: conducting punches are not built on curved bodies; leave it out.")
-    return replace(punch, **poses)
-
-
-def _degrees(key: str, value: Any) -> float:
-    if not is_number(value) or not abs(value) <= 360:
-        raise ValueError(f"{key} in [punch] must be a number from -360 to 360, got {value!r:.80}.")
-    return float(np.radians(value))
+    return punch
 
 
 def curved_tables(scene: CurvedScene) -> dict[str, Any]:
@@ -129,8 +121,7 @@ def curved_tables(scene: CurvedScene) -> dict[str, Any]:
     tables = {key: flat[key] for key in ("skin", "hold", "accuracy")}
     punches = [{**{key: value for key, value in table.items() if key not in ("x_mm", "y_mm")},
                 "at_mm": [float(f"{1e3 * part:.12g}") for part in place]}
-               | {key: float(f"{np.degrees(getattr(punch, name)):.12g}") for key, name in _POSES.items()}
-               for table, punch, place in zip(flat["punch"], scene.punches, scene.places_m.tolist(), strict=True)]
+               for table, place in zip(flat["punch"], scene.places_m.tolist(), strict=True)]
     drive = scene_tables(Scene(drive=scene.drive, electrodes=Electrodes(count=scene.sheet(1.0).count)))["drive"]
     return {"body": dict(scene.body.tables), "punch": punches, **tables, "electrodes": _electrode_table(scene),
             "drive": drive}

@@ -26,6 +26,7 @@ class General(Route):
 
     kind = "general"
     spatial = True
+    leaning = True
     problems: ClassVar[Mapping[str, str]] = {
         Why.TOUCHING: "touches are solved together from a gap of {least_mm:.2g} mm on"}
 

@@ -133,6 +133,7 @@ class Route:
     kind: str  # what results call it, unlike those of all other decisions of a plan
     for_exact = False  # whether it is for exact runs alone, and comes first there
     spatial = False  # whether electrodes are bodies in it, and it shows where contacts end
+    leaning = False  # whether it takes punches that lean
     # kind of a refusal of its own -> the clause that tells what is served, filled with the refusal's values
     problems: ClassVar[Mapping[str, str]] = {}
 

@@ -11,7 +11,7 @@ import pytest
 
 from eitsim.scene.choices import Why
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.scene import Body, Punch, Scene, scene_from
+from eitsim.scene.scene import Body, Punch, Scene, scene_from, scene_tables
 from eitsim.simulation.choose import choose
 from eitsim.simulation.material import material_of
 from eitsim.simulation.routes import known_routes
@@ -45,6 +45,17 @@ def test_few_scenes_are_refused_and_none_as_a_combination_that_was_not_built() -
         reasons += [] if why is None else [why.kind]
     assert set(reasons) <= {Why.OFF_SKIN, Why.TOO_DEEP}
     assert len(reasons) <= 3
+
+
+def test_a_punch_that_leans_is_solved_in_three_dimensions() -> None:
+    upright, leaning = (scene_from({"punch": {"tilt_deg": tilt, "tilt_direction_deg": 90}}) for tilt in (0, 5))
+    assert leaning.punches[0].tilt_rad == pytest.approx(np.radians(5))
+    assert scene_from(scene_tables(leaning)) == leaning
+    assert "tilt_deg" not in scene_tables(upright)["punch"][0]
+    kinds = [choose(scene, material_of(scene, CARD)).ways[0].route.kind for scene in (upright, leaning)]
+    assert kinds == ["axisymmetric", "general"]
+    with pytest.raises(ValueError, match="upright punches"):
+        scene_from({"punch": {"tilt_deg": 5, "friction": "stick"}})
 
 
 def test_what_no_other_route_serves_is_solved_in_three_dimensions() -> None:
