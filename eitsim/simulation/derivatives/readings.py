@@ -56,9 +56,9 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
     benchmarks/sensitivity.py). Near the rim (14 mm, 1 N, a gap of 20 mm) they differ from central differences of scenes
     solved anew by 0.5 (x), 1.7 (y), 0.9 (d) and 0.6 % (F, of steps of 0.0075 N; 2.2 and 3.6 % of twice and four times
     those, whose own errors grow).
-    ValueError where the plan refuses the scene, with friction or with a conducting punch, for touches solved together
-    or near the edge of an outline, for a contact that reaches an electrode on the surface, and for a hold; NotConverged
-    where the mechanics does not converge.
+    ValueError where the plan refuses the scene, with friction, with a punch that leans or conducts, for touches solved
+    together or near the edge of an outline, for a contact that reaches an electrode on the surface, and for a hold;
+    NotConverged where the mechanics does not converge.
     """
     material = material_of(scene, card)
     chosen = choose(scene, material, bodies=False)
@@ -128,6 +128,8 @@ def _problem(scene: Scene) -> str:
     for punch in scene.punches:
         if punch.friction != "none":
             return f"friction = \"{punch.friction}\" in [punch], where the touch depends on its way; leave it out."
+        if punch.tilt_rad:
+            return "tilt_deg in [punch], where touches differ from upright ones; leave it out."
         if punch.conductor:
             return ("conductor = true in [punch], where readings depend on the end of the contact, which moves on the "
                     "foam's mesh in steps; leave it out.")

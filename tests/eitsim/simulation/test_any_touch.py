@@ -13,7 +13,9 @@ from eitsim.scene.choices import Why
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Punch, Scene, scene_from, scene_tables
 from eitsim.simulation.choose import choose
+from eitsim.simulation.derivatives.readings import check_differentiable
 from eitsim.simulation.material import material_of
+from eitsim.simulation.reuse import scene_shape
 from eitsim.simulation.routes import known_routes
 from eitsim.simulation.routes.general import General
 from eitsim.simulation.simulate import simulate
@@ -56,6 +58,15 @@ def test_a_punch_that_leans_is_solved_in_three_dimensions() -> None:
     assert kinds == ["axisymmetric", "general"]
     with pytest.raises(ValueError, match="upright punches"):
         scene_from({"punch": {"tilt_deg": 5, "friction": "stick"}})
+
+
+def test_a_punch_that_leans_is_not_taken_as_upright_by_load_paths_and_derivatives() -> None:
+    leaning = scene_from({"punch": {"tilt_deg": 5}})
+    with pytest.raises(ValueError, match="tilt_deg"):
+        scene_shape(leaning, CARD)
+    with pytest.raises(ValueError, match="tilt_deg"):
+        check_differentiable(leaning)
+    check_differentiable(scene_from({"punch": {"tilt_deg": 0, "tilt_direction_deg": 90}}))
 
 
 def test_what_no_other_route_serves_is_solved_in_three_dimensions() -> None:
