@@ -16,7 +16,7 @@ from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.curved.solve_on_cap import solve_on_cap
 from eitsim.mechanics.curved.space_field import Neighbourhood, SpaceField
 from eitsim.mechanics.general.meshing.layer_layout import ChartLayout, curvatures
-from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
+from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level, checked_gaps
 from eitsim.mechanics.general.solve_general import GeneralSolution, solve_general
 from eitsim.mechanics.general.solved_layer import upright_where_they_rub
 from eitsim.scene.results import Touch
@@ -60,16 +60,15 @@ def solve_on_surface(law: Law, surface: CurvedSurface, thickness_m: float, punch
     found, parts, solutions = {}, [], []
     for group in _groups(punches, places, thickness_m * (2 * level.reach + _MARGIN)):
         layout = ChartLayout(surface.chart_about(places[group].mean(axis=0)), thickness_m)
-        uv = layout.chart.find(places[group])
+        there = _laid_out(layout, [punches[k] for k in group], places[group])
         own = [shapes[k] for k in group] if shapes else []
         if layout.chart.ball_m is not None and len(group) == 1 and punches[group[0]].tilt_rad == 0 and own in (
                 [], [None]):
-            _within(layout, level, [replace(punches[group[0]], x_m=0.0, y_m=0.0)])
+            _within(layout, level, there)
             found[group[0]], cap = solve_on_cap(law, thickness_m, punches[group[0]], 1 / layout.chart.ball_m)
             parts.append(Neighbourhood(layout, cap, layout.chart.limit_m))
             continue
         body = Body(layout.chart.edge, thickness_m)
-        there = [replace(punches[k], x_m=float(u), y_m=float(v)) for k, (u, v) in zip(group, uv, strict=True)]
         fine, rough = (_within(layout, each, there) for each in (level, coarser))
         solution = solve_general(law, body, there, level=fine, coarser=rough, bonded=bonded, layout=layout,
                                  shapes=own)
@@ -85,6 +84,12 @@ def _groups(punches: Sequence[Punch], places: Array, reach_m: float) -> list[lis
     near = cdist(places, places) - radius[:, None] - radius < reach_m
     count, label = connected_components(near, directed=False)
     return [np.flatnonzero(label == k).tolist() for k in range(count)]
+
+
+def _laid_out(layout: ChartLayout, punches: Sequence[Punch], places_m: Array) -> list[Punch]:
+    """The punches at the coordinates of places (punches, 3), m."""
+    return [replace(punch, x_m=float(u), y_m=float(v))
+            for punch, (u, v) in zip(punches, layout.chart.find(places_m), strict=True)]
 
 
 def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Level:
@@ -107,11 +112,17 @@ def _within(layout: ChartLayout, level: Level, punches: Sequence[Punch]) -> Leve
 def unfit(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], places_m: Array) -> str:
     """Why the layer or the neighbourhood of a punch does not fit on the surface, as `solve_on_surface` raises it; empty
     where they do."""
-    for place, punch in zip(surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0], punches, strict=True):
-        layout = ChartLayout(surface.chart_about(place), thickness_m)
+    places = surface.nearest(np.atleast_2d(np.asarray(places_m, dtype=float)))[0]
+    for group in _groups(punches, places, thickness_m * (2 * COARSE.reach + _MARGIN)):
+        layout = ChartLayout(surface.chart_about(places[group].mean(axis=0)), thickness_m)
         try:
-            _within(layout, COARSE, [replace(punch, x_m=0.0, y_m=0.0)])
-            upright_where_they_rub([punch])
+            there = _laid_out(layout, [punches[k] for k in group], places[group])
+            _within(layout, COARSE, there)
+            upright_where_they_rub(there)
+            if layout.chart.ball_m is None or len(group) > 1:
+                checked_gaps(Body(layout.chart.edge, thickness_m),
+                             np.array([(punch.x_m, punch.y_m) for punch in there]) / thickness_m,
+                             np.array([punch.diameter_m / 2 for punch in there]) / thickness_m)
         except ValueError as error:
             return str(error)
     return ""

@@ -24,6 +24,9 @@ SURFACES = {"cylinder": ("radius_mm", "length_mm"), "sphere": ("radius_mm",),
 _OPTIONAL = ("width_mm", "unit_mm")
 _OF_FILES = ("unit_mm",)
 _SIGNED = ("radius_mm", "radius_2_mm")  # of a saddle
+# Least and largest of the numbers that give a surface, mm, and the longest side over the lesser radius: a side is cut
+# into triangles as short as this asks for.
+_LEAST_MM, _MOST_MM, _SLENDER = 1e-3, 1e4, 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +64,22 @@ def curved_body(raw: Mapping[str, Any], folder: Path) -> CurvedBody:
         raise ValueError(f"{missing[0]} in [body] is missing: surface = \"{kind}\" needs {' and '.join(missing)}.")
     signed = _SIGNED if kind == "saddle" else ()
     sizes = {key: _number(raw, key, positive=key not in signed) / 1e3 for key in keys if key in raw}
+    if kind in SURFACES:
+        _check_sizes({key: 1e3 * value for key, value in sizes.items()})
     surface, triangles = _made(kind, sizes) if kind in SURFACES else _of_file(folder / kind, sizes.get("unit_mm", 1e-3))
     return CurvedBody(surface, triangles, thickness / 1e3, {**raw, "thickness_mm": thickness})
+
+
+def _check_sizes(sizes_mm: Mapping[str, float]) -> None:
+    """ValueError where a number that gives a surface is a slip of the unit, or a side too long for its triangles."""
+    for key, value in sizes_mm.items():
+        if not _LEAST_MM <= abs(value) <= _MOST_MM:
+            raise ValueError(f"{key} in [body] must be from {_LEAST_MM:g} to {_MOST_MM:g} mm, got {value:g}.")
+    radius = min(abs(sizes_mm[key]) for key in _SIGNED if key in sizes_mm)
+    for key in ("length_mm", "width_mm"):
+        if sizes_mm.get(key, 0.0) > _SLENDER * radius:
+            raise ValueError(f"{key} in [body] must be at most {_SLENDER} times the lesser radius, "
+                             f"{_SLENDER * radius:g}, got {sizes_mm[key]:g}.")
 
 
 def _of_file(path: Path, unit_m: float) -> tuple[CurvedSurface, TriangleMesh]:

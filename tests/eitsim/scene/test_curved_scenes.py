@@ -76,6 +76,8 @@ def test_the_tables_of_a_scene_give_the_scene() -> None:
     ("width_mm = 8", "width_mm = 8\nx_mm = [1]", r"x_mm in \[electrodes\] has no effect with at_mm"),
     ('"adjacent"', '"opposit"', "'opposit' is unknown"),
     ("[drive]", "[channels]\ngains = [1]\n[drive]", "channels"),
+    ("radius_mm = 45", "radius_mm = 1e12", "must be from 0.001 to 10000 mm"),
+    ("length_mm = 180", "length_mm = 9000", "at most 100 times the lesser radius"),
 ])
 def test_slips_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:
     text = FOREARM.read_text(encoding="utf-8")

@@ -67,5 +67,8 @@ def test_a_kept_depth_relaxes_and_a_plan_says_of_the_body_what_physics_refuses()
     assert last.readings.signal_V == pytest.approx(first.readings.signal_V)
     thick = replace(ball(), body=replace(ball().body, thickness_m=0.039))
     assert "too thick" in eitsim.plan(thick, CARD).refusal
+    punch, place = ball().punches[0], ball().places_m[0]
+    both = replace(ball(), punches=(punch, punch), places_m=place + np.array([[0.0, 0, 0], [0.01, 0, 0]]))
+    assert "from another punch" in eitsim.plan(both, CARD).refusal
     deep = replace(ball(), punches=(Punch(depth_m=0.0079),))
     assert "97% of the foam's thickness" in eitsim.plan(deep, CARD).refusal

@@ -53,17 +53,23 @@ def gaps(body: Body, centres: Array, radii: Array) -> Array:
     return np.minimum(room, between.min(axis=1))
 
 
+def checked_gaps(body: Body, centres: Array, radii: Array) -> Array:
+    """As `gaps`; ValueError where a punch overhangs an edge or another punch or is nearer than LEAST_GAP."""
+    room = gaps(body, centres, radii)
+    if room.min() < LEAST_GAP:
+        least, unit_mm = int(room.argmin()), body.thickness_m * 1e3
+        raise ValueError(f"the edge of punch {least} (from 0) is {room[least] * unit_mm:.3g} mm from an edge of the "
+                         f"skin or from another punch; leave {LEAST_GAP * unit_mm:.3g} mm or more.")
+    return room
+
+
 def layer_mesh(body: Body, centres: Array, zones: tuple[Zone, ...], features: tuple[float, ...], level: Level, *,
                bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT) -> WedgeMesh:
     """The mesh of a body about punches at centres (n, 2), thicknesses, laid into space, with what is bonded to it;
     sides elsewhere free or, bonded, fixed. ValueError where a punch overhangs an edge or another punch or is nearer
     than LEAST_GAP."""
     radii = np.array([zone.radius for zone in zones])
-    room = gaps(body, centres, radii)
-    if room.min() < LEAST_GAP:
-        least, unit_mm = int(room.argmin()), body.thickness_m * 1e3
-        raise ValueError(f"the edge of punch {least} (from 0) is {room[least] * unit_mm:.3g} mm from an edge of the "
-                         f"skin or from another punch; leave {LEAST_GAP * unit_mm:.3g} mm or more.")
+    room = checked_gaps(body, centres, radii)
     loops = tuple(loop / body.thickness_m for loop in body.edge.loops)
     pads = [[distance_to(pad.outline, centre) for pad in bodies.pads] for centre in centres]
     room = np.minimum(room, np.min(pads, axis=1, initial=np.inf) - radii)
