@@ -60,6 +60,8 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     known = (*_TOP, *scene_keys())
     if unknown := [key for key in raw if key not in known]:
         raise ValueError(unknown_key(unknown[0], known))
+    if isinstance(raw.get("body"), Mapping) and "surface" in raw["body"]:
+        raise ValueError("surface in [body]: sweeps take flat skins alone; `eitsim run` takes curved bodies.")
     seed, sampler = raw.get("seed", 0), raw.get("sampler", "random")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}.")

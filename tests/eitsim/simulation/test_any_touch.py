@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eitsim.cli.output_files import OutputFiles, check_output_files
 from eitsim.scene.choices import Why
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Punch, Scene, scene_from, scene_tables
@@ -67,6 +68,8 @@ def test_a_punch_that_leans_is_not_taken_as_upright_by_load_paths_and_derivative
     with pytest.raises(ValueError, match="tilt_deg"):
         check_differentiable(leaning)
     check_differentiable(scene_from({"punch": {"tilt_deg": 0, "tilt_direction_deg": 90}}))
+    with pytest.raises(ValueError, match="upright punches"):
+        check_output_files(leaning, OutputFiles(fields=Path("press.pvd")))
 
 
 def test_what_no_other_route_serves_is_solved_in_three_dimensions() -> None:
