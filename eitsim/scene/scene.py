@@ -500,6 +500,8 @@ def _check_punch(punch: Punch, body: Body) -> None:
              "(from the axis to the face of a cone) must lie between 0 and 90", math.degrees(punch.half_angle_rad))
     if punch.tilt_rad and punch.friction != "none":
         raise ValueError("friction in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
+    if punch.tilt_rad and punch.conductor:
+        raise ValueError("conductor in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
     by_coulomb = punch.friction == "coulomb"
     _require(punch.friction_coefficient > 0 or not by_coulomb, "friction_coefficient in [punch]",
              "must be positive with friction = \"coulomb\"", punch.friction_coefficient)

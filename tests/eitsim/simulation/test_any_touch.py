@@ -59,6 +59,8 @@ def test_a_punch_that_leans_is_solved_in_three_dimensions() -> None:
     assert kinds == ["axisymmetric", "general"]
     with pytest.raises(ValueError, match="upright punches"):
         scene_from({"punch": {"tilt_deg": 5, "friction": "stick"}})
+    with pytest.raises(ValueError, match="upright punches"):
+        scene_from({"punch": {"tilt_deg": 5, "conductor": True}})
 
 
 def test_a_punch_that_leans_is_not_taken_as_upright_by_load_paths_and_derivatives() -> None:
