@@ -18,6 +18,7 @@ from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
 from eitsim.mechanics.general.solved_layer import equilibrium, lone_touches, problem
 from eitsim.mechanics.general.touch_of_field import touch_about
+from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Body, Punch
 from matcal.laws.law import Law
@@ -33,6 +34,8 @@ _DEPTH_FLOOR = 1e-3
 _SIGNAL_FLOOR, _OF_CHANGE = 1e-2, 0.06
 # Part of what edges and other punches change that the way of loading may alter where a punch rubs, as near a rim.
 _WAY = 0.1
+# Factorisations on the finer mesh whose work the touches may take: usual ones take 20 to 40.
+_FACTORISATIONS = 100
 # Bytes of a number of the factors and of an element's matrix, with what is kept of both at a time; and what the program
 # takes itself.
 _BYTES_ENTRY, _BYTES_ELEMENT, _BYTES_BASE = 12, 60_000, 300e6
@@ -81,8 +84,10 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     ValueError where a punch overhangs an edge or another punch; NotConverged where no equilibrium is found.
     """
     started, lone = cpu_s(), lone_touches(law, body, punches, layout)
-    rough, fine = (corrected(equilibrium(problem(law, body, punches, lone, each, bonded, bodies, layout, shapes), lone,
-                                         body.thickness_m), lone, each) for each in (coarser, level))
+    models = [problem(law, body, punches, lone, each, bonded, bodies, layout, shapes) for each in (coarser, level)]
+    with bounded(_FACTORISATIONS, models[-1].mesh.unknowns):
+        rough, fine = (corrected(equilibrium(model, lone, body.thickness_m), lone, each)
+                       for model, each in zip(models, (coarser, level), strict=True))
     changed = _changed(fine)
     depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches, changed)
     by_friction = _errors_of_friction(fine, lone, changed)

@@ -18,6 +18,7 @@ from eitsim.mechanics.general.meshing.bodies import NO_BODIES, Bodies
 from eitsim.mechanics.general.meshing.layer_layout import FLAT, Layout, curvatures
 from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
 from eitsim.numerics.newton import Minimum
+from eitsim.numerics.work_budget import used_up
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.law import Law, over
 from touchcal.arrays import Array
@@ -101,7 +102,7 @@ def _reached(model: LayerProblem, lone: tuple[LoneTouch, ...], start: Array, hal
     try:
         return many.solve(model, _touching(model, start))
     except NotConverged:
-        if halvings == 0:
+        if halvings == 0 or used_up():
             raise
     held = start[model.mesh.unknowns:]
     easier = replace(model, presses=tuple(replace(p, force=None if p.force is None else p.force / 2)

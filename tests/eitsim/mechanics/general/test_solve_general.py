@@ -9,6 +9,7 @@ import pytest
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.general import solve_general as general
 from eitsim.mechanics.general.layer.layer_surface import principal_stretches
 from eitsim.mechanics.general.layer.lone_touches import lone_surface
 from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
@@ -21,6 +22,7 @@ from eitsim.sheet.sheet_conductance import driving_strains, stretches
 from eitsim.simulation.near_edges import solve_near_rim
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.errors import NotConverged
 
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 SKIN = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
@@ -113,6 +115,12 @@ def test_a_punch_that_rubs_holds_the_layer_as_it_does_about_its_axis(punch: Punc
     (rough, held), (_, free) = moved
     assert np.linalg.norm(held - free) > 0.5 * np.linalg.norm(free)
     assert np.linalg.norm(rough - held) < 0.05 * np.linalg.norm(held - free)
+
+
+def test_a_search_without_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(general, "_FACTORISATIONS", 2)
+    with pytest.raises(NotConverged, match="given up"):
+        solve_general(LAW, Body(Disc(0.1)), [FLAT], level=ROUGHER, coarser=ROUGHER)
 
 
 def test_overlap_is_refused() -> None:
