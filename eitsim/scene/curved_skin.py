@@ -1,6 +1,6 @@
 """A skin that is a sheet in space: its triangles, electrodes, drive, and touches as prescribed changes of conductance.
 
-A file (TOML) has a form of its own, not that of a scene, since a curved body has no punch here.
+A file (TOML) has a form of its own, not that of a scene, since a sheet has no punch.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,6 @@ from touchcal.toml_file import read_toml
 
 Point = tuple[float, ...]
 
-NO_MECHANICS = "mechanics on curved bodies is left out"
 _COLUMNS = ("x_mm", "y_mm", "z_mm")
 _NARROW_MM = 1.0  # Width of electrodes of which only the number counts.
 _KEYS = {"body": ("mesh", "unit_mm"), "skin": ("conductance_S",),
@@ -81,8 +80,8 @@ def read_curved_skin(path: Path | str) -> CurvedSkin:
 def _skin(tables: Mapping[str, Any], folder: Path) -> CurvedSkin:
     for table in ("punch", "hold"):
         if table in tables:
-            raise ValueError(f"[{table}]: {NO_MECHANICS}; leave it out, and give a touch as a [[patch]] of "
-                             "conductance.")
+            raise ValueError(f"[{table}]: a sheet has no foam to press; give a touch as a [[patch]] of conductance, or "
+                             "surface and thickness_mm in [body], which `eitsim run` solves.")
     if unknown := [key for key in tables if key not in _KEYS]:
         raise ValueError(unknown_key(unknown[0], _KEYS))
     parts = {name: _table(name, tables.get(name, {})) for name in ("body", "skin")}

@@ -211,8 +211,8 @@ def test_the_command_gives_readings_without_and_with_the_patch(command: Callable
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
-    (PATCH, "[punch]\nforce_N = 1\n", r"\[punch\]: mechanics on curved bodies is left out"),
-    (PATCH, "[hold]\ntime_s = [1]\n", r"\[hold\]: mechanics on curved bodies is left out"),
+    (PATCH, "[punch]\nforce_N = 1\n", r"\[punch\]: a sheet has no foam"),
+    (PATCH, "[hold]\ntime_s = [1]\n", r"\[hold\]: a sheet has no foam"),
     ("z_mm = 0\nwidth_mm = 16", "z_mm = 9\nwidth_mm = 16", r"patch 0 \(from 0\) lies off the sheet, whose nearest"),
     ("45]", "19]", r"electrodes 2 and 3 \(from 0\) overlap"),
     ("z_mm = [0, 0, 0, 0]", "z_mm = [0, 0, 0]", "one number an electrode each, got 4, 4, 3"),
@@ -236,7 +236,7 @@ def test_what_cannot_be_is_refused(skin_file: Path, old: str, new: str, message:
 
 def test_a_scene_with_a_curved_mesh_is_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text('[body]\nmesh = "hand.stl"\n[punch]\nforce_N = 1\n', encoding="utf-8")
-    with pytest.raises(InputFileError, match="mechanics on curved bodies is left out"):
+    with pytest.raises(InputFileError, match="a sheet without foam"):
         read_scene(tmp_path / "scene.toml")
 
 

@@ -265,3 +265,8 @@ def test_derivatives_near_an_edge_say_what_to_do():
     check_differentiable(SCENE)
     with pytest.raises(ValueError, match=r"not built for a touch near the edge of an outline.* larger signal in"):
         check_differentiable(at(0.01, 0.03))
+
+
+def test_derivatives_of_a_leaning_punch_are_refused():
+    with pytest.raises(ValueError, match="a leaning punch; leave out tilt_deg"):
+        check_differentiable(Scene(punches=[Punch(diameter_m=0.014, force_N=1.0, tilt_rad=0.1)]))
