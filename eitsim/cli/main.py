@@ -89,7 +89,7 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     from eitsim.cli.display import show_result
     from eitsim.cli.output_files import OutputFiles, check_output_files
     from eitsim.simulation.result_json import result_document
-    from eitsim.simulation.simulate import simulate
+    from eitsim.simulation.simulate import simulate, solve_scene
 
     if report is not None and out is None:
         raise ValueError("--report needs --out: the report is made from the stored result. Add --out result.json.")
@@ -106,7 +106,9 @@ def run_scene(scene: SceneFile, card: CardOption = None,
         raise ValueError("--reuse takes the surface alone, from stored paths; leave it out with --exact and --fields.")
     check_output_files(parsed, files, outs)
     material = read_card(path)
-    result = simulate(parsed, material, exact=exact, reuse=reuse)
+    # fields inside the foam are those of touches about an axis, with what edges change: electrodes are no bodies there
+    result = (solve_scene(parsed, material, exact=exact, bodies=False) if fields is not None and isinstance(parsed, Scene)
+              else simulate(parsed, material, exact=exact, reuse=reuse))
     document = result_document(result, parsed, material)
     if result.outcome == "refused":
         raise ValueError(f"{scene}: {result.message}")

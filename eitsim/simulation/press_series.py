@@ -121,7 +121,7 @@ def press_of(scene: Scene | Path | str, card: MaterialCard | Path | str, last: T
             touches.append(last)
         else:
             part = replace(scene, punches=(loaded(punch, k / steps),))
-            chosen = choose(part, material, exact=exact)
+            chosen = choose(part, material, exact=exact, bodies=False)
             if chosen.why is not None:
                 raise ValueError(refusal(chosen.why))
             touches += chosen.touches()

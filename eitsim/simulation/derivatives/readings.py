@@ -130,8 +130,6 @@ def _problem(scene: Scene) -> str:
             return "a leaning punch; leave out tilt_deg in [punch]."
         if punch.friction != "none":
             return f"friction = \"{punch.friction}\" in [punch], where the touch depends on its way; leave it out."
-        if punch.tilt_rad:
-            return "tilt_deg in [punch], where touches differ from upright ones; leave it out."
         if punch.conductor:
             return ("conductor = true in [punch], where readings depend on the end of the contact, which moves on the "
                     "foam's mesh in steps; leave it out.")

@@ -43,6 +43,9 @@ def skin(**change: Any) -> Body:
     return replace(SKIN, edge=replace(SKIN.outline, **change))
 
 
+SOFT = replace(SCENE, electrodes=replace(SCENE.electrodes, soft=True))
+
+
 def at(x_m: float, y_m: float, scene: Scene = SCENE) -> Scene:
     return replace(scene, punches=(replace(scene.punches[0], x_m=x_m, y_m=y_m),))
 
@@ -88,7 +91,7 @@ def test_a_touch_near_a_corner_or_a_hole_is_solved_with_all_edges(x_m, y_m):
 
 @pytest.mark.slow
 def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
-    scene = at(0.01, 0.03)
+    scene = at(0.01, 0.03, SOFT)
     found = simulate(scene, CARD)
     assert found.outcome == "ok", found.message
     edge = next(d for d in found.plan.decisions if d.decision.startswith("mechanics in three dimensions near one edge"))
@@ -110,7 +113,7 @@ def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.01, 0.03), (0.051, 0.031), (-0.03, 0.01)])
 def test_fields_near_edges_are_those_that_the_electrics_sampled(x_m, y_m, tmp_path):
     """On the skin to rounding, in the foam to what its coarser mesh costs; and foam fills the skin up to the edge."""
-    scene = at(x_m, y_m)
+    scene = at(x_m, y_m, SOFT)
     found = simulate(scene, CARD)
     pairs = tuple(zip(scene.punches, found.touches, strict=True))
     check_output_files(scene, OutputFiles(fields=tmp_path / "fields.vtu", skin=tmp_path / "skin.vtu"))
@@ -198,8 +201,7 @@ PAIR = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.
 def test_touches_near_each_other_are_solved_together_and_next_to_an_edge_with_all_edges():
     assert make_plan(replace(SCENE, punches=PAIR), CARD).refusal == ""
     askew = tuple(replace(punch, x_m=punch.x_m - 0.006, y_m=0.03) for punch in PAIR)
-    soft = replace(SCENE, punches=askew, electrodes=replace(SCENE.electrodes, soft=True))
-    plan = make_plan(soft, CARD)
+    plan = make_plan(replace(SOFT, punches=askew), CARD)
     assert plan.refusal == ""
     made = [d.decision.split(",")[0] for d in plan.decisions if "three dimensions" in d.decision]
     assert made == ["mechanics in three dimensions near several edges"] * 2 + [
