@@ -107,7 +107,8 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     check_output_files(parsed, files, outs)
     material = read_card(path)
     # fields inside the foam are those of touches about an axis, with what edges change: electrodes are no bodies there
-    result = (solve_scene(parsed, material, exact=exact, bodies=False) if fields is not None and isinstance(parsed, Scene)
+    result = (solve_scene(parsed, material, exact=exact, bodies=False)
+              if fields is not None and isinstance(parsed, Scene)
               else simulate(parsed, material, exact=exact, reuse=reuse))
     document = result_document(result, parsed, material)
     if result.outcome == "refused":
