@@ -3,7 +3,7 @@
 Compiled loops are kept on disk. Numba compiles a loop again where its own file has changed; here also where the file of
 a compiled function has changed that its module imports, directly or not. Numbers from other files are not followed.
 What compilation takes, once, is no cost of a result: `cpu_s` leaves it out, and a terminal is told when it begins.
-Without numba the same loops run as they are written, some 60 times slower.
+Without numba the same loops run as they are written, some 80 times slower.
 """
 
 import functools
@@ -26,7 +26,7 @@ Result = TypeVar("Result")
 _WITH_LOOPS: set[str] = set()  # Modules with functions that are compiled.
 _COMPILABLE: set[Callable[..., Any]] = set()
 COMPILING = "compiling, once after an installation or a change of the code: some 10 CPU seconds"
-UNCOMPILED = "numba is not installed, so that touches take some 60 times longer"
+UNCOMPILED = "numba is not installed, so that touches take some 80 times longer"
 
 
 def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.float64]:
@@ -87,7 +87,7 @@ def compilation_s() -> float:
 
 @functools.cache
 def _compiles() -> bool:
-    """Whether numba is there; where it is not, standard error is told so once."""
+    """Whether numba is there; where it is not, standard error says so once."""
     if not (there := installed("numba")) and multiprocessing.parent_process() is None:
         print(f"{UNCOMPILED}; {install('numba')}", file=sys.stderr)
     return there

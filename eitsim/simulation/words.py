@@ -51,9 +51,12 @@ _LINES: dict[Kind, Words] = {
         "steps tells their error, which counts in the result's own"),
     Kind.HOLD_ELASTIC: (
         "a hold at constant {control}, as elastic touches", "near edges, together and with friction nothing is "
-        "stepped in time: each touch alone is, without friction, and an elastic one under the force that makes it as "
-        "deep stands for it at every time. Of such lone touches at constant {control} the moment of the strain "
-        "differed by {moment:.1%} at most, the strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
+        "stepped in time: each touch alone is, upright, without friction, and an elastic one under the force that "
+        "makes it as deep stands for it at every time. Of such lone touches at constant {control} the moment of the "
+        "strain differed by {moment:.1%} at most, the strain (L2) by {strain_bound:.0%} (benchmarks/elastic_holds.py)"),
+    Kind.YIELDING_ELECTRODES: (
+        "electrodes give way with a curved skin", "they are parts of its sheet alone; what stiff ones would change of "
+        "a touch next to them is not built there, its cost unknown and not in the bound"),
     Kind.LOADED_AT_ONCE: ("loaded at once", "loading_s in [hold] is 0; instantaneous moduli"),
     Kind.LOADED_OVER: (
         "loaded over {loading_s:g} s at a constant rate (loading_s in [hold])",

@@ -40,6 +40,7 @@ def _choices(scene: CurvedScene, material: Material) -> Iterator[Choice]:
     yield Choice(Kind.FRICTION, {"near": True}) if rubs else Choice(Kind.NO_FRICTION, cost=None)
     yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
+    yield Choice(Kind.YIELDING_ELECTRODES, cost=None)
     yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
     over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)
     yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
