@@ -330,7 +330,14 @@ def _rate(card: MaterialCard) -> Iterator[str]:
 
 
 def _loss(card: MaterialCard) -> Iterator[str]:
-    """Tests that were unloaded, of which one loading was fitted: what a cycle loses and the set are not in the law."""
+    """What a cycle loses that the law does not have: of tests of which one loading was fitted, and after softening."""
+    if card.softening is not None:
+        for measured, fitted in card.fit.get("softening", {}).get("lost", ()):
+            if measured - fitted > _LOST:
+                has = "softening and relaxation have" if card.prony is not None else "softening has"
+                yield (f"The last cycle loses {percent(measured, 2)} of the work put in, of which {has} "
+                       f"{percent(max(fitted, 0.0), 2)}: the loop of a cycle that repeats itself is not in the law.")
+        return
     lost = [(label, row["loss_share"], abs(row.get("residual_strain", 0.0))) for label, row in tests(card).items()
             if row.get("loss_share", 0.0) > _LOST]
     if lost:

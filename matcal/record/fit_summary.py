@@ -52,6 +52,9 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out["prony"] = _series_part(found.prony, [e for e in found.experiments if e.kind == "relaxation"])
     if found.spectrum:
         out["prony"] = _spectral_part(found.spectrum, next(e for e in found.experiments if e.kind in ("dma", "creep")))
+    if (soft := found.softening) is not None:
+        out["softening"] = {"sd": soft.sd, "interval": {n: list(ends) for n, ends in soft.interval.items()},
+                            "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost]}
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
     return out
