@@ -247,7 +247,7 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
                    for p, values in zip(law.parameters, values_of(law), strict=True)}
         fitted = {"moduli": law.moduli, "strain_range": {m: list(r) for m, r in law.strain_range.items()}}
         out |= {"hyperfoam": numbers | fitted} if card.hyperfoam else {
-            "hyperelastic": {"law": law.name, "parameters": numbers, "compressible": law.compressible, **fitted}}
+            "hyperelastic": {"law": law.name, "parameters": numbers, "compressible": not law.incompressible, **fitted}}
     if (p := card.prony) is not None:
         out["prony"] = {"g": p.g.tolist(), "tau_s": p.tau_s.tolist()}
     if (shift := card.shift) is not None:
