@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from matcal.card import MaterialCard, read_card, write_card
     from matcal.fitting.fit_options import FitOptions
     from matcal.laws.conductivity import Conductivity
-    from matcal.laws.damage import Damage
     from matcal.laws.deformation_modes import nominal_stress
+    from matcal.laws.histories.damage import Damage
     from matcal.laws.hyperfoam import Hyperfoam
     from matcal.laws.prony import Prony
     from matcal.laws.stability import stability

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from matcal.laws.conductivity import Conductivity
-from matcal.laws.damage import Damage
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.time_temperature import Arrhenius, Shift, Wlf
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.known_laws import law_of, law_type
 from matcal.laws.law import Law, scaled, values_of
 from matcal.laws.prony import Prony
-from matcal.laws.time_temperature import Arrhenius, Shift, Wlf
 from touchcal.document import Keys, Number, check
 from touchcal.errors import InputFileError
 from touchcal.json_file import read_json, write_json

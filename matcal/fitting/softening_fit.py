@@ -14,10 +14,10 @@ from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
 from matcal.fitting.uncertainty.intervals import Uncertainty
-from matcal.laws.damage import Damage
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.strain_paths import along, follow
 from matcal.laws.law import Law, scaled, vector, with_vector
 from matcal.laws.prony import Prony
-from matcal.laws.strain_paths import along, follow
 from matcal.reduction.experiment import Experiment, StrainPath
 from matcal.statistics.residual_correlation import correlated_errors, propagated
 from touchcal.arrays import Array

@@ -145,7 +145,11 @@ def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
             "c0_interval_S_per_m": [law.c0_S_per_m - reach * c0_sd, law.c0_S_per_m + reach * c0_sd],
             "a_interval": np.column_stack([law.a - reach * a_sd, law.a + reach * a_sd]),
             "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance)),
-            "zero_in_intervals": bool(np.any(skin.zero_covariance))}
+            "zero_in_intervals": bool(np.any(skin.zero_covariance)),
+            "laws": [{"law": o.name, "c0_S_per_m": o.c0_S_per_m, "k": o.k, "relative_rms": o.relative_rms,
+                      "predicted_rms": o.predicted_rms, "counts": o.counts} if o.name != "cubic" else
+                     {"law": o.name, "relative_rms": o.relative_rms, "predicted_rms": o.predicted_rms,
+                      "counts": o.counts} for o in skin.others]}
 
 
 def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from matcal.card import MaterialCard, as_card, require, with_moduli
+from matcal.fitting.conductivity_laws import values_of
 from matcal.laws.conductivity import conductivity, outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.laws.histories.strain_paths import follow
 from matcal.laws.prony import relaxation
 from matcal.laws.stability import stability
-from matcal.laws.strain_paths import follow
 from matcal.posterior.draws import Draws, card_of, quantiles, read_draws
 
 PREDICTED = (*MODES, "relaxation", "conductivity")
@@ -38,8 +39,9 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     -------
     dict
         Columns (n,): `strain` or `time_s`; `stress_Pa`, `normalised_stress` or `conductivity_S_per_m`, with `_lo` and
-        `_hi` where the card has draws; `extrapolated`, whether a row lies outside what was fitted, where the card says
-        what that was. For stress also `moduli`, a word.
+        `_hi` where the card has draws; for conductivity the least and the largest of the laws that predict a part of
+        the tests about as well as the best; `extrapolated`, whether a row lies outside what was fitted, where the card
+        says what that was. For stress also `moduli`, a word.
 
     Raises
     ------
@@ -73,6 +75,9 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     if draws is not None and _drawn(draws, name):
         low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
         columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
+    if mode == "conductivity" and (others := values_of(card.fit.get("conductivity", {}).get("laws", ()), at)):
+        columns |= {"lowest_of_laws_S_per_m": np.min([columns[name], *others], axis=0),
+                    "highest_of_laws_S_per_m": np.max([columns[name], *others], axis=0)}
     if (rows := _extrapolated(card, mode, at)) is not None:
         columns["extrapolated"] = rows
     if card.law is not None and name == "stress_Pa":

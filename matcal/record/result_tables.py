@@ -6,7 +6,7 @@ from typing import Any
 
 from matcal.card import MaterialCard
 from matcal.laws.deformation_modes import MODES
-from matcal.laws.time_temperature import Wlf
+from matcal.laws.histories.time_temperature import Wlf
 from matcal.record.cautions import own_rms, relative_rms, tests
 from touchcal.number_words import percent, significant, with_error, within
 

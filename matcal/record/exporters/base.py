@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from matcal.laws.damage import Damage
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.time_temperature import Shift
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
-from matcal.laws.time_temperature import Shift
 from touchcal.arrays import Array
 
 

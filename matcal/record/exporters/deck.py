@@ -9,11 +9,11 @@ import numpy as np
 
 from matcal.card import MaterialCard, as_card, with_moduli
 from matcal.laws.conductivity import Conductivity
-from matcal.laws.damage import Damage
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.time_temperature import Shift
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law
 from matcal.laws.neo_hooke import NeoHooke
-from matcal.laws.time_temperature import Shift
 from matcal.record.cautions import cautions
 from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
 from matcal.record.exporters.formatting import number

@@ -7,7 +7,7 @@ Sources: Abaqus Keywords Reference Guide, *MULLINS EFFECT; Abaqus Analysis User'
 elastomeric foams"; Ansys Mechanical APDL Material Reference, "Mullins Effect".
 """
 
-from matcal.laws.damage import Damage
+from matcal.laws.histories.damage import Damage
 from matcal.record.exporters.formatting import number
 
 

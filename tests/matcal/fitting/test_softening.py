@@ -12,12 +12,12 @@ import matcal
 from matcal.card import MaterialCard, read_card, write_card
 from matcal.fitting.calibrate import FittedLaws, calibrate
 from matcal.fitting.fit_options import FitOptions
-from matcal.laws.damage import Damage
 from matcal.laws.deformation_modes import hereditary_stress, nominal_stress
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.strain_paths import eta, follow
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import scaled
 from matcal.laws.prony import Prony
-from matcal.laws.strain_paths import eta, follow
 from matcal.record.cautions import cautions
 from matcal.record.exporters.deck import export
 from matcal.record.predict import follow_path

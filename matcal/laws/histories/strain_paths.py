@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.special import erf
 
-from matcal.laws.damage import Damage
 from matcal.laws.deformation_modes import nominal_stress, push_forward, second_piola
+from matcal.laws.histories.damage import Damage
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony, convolve
 from touchcal.arrays import Array
