@@ -9,6 +9,7 @@ from matcal.laws.known_laws import law_type
 from matcal.laws.law import has_terms
 from matcal.reduction.experiment import Experiment
 
+GENERAL_ORDERS = (1, 2, 3, 4)  # terms of a law other than hyperfoam that has them
 _MOST_ZERO = 0.1  # most standard deviation of a strain zero
 
 
@@ -47,9 +48,15 @@ class FitOptions:
         """ValueError for an unknown law, and for a choice that it does not have."""
         kind = law_type(self.law)
         names = [p.name for p in kind.parameters]
-        if has_terms(kind):
+        if has_terms(kind) and not kind.keeps_volume:
             return
-        given = {"order": self.order != "auto", "stable": self.stable is not None,
+        if kind.keeps_volume and isinstance(self.poisson, int | float) and not 0 <= self.poisson <= 0.5:
+            raise ValueError(f"`poisson` {self.poisson:g}: that of {self.law} lies between 0 and 0.5, which keeps the "
+                             "volume.")
+        if has_terms(kind) and self.order not in ("auto", *GENERAL_ORDERS):
+            raise ValueError(f"`order` {self.order}: {self.law} is fitted with {GENERAL_ORDERS[0]} to "
+                             f"{GENERAL_ORDERS[-1]} terms.")
+        given = {"order": self.order != "auto" and not has_terms(kind), "stable": self.stable is not None,
                  "poisson": self.poisson not in (None, "fit") and not (
                      "nu" in names and isinstance(self.poisson, int | float))}
         if wrong := [flag for flag, used in given.items() if used]:
