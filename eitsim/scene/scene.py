@@ -14,6 +14,7 @@ from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.edge import Edge
 from eitsim.scene.edges.outline import Loop, Outline, Point, check_keys
 from eitsim.scene.electrodes import IMPEDANCES, Electrodes, unread
+from eitsim.scene.electrodes import KINDS as ELECTRODE_KINDS
 from eitsim.scene.polygons import KINDS
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import profiles
@@ -295,9 +296,9 @@ def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
     for punch, table in zip(scene.punches, tables["punch"], strict=True):
         if punch.tilt_rad == 0:
             del table["tilt_deg"], table["tilt_direction_deg"]
-    outlined, surface = not scene.body.edge.is_round, scene.electrodes.anywhere
-    idle = ("first_angle_deg",) if surface else ("shape", "turn_deg", "opening_deg")
-    idle += ("length_mm",) if outlined and not surface else ()
+    outlined = not scene.body.edge.is_round
+    kept = ("clockwise", *IMPEDANCES, *(() if outlined else ("length_mm",)))
+    idle = [key for key in ELECTRODE_KINDS[scene.electrodes.kind].idle if key not in kept]
     empty = {"body": LISTS["body"], "electrodes": ("positions_mm", "shares", "x_mm", "y_mm") + (
         ("angles_deg",) if outlined else ())}
     for table, keys in empty.items():

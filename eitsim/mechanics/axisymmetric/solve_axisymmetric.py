@@ -241,7 +241,8 @@ def touch_of(law: Law, body: Body, levels: list[IndentationProblem], states: lis
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,
         cpu_s=cpu_s() - started,
         section=Section(model.grid.nodes * unit, model.grid.counter_clockwise,
-                        axisymmetric_assembly.nodal(model.grid, state.x[:-1]) * unit, law))
+                        axisymmetric_assembly.nodal(model.grid, state.x[:-1]) * unit, law,
+                        axisymmetric_assembly.volume_modes(model.law, model.grid, state.x[:-1])))
 
 
 def _errors(levels: list[IndentationProblem], states: list[Equilibrium]) -> tuple[float, Array]:
