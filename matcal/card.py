@@ -37,6 +37,7 @@ _SHAPE = Keys({"schema": Number()}, {
                          further=False),
     "fit": Keys(allowed={"derived": {str: {str: (Number(), None)}}, "parameters": {str: {str: (Number(), None)}},
                          "orders": [dict], "data_stability": [dict], "predicted": [dict], "prony": dict,
+                         "material": {str: (bool, str)}, "laws": [dict], "deciding_test": dict,
                          "conductivity": dict, "cross_prediction": {str: dict}, "without_stability": dict}),
     "stability": {str: {str: dict}},
     "posterior": Keys(allowed={"file": str, "n": Number(0, whole=True), "checks": dict, "derived": {str: dict}}),

@@ -64,7 +64,8 @@ def fit_command(
         columns: ColumnsOption = None,
         branch: Annotated[str, typer.Option(help="Which loading of a cyclic test counts: last (preconditioned) "
                                             "or first.")] = "last",
-        law: Annotated[str, typer.Option(help=f"Law of the foam: {', '.join(LAWS)}.")] = "hyperfoam",
+        law: Annotated[str, typer.Option(help=f"Law: {', '.join(LAWS)}; or auto: hyperfoam for a "
+                                            "foam, else the rubber law that predicts best.")] = "hyperfoam",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
         poisson: Annotated[str | None, typer.Option(
             help="Poisson-like nu: a value for all terms, or A,B,... one a term (by increasing alpha); fit: one for "

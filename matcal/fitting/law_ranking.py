@@ -2,12 +2,14 @@
 
 Each law is fitted without each mode in turn and predicts it; of one mode, without each third of its strains. With e_k
 its error there, over the stress that was left out, law k has the weight exp(-(e_k^2 - e^2)/(2 (e^2 + 0.1^2))), e the
-least: laws that predict one mode equally well miss another by some 10 %. A law that loses Drucker stability at the stretches of the tests has none,
-nor one whose own interval leaves a mode of them open by more than a factor. Of several laws the band about the mean
-has the half width t s, s^2 the mean of their own variances and the variance between them, t Student's of as many laws
-as the weights amount to. Source: Burnham & Anderson, Model Selection and Multimodel Inference (2002), 4.
+least: laws that predict one mode equally well miss another by some 10 %. A law that loses Drucker stability at the
+stretches of the tests has none, nor one whose own interval leaves a mode without a test open by more than a factor. Of
+several laws the band about the mean has the half width t s, s^2 the mean of their own variances and the variance
+between them, t Student's of as many laws as the weights amount to. Source: Burnham & Anderson, Model Selection and
+Multimodel Inference (2002), 4.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,7 +29,7 @@ from matcal.laws.stability import unstable_ranges
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-_PARTS, _SCANNED, _OPEN_AT = 3, 41, 5  # parts of one mode; points of a scan for stability, and for open modes
+_PARTS, _SCANNED = 3, 41  # parts of one mode; points of a scan for stability
 _WORST = 10.0  # error of a prediction that does not exist
 _LEAST_SPARE = 2.0  # least degrees of freedom of Student's law
 _OTHERWISE = 0.1  # error in a mode that nothing shows
@@ -75,6 +77,24 @@ def band_over(laws: Sequence[Ranked], mode: str, strain: Array) -> tuple[Array, 
     return mean - reach * spread, mean + reach * spread
 
 
+def deciding(laws: Sequence[Ranked]) -> tuple[str, float] | None:
+    """Mode without a test in which the weighted laws differ most at the stretches of the tests, and the standard
+    deviation between them there over their mean; None where each mode has a test."""
+    rows, found = [row for row in laws if row.weight > 0], {}
+    fitted = rows[0].law.strain_range
+    for mode, ends in _stretches([(kind, lo, hi) for kind, (lo, hi) in fitted.items()]).items():
+        if mode in fitted:
+            continue
+        far, weight = np.array([max(ends, key=abs)]), np.array([row.weight for row in rows])
+        stress = np.array([_stress_and_variance(row, mode, far)[0][0] for row in rows])
+        weight, stress = weight[np.isfinite(stress)], stress[np.isfinite(stress)]
+        if not np.any(stress):
+            continue
+        mean = np.average(stress, weights=weight)
+        found[mode] = float(np.sqrt(np.average((stress - mean) ** 2, weights=weight)) / abs(mean))
+    return max(found.items(), key=lambda item: item[1]) if found else None
+
+
 def _tried(curves: tuple[Curve, ...], kind: type[Law], given: dict[str, float]) -> Iterator[Ranked]:
     kept = given if "nu" in given or kind.keeps_volume else {"nu": 0.5}
     try:
@@ -84,7 +104,8 @@ def _tried(curves: tuple[Curve, ...], kind: type[Law], given: dict[str, float]) 
     except (ValueError, NotConverged):
         return  # too few strains for this law
     row = Ranked(fit.law, covariance, fit.optimum.cost**0.5, predicted, (), ())
-    reached = _stretches(curves)
+    reached = _stretches([(c.experiment.kind, float(c.experiment.strain.min()), float(c.experiment.strain.max()))
+                          for c in curves])
     yield replace(row, lost=tuple(_lost(fit.law, reached)), left_open=tuple(_open(row, reached)))
 
 
@@ -97,7 +118,7 @@ def _folds(curves: tuple[Curve, ...]) -> Iterator[tuple[tuple[Curve, ...], tuple
                    tuple(c for c in curves if c.experiment.kind == kind))
         return
     ends = np.quantile(np.concatenate([c.experiment.strain for c in curves]), np.linspace(0, 1, _PARTS + 1))
-    for low, high in zip(ends[:-1], ends[1:], strict=True):
+    for low, high in itertools.pairwise(ends):
         inside = [(c.experiment.strain >= low) & (c.experiment.strain <= high) for c in curves]
         yield (tuple(_rows(c, ~i) for c, i in zip(curves, inside, strict=True) if np.any(~i)),
                tuple(_rows(c, i) for c, i in zip(curves, inside, strict=True) if np.any(i)))
@@ -123,9 +144,9 @@ def _miss(fit: Fit, given: dict[str, float], seen: tuple[Curve, ...], unseen: tu
     return min(share, _WORST) if np.isfinite(share) else _WORST
 
 
-def _stretches(curves: Sequence[Curve]) -> dict[str, tuple[float, float]]:
-    """mode -> strains of it at the principal stretches that the tests drive, and in their own modes those tested."""
-    ends = [(c.experiment.kind, float(c.experiment.strain.min()), float(c.experiment.strain.max())) for c in curves]
+def _stretches(ends: Sequence[tuple[str, float, float]]) -> dict[str, tuple[float, float]]:
+    """mode -> strains of it at the principal stretches that tests (mode, lowest and highest strain) drive, and in their
+    own modes those tested."""
     free = [(lo, hi) for kind, lo, hi in ends if kind in ("uniaxial", "biaxial", "planar")]
     lo, hi = min([0.0, *(lo for lo, _ in free)]), max([0.0, *(hi for _, hi in free)])
     gamma = max([0.0, *(max(abs(lo), abs(hi)) for kind, lo, hi in ends if kind == "shear")])
@@ -133,7 +154,8 @@ def _stretches(curves: Sequence[Curve]) -> dict[str, tuple[float, float]]:
     lo, hi = min(lo, 1 / most - 1), max(hi, most - 1)
     # biaxial of a stretch l has 1/l^2 across: it is judged to the stretches that uniaxial drives across, l^(1/2)
     across = max(np.sqrt(1 + hi), 1 / (1 + lo) ** 0.5)
-    own = {kind: (min(l for k, l, _ in ends if k == kind), max(h for k, _, h in ends if k == kind)) for kind, *_ in ends}
+    own = {kind: (min(low for k, low, _ in ends if k == kind), max(high for k, _, high in ends if k == kind))
+           for kind, *_ in ends}
     return {"uniaxial": (lo, hi), "planar": (lo, hi), "biaxial": (1 / across - 1, across - 1),
             "shear": (0.0, max(gamma, most - 1 / most))} | own
 

@@ -16,7 +16,7 @@ from matcal.fitting.general_fit import fit_law
 from matcal.fitting.hyperfoam.curves import Curve
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.fitting.hyperfoam.poisson import Poisson, lateral_nu, stress_says_nu
-from matcal.laws.ogden import Ogden
+from matcal.laws.rubbers.ogden import Ogden
 
 RUBBER_NU = 0.45  # Poisson's ratio from which on a material counts as a rubber
 STRETCHED = 1.0  # tensile strain from which on it does
@@ -72,7 +72,7 @@ def _kept(curve: Curve) -> float | None:
     deepest = float(e.min())
     early = (e < 0) & (e > _EARLY * deepest)
     deep = e < 0.5 * deepest
-    if deepest > _DEEP or early.sum() < 2 or not deep.any():
+    if deepest > _DEEP or not early.any() or not deep.any():
         return None
     unit = (1 + e) - (1 + e) ** -2.0
     first, last = (float(unit[rows] @ stress[rows] / (unit[rows] @ unit[rows])) for rows in (early, deep))
