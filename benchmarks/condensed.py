@@ -1,8 +1,6 @@
 """Updates condensed to where a touch changes the skin: what is left of the mesh is eliminated once, on to the nodes
 that both parts share and the electrodes, and joins every new solution as one dense element (a Schur complement)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -8,8 +8,6 @@ electrodes and a round patch of 0.3 times the conductance, against triangles of 
 readings between neighbours, 2-norm. Run by `make bench`; writes results/curved_skins.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 

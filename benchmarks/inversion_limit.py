@@ -14,8 +14,6 @@ the one of DATA_SET; rows that the model was made from are left out. Writes resu
 the prior is kept between runs (TOUCHCAL_CACHE).
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -15,8 +15,6 @@ than one touch; p95_delay_ms: read-out delay at 50 frames a second by the CPU ti
 have values, 90 % intervals.
 """
 
-from __future__ import annotations
-
 import csv
 import sys
 import time

@@ -9,8 +9,6 @@ what it took. The equations are solved by Cholesky's method on blocks of lines a
 finds one; elements are made in as many threads as OMP_NUM_THREADS says.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import sys

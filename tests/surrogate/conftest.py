@@ -1,8 +1,6 @@
 """Synthetic touches: the exact response of a disc with a circular spot stands in for a simulated sweep; on a rectangle
 exact multipoles of its fields do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Sheets in space: isometries change nothing, round parts have their area, patches do what they do on flat meshes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

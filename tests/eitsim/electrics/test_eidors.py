@@ -1,7 +1,5 @@
 """EIDORS's models from MATLAB files: the same readings on the same triangles, and plain refusals."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

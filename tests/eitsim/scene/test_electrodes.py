@@ -1,7 +1,5 @@
 """Electrodes as they are given: places, widths, contact impedances, and those without contact."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

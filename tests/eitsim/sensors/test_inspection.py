@@ -1,7 +1,5 @@
 """`sensor inspect`: real sensors with what their makers say of them, simulated ones with what they were given."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import lru_cache

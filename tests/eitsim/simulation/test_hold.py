@@ -1,7 +1,5 @@
 """Holds: the closed relaxation, elastic limits, order in time, balance, dissipation, relaxation times far apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

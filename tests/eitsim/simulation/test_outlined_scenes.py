@@ -1,7 +1,5 @@
 """Scenes with an outline: solved far from edges and near one or several, refused by name where only discs serve."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The account of a sweep: errors counted as numpy would, every CPU second in one stage, runs kept in the manifest."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

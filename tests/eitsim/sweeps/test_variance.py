@@ -1,7 +1,5 @@
 """Parts of a variance: known models, sums that hold exactly, another code's estimates, intervals that cover."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Command line: what fit leaves behind, predict and check on a card, exit status and plain errors."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

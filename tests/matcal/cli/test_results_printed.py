@@ -1,7 +1,5 @@
 """What a calibration prints: digits that the uncertainty leaves, cautions, results before decisions, any width."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Stability of the record itself: found where it is lost, at any sampling and noise, and not found where it is not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

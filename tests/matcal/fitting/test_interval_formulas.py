@@ -1,7 +1,5 @@
 """Intervals against their formulas, worked out here: one term, slopes by differences of the stress, no package sums."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

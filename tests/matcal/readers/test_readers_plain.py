@@ -1,7 +1,5 @@
 """Plain tables: every way to write the same numbers reads alike, and every doubt is named with its line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

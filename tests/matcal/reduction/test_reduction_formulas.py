@@ -1,7 +1,5 @@
 """Single steps of the reduction worked out by hand: what counts as touched, drift, holds, sizes, a strip's circuit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

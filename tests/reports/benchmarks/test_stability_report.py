@@ -1,7 +1,5 @@
 """The report of stiff and extreme cases shows every cell, lost ones too, and says what was not measured."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The eight networks next to the paper's, the search over sensors, and what models read from other choices."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The walk through the paper, drawn from tiny synthetic results."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """The report of a data set says in words how its design drew each key."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

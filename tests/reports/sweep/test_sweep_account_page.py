@@ -1,7 +1,5 @@
 """The first page of a sweep's report: cost by stage, errors against requested ones, the last run, what was left out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The sentence on the drive says what the matrices of that drive do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

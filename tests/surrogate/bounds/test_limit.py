@@ -1,7 +1,5 @@
 """The physical limit, on random linear models and on synthetic touches: multipoles of a spot of other conductance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Touches whose dipole vanishes and changes its sign with the force, as a conducting punch in strained skin does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

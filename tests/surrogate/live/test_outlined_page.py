@@ -1,7 +1,5 @@
 """The page of a skin with an outline in Chromium: pressed and read, refused near edges, exported, and replayed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

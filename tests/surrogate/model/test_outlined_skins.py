@@ -1,7 +1,5 @@
 """Surrogates of a skin with an outline: made-up touches whose signals are exact multipoles of a rectangle's fields."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One frame in depth: direct inversion, the posterior of one touch, and the options of `surrogate frame`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

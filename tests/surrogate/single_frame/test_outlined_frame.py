@@ -1,7 +1,5 @@
 """One frame in depth on a skin with an outline: the posterior of the learned map, and the simulator inverted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

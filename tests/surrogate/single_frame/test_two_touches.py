@@ -1,7 +1,5 @@
 """Two touches read from one frame by superposition."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

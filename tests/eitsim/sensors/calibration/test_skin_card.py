@@ -1,7 +1,5 @@
 """A fitted skin as a card: its laws and draws, its place in scenes, what is refused by name, and the whole command."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace
