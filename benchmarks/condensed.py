@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from eitsim.electrics.cem.assembly import SkinMesh, quadrature_points, weights
 from eitsim.numerics.conductor_elimination import eliminate, impedance_alone, solve
 from eitsim.numerics.nested_dissection import dissect
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
 

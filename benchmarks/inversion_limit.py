@@ -38,8 +38,8 @@ from surrogate.forward_map.load_coordinates import MOST
 from surrogate.learners.forward import TouchInversion
 from surrogate.model.model import load_of_sweep
 from surrogate.statistics.metrics import rms
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 NAMES, LEVELS_DB, REACH_MM = ("x0", "y0", "d", "F"), (80.0, 60.0), 80.0
 # Test rows that are inverted, and those of them whose derivatives are solved.
 ROWS, SOLVED = quick((600, 24), (40, 4))

@@ -25,7 +25,8 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 from scipy.sparse import csr_matrix
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
+
 Indices = NDArray[np.int64]
 
 # Elements are smallest between these distances outside the punch's edge, mm, where the foam leaves its wall; from there

@@ -4,7 +4,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from surrogate.data import material_states
@@ -20,8 +19,8 @@ from surrogate.model.predict import columns, numbers_of, predict, prepare
 from surrogate.model.train import train
 from surrogate.model.trained import interval_scale
 from surrogate.statistics.conformal import normal
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 TOUCH = ("x0", "y0", "d", "F")
 NOISE_V = 2e-5
 # Stiffness of synthetic foams over the usual one: 8 % about it.

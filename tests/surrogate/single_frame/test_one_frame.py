@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.cli.frame_command import frame
@@ -29,9 +28,9 @@ from surrogate.single_frame.simulated_posterior import Correction, simulated_pos
 from surrogate.single_frame.simulator_inversion import direct, relative_curvature
 from surrogate.single_frame.simulator_likelihood import Simulator, Solved, Unknowns, unknowns_of
 from surrogate.statistics.conformal import COVERAGE, normal
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 Draw = Callable[..., tuple[Array, Array]]
 
 
