@@ -172,13 +172,6 @@ def test_the_plan_refuses_electrodes_whose_rim_is_not_solved(raw: dict, named: s
     assert re.search(named, make_plan(scene_from({"electrodes": raw}), CARD).refusal)
 
 
-def test_the_plan_tells_missing_electrodes_and_patches():
-    scene = scene_from({"electrodes": {"kind": "patch", "missing": [3, 7]}})
-    said = " ".join(decision.decision for decision in make_plan(scene, CARD).decisions)
-    assert "without electrodes 3, 7" in said
-    assert "patches conduct by their untouched area" in said
-
-
 def test_lists_of_electrodes_are_their_own_in_a_design_and_ranges_are_drawn():
     ring = {"count": 4, "width_mm": [10, 20, 10, 20], "angles_deg": [0, 80, 170, 280]}
     one, other = (scene_at(design_from({"scenes": 2, "electrodes": ring}), i).electrodes for i in (0, 1))

@@ -113,12 +113,6 @@ def test_missing_file_folder_workbook_and_foreign_machine(tmp_path: Path) -> Non
         read(_write(tmp_path, "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n"))
 
 
-def test_what_was_assumed_is_said(tmp_path: Path) -> None:
-    notes = read(_write(tmp_path, "specimen,lambda,P_kPa\n1,-0.1,-1\n1,0,0\n1,0.1,1\n")).notes
-    assert any("'specimen' left out" in note for note in notes)
-    assert any("no stretch has: read as strain" in note for note in notes)
-
-
 @pytest.mark.parametrize(("cell", "name", "unit"), [
     ("Stress (kPa)", "Stress", "kPa"), ("Force [N]", "Force", "N"), ("P_MPa", "P", "MPa"), ("strain", "strain", None),
     ("Displacement, mm", "Displacement", "mm"), ("Load / kN", "Load", "kN"),

@@ -43,15 +43,6 @@ def test_stages_part_the_cost(write_set: Callable[..., Path]) -> None:
     assert np.isclose(rows["fields on the skin"][1], rows["planning and the rest of rows"][1], rtol=0.01)
 
 
-def test_runs_and_omissions_are_told(write_set: Callable[..., Path]) -> None:
-    made = report(with_account(write_set(20)))
-    assert any("20 scenes in 10.0 s on 2 workers, which were busy with them 80 % of the time" in found
-               for found in made.findings)
-    assert any("above the 1.0 % requested" in found for found in made.findings)
-    assert made.prose["left_out"] == ["The skin is a sheet: at most 0.16 % of the signal.",
-                                      "At a cost that is unknown and in no error: no friction."]
-
-
 def test_the_verdict_tells_the_share_of_the_signal_that_is_extrapolated(write_set: Callable[..., Path]) -> None:
     folder = write_set(20)
     lines = {line.what: (line.grade, line.why) for line in report(folder).verdict}
