@@ -1,10 +1,7 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map, load_coordinates
@@ -12,8 +9,8 @@ from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import known_diameters
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.statistics.levenberg_marquardt import Minimum
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Synthetic = Callable[..., tuple[Array, Array]]
 KNOWN_MM = (10, 14, 18)
 
