@@ -55,7 +55,7 @@ def test_a_punch_between_those_of_a_list_is_in_the_intervals(samples: SweepSampl
     rows = replace(rows, signal_V=signal, target=np.column_stack([touch, rows.target[:, 4:]]))
     noise_V = 2e-6
     held, wrong = {}, {}
-    met, volts = synthetic(60, 3, (13,), 40.0)
+    _, volts = synthetic(60, 3, (13,), 40.0)
     base = samples.baseline_V[0]
     noisy = base + volts + noise_V * np.random.default_rng(4).normal(size=volts.shape)
     for known in (False, True):
@@ -63,7 +63,7 @@ def test_a_punch_between_those_of_a_list_is_in_the_intervals(samples: SweepSampl
         found = model.predict(noisy, base, noise_V=noise_V)
         low, high = 1e3 * found["d_lo90_m"], 1e3 * found["d_hi90_m"]
         plain = found["flag"] == ""
-        held[known] = float(((low <= 13) & (13 <= high))[plain].mean())
+        held[known] = float(((low <= 13) & (high >= 13))[plain].mean())
         wrong[known] = float(((np.abs(1e3 * found["d_m"] - 13) > high - low) & plain).mean())
     print("held, silently wrong:", held, wrong)
     assert held[False] > 0.8
