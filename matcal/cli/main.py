@@ -82,6 +82,11 @@ def fit_command(
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of one kind of test, for "
                                                          "instance shear=2.")] = None,
         prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 30, or auto (BIC).")] = "auto",
+        prony_times: Annotated[str | None, typer.Option(metavar="A,B,...|FROM:TO:COUNT", help=(
+            "Relaxation times in s that are not fitted, or COUNT of them evenly in log time."))] = None,
+        reference_temperature: Annotated[float | None, typer.Option(metavar="C", help=(
+            "Temperature in C of the series of a dynamic test at several; the sweep nearest to it, or to 20 C, "
+            "counts."))] = None,
         strain_zero: Annotated[float, typer.Option(metavar="SD", help="Standard deviation of the strain zero of tests "
                                                    "that do not state one, for instance 0.002 for tables; it is then "
                                                    "in the intervals.")] = 0.0,
@@ -103,7 +108,7 @@ def fit_command(
 
     _check_places(out, report, [*files, *(predicted or [])], specimen)
     options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms,
-                          strain_zero, law)
+                          strain_zero, law, prony_times, reference_temperature)
     unfinished = None
     warnings.filterwarnings("ignore", "\nArviZ is undergoing", FutureWarning)  # arviz says so once a day
     with _counted(posterior) as progress:

@@ -6,14 +6,14 @@ that were not fitted are given over the principal stretches that the fitted ones
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from matcal.laws.conductivity import outside
-from matcal.laws.deformation_modes import MODES, existing, nominal_stress
+from matcal.laws.deformation_modes import MODES, existing, modes_of, nominal_stress
 from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 
@@ -31,14 +31,14 @@ Columns = Mapping[str, NDArray[Any]]
 _POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1  # points of each mode; strains that no band leaves
 
 
-def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
+def spans(fitted: Ranges, modes: Sequence[str] = MODES) -> dict[str, tuple[float, float]]:
     """mode -> strains over which its band is given. A fitted mode has its own strains and up to a quarter of their
     width more, any other mode those of the principal stretches that the fitted ones reached; a fitted mode goes no
     further than these either."""
     least, most = _stretches(fitted)
     identical = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}
     out = {}
-    for mode in MODES:
+    for mode in modes:
         lo, hi = identical.get(mode, (least - 1, most - 1))
         if mode in fitted:
             low, high = fitted[mode]
@@ -52,7 +52,7 @@ def stress_bands(law: Law, source: Draws | Uncertainty) -> Columns:
     """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes, without
     those where a law near nu = 0.5 has no finite stress, or where free faces find no place."""
     tables = []
-    for mode, span in spans(law.strain_range).items():
+    for mode, span in spans(law.strain_range, modes_of(law)).items():
         strain = np.unique(np.r_[np.linspace(*span, _POINTS), 1.0 if mode == "volumetric" else 0.0])
         strain = strain[existing(law, mode, strain)]
         with np.errstate(over="ignore", invalid="ignore"):

@@ -11,6 +11,7 @@ from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
+from matcal.laws.time_temperature import Wlf
 from touchcal.number_words import percent
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
@@ -26,6 +27,8 @@ _RUBBER = 0.49  # nu above which a rubber's was given
 _PULLED = 0.02  # strain in tension from which on a test is more than compression
 _LOST = 0.02  # share of the work that a cycle loses from which on it is said
 _RAMPS_S = (10.0, 1000.0)  # durations of a loading for which the effect of its rate is said where it has no clock
+# relative RMS of a loss modulus, and its ratio to that of the storage modulus, from which on it is said; decades
+_LOSS_OFF, _OFF_RATIO, _SHIFT_OFF = 0.05, 4.0, 0.2
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
@@ -33,7 +36,7 @@ def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge, _assumed,
              _set, _held, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions, _coverage, _rate,
-             _loss, _series, _step, _skin)
+             _loss, _series, _dynamic, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -355,6 +358,31 @@ def _series(card: MaterialCard) -> Iterator[str]:
     loose = [f"{tau:.3g} s" for tau, error in zip(card.prony.tau_s, sd, strict=True) if error > _LOOSE * tau]
     if loose:
         yield f"Weakly determined relaxation times: {', '.join(loose)}."
+
+
+def _dynamic(card: MaterialCard) -> Iterator[str]:
+    """Sweeps that no linear material has, and shifts that their overlap or their law leaves open."""
+    found = card.fit.get("prony", {})
+    rms = found.get("relative_rms", {})
+    if rms.get("loss", 0.0) > max(_LOSS_OFF, _OFF_RATIO * rms.get("storage", 0.0)):
+        yield (f"Storage and loss modulus are not those of one linear material: the series follows the storage modulus "
+               f"to {percent(rms['storage'])} and misses the loss modulus by {percent(rms['loss'])} (relative RMS).")
+    if (shift := found.get("shift")) is None:
+        return
+
+    def at(temperatures: Iterable[float]) -> str:
+        return ", ".join(f"{t - 273.15:.4g} C" for t in temperatures)
+
+    if shift["gaps_K"]:
+        yield (f"The sweeps at {at(shift['gaps_K'])} do not overlap with those below them after the shift, which is an "
+               "extrapolation there: measure at temperatures between, or more frequencies.")
+    if shift["disagree_K"]:
+        yield (f"Storage and loss modulus shift differently at {at(shift['disagree_K'])}: the storage modulus was "
+               "followed. Moduli that change with temperature by themselves, or steps not yet steady, do that.")
+    if shift["misfit_decades"] > _SHIFT_OFF:
+        kind = "WLF" if isinstance(card.shift, Wlf) else "Arrhenius"
+        yield (f"The {kind} law of the shift is {shift['misfit_decades']:.2g} decades off the sweeps' own shifts "
+               "(rms): take times at other temperatures from those (fit.prony.shift in the card).")
 
 
 def _step(card: MaterialCard) -> Iterator[str]:

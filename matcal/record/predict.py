@@ -120,6 +120,8 @@ def check_mode(mode: str) -> None:
 def fitted_range(card: MaterialCard, mode: str) -> tuple[float, float] | None:
     """Strains, or times in s for relaxation, over which a mode was fitted; None where the card does not say."""
     if mode == "relaxation":
+        if seen := card.fit.get("prony", {}).get("seen_s"):
+            return float(seen[0]), float(seen[1])
         ends = [row["time_s"] for row in card.fit.values()
                 if isinstance(row, Mapping) and row.get("kind") == "relaxation" and row.get("time_s") is not None]
         return (0.0, max(ends)) if ends else None

@@ -29,6 +29,7 @@ from matcal.fitting.calibrate import FittedLaws, is_curve, labels
 from matcal.fitting.hyperfoam.cross_prediction import Predicted
 from matcal.fitting.hyperfoam.curves import of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import modelled
+from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import plateau_reached
 from matcal.laws.conductivity import conductivity
 from matcal.laws.deformation_modes import nominal_stress
@@ -67,11 +68,13 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
                   "date": datetime.now(UTC).isoformat(timespec="seconds"),
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
                   "cautions": list(dict.fromkeys(c for e in found.experiments for c in e.cautions)), "cpu_s": spent}
-    return MaterialCard("foam", law, found.prony.prony if found.prony else None,
+    spectrum = found.spectrum
+    return MaterialCard("foam", law, found.series.prony if found.series else None,
                         found.conductivity.law if found.conductivity else None,
                         fit=summary(found, posterior.draws if posterior else None),
                         stability=stability(law) if law else {}, provenance=provenance,
-                        posterior=_posterior_part(posterior, law) if posterior else {})
+                        posterior=_posterior_part(posterior, law) if posterior else {},
+                        shift=spectrum.shift.law if spectrum is not None and spectrum.shift else None)
 
 
 def _versions() -> dict[str, str]:
@@ -195,6 +198,8 @@ def _table(found: FittedLaws, label: str, experiment: Experiment) -> Columns:
         columns = {"strain": curve.experiment.strain, "stress_Pa": curve.experiment.value,
                    "fit_stress_Pa": modelled(found.fit.law, of_mean_foam(curve)),
                    "longterm_stress_Pa": nominal_stress(found.fit.law, experiment.kind, curve.experiment.strain)}
+    elif (spectrum := found.spectrum) is not None and experiment.kind in ("dma", "creep"):
+        columns = dict(_spectral_table(spectrum, experiment))
     else:
         columns = {"strain": experiment.strain, "stress_Pa": experiment.value}
         if found.prony:
@@ -202,6 +207,19 @@ def _table(found: FittedLaws, label: str, experiment: Experiment) -> Columns:
     if experiment.time_s is not None:
         columns["time_s"] = experiment.time_s
     return columns
+
+
+def _spectral_table(spectrum: SpectrumFit, experiment: Experiment) -> Columns:
+    """Storage and loss modulus at the frequencies of the master curve, or the compliance."""
+    if experiment.sweep is None or spectrum.master_Hz is None:
+        return {"strain": experiment.strain, "compliance_1_per_Pa": experiment.value,
+                "fit_compliance_1_per_Pa": spectrum.fitted[0]}
+    sweep = experiment.sweep
+    columns: Columns = {
+        "strain": experiment.strain, "frequency_Hz": sweep.frequency_Hz, "master_Hz": spectrum.master_Hz,
+        "storage_Pa": experiment.value, "loss_Pa": sweep.loss_Pa, "fit_storage_Pa": spectrum.fitted[0],
+        "fit_loss_Pa": spectrum.fitted[1]}
+    return {**columns, **({"temperature_K": sweep.temperature_K[sweep.group]} if sweep.temperature_K.size else {})}
 
 
 def _posterior_part(posterior: Posterior, law: Law | None) -> dict[str, Any]:

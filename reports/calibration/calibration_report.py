@@ -18,6 +18,7 @@ from reports.calibration import first_page as summary
 from reports.calibration.card_record import Record, read_record, rows_where
 from reports.calibration.card_verdict import verdict
 from reports.calibration.conductivity_figure import conductivity_law
+from reports.calibration.dynamic_figures import relaxing_otherwise
 from reports.document import provenance
 from reports.document.numerals import counted, number, typeset
 from reports.document.page import Report, ReportFigure, Table, write_pdf
@@ -125,6 +126,8 @@ def _relaxation_plates(record: Record, absent: dict[str, str],
     tests = [t for t in record.fitted("relaxation") if t.time_s is not None]
     if card.prony is None:
         absent["relaxation"] = NOT_FITTED["prony"]
+    elif other := relaxing_otherwise(record):
+        return other
     elif not tests:
         absent["relaxation"] = record.missing or "The card's folder holds no fitted relaxation test."
     else:

@@ -12,6 +12,7 @@ from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law
 from matcal.laws.neo_hooke import NeoHooke
+from matcal.laws.time_temperature import Shift
 from matcal.record.cautions import cautions
 from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
 from matcal.record.exporters.formatting import number
@@ -79,8 +80,20 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     written = into.write(material)
     if written_as is not law:
         written = replace(written, notes=(f"{law.name} at nu = 0 is a hyperfoam, N = 1, alpha = 2.", *written.notes))
+    if card.shift is not None:
+        written = _with_shift(written, card.shift, into)
     warnings = (*written.warnings, *_skin_left_out(card))
     return Deck(into.assemble(list(_comment(card, into, UNITS[units], written, warnings)), written.lines), warnings)
+
+
+def _with_shift(written: Written, shift: Shift, into: Target) -> Written:
+    """The shift of times with temperature after the series, or that the program has none."""
+    at = f"{shift.reference_K - 273.15:.4g} C"
+    if lines := into.shift(shift) if into.shift is not None and written.shifts else ():
+        return replace(written, lines=(*written.lines, *lines), notes=(
+            *written.notes, f"Relaxation times are those at {at}; temperatures of the shift are in degrees Celsius."))
+    return replace(written, warnings=(*written.warnings, f"The shift of times with temperature is not exported: "
+                                      f"{into.title} has no such law for this material here. Times are those at {at}."))
 
 
 def _equal_foam(law: Law, name: str, into: Target) -> Hyperfoam:

@@ -13,7 +13,6 @@ from matcal.reduction.loading_doubts import collapse, collapse_sentence, hold_do
 from matcal.reduction.tables.strain_zero import zero_of
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-from touchcal.number_words import percent
 
 _SIGNED = 0.02  # share of the largest strain, below 0, from which on a table counts compression as negative
 _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another unit
@@ -21,8 +20,6 @@ _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another
 # standard errors from which on an error is said, and error up to which a zero is known
 _ZERO, _ZERO_SHARE, _CLEAR, _SMALL = 0.003, 0.01, 2.5, 3e-4
 _FAR = 1e-3  # error of a zero from which on it is said
-# error of the zero of a table of conductivity of which its effect is said, and share of c_0 below which it is not
-_ZERO_SEEN, _LITTLE = 0.002, 1e-3
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
 
 
@@ -43,8 +40,6 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
         most = int(np.argmax(np.abs(strain))) + 1
         time = recording.columns.get("time")
         cautions += hold_doubts(recording.label, None if time is None else time[:most], strain[:most], value[:most])
-    if kind == "conductivity":
-        cautions += _zero_of_conductivity(recording.label, strain, value)
     time = recording.columns.get("time")
     if time is not None and np.any(np.diff(time) <= 0):
         raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
@@ -197,21 +192,6 @@ def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | N
     if float(strain @ lateral) > 1e-3 * float(strain @ strain):
         notes.append("The free faces move with the load, a negative Poisson's ratio; check the sign of their column.")
     return lateral
-
-
-def _zero_of_conductivity(label: str, strain: Array, value: Array) -> list[str]:
-    """What is said where a small error of the strain's zero, which nothing in a table shows, is more than the noise
-    leaves of the conductivity at rest."""
-    if np.unique(strain).size < 6 or strain.size < 8:
-        return []
-    basis = np.vander(strain, 4, increasing=True)
-    found, *_ = np.linalg.lstsq(basis, value, rcond=None)
-    noise = np.sum((value - basis @ found) ** 2) / (strain.size - 4)
-    sd, moved = np.sqrt(noise * np.linalg.pinv(basis.T @ basis)[0, 0]), abs(found[1]) * _ZERO_SEEN
-    if found[0] <= 0 or moved < max(2 * sd, _LITTLE * found[0]):
-        return []
-    return [f"c_0 of {label} is that at the table's own zero of strain: {_ZERO_SEEN:g} of strain in it change c_0 by "
-            f"{percent(float(moved / found[0]), 2)}, more than its interval, which leaves it out."]
 
 
 def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[str]) -> dict[str, float]:
