@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -93,8 +94,12 @@ def electrode_gap_m(scene: Scene, punch: Punch) -> float:
 def least_gap_m(scene: Scene) -> float:
     """Least distance, m, of a punch's edge to the rim, or to both edges of a right-angled corner, at which neglecting
     them costs no more than its share of the requested error; infinite beyond ten thicknesses."""
-    thickness, gaps = scene.body.thickness_m, np.arange(0.0, 10.0, 0.01)
-    near = np.array([sum(rim_effect(way * gap * thickness, thickness, scene.skin.strain) for way in
-                         scene.body.edge.corner)
-                     for gap in gaps]) > EDGE_SHARE * scene.accuracy.signal
-    return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness)
+    return clear_gap_m(scene.body.thickness_m, scene.skin.strain, scene.accuracy.signal, scene.body.edge.corner)
+
+
+def clear_gap_m(thickness_m: float, strain: str, signal: float, ways: Sequence[float] = (1.0,)) -> float:
+    """As `least_gap_m`, of edges that lie so many times further than the nearest."""
+    gaps = np.arange(0.0, 10.0, 0.01)
+    near = np.array([sum(rim_effect(way * gap * thickness_m, thickness_m, strain) for way in ways)
+                     for gap in gaps]) > EDGE_SHARE * signal
+    return math.inf if near[-1] else float(gaps[np.argmin(near)] * thickness_m)

@@ -13,7 +13,7 @@ import numpy as np
 
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset.parquet import read_manifest
-from eitsim.sweeps.design.design import design_from, representative_scene
+from eitsim.sweeps.design.design import design_from, flat_scene
 from eitsim.sweeps.measurement.instrument import below
 from matcal.card import read_card
 from surrogate.bounds.derivative_table import SlopeTable, derivatives_at, table_for
@@ -83,7 +83,7 @@ def prior_of(samples: SweepSamples) -> Prior:
 def example_of(folder: Path | str) -> Scene:
     """A scene of the design of a data set."""
     design = read_manifest(Path(folder))["design"]
-    return representative_scene(design_from({"scenes": 1, "seed": design["seed"], **design["tables"]}))
+    return flat_scene(design_from({"scenes": 1, "seed": design["seed"], **design["tables"]}))
 
 
 def least_rms(table: SlopeTable, prior: Prior, noise_V: float, spread: MaterialSpread,

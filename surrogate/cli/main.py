@@ -37,7 +37,8 @@ EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate train`; one for eac
 
 
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
-OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max."
+OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max, and z0 " \
+               "of curved skins."
 STEPS = ", ".join(f"{one.epochs} for {one.name}" for one in METHODS.values() if one.epochs)
 WORKERS_HELP = "Processes that share the networks; by default one, and one a core from 1,000 rows on."
 CALIBRATE_HELP = "Data set, as of another mesh, whose rows calibrate the intervals in place of 15 % of DIR."

@@ -14,6 +14,7 @@ class Role(Enum):
     """What a quantity is of: models differ in how they read them."""
 
     PLACE = "place of the touch"
+    HEIGHT = "third coordinate of its place, on a curved skin"
     LOAD = "its punch and force"
     RESPONSE = "what follows mechanically from the touch"
 
@@ -33,12 +34,13 @@ ALL = (Output("x0", "x_mm", "mm", Role.PLACE), Output("y0", "y_mm", "mm", Role.P
        Output("d", "d_mm", "mm", Role.LOAD), Output("F", "F_N", "N", Role.LOAD),
        Output("sigma_max", "sigma_max_kPa", "kPa", Role.RESPONSE),
        Output("sigma_ave", "sigma_ave_kPa", "kPa", Role.RESPONSE),
-       Output("A_c", "A_c_mm2", "mm2", Role.RESPONSE), Output("delta_max", "delta_max_mm", "mm", Role.RESPONSE))
+       Output("A_c", "A_c_mm2", "mm2", Role.RESPONSE), Output("delta_max", "delta_max_mm", "mm", Role.RESPONSE),
+       Output("z0", "z_mm", "mm", Role.HEIGHT))
 NAMES = tuple(output.name for output in ALL)
-PLACES = tuple(output.name for output in ALL if output.role is Role.PLACE)
+PLACES = tuple(output.name for output in ALL if output.role in (Role.PLACE, Role.HEIGHT))
 RESPONSES = tuple(output.name for output in ALL if output.role is Role.RESPONSE)
-TOUCHES = tuple(output.name for output in ALL if output.role is not Role.RESPONSE)
-TOUCH = len(TOUCHES)  # numbers of a touch itself, the first of all
+TOUCHES = tuple(output.name for output in ALL if output.role in (Role.PLACE, Role.LOAD))
+TOUCH = len(TOUCHES)  # numbers of a touch itself on a flat skin, the first of all
 ROUNDING = 1e-9  # part of a value by which rounding may move it past an end of a range
 # Unit of a column -> the SI unit, and how many of it one is.
 SI = {"mm": ("m", 1e-3), "N": ("N", 1.0), "kPa": ("Pa", 1e3), "mm2": ("m2", 1e-6)}

@@ -115,7 +115,7 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> SweepSamples:
     readings = len(ring.read)
     touched = _numbers(folder, rows, voltage_columns(readings))
     signal = _numbers(folder, rows, voltage_columns(readings, "dv"))
-    known = [output for output in outputs.ALL if output.role is not outputs.Role.RESPONSE or output.column in rows]
+    known = [output for output in outputs.ALL if output.name in outputs.TOUCHES or output.column in rows]
     target = _numbers(folder, rows, [output.column for output in known])
     scene = rows["scene"].to_numpy(np.int64)
     group = _touches(data.design["sampler"], scene, rows)
@@ -180,7 +180,8 @@ def _touches(sampler: str, scene: NDArray[np.int64], rows: pd.DataFrame) -> NDAr
     """(n,) the block of a nested design, else the number of each different place, diameter and force."""
     if sampler == nested_design.SAMPLER:
         return scene // nested_design.BLOCK
-    return rows.groupby(list(TOUCH), sort=False, dropna=False).ngroup().to_numpy(np.int64)
+    same = [*TOUCH, *(name for name in ("z_mm",) if name in rows)]
+    return rows.groupby(same, sort=False, dropna=False).ngroup().to_numpy(np.int64)
 
 
 def _numbers(folder: Path, rows: pd.DataFrame, names: list[str]) -> Array:

@@ -4,6 +4,7 @@ outline, its edges too."""
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.forward.untouched import sensor_of, untouched_readings
-from eitsim.scene.drive import protocol
+from eitsim.scene.curved.curved_scene import CurvedScene, curved_scene, is_curved
+from eitsim.scene.drive import Drive, protocol
 from eitsim.scene.electrodes import identical, middles
 from eitsim.scene.scene import Scene
 from surrogate.data import outlined_sheet
+from surrogate.data.curved_sheet import CurvedSheet, curved_sheet, same_curved
 from surrogate.data.outlined_sheet import Sheet
 from touchcal.arrays import Array, Complex, Index
 
@@ -36,6 +39,7 @@ class Ring:
     # (MODES,) foreseen q_m, q_1 = 1: the field of an electrode is the real part of sum_m (q_m / m) z^m; none of a sheet
     modes: Array
     sheet: Sheet | None = None  # the skin with an outline; None for a disc
+    curved: CurvedSheet | None = None  # a curved skin; None for a flat one
 
     @property
     def origin_mm(self) -> Array:
@@ -61,8 +65,8 @@ def impedances_read(ring: Ring, to: Index) -> Array:
 def same_ring(one: Ring, other: Ring) -> bool:
     """Whether two rings give the same readings in the same order; of skins with an outline, whose sheet conductance may
     differ, whether edges and electrodes are the same."""
-    plain = [field.name for field in fields(Ring) if field.name != "sheet"]
-    return outlined_sheet.same_sheet(one.sheet, other.sheet) and all(
+    plain = [field.name for field in fields(Ring) if field.name not in ("sheet", "curved")]
+    return outlined_sheet.same_sheet(one.sheet, other.sheet) and same_curved(one.curved, other.curved) and all(
         np.array_equal(getattr(one, name), getattr(other, name)) for name in plain)
 
 
@@ -98,22 +102,34 @@ def ring_of(scene: Scene, baseline_V: Array | None = None, places_mm: Array | No
     The fields on a skin with an outline are those on the sheet conductance whose untouched readings are as large as
     the given ones (readings,), V, on a usual one without, and are exact at places (n, 2), if any are given.
     """
-    count = scene.electrodes.count
     if scene.electrodes.missing:
         raise ValueError(f"electrodes {', '.join(map(str, scene.electrodes.missing))} (from 0) are missing in "
                          "[electrodes], and some readings with them; surrogates learn from all readings of a drive. "
                          "Sweep with all electrodes.")
-    asked = protocol(scene.drive, count)
-    source, sink = _ends(asked.currents_A / scene.drive.current_A, "pattern of currents")
-    read, ground = _ends(asked.weights.reshape(-1, count), "measurement")
-    each = asked.shape[1]
-    readings = (np.repeat(source, each), np.repeat(sink, each), read, ground)
+    readings = _readings(scene.drive, scene.electrodes.count)
     if not scene.body.has_outline:
         return Ring(scene.body.radius_m * 1e3, middles(scene.electrodes), *readings, _modes(scene))
     sheet, reach_mm = outlined_sheet.sheet_of(scene.body.outline, scene.electrodes, _conductance_S(scene, baseline_V),
                                               None if places_mm is None else places_mm / 1e3)
     x, y = (sheet.electrode[:, :2] - sheet.origin_mm).T
     return Ring(reach_mm, np.arctan2(y, x), *readings, np.zeros(0), sheet)
+
+
+def ring_of_curved(scene: CurvedScene, baseline_V: Array | None = None) -> Ring:
+    """The electrodes of a curved skin, its readings and its fields; ValueError as `ring_of`."""
+    readings = _readings(scene.drive, scene.sheet(1.0).count)
+    sheet = curved_sheet(scene, USUAL_S_PER_M * scene.skin.thickness_m, baseline_V)
+    x, y, _ = sheet.electrode_mm.T
+    return Ring(scene.body.size_m * 1e3, np.arctan2(y, x), *readings, np.zeros(0), curved=sheet)
+
+
+def _readings(drive: Drive, count: int) -> tuple[Index, Index, Index, Index]:
+    """Electrodes (readings,) that inject and take out the current, are read and are 0 V."""
+    asked = protocol(drive, count)
+    source, sink = _ends(asked.currents_A / drive.current_A, "pattern of currents")
+    read, ground = _ends(asked.weights.reshape(-1, count), "measurement")
+    each = asked.shape[1]
+    return np.repeat(source, each), np.repeat(sink, each), read, ground
 
 
 def _conductance_S(scene: Scene, baseline_V: Array | None) -> float:
@@ -149,4 +165,8 @@ def _ends(rows: Array, what: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]
 
 def ring_of_design(tables: Mapping[str, Any], baseline_V: Array | None = None, places_mm: Array | None = None) -> Ring:
     """As `ring_of`, of a design's tables; ValueError where the sensor itself varies between rows."""
+    if is_curved(tables):
+        fixed = {name: tables[name] for name in ("body", "electrodes", "drive") if name in tables}
+        scene = curved_scene({**fixed, "punch": {"at_mm": [0.0, 0.0, 0.0]}}, Path())
+        return ring_of_curved(scene, baseline_V)
     return ring_of(sensor_of(tables), baseline_V, places_mm)

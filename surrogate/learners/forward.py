@@ -49,6 +49,9 @@ class TouchInversion(Learner):
         if not isinstance(rows, SweepSamples):
             raise ValueError('method "forward" learns from a sweep, whose sensor and punches it knows; take another '
                              "one for recorded presses.")
+        if rows.ring.curved is not None:
+            raise ValueError('method "forward" learns from flat skins; this sweep is of a curved one. Take `method` '
+                             "gp, ridge or network.")
         if rows.ring.sheet is not None:
             if rows.ring.sheet.on_surface:
                 raise ValueError('method "forward" learns from electrodes along the edge; those of this sweep lie on '

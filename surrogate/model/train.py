@@ -37,7 +37,8 @@ def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", ou
     method : str
         One of `METHODS`.
     outputs : "all", a comma-separated text or a sequence
-        Names among x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max.
+        Names among x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max, and z0 of curved
+        skins.
     seed : int
         Seed of the split and of the networks.
     epochs : int, optional

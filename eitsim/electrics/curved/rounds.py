@@ -11,10 +11,12 @@ from scipy.sparse.csgraph import connected_components
 from eitsim.electrics.cem.assembly import Array, Indices
 from eitsim.electrics.curved.facets import CORNERS, Facets, halved, slopes, split
 from eitsim.electrics.mesh.p2_triangles import EDGES
+from eitsim.scene.surfaces.triangle_surface import flat_nearest
 
-_CHORDS = 16  # Edges about a round part, about, at least; they are parabolas through three points of the ball.
+_CHORDS = 8  # Edges about a round part, about, at least: parabolas that leave it its area in the plane.
+_MARGIN = 0.25  # A triangle nearer to the ball's surface than this part of its longest edge is small too.
 _FINER = 3  # Times that there may be twice as many, where triangles fold over.
-_ON = 0.2  # A corner nearer to the ball than this part of its shortest edge is moved onto it.
+_ON = 0.4  # A corner nearer to the ball than this part of its shortest edge is moved onto it.
 _CREASE = 0.3  # Angle, rad, between triangles and their mean, from which on their common corner stays.
 _LEAST_TURN = 0.1  # Least area of a triangle at any place over its plane one that a curved edge may leave.
 _BISECTIONS = 40  # To find where an edge meets a ball.
@@ -38,11 +40,11 @@ def refined_at(facets: Facets, balls: Sequence[Ball]) -> Facets:
         large = np.zeros(len(longest), dtype=bool)
         for ball in balls:
             away = np.linalg.norm(nodes - ball.centre_m, axis=2)
-            least, radius = away.min(axis=1), ball.radius_m
-            # the ball's surface is nearer than the triangle's own size
-            near = (least < radius + longest / 4) & (away.max(axis=1) > radius - longest / 4)
-            inside = (least - longest < radius) & (longest > radius)
-            large |= (longest > 2 * np.pi * radius / ball.chords) & (near | inside)
+            tried = np.flatnonzero((longest > 2 * np.pi * ball.radius_m / ball.chords)
+                                   & (away.min(axis=1) < ball.radius_m + longest))
+            miss = np.sqrt(flat_nearest(corners[tried], ball.centre_m[None])[1])
+            near = miss < ball.radius_m + _MARGIN * longest[tried]
+            large[tried] |= near & (away[tried].max(axis=1) > ball.radius_m - _MARGIN * longest[tried])
         if not large.any():
             break
         facets = halved(facets, large)
@@ -108,13 +110,14 @@ def _normals(facets: Facets) -> Array:
     return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
-def _onto_ball(points: Array, normals: Array, centre: Array, radius: float) -> Array:
-    """Points (n, 3) moved in the planes of normals (n, 3) to the ball's surface; where a plane misses it they stay."""
+def _onto_ball(points: Array, normals: Array, centre: Array, radius: float | Array) -> Array:
+    """Points (n, 3) moved in the planes of normals (n, 3) to distances, one or (n,), from a ball's centre; where a
+    plane misses such a ball they stay."""
     off = points - centre
     height = np.sum(off * normals, axis=1, keepdims=True)
     flat = off - height * normals
     length = np.linalg.norm(flat, axis=1, keepdims=True)
-    reach = np.sqrt(np.maximum(radius**2 - height**2, 0.0))
+    reach = np.sqrt(np.maximum(np.reshape(radius, (-1, 1)) ** 2 - height**2, 0.0))
     return np.where((reach > 0) & (length > 0), points + (reach / np.maximum(length, np.finfo(float).tiny) - 1) * flat,
                     points)
 
@@ -133,7 +136,8 @@ def _rounded(facets: Facets, inside: NDArray[np.bool_], centre: Array, radius: f
     rim = np.flatnonzero((first >= 0) & (last >= 0))
     rim = rim[np.abs(np.sum(normal[first[rim]] * normal[last[rim]], axis=1)) > np.cos(_CREASE)]
     nodes = facets.nodes_m.copy()
-    nodes[middle[rim]] = _onto_ball(nodes[middle[rim]], normal[first[rim]], centre, radius)
+    chord = np.linalg.norm(nodes[ends[rim, 0]] - nodes[ends[rim, 1]], axis=1)
+    nodes[middle[rim]] = _onto_ball(nodes[middle[rim]], normal[first[rim]], centre, _true_to_area(radius, chord))
     moved, folded = np.zeros(len(nodes), dtype=bool), np.zeros(len(nodes), dtype=bool)
     moved[middle[rim]] = True
     near = facets.cells[moved[facets.cells[:, 3:]].any(axis=1)]
@@ -141,6 +145,14 @@ def _rounded(facets: Facets, inside: NDArray[np.bool_], centre: Array, radius: f
     back = middle[rim][folded[middle[rim]]]
     nodes[back] = facets.nodes_m[back]
     return replace(facets, nodes_m=nodes), not len(back)
+
+
+def _true_to_area(radius: float, chord: Array) -> Array:
+    """Distances (n,) from a circle's centre of the middles of parabolas over chords (n,) that cut off what the circle
+    does: two thirds of chord times height."""
+    half = np.arcsin(np.minimum(chord / (2 * radius), 1.0))
+    height = 3 * radius**2 * (half - np.sin(half) * np.cos(half)) / (2 * np.maximum(chord, np.finfo(float).tiny))
+    return radius * np.cos(half) + height
 
 
 def _folds(nodes: Array) -> NDArray[np.bool_]:

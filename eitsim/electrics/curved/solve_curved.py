@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.electrics.cem.assembly import Array, SkinMesh
-from eitsim.electrics.curved.adapted_sheet import solve_sheet
+from eitsim.electrics.curved.adapted_sheet import State, solve_sheet
 from eitsim.electrics.curved.facets import Facets
 from eitsim.electrics.curved.rounds import Ball, cut_out, refined_at
 from eitsim.electrics.mesh.p2_triangles import EDGES, sides
@@ -76,13 +76,18 @@ def solve_curved_skin(skin: CurvedSkin | Path | str, *, readings: float = READIN
     """
     begun = cpu_s()
     skin = skin if isinstance(skin, CurvedSkin) else read_curved_skin(skin)
-    at_rest, pressed = (partial(_conductance, skin.conductance_S, touched=touched) for touched in (False, True))
+    at_rest, pressed = uniform(skin.conductance_S), partial(_conductance, skin.conductance_S, touched=True)
     found = solve_sheet(_prepared(skin), contact_impedances(skin), at_rest, pressed if skin.patches else None, readings,
                         signal)
     return CurvedReadings(
         found.impedance_Ohm, found.touched_Ohm, read_out(skin.drive, found.impedance_Ohm),
         read_out(skin.drive, found.touched_Ohm - found.impedance_Ohm), found.readings_error, found.signal_error,
         len(found.mesh.cells), len(found.mesh.nodes_m), cpu_s() - begun)
+
+
+def uniform(sheet_S: float) -> State:
+    """The state of an untouched sheet of a conductance, S."""
+    return partial(_conductance, sheet_S, touched=False)
 
 
 def _conductance(sheet_S: float, mesh: SkinMesh, facets: Facets, parts: int, *, touched: bool) -> Array:

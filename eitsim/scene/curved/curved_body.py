@@ -1,7 +1,9 @@
 """A body that is not flat: a layer of one thickness under a curved outer surface, fixed to a rigid core."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +53,19 @@ class CurvedBody:
 
 
 def curved_body(raw: Mapping[str, Any], folder: Path) -> CurvedBody:
-    """The body of a table [body] that has `surface`; ValueError names the key."""
+    """The body of a table [body] that has `surface`, one and the same for equal tables of one file; ValueError names
+    the key."""
+    file = folder / str(raw["surface"])
+    stamp = file.stat().st_mtime_ns if file.is_file() else 0
+    return _kept(json.dumps(raw, sort_keys=True, default=repr), folder, stamp)
+
+
+@lru_cache(maxsize=8)
+def _kept(text: str, folder: Path, stamp: int) -> CurvedBody:
+    return _checked(json.loads(text), folder)
+
+
+def _checked(raw: Mapping[str, Any], folder: Path) -> CurvedBody:
     kind = raw["surface"]
     thickness = _number(raw, "thickness_mm", positive=True) if "thickness_mm" in raw else 1e3 * Body.thickness_m
     if not isinstance(kind, str) or not (kind in SURFACES or Path(kind).suffix):

@@ -55,12 +55,28 @@ class CurvedScene:
 AnyScene = Scene | CurvedScene
 
 
+def is_curved(tables: Mapping[str, Any]) -> bool:
+    """Whether tables of a scene are of one on a curved body."""
+    body = tables.get("body")
+    return isinstance(body, Mapping) and "surface" in body
+
+
+def any_scene(tables: Mapping[str, Any]) -> AnyScene:
+    """The scene of tables that need no other file but that of a surface, by its whole path; ValueError names the
+    key."""
+    return curved_scene(tables, Path()) if is_curved(tables) else scene_from(tables)
+
+
+def electrode_count(scene: AnyScene) -> int:
+    """How many electrodes a scene has."""
+    return scene.sheet(1.0).count if isinstance(scene, CurvedScene) else scene.electrodes.count
+
+
 def read_any_scene(path: Path | str) -> AnyScene:
     """The scene of a file, flat or on a curved body; InputFileError names the file and the key."""
     path = Path(path)
     raw = read_toml(path)
-    body = raw.get("body")
-    if not isinstance(body, Mapping) or "surface" not in body:
+    if not is_curved(raw):
         return read_scene(path)
     try:
         return curved_scene(with_matrices(raw, path.parent), path.parent)

@@ -71,7 +71,7 @@ class TriangleSurface:
         _, near = self._middles.query(points, k=min(_NEAR, len(self.cells)))
         near = near.reshape(len(points), -1)
         corners = self.nodes_m[self.cells[near]]
-        share, miss = _flat_nearest(corners, points[:, None])
+        share, miss = flat_nearest(corners, points[:, None])
         best, k = np.argsort(miss, axis=1)[:, :_TRIED], np.arange(len(points))
         found = [self._bent(near[k, one], share[k, one], points) for one in best.T]
         at, normal = (np.stack(part) for part in zip(*found, strict=True))
@@ -150,7 +150,7 @@ def _inside(share: Array) -> Array:
     return share / np.maximum(share.sum(axis=1, keepdims=True), 1.0)
 
 
-def _flat_nearest(corners: Array, points: Array) -> tuple[Array, Array]:
+def flat_nearest(corners: Array, points: Array) -> tuple[Array, Array]:
     """Shares (..., 2) and squared distances (...) of the nearest places of triangles (..., 3, 3) to points."""
     origin, sides = corners[..., 0, :], corners[..., 1:, :] - corners[..., :1, :]
     off = points - origin

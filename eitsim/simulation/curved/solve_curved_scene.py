@@ -4,24 +4,31 @@ import resource
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.electrics.curved.adapted_sheet import SheetReadings, skin_mesh
+from eitsim.electrics.curved.facets import Facets
 from eitsim.electrics.curved.skin_file import curved_skin_fields, write_curved_skin
 from eitsim.electrics.curved.solve_curved import READINGS, contact_impedances, prepared
 from eitsim.electrics.curved.touched_sheet import ContactEnd, solve_touched, strained_outside
 from eitsim.mechanics.axisymmetric.continuation import BOTTOM, BottomedOut
 from eitsim.mechanics.axisymmetric.elastic_holds import elastic_forces
 from eitsim.mechanics.axisymmetric.hold import kept
+from eitsim.mechanics.curved.moved_touches import MovedTable
+from eitsim.scene.curved.curved_body import CurvedBody
 from eitsim.scene.curved.curved_scene import CurvedScene
+from eitsim.scene.curved_skin import CurvedSkin
 from eitsim.scene.drive import protocol, read_out
 from eitsim.scene.results import Moment, Plan, Readings, Result, SpaceField, Touch, of_strain
 from eitsim.scene.scene import Punch
 from eitsim.sheet.sheet_conductance import untouched_conductance
 from eitsim.simulation.curved.curved_plan import curved_plan
+from eitsim.simulation.curved.moved_tables import moved
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.routes.on_surface import Pressed, alone_on_flat, pressed
@@ -35,22 +42,27 @@ from touchcal.jit import compilation_s, cpu_s
 ELECTRICS_SHARE = 0.2  # Part of the requested signal error, or of the touches' own where more, for electrics.
 
 
-def solve_curved_scene(scene: CurvedScene, card: MaterialCard | Material, *, exact: bool = False) -> Result:
+def solve_curved_scene(scene: CurvedScene, card: MaterialCard | Material, *, exact: bool = False,
+                       table: MovedTable | None = None, compared: bool = True) -> Result:
     """Solve a scene on a curved body; a refusal or a failure of a solver is the result's outcome, which its message
-    explains. exact: on finer meshes. ValueError where the card lacks a part that the scene needs."""
+    explains. exact: on finer meshes, without a table; table: touches that are taken to their place where it serves;
+    compared: with the same touches on a flat layer. ValueError where the card lacks a part that the scene needs."""
     wall, cpu, compiling = time.perf_counter(), cpu_s(), compilation_s()
     material = material_of(scene.flat, card)
     _ = material.skin  # ValueError where the card lacks it
     plan = curved_plan(scene, material)
-    result = Result("refused", plan, message=plan.refusal) if plan.refusal else _solved(scene, material, plan, exact)
+    result = Result("refused", plan, message=plan.refusal) if plan.refusal else _solved(
+        scene, material, plan, exact, None if exact else table, compared)
     return replace(result, cost={
         "cpu_s": cpu_s() - cpu, "compilation_cpu_s": compilation_s() - compiling, "wall_s": time.perf_counter() - wall,
         "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024})
 
 
-def _solved(scene: CurvedScene, material: Material, plan: Plan, exact: bool) -> Result:
+def _solved(scene: CurvedScene, material: Material, plan: Plan, exact: bool, table: MovedTable | None, compared: bool
+            ) -> Result:
     try:
-        states = _over_time(scene, material, exact)
+        stored = None if table is None else moved(scene, material.law, table)
+        states = _over_time(scene, material, exact) if stored is None else [(0.0, stored)]
         readings = [_readings(scene, material, pressed) for _, pressed in states]
     except NotConverged as error:
         return Result("bottomed_out" if isinstance(error, BottomedOut) else "not_converged", plan, message=str(error),
@@ -67,7 +79,7 @@ def _solved(scene: CurvedScene, material: Material, plan: Plan, exact: bool) -> 
     moments = tuple(Moment(t, pressed.touches, each) for (t, pressed), each in zip(states, readings, strict=True))
     return Result("bottomed_out" if too_deep else "ok", plan, touches, readings[-1],
                   moments if scene.hold.time_s else (), note, error_estimate=errors, numerical_error=numerical,
-                  surface=states[-1][1].field, as_if_flat=alone_on_flat(scene, material))
+                  surface=states[-1][1].field, as_if_flat=alone_on_flat(scene, material) if compared else ())
 
 
 def _over_time(scene: CurvedScene, material: Material, exact: bool) -> list[tuple[float, Pressed]]:
@@ -118,8 +130,14 @@ def touched_sheet(scene: CurvedScene, law: Conductivity, touches: Sequence[Touch
     places = scene.body.surface.nearest(scene.places_m)[0].tolist()
     ends = [ContactEnd(tuple(place), max(touch.contact_radius_m, punch.fillet_m), punch.fillet_m)
             for place, touch, punch in zip(places, touches, scene.punches, strict=True)]
-    return solve_touched(prepared(sheet), contact_impedances(sheet), scene.skin, law, OnSurfaceField(scene, field),
-                         ends, READINGS, ELECTRICS_SHARE * worst)
+    return solve_touched(_untouched(scene.body, tuple(scene.electrodes.items())), contact_impedances(sheet), scene.skin,
+                         law, OnSurfaceField(scene, field), ends, READINGS, ELECTRICS_SHARE * worst)
+
+
+@lru_cache(maxsize=4)
+def _untouched(body: CurvedBody, electrodes: tuple[tuple[str, Any], ...]) -> Facets:
+    """The sheet of a body with its electrodes cut out."""
+    return prepared(CurvedSkin(body.triangles, 1.0, **dict(electrodes)))
 
 
 def write_skin(scene: CurvedScene, result: Result, law: Conductivity, path: Path, patterns: Sequence[int] | None = None

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from eitsim.electrics.forward.gridded_fields import StoredFields, check_on_skin, check_one_grid, fields_from
-from eitsim.scene.scene import Scene, scene_from, scene_keys
+from eitsim.scene.curved.curved_scene import AnyScene, any_scene, is_curved
+from eitsim.scene.drive import with_matrices
+from eitsim.scene.scene import Scene, scene_keys
 from eitsim.scene.scene_files import with_files
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Material, material_from
@@ -50,9 +52,17 @@ def read_design(path: Path | str, scenes: int | None = None) -> Design:
     path = Path(path)
     raw = read_toml(path)
     try:
-        return design_from(with_files(raw, path.parent), scenes)
+        return design_from(_with_surface(raw, path.parent) if is_curved(raw) else with_files(raw, path.parent), scenes)
     except ValueError as error:
         raise InputFileError(path, str(error)) from None
+
+
+def _with_surface(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables of a design on a curved body, matrices of [drive] written out and a file of triangles by its whole
+    path."""
+    tables, surface = with_matrices(raw, folder), str(raw["body"]["surface"])
+    whole = str((folder / surface).resolve()) if Path(surface).suffix else surface
+    return {**tables, "body": {**tables["body"], "surface": whole}}
 
 
 def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
@@ -60,8 +70,8 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     known = (*_TOP, *scene_keys())
     if unknown := [key for key in raw if key not in known]:
         raise ValueError(unknown_key(unknown[0], known))
-    if isinstance(raw.get("body"), Mapping) and "surface" in raw["body"]:
-        raise ValueError("surface in [body]: sweeps take flat skins alone; `eitsim run` takes curved bodies.")
+    if is_curved(raw) and "fields" in raw:
+        raise ValueError("[fields]: a grid of fields lies on flat skins; leave it out on a curved one.")
     seed, sampler = raw.get("seed", 0), raw.get("sampler", "random")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number from 0, got {seed!r}.")
@@ -78,9 +88,9 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     design = Design(count, seed, sampler, tables, material, measurement, stored, touches)
     if stored is not None:
         check_one_grid(drawn_keys(design))
-    body = representative_scene(design).body
-    if stored is not None:
-        check_on_skin(stored, body)
+    first = representative_scene(design)
+    if stored is not None and isinstance(first, Scene):
+        check_on_skin(stored, first.body)
     return design
 
 
@@ -117,13 +127,13 @@ def tables_at(design: Design, index: int) -> dict[str, Any]:
     return row_tables(_layout(design), design.sampler, design.scenes, design.seed, number)
 
 
-def scene_at(design: Design, index: int) -> Scene:
+def scene_at(design: Design, index: int) -> AnyScene:
     """The scene of row `index`; with "random" and "nested" it depends on (seed, index) only. ValueError where it is
     none."""
-    return scene_from(tables_at(design, index))
+    return any_scene(tables_at(design, index))
 
 
-def valid_scenes(design: Design, most: int) -> Iterator[Scene]:
+def valid_scenes(design: Design, most: int) -> Iterator[AnyScene]:
     """The scenes of the first `most` rows, those left out that are none."""
     for index in range(min(design.scenes, most)):
         try:
@@ -132,17 +142,25 @@ def valid_scenes(design: Design, most: int) -> Iterator[Scene]:
             continue
 
 
-def representative_scene(design: Design) -> Scene:
+def representative_scene(design: Design) -> AnyScene:
     """The first scene of a design that is right; ValueError says what is wrong with row 0 where none of many is."""
     found = next(valid_scenes(design, _TRIED), None)
     return scene_at(design, 0) if found is None else found
+
+
+def flat_scene(design: Design) -> Scene:
+    """The representative scene of a design on a flat skin; ValueError on a curved one."""
+    first = representative_scene(design)
+    if not isinstance(first, Scene):
+        raise ValueError("surface in [body]: this takes flat skins alone; give a set of one.")
+    return first
 
 
 def kept_from_edges(design: Design) -> str:
     """In words, how far from the edges of an outline touches stay whose place and gap are left to chance, and on which
     part of the skin that leaves; empty where none are."""
     scene = next(valid_scenes(design, _TRIED), None)
-    if scene is None or not scene.body.has_outline:
+    if not isinstance(scene, Scene) or not scene.body.has_outline:
         return ""
     left = [(place, punch) for place, punch in zip(_layout(design).places, scene.punches, strict=False)
             if place is not None and place.distribution is None and place.gap_mm is None]

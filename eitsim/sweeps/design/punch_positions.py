@@ -62,6 +62,14 @@ def places_of(raw: Any, radius_mm: float, diameter_mm: float) -> Places:
     return Places(of_values("list", _grid(raw, reach)), **limits)
 
 
+def gap_of(raw: Any) -> float | None:
+    """The distance of the table `place` of a design on a curved skin, mm, the one key that it takes there."""
+    if not isinstance(raw, Mapping) or set(raw) - {"gap_mm"}:
+        raise ValueError("place in [punch] takes gap_mm alone on a curved skin; for a list of places give at_mm, as "
+                         f"{{list = [[x, y, z], ...]}}, got {raw!r:.80}.")
+    return _positive("gap_mm", raw["gap_mm"]) if "gap_mm" in raw else None
+
+
 def on_disc(u: float, v: float, radius_mm: float, diameter_mm: float, places: Places) -> Place:
     """A place uniform over the part of the disc that `places` leaves for the whole punch, mm, from two uniform
     numbers; ValueError where nothing is left."""

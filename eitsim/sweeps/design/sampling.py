@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eitsim.scene.curved.curved_scene import is_curved
 from eitsim.scene.scene import Body, Punch, Scene
+from eitsim.sweeps.design.curved_places import at_surface, on_surface
 from eitsim.sweeps.design.outline_places import on_outline, outlined
 from eitsim.sweeps.design.punch_positions import on_disc
 from eitsim.sweeps.design.variables import Layout, Variable
@@ -40,7 +42,10 @@ def row_tables(layout: Layout, sampler: str, scenes: int, seed: int, index: int)
             held[variable.key] = value
     tables["punch"] = tables["punch"][:count]
     _without_idle_friction(layout, tables["punch"])
-    _place(layout, tables, seed, index)
+    if is_curved(tables):
+        _place_on_surface(layout, tables)
+    else:
+        _place(layout, tables, seed, index)
     return tables
 
 
@@ -79,6 +84,13 @@ def _without_idle_friction(layout: Layout, punches: list[dict[str, Any]]) -> Non
     for k, punch in enumerate(punches):
         if k in drawn and punch["friction"] != "coulomb":
             punch.pop("friction_coefficient", None)
+
+
+def _place_on_surface(layout: Layout, tables: dict[str, Any]) -> None:
+    """Give the touch its place on a curved skin."""
+    (punch,), (place,) = tables["punch"], layout.places
+    punch["at_mm"] = at_surface(punch["at_mm"], tables) if place is None else on_surface(
+        punch.pop("u"), punch.pop("v"), tables, punch.get("diameter_mm", 1e3 * Punch().diameter_m), place.gap_mm)
 
 
 def _place(layout: Layout, tables: dict[str, Any], seed: int, index: int) -> None:

@@ -6,11 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from eitsim.scene.curved.curved_scene import is_curved
 from eitsim.scene.drive import MATRICES
 from eitsim.scene.scene import Body, Punch, scene_keys
 from eitsim.scene.scene_keys import MOST_TOUCHES, check_value, is_list
 from eitsim.sweeps.design.distributions import Distribution, distribution_of, of_values
-from eitsim.sweeps.design.punch_positions import Places, places_of
+from eitsim.sweeps.design.punch_positions import Places, gap_of, places_of
 from touchcal.document import is_number
 from touchcal.errors import unknown_key
 
@@ -59,6 +60,8 @@ class Layout:
 
 def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
     """The layout of a design's tables and of its number of touches; ValueError names the key and what it may hold."""
+    if is_curved(tables):
+        return _on_curved_skin(tables, touches)
     number = number_of_touches(touches)
     plain = {name: value for name, value in copy.deepcopy(dict(tables)).items() if name != "punch"}
     plain["punch"] = _punches(tables.get("punch", {}), number)
@@ -86,6 +89,32 @@ def layout_of(tables: Mapping[str, Any], touches: Any = None) -> Layout:
     if isinstance(number, Distribution):
         ordered.append(Variable("", 0, "touches", number))
     return Layout(plain, tuple(ordered), tuple(places))
+
+
+def _on_curved_skin(tables: Mapping[str, Any], touches: Any) -> Layout:
+    """The layout of a design of touches on a curved body, whose body, electrodes and drive stay."""
+    plain = copy.deepcopy(dict(tables))
+    punch = plain.get("punch", {})
+    punch = punch[0] if isinstance(punch, list) and len(punch) == 1 else punch
+    if not isinstance(punch, dict) or touches not in (None, 1):
+        raise ValueError("[punch]: a sweep on a curved skin takes one touch a scene; give one [punch], and leave "
+                         "touches out.")
+    place, at = punch.pop("place", {}), punch.pop("at_mm", None)
+    if at is not None and place:
+        raise ValueError("[punch] has both place and at_mm; give one of them.")
+    gap_mm = gap_of(place)
+    varied = {name: table for name, table in plain.items() if name not in ("body", "electrodes", "drive", "punch")}
+    variables = [v for name in sorted(varied) for v in _parted(name, 0, varied[name])]
+    own = list(_parted("punch", 0, punch))
+    listed = distribution_of("at_mm in [punch]", at) if isinstance(at, Mapping) else None
+    if listed is not None:
+        own.append(Variable("punch", 0, "at_mm", listed))
+    elif at is None:
+        own += [Variable("punch", 0, key, _UNIT) for key in ("u", "v")]
+    else:
+        punch["at_mm"] = at
+    ordered = [*(v for v in variables if v.table < "punch"), *own, *(v for v in variables if v.table > "punch")]
+    return Layout({**plain, "punch": [punch]}, tuple(ordered), (None if at is not None else Places(None, gap_mm),))
 
 
 def number_of_touches(touches: Any) -> int | Distribution | None:

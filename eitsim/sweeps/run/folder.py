@@ -20,6 +20,7 @@ from eitsim.sweeps.dataset.code_history import by_this_code, check_columns
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import GROWING, Design, same_or_grown
+from eitsim.sweeps.run.load_path_choice import AnyTable
 from matcal.card import MaterialCard, card_identity
 from touchcal.cache import key_of
 from touchcal.errors import InputFileError
@@ -198,12 +199,12 @@ def missing(there: NDArray[np.bool_], rows_per_part: int) -> list[range]:
     return out
 
 
-def keep_to_table(folder: Path, manifest: Mapping[str, Any], table: Table | None,
+def keep_to_table(folder: Path, manifest: Mapping[str, Any], table: AnyTable | None,
                   note: str) -> Mapping[str, Any]:
     """Write to the manifest what came of the table of load paths that touches are to be taken from, so that rows to
     come are solved as these; returns it. ValueError where rows were solved with more than what came of it now."""
     method, central = manifest["method"], table
-    came = {"used": central is not None, "rim": central is not None and central.rim is not None}
+    came = {"used": central is not None, "rim": isinstance(central, Table) and central.rim is not None}
     if (before := method.get("table")) is None:
         less = not came["used"] or came["rim"] != method["rim"]
         manifest = {**manifest, "method": {**method, "table": came | {"note": note if less else ""}}}

@@ -7,23 +7,28 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.mechanics.curved.moved_touches import MovedTable
 from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
 from eitsim.mechanics.load_paths.table import with_diameters
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
-from eitsim.scene.scene import Punch
+from eitsim.scene.curved.curved_scene import is_curved
+from eitsim.scene.scene import Punch, Scene
 from eitsim.simulation.build_rim_table import GRID
 from eitsim.simulation.choose import TABLE_SHARE, tabled_near_edge
 from eitsim.simulation.material import material_of
 from eitsim.simulation.reuse import shape_for, table_for
 from eitsim.simulation.routes.nearest_alone import RIM_SHARE
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
-from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
+from eitsim.sweeps.design.design import Design, drawn_keys, flat_scene, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
+from eitsim.sweeps.run.moved_table_choice import curved_method, curved_table, described
 from matcal.card import MaterialCard
 from matcal.laws.known_laws import law_of
 from touchcal.errors import NotConverged
 from touchcal.parallel.checkpoint import CheckpointedMap
 from touchcal.parallel.pool import WorkerPool
+
+AnyTable = Table | MovedTable
 
 REPAYS = 60  # Touches from which on a table repays its cost, for each of its diameters.
 _MOST = 9  # Most diameters that are each solved; a choice of more is served as a range.
@@ -43,6 +48,8 @@ def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) ->
     """
     if exact or reuse is False:
         return {"exact": exact, "reuse": False, "rim": False, "reason": "as asked for"}
+    if is_curved(design.tables):
+        return curved_method(design, cards, reuse)
     try:
         shape = _shape_of(design, cards)
     except ValueError as error:
@@ -58,14 +65,18 @@ def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) ->
 
 
 def table_of(design: Design, cards: Cards, pool: WorkerPool,
-             method: Mapping[str, Any]) -> tuple[Table | None, str]:
+             method: Mapping[str, Any]) -> tuple[AnyTable | None, str]:
     """The table of a design, and a note; none where paths are not found or too rough, or were not when the folder was
     started; PoolUnavailable where workers were lost on it again and again."""
     before = method.get("table", {"used": True, "rim": method["rim"], "note": ""})
     if not before["used"]:
         return None, before["note"]
-    shape = as_kept(_shape_of(design, cards), method.get("shape"))
     checkpointed = CheckpointedMap(pool)
+    if is_curved(design.tables):
+        curved, note = curved_table(design, cards, checkpointed, method)
+        checkpointed.forget()
+        return curved, note
+    shape = as_kept(_shape_of(design, cards), method.get("shape"))
     table, note = _made(shape, checkpointed, before["rim"])
     checkpointed.forget()
     if table is None:
@@ -93,8 +104,15 @@ def _made(shape: DimensionlessProblem, run: CheckpointedMap, rim: bool) -> tuple
         return table, f"no table of what the rim changes: {error}"
 
 
-def describe_method(method: Mapping[str, Any], table: Table | None, note: str, strain: str) -> str:
+def paths_of(table: AnyTable) -> int:
+    """How many load paths a table holds."""
+    return table.paths if isinstance(table, MovedTable) else len(table.shape.solved)
+
+
+def describe_method(method: Mapping[str, Any], table: AnyTable | None, note: str, strain: str) -> str:
     """How touches are solved, in words, with what a table of load paths may be off under a skin driven by a strain."""
+    if isinstance(table, MovedTable):
+        return described(table, strain)
     if table is None:
         how = "exactly" if method["exact"] else "directly"
         return f"every touch solved {how}: {note or method['reason']}"
@@ -120,7 +138,7 @@ def design_shape(design: Design, card: MaterialCard) -> DimensionlessProblem:
     spans = any(spans for _, spans in found) or len(diameters) > _MOST
     if spans and diameters[0] == diameters[-1]:
         diameters, spans = diameters[:1], False
-    first = representative_scene(design)
+    first = flat_scene(design)
     ends = diameters if not spans else [diameters[0], diameters[-1]]
     return shape_for(first, material_of(first, card).law, ends, spans)
 
@@ -159,7 +177,7 @@ def repays(design: Design, shape: DimensionlessProblem) -> bool:
 def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
     """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes; with an
     outline, near straight edges."""
-    rows = list(valid_scenes(design, _ROWS))
+    rows = [scene for scene in valid_scenes(design, _ROWS) if isinstance(scene, Scene)]
     law = law_of(shape.law, shape.parameters)
     near = sum(tabled_near_edge(scene, law, GRID.gaps[-1]) for scene in rows)
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)

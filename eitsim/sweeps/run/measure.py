@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from eitsim.electrics.forward.untouched import TABLES, by_contact, conductance_of, sensor_of
+from eitsim.scene.curved.curved_scene import electrode_count
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.scene import Scene
 from eitsim.sweeps.dataset import parquet
@@ -134,7 +135,7 @@ def lab_of(clean: Path, manifest: Mapping[str, Any], measurement: Measurement | 
         if measurement.contact_impedance:
             sensor, baseline = sensor_of(tables), _first_baseline(clean)
             skin = _Skin(sensor, baseline, conductance_of(sensor, baseline))
-        return Lab(measurement, channels_of(measurement, first.drive, first.electrodes.count), skin)
+        return Lab(measurement, channels_of(measurement, first.drive, electrode_count(first)), skin)
     except ValueError as error:
         raise InputFileError(clean, str(error)) from None
 

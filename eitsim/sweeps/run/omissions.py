@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from eitsim.scene.choices import Kind
-from eitsim.scene.results import Decision
+from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene
+from eitsim.scene.results import Decision, Plan
 from eitsim.simulation import words
+from eitsim.simulation.curved.curved_plan import curved_plan
+from eitsim.simulation.material import material_of
 from eitsim.simulation.plan import make_plan
 from eitsim.sweeps.design.card_draws import Cards, card_at, count_in_use, held_by
 from eitsim.sweeps.design.design import Design, card_number, scene_at
@@ -61,9 +64,15 @@ def _plans(design: Design, cards: Cards, exact: bool) -> Iterator[tuple[Decision
         except ValueError:
             continue
         try:
-            yield make_plan(scene, card_at(cards, card_number(design, index)), exact=exact, bodies=exact).decisions
+            yield _plan(scene, card_at(cards, card_number(design, index)), exact=exact, bodies=exact).decisions
         except ValueError:
             yield ()
+
+
+def _plan(scene: AnyScene, card: MaterialCard, *, exact: bool = False, bodies: bool = True) -> Plan:
+    if isinstance(scene, CurvedScene):
+        return curved_plan(scene, material_of(scene.flat, card))
+    return make_plan(scene, card, exact=exact, bodies=bodies)
 
 
 def _of_drawn_cards(design: Design, cards: Cards) -> Iterator[Decision]:
@@ -94,6 +103,6 @@ def cautions(design: Design, card: MaterialCard) -> Iterator[str]:
 
 def _refusal(design: Design, card: MaterialCard, index: int) -> str:
     try:
-        return make_plan(scene_at(design, index), card).refusal
+        return _plan(scene_at(design, index), card).refusal
     except ValueError as error:
         return str(error)

@@ -4,6 +4,7 @@ nobody says which profile pressed."""
 from collections.abc import Mapping
 from dataclasses import replace
 
+from eitsim.scene.curved.curved_scene import is_curved
 from eitsim.scene.profiles.registry import profiles
 from eitsim.sweeps.design.design import Design, valid_scenes, with_scenes
 
@@ -17,7 +18,8 @@ def other_profiles(design: Design) -> Design | None:
     and one at a time, touches of one profile."""
     punch = design.tables.get("punch", {})
     if (design.scenes < ENOUGH or design.sampler != "random" or design.source is not None or design.touches is not None
-            or not isinstance(punch, Mapping) or not isinstance(punch.get("profile", "flat"), str)):
+            or is_curved(design.tables) or not isinstance(punch, Mapping)
+            or not isinstance(punch.get("profile", "flat"), str)):
         return None
     others = [name for name in profiles() if name != punch.get("profile", "flat")]
     tables = {**design.tables, "punch": {**punch, "profile": {"list": others}}}

@@ -8,11 +8,11 @@ from typing import Any
 
 import pandas as pd
 
-from eitsim.mechanics.load_paths.types import Table
 from eitsim.sweeps.dataset import hdf5_fields, parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.card_draws import Cards
-from eitsim.sweeps.design.design import Design, representative_scene
+from eitsim.sweeps.design.design import Design, flat_scene
+from eitsim.sweeps.run.load_path_choice import AnyTable
 from eitsim.sweeps.run.rows import crashed_row, solve_rows
 from touchcal.parallel.pool import Failed, WorkerPool, answers
 
@@ -32,7 +32,7 @@ class Part:
 
 
 def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[range], *, exact: bool,
-                 table: Table | None, identity: str | None = None) -> Iterator[Part]:
+                 table: AnyTable | None, identity: str | None = None) -> Iterator[Part]:
     """Solve the scenes of each range into a part of the set of this identity, as workers become free.
 
     A part that raises, or is lost with its worker again and again, is solved at the end row by row: a row for which
@@ -51,7 +51,7 @@ def solved_parts(pool: WorkerPool, design: Design, cards: Cards, todo: Iterable[
                 if isinstance(part, Failed) else part
                 for one, part in sorted(found.items(), key=lambda pair: pair[0].start)]
         kept = None if design.fields is None else hdf5_fields.joined(
-            design.fields, representative_scene(design).body, [row.fields for row in rows if row.fields is not None])
+            design.fields, flat_scene(design).body, [row.fields for row in rows if row.fields is not None])
         yield Part(scenes, parquet.joined([row.content for row in rows], identity),
                    sum((row.counts for row in rows), OutcomeCounts()), kept, sum(row.encoding_cpu_s for row in rows))
 
@@ -66,5 +66,5 @@ def _encoded(design: Design, identity: str | None, scenes: range, rows: list[dic
     found = {row["scene"]: row.pop("fields", {}) for row in rows}
     table = pd.DataFrame(rows)
     kept = None if design.fields is None else hdf5_fields.encoded(
-        design.fields, representative_scene(design).body, found)
+        design.fields, flat_scene(design).body, found)
     return Part(scenes, parquet.encoded(table, identity), count_outcomes(table), kept, time.process_time() - begun)

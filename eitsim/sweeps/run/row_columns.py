@@ -5,12 +5,16 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from eitsim.scene.curved.curved_scene import is_curved
 from eitsim.scene.scene import Punch
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.design.design import Design, most_touches, varied_keys
 
 OWN = {"x_mm": "x_mm", "y_mm": "y_mm", "diameter_mm": "d_mm", "force_N": "F_N"}  # key of [punch] -> its column
 EACH_TOUCH = (*parquet.TOUCH, *parquet.OUTPUTS, "wall_contact_mm2")  # columns that every touch of a row has
+
+
+SPACE = ("x_mm", "y_mm", "z_mm")  # columns of a place on a curved skin
 
 
 def numbered(column: str, touch: int) -> str:
@@ -27,7 +31,8 @@ def key_column(table: str, key: str, touch: int = 0) -> str:
 
 def blank_keys(design: Design) -> dict[str, Any]:
     """Every column that tells of a scene or its touches, empty: NaN of numbers, "" of words, no touches."""
-    columns = {numbered(name, k): math.nan for k in range(most_touches(design)) for name in EACH_TOUCH}
+    each = (*EACH_TOUCH, SPACE[2]) if is_curved(design.tables) else EACH_TOUCH
+    columns = {numbered(name, k): math.nan for k in range(most_touches(design)) for name in each}
     drawn = {key_column(table, key, k): "" if words else math.nan for (table, k, key), words in _drawn(design).items()}
     return {"touches": 0, **columns, **drawn}
 
@@ -40,6 +45,7 @@ def keys_of(design: Design, tables: Mapping[str, Any]) -> dict[str, Any]:
         force = math.nan if "depth_mm" in punch else Punch().force_N
         defaults = {"x_mm": 0.0, "y_mm": 0.0, "diameter_mm": Punch().diameter_m * 1e3, "force_N": force}
         row |= {numbered(column, k): float(punch.get(key, defaults[key])) for key, column in OWN.items()}
+        row |= {numbered(column, k): part for column, part in zip(SPACE, punch.get("at_mm", ()), strict=False)}
     for (table, k, key), words in _drawn(design).items():
         if table != "punch" or k < len(punches):
             held = punches[k] if table == "punch" else tables[table]
@@ -58,7 +64,7 @@ def _drawn(design: Design) -> dict[tuple[str, int, str], bool]:
     held = "time_s" in design.tables.get("hold", {})
     if held:
         drawn["hold", 0, "time_s"] = False
-    own = {"touches", "place", *OWN} - ({"force_N"} if held else set())
+    own = {"touches", "place", "u", "v", "at_mm", *OWN} - ({"force_N"} if held else set())
     return {where: words for where, words in drawn.items() if where[0] not in ("", "punch") or where[2] not in own}
 
 

@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 
 from eitsim.electrics.forward.gridded_fields import values
+from eitsim.mechanics.curved.moved_touches import MovedTable
 from eitsim.mechanics.load_paths.types import Table
+from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, any_scene, electrode_count
 from eitsim.scene.drive import protocol, voltage_columns
 from eitsim.scene.results import Result, Touch
-from eitsim.scene.scene import scene_from
+from eitsim.scene.scene import Scene
 from eitsim.sheet.sheet_conductance import extrapolated_share
-from eitsim.simulation.material import material_of
+from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
+from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.result_json import mechanical
 from eitsim.simulation.routes.known_routes import ROUTES
 from eitsim.simulation.simulate import solve_scene
@@ -20,13 +23,14 @@ from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.touch_kinds import KIND
 from eitsim.sweeps.design.card_draws import Cards, card_at, columns, recorded
 from eitsim.sweeps.design.design import Design, card_number, representative_scene, tables_at
+from eitsim.sweeps.run.load_path_choice import AnyTable
 from eitsim.sweeps.run.row_columns import blank_keys, keys_of, numbered
 from touchcal.jit import cpu_s
 
 _KINDS = {route.kind for route in ROUTES}
 
 def solve_rows(design: Design, cards: Cards, indices: list[int], *, exact: bool = False,
-               table: Table | None = None) -> list[dict[str, Any]]:
+               table: AnyTable | None = None) -> list[dict[str, Any]]:
     """Rows of these scenes, solved as by `solve_scene`; one that cannot be made is "refused", what it raises is
     raised. Where the design asks for fields, those of a solved scene are its row's "fields"."""
     blank = blank_row(design, cards)
@@ -41,23 +45,23 @@ def crashed_row(design: Design, cards: Cards, index: int, reason: str) -> dict[s
     return blank_row(design, cards) | {"scene": index} | keys | {"outcome": "crashed", "message": reason}
 
 
-def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | None) -> dict[str, Any]:
+def _row(design: Design, cards: Cards, index: int, exact: bool, table: AnyTable | None) -> dict[str, Any]:
     number = card_number(design, index)
     keys: dict[str, Any] = recorded(cards, number)
     try:
         tables = tables_at(design, index)
         keys |= keys_of(design, tables)
-        scene = scene_from(tables)
-        material = material_of(scene, card_at(cards, number))
+        scene = any_scene(tables)
+        material = material_of(scene.flat if isinstance(scene, CurvedScene) else scene, card_at(cards, number))
     except np.linalg.LinAlgError:  # a ValueError, and no refusal
         raise
     except ValueError as error:
         return keys | {"outcome": "refused", "message": str(error)}
-    result = solve_scene(scene, material, exact=exact, bodies=exact, table=table)
+    result = _solved(scene, material, exact, table)
     row: dict[str, Any] = keys | {"outcome": result.outcome, "message": result.message} | _values(result)
     if result.readings is not None:
         row[parquet.EXTRAPOLATED] = extrapolated_share(result.touches, scene.skin, material.skin)
-    if design.fields is not None and result.readings is not None:
+    if design.fields is not None and result.readings is not None and isinstance(scene, Scene):
         begun = cpu_s()
         row["fields"] = values(design.fields, scene, result.touches, material.skin)
         row["fields_cpu_s"] = cpu_s() - begun
@@ -65,10 +69,17 @@ def _row(design: Design, cards: Cards, index: int, exact: bool, table: Table | N
     return row
 
 
+def _solved(scene: AnyScene, material: Material, exact: bool, table: AnyTable | None) -> Result:
+    if isinstance(scene, CurvedScene):
+        return solve_curved_scene(scene, material, exact=exact, table=table if isinstance(table, MovedTable) else None,
+                                  compared=False)
+    return solve_scene(scene, material, exact=exact, bodies=exact, table=table if isinstance(table, Table) else None)
+
+
 def blank_row(design: Design, cards: Cards) -> dict[str, Any]:
     """A row without numbers, so that every part has the same columns and types."""
     first = representative_scene(design)
-    readings = math.prod(protocol(first.drive, first.electrodes.count).shape)
+    readings = math.prod(protocol(first.drive, electrode_count(first)).shape)
     names = ("signal_error", "depth_error", *parquet.COST, "skin_fraction_extrapolated", parquet.EXTRAPOLATED,
              "fraction_non_elliptic", *columns(cards), *voltage_columns(readings), *voltage_columns(readings, "dv"))
     words = dict.fromkeys(("outcome", "message", KIND, *parquet.METHODS), "")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eitsim.mechanics.load_paths.types import Table
+from eitsim.scene.curved.curved_scene import CurvedScene, is_curved
 from eitsim.simulation.material import material_of
 from eitsim.sweeps.dataset import code_history, hdf5_fields, parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts
@@ -16,9 +17,9 @@ from eitsim.sweeps.dataset.parquet import Dataset
 from eitsim.sweeps.dataset.sweep_record import RUNS, Account, Run, runs_of
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Cards, cards_for
-from eitsim.sweeps.design.design import Design, representative_scene
+from eitsim.sweeps.design.design import Design, flat_scene, representative_scene
 from eitsim.sweeps.run.folder import ROWS, Standing, check_own, keep_to_table, missing, sole_writer, start_or_continue
-from eitsim.sweeps.run.load_path_choice import describe_method, method_for, table_of
+from eitsim.sweeps.run.load_path_choice import AnyTable, describe_method, method_for, paths_of, table_of
 from eitsim.sweeps.run.omissions import LEFT_OUT, omissions
 from eitsim.sweeps.run.other_profiles import other_profiles
 from eitsim.sweeps.run.parts import Part, solved_parts
@@ -122,7 +123,9 @@ def sweep(design: Design | Path | str, card: MaterialCard | Path | str, out: Pat
         raise ValueError(f"workers must be at least 1, got {workers}.")
     if exact and reuse:
         raise ValueError("exact solves every touch itself; leave out reuse.")
-    _ = material_of(representative_scene(design), card).skin  # ValueError where the card lacks what every row needs
+    first = representative_scene(design)
+    # ValueError where the card lacks what every row needs
+    _ = material_of(first.flat if isinstance(first, CurvedScene) else first, card).skin
     folder, others = Path(out), other_profiles(design)
     with _entered(scheduler) as pool:
         account = _swept(design, card, folder, pool, workers, reuse, exact, other_code, progress or (lambda step: None))
@@ -184,10 +187,10 @@ class Spent:
             self.wall_s[stage] += time.perf_counter() - wall
             self.cpu_s[stage] += time.thread_time() - cpu
 
-    def run(self, method: str, rows: int, rows_cpu_s: float, workers: int | None, table: Table | None) -> Run:
+    def run(self, method: str, rows: int, rows_cpu_s: float, workers: int | None, table: AnyTable | None) -> Run:
         """What was spent on these rows, in stages "table", "rows" and "writing"."""
-        tables: dict[str, Any] = {} if table is None else {"paths": len(table.shape.solved), "paths_cpu_s": table.cpu_s}
-        if table is not None and table.rim is not None:
+        tables: dict[str, Any] = {} if table is None else {"paths": paths_of(table), "paths_cpu_s": table.cpu_s}
+        if isinstance(table, Table) and table.rim is not None:
             tables |= {"rim": len(table.rim.diameters) * len(table.rim.gaps), "rim_cpu_s": table.rim.cpu_s}
         return Run(method, rows, rows_cpu_s, self.wall_s["rows"], workers, self.wall_s["table"], self.encoding_cpu_s,
                    self.cpu_s["writing"], self.wall_s["writing"], **tables)
@@ -196,7 +199,7 @@ class Spent:
 def _work(design: Design, cards: Cards, folder: Path, reuse: bool | None, exact: bool, other_code: bool,
           hears: Callable[[Progress], None]) -> _Work:
     method = method_for(design, cards, reuse, exact)
-    size = ROWS_FROM_TABLE if method["reuse"] else ROWS_AFRESH
+    size = ROWS_FROM_TABLE if method["reuse"] and not is_curved(design.tables) else ROWS_AFRESH
     manifest, before = start_or_continue(folder, design, cards, method, size, reuse,
                                          list(blank_row(design, cards)), other_code)
     return _Work(design, cards, folder, manifest, before, missing(before.there, manifest["rows_per_part"]), hears)
@@ -220,7 +223,7 @@ def _done(work: _Work, lent: WorkerPool | None, workers: int) -> Account:
     return _account(work, counts, run)
 
 
-def _with_table(work: _Work, pool: WorkerPool, spent: Spent) -> tuple[_Work, Table | None, str]:
+def _with_table(work: _Work, pool: WorkerPool, spent: Spent) -> tuple[_Work, AnyTable | None, str]:
     """The load paths where touches are taken from them, which the manifest then tells, and a note on them."""
     if not work.method["reuse"] or not work.todo:
         return work, None, ""
@@ -230,7 +233,7 @@ def _with_table(work: _Work, pool: WorkerPool, spent: Spent) -> tuple[_Work, Tab
     return replace(work, manifest=keep_to_table(work.folder, work.manifest, table, note)), table, note
 
 
-def _rows(work: _Work, pool: WorkerPool, table: Table | None, spent: Spent) -> OutcomeCounts:
+def _rows(work: _Work, pool: WorkerPool, table: AnyTable | None, spent: Spent) -> OutcomeCounts:
     """Solve and keep the parts that are missing; the counts of all rows."""
     counts = work.before.counts
     work.tell(counts)
@@ -244,7 +247,7 @@ def _rows(work: _Work, pool: WorkerPool, table: Table | None, spent: Spent) -> O
     return counts
 
 
-def _how(work: _Work, table: Table | None, note: str) -> str:
+def _how(work: _Work, table: AnyTable | None, note: str) -> str:
     """How the rows of this call were solved, in words."""
     crashed, lost = work.before.crashed, work.before.lost
     return (describe_method(work.method, table, note, representative_scene(work.design).skin.strain)
@@ -274,7 +277,7 @@ def _keep(folder: Path, design: Design, part: Part, manifest: Mapping[str, Any])
     if place.exists():
         content = parquet.with_rows(place.read_bytes(), content, manifest.get(parquet.IDENTITY))
         if design.fields is not None and fields is not None:
-            fields = hdf5_fields.continued(fields_at, design.fields, representative_scene(design).body, fields)
+            fields = hdf5_fields.continued(fields_at, design.fields, flat_scene(design).body, fields)
     try:
         if fields is not None:
             parquet.put(fields_at, fields)

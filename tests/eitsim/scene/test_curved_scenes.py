@@ -15,7 +15,6 @@ from eitsim.scene.curved.curved_body import curved_body
 from eitsim.scene.curved.curved_scene import CurvedScene, curved_scene, curved_tables, read_any_scene
 from eitsim.scene.scene import Scene, read_scene
 from eitsim.scene.triangle_files import TriangleMesh
-from eitsim.sweeps.design.design import read_design
 from touchcal.errors import InputFileError
 
 ROOT = Path(__file__).parents[3]
@@ -63,8 +62,6 @@ def test_the_tables_of_a_scene_give_the_scene() -> None:
     assert isinstance(read_any_scene(ROOT / "examples/scene.toml"), Scene)
     with pytest.raises(InputFileError, match="curved body, which `eitsim run` and `eitsim plan` take"):
         read_scene(FOREARM)
-    with pytest.raises(InputFileError, match="sweeps take flat skins alone"):
-        read_design(FOREARM, 2)
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
