@@ -1,40 +1,179 @@
-"""Scenes from files and tables and back, and lengths of a body that a punch stands on."""
+"""A scene: the body, its skin and electrodes, the touches, and how well they must be known."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eitsim.scene.channels import Channels
-from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive
-from eitsim.scene.electrodes import IMPEDANCES, Electrodes
+from eitsim.scene.channels import Channels, sinks
+from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, protocol
+from eitsim.scene.edges.disc import Disc
+from eitsim.scene.edges.edge import Edge
+from eitsim.scene.edges.outline import Loop, Outline, Point, check_keys
+from eitsim.scene.electrodes import IMPEDANCES, Electrodes, unread
 from eitsim.scene.electrodes import KINDS as ELECTRODE_KINDS
+from eitsim.scene.polygons import KINDS
+from eitsim.scene.pressing import CONTROLS, FRICTIONS, MODULI, STRAINS, Accuracy, Hold, Punch, Skin, check_punch
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import profiles
 from eitsim.scene.scene_files import with_files
-from eitsim.scene.scene_keys import (
-    CLASSES,
-    EACH,
-    IN_FILES,
-    KEYS,
-    LISTS,
-    MOST_TOUCHES,
-    check,
-    one_of,
-    parts_of,
-    value_of,
-)
-from eitsim.scene.scene_parts import STRAINS, Accuracy, Body, Hold, Punch, Scene, Skin
+from eitsim.scene.scene_limits import check_limits, one_of, require, value_of
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError, unknown_key
 from touchcal.toml_file import read_toml
 
-__all__ = ["STRAINS", "Accuracy", "Body", "Channels", "Drive", "Electrodes", "Hold", "Punch", "Scene", "Skin",
-           "as_scene", "from_edge_m", "profile_of", "read_scene", "rim_gap_m", "scene_from", "scene_keys",
-           "scene_tables"]
+MOST_TOUCHES = 100
+
+
+@dataclass(frozen=True)
+class Body:
+    """Foam of one thickness, bottom fixed."""
+
+    edge: Edge = field(default_factory=Disc)  # where it ends, and its coating with it
+    thickness_m: float = 0.01  # of the foam, m
+
+    @property
+    def has_outline(self) -> bool:
+        """Whether it is no disc."""
+        return not self.edge.is_round
+
+    @property
+    def size_m(self) -> float:
+        """Square root of its area over pi, m, by which lengths on the skin are measured."""
+        return self.edge.size_m
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of a disc, m; ValueError for another edge."""
+        if not isinstance(self.edge, Disc):
+            raise ValueError(f"the body has the outline '{self.outline.kind}', and this is for discs.")
+        return self.edge.radius_m
+
+    @property
+    def outline(self) -> Outline:
+        """The outline of a skin that is no disc; ValueError for a disc."""
+        if not isinstance(self.edge, Outline):
+            raise ValueError("the body is a disc, and has no outline.")
+        return self.edge
+
+
+
+
+
+
+
+
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that one simulation needs but the card."""
+
+    body: Body = field(default_factory=Body)  # the foam
+    punches: tuple[Punch, ...] = field(default_factory=lambda: (Punch(),))  # one a touch
+    skin: Skin = field(default_factory=Skin)  # the conductive coating
+    electrodes: Electrodes = field(default_factory=Electrodes)  # how many, where, and their contacts
+    drive: Drive = field(default_factory=Drive)  # which currents flow and what is read
+    channels: Channels = field(default_factory=Channels)  # gains, true currents and leaks of the instrument
+    hold: Hold = field(default_factory=Hold)  # times at which a touch that is held is read
+    accuracy: Accuracy = field(default_factory=Accuracy)  # the requested error
+    card: str | None = None  # path of the card that the scene file names; None where it names none
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "punches", tuple(self.punches))
+        object.__setattr__(self, "electrodes", self.body.edge.placed(self.electrodes))
+
+
+@dataclass(frozen=True)
+class _BodyKeys:
+    """The table [body] of a scene file: of a disc, a rectangle or a polygon; None for what is not written there."""
+
+    radius_m: float | None = None  # of a disc, m; that of `Disc` unless given
+    thickness_m: float = Body.thickness_m  # of the foam, m
+    outline: str | None = "disc"  # what its edge is
+    # sizes of a rectangle along x and y, and the radius that rounds its corners, m
+    width_m: float | None = None
+    height_m: float | None = None
+    corner_radius_m: float | None = None
+    points_m: Loop = ()  # corners (n, 2) of a polygon in order, m
+    # holes: a circle as its centre and radius (3,), or a polygon as its corners (n, 2), m
+    holes_m: tuple[Point | Loop, ...] = ()
+
+    def body(self) -> Body:
+        names = ("width_m", "height_m", "corner_radius_m", "points_m", "holes_m")
+        sizes = {name: getattr(self, name) for name in names}
+        if self.outline not in (None, "disc"):
+            if self.radius_m is not None:
+                raise ValueError("radius_mm in [body] has no effect with an outline; leave it out.")
+            return Body(Outline(self.outline, **sizes), self.thickness_m)
+        check_keys("disc", sizes)
+        return Body(Disc() if self.radius_m is None else Disc(self.radius_m), self.thickness_m)
+
+
+# table -> scene-file key -> (field, its units per SI unit); the one place where units of a scene file are converted
+_KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
+    "body": {"radius_mm": ("radius_m", 1e3), "thickness_mm": ("thickness_m", 1e3), "outline": ("outline", None),
+             "width_mm": ("width_m", 1e3), "height_mm": ("height_m", 1e3),
+             "corner_radius_mm": ("corner_radius_m", 1e3), "points_mm": ("points_m", 1e3),
+             "holes_mm": ("holes_m", 1e3)},
+    "punch": {"x_mm": ("x_m", 1e3), "y_mm": ("y_m", 1e3), "diameter_mm": ("diameter_m", 1e3),
+              "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e3), "profile": ("profile", None),
+              "fillet_mm": ("fillet_m", 1e3), "half_angle_deg": ("half_angle_rad", 180 / math.pi),
+              "tilt_deg": ("tilt_rad", 180 / math.pi), "tilt_direction_deg": ("tilt_direction_rad", 180 / math.pi),
+              "friction": ("friction", None), "friction_coefficient": ("friction_coefficient", 1.0),
+              "conductor": ("conductor", None), "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
+    "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
+    "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
+                   "length_mm": ("length_m", 1e3), "first_angle_deg": ("first_angle_rad", 180 / math.pi),
+                   "clockwise": ("clockwise", None), "angles_deg": ("angles_rad", 180 / math.pi),
+                   "missing": ("missing", None),
+                   "contact_impedance_Ohm_m": ("contact_impedance_Ohm_m", 1.0),
+                   "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0),
+                   "positions_mm": ("positions_m", 1e3), "shares": ("shares", None), "x_mm": ("x_m", 1e3),
+                   "y_mm": ("y_m", 1e3), "shape": ("shape", None), "turn_deg": ("turn_rad", 180 / math.pi),
+                   "opening_deg": ("opening_rad", 180 / math.pi), "soft": ("soft", None)},
+    "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
+              **{key: (key, None) for key in MATRICES}},
+    "channels": {"gains": ("gains", 1.0), "current_factors": ("current_factors", 1.0), "leaks_uS": ("leaks_S", 1e6),
+                 "conductance_S": ("conductance_S", 1.0), "sheet_modes": ("sheet_modes", 1.0),
+                 "size_error": ("size_error", 1.0)},
+    "hold": {"time_s": ("time_s", None), "control": ("control", None), "loading_s": ("loading_s", 1.0),
+             "moduli": ("moduli", None)},
+    "accuracy": {"signal": ("signal", 1.0)},
+}
+# Keys that may hold a list of one number an electrode, and those that always hold a list.
+EACH = ("width_mm", "length_mm", "turn_deg", "shape", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2")
+LISTS = {"drive": MATRICES, "electrodes": ("angles_deg", "missing", "positions_mm", "shares", "x_mm", "y_mm"),
+          "body": ("points_mm", "holes_mm")}
+_IN_FILES = {"drive": ("pairs",)}  # keys of files alone, which `with_files` replaces
+_CLASSES = {"body": _BodyKeys, "punch": Punch, "skin": Skin, "electrodes": Electrodes, "drive": Drive,
+            "channels": Channels, "hold": Hold, "accuracy": Accuracy}
+
+
+def _words() -> dict[tuple[str, str], Collection[str]]:
+    """The keys that hold one of a few words."""
+    return {("body", "outline"): ("disc", *KINDS), ("punch", "profile"): profiles(), ("punch", "friction"): FRICTIONS,
+            ("skin", "strain"): STRAINS, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
+
+
+def is_list(table: str, key: str, value: Any) -> bool:
+    """Whether a value is a list that a key itself holds, not a range that a design draws one number from."""
+    whole = table == "channels" or key in LISTS.get(table, ())
+    return isinstance(value, list) and (whole or (table == "electrodes" and key in EACH and len(value) > 2))
+
+
+def check_value(table: str, key: str, value: Any) -> None:
+    """ValueError where `value` is none that a key may hold, whatever the other keys hold."""
+    if is_list(table, key, value):
+        return
+    name, per = _KEYS[table][key]
+    found = value_of(f"{key} in [{table}]", value, per, getattr(_CLASSES[table](), name))
+    check_limits(table, key, found, per)
+    if known := _words().get((table, key)):
+        one_of(f"{key} in [{table}]", value, known)
 
 
 def profile_of(punch: Punch, unit_m: float = 1.0) -> Profile:
@@ -57,14 +196,14 @@ def from_edge_m(body: Body, points_m: Array) -> Array:
 
 def scene_keys() -> dict[str, tuple[str, ...]]:
     """Table -> keys that a scene file may hold."""
-    return {table: tuple(keys) for table, keys in KEYS.items()}
+    return {table: tuple(keys) for table, keys in _KEYS.items()}
 
 
 def scene_tables(scene: Scene) -> dict[str, Any]:
     """The scene as the tables of a scene file, every default that has an effect filled in, units as the keys say."""
     out: dict[str, Any] = {}
-    for table, keys in KEYS.items():
-        parts = parts_of(scene, table)
+    for table, keys in _KEYS.items():
+        parts = _parts(scene, table)
         blocks = [{key: _unconverted(getattr(part, name), per) for key, (name, per) in keys.items()
                    if getattr(part, name) is not None} for part in parts]
         out[table] = blocks if table == "punch" else blocks[0]
@@ -79,6 +218,11 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
     return out
 
 
+def _parts(scene: Scene, table: str) -> tuple[Any, ...]:
+    """What a table of a scene file holds, as objects whose fields its keys name."""
+    if table == "body":
+        return (_BodyKeys(thickness_m=scene.body.thickness_m, **scene.body.edge.keys),)
+    return scene.punches if table == "punch" else (getattr(scene, table),)
 
 
 def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
@@ -130,17 +274,17 @@ def as_scene(scene: Scene | Path | str) -> Scene:
         return read_scene(scene)
     if not scene.punches:
         raise ValueError("punches is empty; give one Punch a touch.")
-    check(scene)
+    _check(scene)
     return scene
 
 
 def scene_from(raw: Mapping[str, Any]) -> Scene:
     """A checked scene from the tables of a scene file, units as their keys say; ValueError names the key."""
-    known = (*KEYS, "card")
+    known = (*_KEYS, "card")
     if unknown := [key for key in raw if key not in known]:
         raise ValueError(unknown_key(unknown[0], known))
     parts: dict[str, Any] = {}
-    for table in KEYS:
+    for table in _KEYS:
         if table in raw and table != "punch":
             parts[table] = _electrodes(raw[table]) if table == "electrodes" else _table(table, raw[table])
     if "body" in parts:
@@ -155,22 +299,22 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
     if not isinstance(raw.get("card", ""), str):
         raise ValueError(f"card must be the name of a file, got {raw['card']!r:.80}.")
     scene = Scene(**parts, card=raw.get("card"))
-    check(scene)
+    _check(scene)
     return scene
 
 
 def _table(table: str, raw: Any) -> Any:
     if not isinstance(raw, Mapping):
         raise ValueError(f"[{table}] must be a table of keys, got {raw!r}.")
-    keys, values = KEYS[table], {}
+    keys, values = _KEYS[table], {}
     for key, value in raw.items():
         if key not in keys:
-            raise ValueError(unknown_key(key, (*keys, *IN_FILES.get(table, ())), table))
+            raise ValueError(unknown_key(key, (*keys, *_IN_FILES.get(table, ())), table))
         name, per = keys[key]
         where = f"{key} in [{table}]"
         values[name] = (_rows(where, value) if table == "drive" and key in MATRICES else
-                        value_of(where, value, per, getattr(CLASSES[table](), name)))
-    return CLASSES[table](**values)
+                        value_of(where, value, per, getattr(_CLASSES[table](), name)))
+    return _CLASSES[table](**values)
 
 
 
@@ -200,7 +344,7 @@ def _electrodes(raw: Any) -> Electrodes:
     given = _table("electrodes", {key: value for key, value in raw.items() if key not in lists} if lists else raw)
     values, open_ends = {}, set()
     for key, cells in lists.items():
-        name, per = KEYS["electrodes"][key]
+        name, per = _KEYS["electrodes"][key]
         infinite = [k for k, cell in enumerate(cells) if cell == math.inf and key != "width_mm"]
         open_ends.update(infinite if key == given.impedance_key else [])
         values[name] = tuple(value_of(f"{key} in [electrodes]", 1.0 if k in infinite else cell, per,
@@ -210,8 +354,41 @@ def _electrodes(raw: Any) -> Electrodes:
     return replace(given, **values, missing=tuple(sorted(open_ends.union(int(k) for k in given.missing))))
 
 
+def _check(scene: Scene) -> None:
+    body, electrodes = scene.body, scene.electrodes
+    for punch in scene.punches:
+        check_punch(punch, body.thickness_m)
+    for table, keys in _KEYS.items():
+        for part in _parts(scene, table):
+            for key, (name, per) in keys.items():
+                check_limits(table, key, getattr(part, name), per)
+    for (table, key), words in _words().items():
+        for part in _parts(scene, table) if table != "body" else ():
+            one_of(f"{key} in [{table}]", getattr(part, key), words)
+    body.edge.check(electrodes)
+    require(all(t > 0 for t in scene.hold.time_s), "time_s in [hold]", "must be positive", scene.hold.time_s)
+    require(scene.hold.loading_s == 0 or bool(scene.hold.time_s), "loading_s in [hold]",
+             "has no effect without time_s; give time_s, or leave it out", scene.hold.loading_s)
+    require(scene.hold.moduli != "longterm" or not scene.hold.time_s, "moduli in [hold]",
+             "leaves nothing to relax; leave out moduli (a hold begins with the instantaneous ones) or time_s",
+             scene.hold.moduli)
+    _check_channels(scene)
+    if unread(scene.drive, electrodes).all():
+        raise ValueError(f"missing in [electrodes]: without {', '.join(map(str, electrodes.missing))} no reading of "
+                         "the drive is left; leave some of them, or choose another pattern in [drive].")
 
 
+def _check_channels(scene: Scene) -> None:
+    channels, count = scene.channels, scene.electrodes.count
+    for key, (name, _) in _KEYS["channels"].items():
+        number = {"conductance_S": 1, "size_error": 1, "sheet_modes": len(channels.sheet_modes)}.get(name, count)
+        require(len(getattr(channels, name)) in (0, number), f"{key} in [channels]",
+                 f"must hold {number} number{'s, one an electrode' if number > 1 else ''}",
+                 len(getattr(channels, name)))
+    if channels.there:
+        require(not scene.electrodes.missing, "missing in [electrodes]", "is not built with [channels]; leave out the "
+                 "drives and readings that need them", list(scene.electrodes.missing))
+        sinks(protocol(scene.drive, count))
 
 
 

@@ -174,6 +174,7 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
                            "source": list(experiment.source), "strain_range": _range(experiment)}
     row |= {name: value for name, value in experiment.facts.items() if name.startswith(_REPEATED)}
     row |= {"layout": experiment.layout} if experiment.layout else {}
+    row |= {"standards": list(experiment.standards)} if experiment.standards else {}
     if is_curve(experiment) and found.fit:
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))

@@ -67,6 +67,7 @@ class Experiment:
     # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)
     facts: Mapping[str, float] = field(default_factory=dict)
     files: tuple[Path, ...] = ()  # every file that was read for it, sizes included; empty for arrays
+    standards: tuple[str, ...] = ()  # that the lines above its tables name
     layout: str = ""  # names of the readers that recognised its files, joined by commas; empty for arrays
 
     def __post_init__(self) -> None:

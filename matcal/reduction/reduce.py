@@ -24,7 +24,7 @@ from matcal.reduction.tables.creep_tables import reduce_creep
 from matcal.reduction.tables.cycled_tables import with_path
 from matcal.reduction.tables.dynamic_sweeps import reduce_sweeps
 from matcal.reduction.tables.reduced_tables import reduce_table
-from matcal.reduction.test_kind import decide_kind
+from matcal.reduction.test_kind import decide_kind, standards_of
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
@@ -146,7 +146,8 @@ def read_and_reduce(inputs: Sequence[Input | Experiment], specimen: Path | str |
         made_up = {} if not any(recording.synthetic for recording in recordings) else {"synthetic": 1.0}
         layout = ", ".join(dict.fromkeys(recording.vendor for recording in recordings)) if own else ""
         files = tuple(dict.fromkeys([*own, *more]))
-        out += [replace(experiment, files=files, layout=layout, facts={**experiment.facts, **made_up},
+        out += [replace(experiment, files=files, layout=layout, standards=standards_of(recordings),
+                        facts={**experiment.facts, **made_up},
                         cautions=(*(said for one in specimen for said in one.cautions), *experiment.cautions))
                 for specimen, (experiment, _) in zip(specimens, reduced, strict=True)]
         also_read += more

@@ -21,6 +21,7 @@ _WORDS = (
     ("uniaxial", r"uniax|\bcompres|\btension|\btensile|\buc\b|\but\b|einachs|druckvers|druckfest|stauch|zugvers"
                  r"|\bzug\b|\bdruck\b|traction|tracci[óo]n|trazione|单轴|压缩|拉伸|圧縮|引張"),
 )
+_STANDARD = re.compile(r"\b(ISO|ASTM|DIN|EN|JIS|GB/T) ?[A-Z]? ?\d[\d-]*")
 _FEWEST = 8  # rows that show a creep
 _HELD, _GROWN, _SLOWING = 0.05, 0.02, 1.5  # spread of a held load, growth of a strain, share of it in the first half
 
@@ -93,6 +94,12 @@ def _stated_by(recording: Recording) -> tuple[str, str] | None:
     if recording.vendor == "mts_793" and (kind := _from_words(path.absolute().parent.name)) is not None:
         return kind, f"{recording.label}: {kind}, from the name of its folder, '{path.absolute().parent.name}'."
     return None
+
+
+def standards_of(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Standards that the lines above the tables of recordings, or their files' names, name."""
+    texts = [text for one in recordings for text in (one.label, *(value for _, value in one.titles))]
+    return tuple(dict.fromkeys(found[0] for text in texts for found in _STANDARD.finditer(text)))
 
 
 def named_kind(recording: Recording) -> str | None:

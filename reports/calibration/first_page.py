@@ -1,6 +1,5 @@
 """The first page of a calibration: what was found with its intervals, where it holds, what was tested."""
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,7 +20,6 @@ NAMES = {"mu_0_Pa": "initial shear modulus μ₀", "E_0_Pa": "initial Young's mo
          "c0_S_per_m": "unstrained conductivity c₀"}
 PLATEAU_STRAIN = -0.4
 _LISTED = 6  # relaxation times that are listed one by one
-STANDARD = re.compile(r"\b(ISO|ASTM|DIN|EN|JIS|GB/T) ?[A-Z]? ?\d[\d-]*")
 UNKNOWN = "not recorded"
 # layout of a file -> whose program wrote it
 MACHINES = {"mts_testsuite": "MTS TestSuite", "mts_793": "MTS 793", "instron": "Instron", "nova": "Autolab NOVA"}
@@ -148,12 +146,10 @@ def tested(card: MaterialCard) -> Table:
 
 def recorded(record: Record) -> Table:
     """What a test report states of every test, as far as the record holds it."""
-    said, rows = record.card.provenance.get("decisions", ()), []
+    rows = []
     for label, row in tests(record.card).items():
-        standards = [found[0] for words in said if words.startswith(f"{label}: ")
-                     for found in STANDARD.finditer(words)]
         same = sum(other["kind"] == row["kind"] for other in tests(record.card).values())
-        rows.append([label, ", ".join(dict.fromkeys(standards)) or UNKNOWN, _sizes(row),
+        rows.append([label, ", ".join(row.get("standards", ())) or UNKNOWN, _sizes(row),
                      _rate(record.tests.get(label)), _machines(row.get("layout")), str(same)])
     caption = ("What the record says of the tests. Machine model, operator, date, temperature and humidity are not "
                "recorded. Rate: largest strain over the time to reach it.")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from surrogate.learners.registry import METHODS
 from surrogate.model import store
-from surrogate.model.recorded.press_model import FAMILIES, PressModel
+from surrogate.model.recorded.press_model import BY_FAMILIES, PressModel
 from surrogate.model.sweep_model import SweepModel
 from touchcal.errors import InputFileError
 
@@ -28,7 +28,7 @@ def load(folder: Path | str) -> Model:
     InputFileError
         Where the folder holds no model, one of another schema, or a damaged one.
     """
-    return store.read(Path(folder), (SweepModel, PressModel), (*METHODS, FAMILIES))
+    return store.read(Path(folder), (SweepModel, PressModel), (*METHODS, BY_FAMILIES))
 
 
 def load_of_sweep(folder: Path | str) -> SweepModel:

@@ -10,7 +10,7 @@ from eitsim.sensors.recording import Recording
 from surrogate.data.dead_readings import too_many
 from surrogate.model.recorded import plain_reader
 from surrogate.model.recorded.plain_reader import PlainReader
-from surrogate.model.recorded.press_model import FAMILIES, PressModel
+from surrogate.model.recorded.press_model import BY_FAMILIES, PressModel
 from surrogate.model.recorded.reader_scores import SPLITS, TESTED, Tested, read_split
 from surrogate.recordings import press_reader, scalar_reader, touch_reader
 from surrogate.recordings.physics.expectation import Expectation
@@ -24,7 +24,7 @@ from touchcal.parallel.processes import processes
 
 
 def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
-          expectation: Expectation | None = None, method: str = FAMILIES) -> PressModel:
+          expectation: Expectation | None = None, method: str = BY_FAMILIES) -> PressModel:
     """Learn the labels of a recording's presses by families of readers whose weights make the held-out error least, and
     test readers of four fifths of the presses on the rest, at random and the last in time.
 
@@ -72,7 +72,7 @@ def _answer(presses: Presses, labels: Labels, seed: int, expectation: Expectatio
             split: str) -> tuple[Tested, ...] | str | tuple[Reader, float]:
     """What is read on a split, or why its four fifths teach nothing; for no split the reader of all and its time."""
     begun = time.process_time()
-    fit = (partial(press_reader.fit, expectation=expectation) if method == FAMILIES else
+    fit = (partial(press_reader.fit, expectation=expectation) if method == BY_FAMILIES else
            partial(plain_reader.fit, method))
     if not split:
         return fit(presses, labels, seed), time.process_time() - begun

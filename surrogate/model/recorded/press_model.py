@@ -23,7 +23,7 @@ from touchcal.document import Keys, Number
 
 OUTPUTS = {"x_mm": "x0_mm", "y_mm": "y0_mm"}  # labels whose outputs have another name
 COORDINATES = (*PLACE, "z_mm")  # labels that may be below 0
-FAMILIES = "families"  # the method that recorded presses alone have
+BY_FAMILIES = "families"  # the method that recorded presses alone have
 _COUNT = Number(0, 1e15, whole=True)
 _SHAPE = store.shape_of({"kind": str, "presses": _COUNT, "frames": _COUNT, "left_out": [str], "scores": list})
 
@@ -41,7 +41,7 @@ class PressModel:
     fit_s: float  # CPU time of the reader, s
     left_out: tuple[str, ...] = ()  # which presses are not used and which splits not tested, and why, a sentence each
     skin: SkinFromAbove | None = None  # the sensor's, where that has an outline
-    method: str = FAMILIES
+    method: str = BY_FAMILIES
 
     LEARNT_FROM: ClassVar[str] = "presses"
     SHAPE: ClassVar[Keys] = _SHAPE
@@ -114,7 +114,7 @@ class PressModel:
     @classmethod
     def assembled(cls, text: Mapping[str, Any], arrays: Arrays) -> Self:
         """The inverse of both."""
-        if text["method"] == FAMILIES:
+        if text["method"] == BY_FAMILIES:
             reader = rebuilt(PressReader, "reader", arrays)
         else:
             parts = {name: rebuilt(kind, f"reader.{name}", arrays) for name, kind in get_type_hints(PlainReader).items()

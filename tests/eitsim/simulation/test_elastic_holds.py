@@ -32,6 +32,7 @@ def kinds(result: Result) -> set[Kind]:
     return {decision.kind for decision in result.plan.decisions}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", ["force", "depth"])
 def test_two_touches_far_from_each_other_creep_as_each_alone(control: str) -> None:
     hold = HOLD | {"control": control}
@@ -44,6 +45,7 @@ def test_two_touches_far_from_each_other_creep_as_each_alone(control: str) -> No
             assert touch.force_N == pytest.approx(one.touches[0].force_N, rel=6e-3)
 
 
+@pytest.mark.slow
 def test_a_touch_near_the_rim_creeps_under_its_force() -> None:
     near = solved([FAR | {"x_mm": 85.0}], HOLD)
     forces, depths = zip(*((m.touches[0].force_N, m.touches[0].depth_m) for m in near.moments), strict=True)
@@ -65,6 +67,7 @@ def test_touches_at_a_depth_kept_from_loading_at_once_relax_by_the_series() -> N
     assert [len(block["force_N"]) for block in document["times"]] == [2, 2, 2]
 
 
+@pytest.mark.slow
 def test_a_touch_with_friction_creeps() -> None:
     rubbed, smooth = (solved([FAR | {"friction": kind}], HOLD) for kind in ("stick", "none"))
     assert Kind.HOLD_ELASTIC in kinds(rubbed)

@@ -5,7 +5,9 @@ import pytest
 from scipy.stats import binom, norm
 
 from surrogate.statistics.conformal import (
+    PRIOR_PRESSES,
     IntervalScale,
+    _steadied,
     at_least,
     conformal_scale,
     conformal_scales,
@@ -138,3 +140,8 @@ def test_factors_are_at_least_those_of_another_scale_whatever_its_edge() -> None
     one_kind = np.zeros(2, bool)
     assert at_least(one, two).of(np.array([[0.1], [2.0]]), one_kind).tolist() == [[3.0], [3.0]]
     assert at_least(two, one).of(np.array([[0.1], [2.0]]), one_kind).tolist() == [[1.0], [3.0]]
+
+
+def test_a_steadied_scale_goes_from_the_steady_one_to_that_of_the_order_as_presses_grow() -> None:
+    found = [_steadied(1.0, 4.0, presses) for presses in (0, PRIOR_PRESSES, 10**9)]
+    assert found == pytest.approx([4.0, 2.0, 1.0], rel=1e-6)

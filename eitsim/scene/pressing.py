@@ -1,51 +1,14 @@
-"""A scene as data: the body, its skin and electrodes, the touches, and how well they must be known."""
+"""How a skin is pressed and read: punch, coating, time and accuracy."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from eitsim.scene.channels import Channels
-from eitsim.scene.drive import Drive
-from eitsim.scene.edges.disc import Disc
-from eitsim.scene.edges.edge import Edge
-from eitsim.scene.edges.outline import Outline
-from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.scene_limits import require
 
 FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
 CONTROLS = ("force", "depth")
 MODULI = ("card", "instantaneous", "longterm")
-
-
-@dataclass(frozen=True)
-class Body:
-    """Foam of one thickness, bottom fixed."""
-
-    edge: Edge = field(default_factory=Disc)  # where it ends, and its coating with it
-    thickness_m: float = 0.01  # of the foam, m
-
-    @property
-    def has_outline(self) -> bool:
-        """Whether it is no disc."""
-        return not self.edge.is_round
-
-    @property
-    def size_m(self) -> float:
-        """Square root of its area over pi, m, by which lengths on the skin are measured."""
-        return self.edge.size_m
-
-    @property
-    def radius_m(self) -> float:
-        """Radius of a disc, m; ValueError for another edge."""
-        if not isinstance(self.edge, Disc):
-            raise ValueError(f"the body has the outline '{self.outline.kind}', and this is for discs.")
-        return self.edge.radius_m
-
-    @property
-    def outline(self) -> Outline:
-        """The outline of a skin that is no disc; ValueError for a disc."""
-        if not isinstance(self.edge, Outline):
-            raise ValueError("the body is a disc, and has no outline.")
-        return self.edge
 
 
 @dataclass(frozen=True)
@@ -108,20 +71,27 @@ class Accuracy:
     signal: float = 0.01  # requested relative error of the touch signal dV, mechanics and electrics together
 
 
-@dataclass(frozen=True)
-class Scene:
-    """Everything that one simulation needs but the card."""
-
-    body: Body = field(default_factory=Body)  # the foam
-    punches: tuple[Punch, ...] = field(default_factory=lambda: (Punch(),))  # one a touch
-    skin: Skin = field(default_factory=Skin)  # the conductive coating
-    electrodes: Electrodes = field(default_factory=Electrodes)  # how many, where, and their contacts
-    drive: Drive = field(default_factory=Drive)  # which currents flow and what is read
-    channels: Channels = field(default_factory=Channels)  # gains, true currents and leaks of the instrument
-    hold: Hold = field(default_factory=Hold)  # times at which a touch that is held is read
-    accuracy: Accuracy = field(default_factory=Accuracy)  # the requested error
-    card: str | None = None  # path of the card that the scene file names; None where it names none
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "punches", tuple(self.punches))
-        object.__setattr__(self, "electrodes", self.body.edge.placed(self.electrodes))
+def check_punch(punch: Punch, thickness_m: float) -> None:
+    """ValueError where a punch cannot be on foam of a thickness, m."""
+    if punch.force_N is not None and punch.depth_m is not None:
+        raise ValueError("[punch] has both force_N and depth_mm; give one of them.")
+    if punch.force_N is not None:
+        require(punch.force_N > 0, "force_N in [punch]", "must be positive (N, pressing into the foam)", punch.force_N)
+    if punch.depth_m is not None:
+        require(0 < punch.depth_m < thickness_m, "depth_mm in [punch]",
+                 "must lie between 0 and the foam's thickness", punch.depth_m * 1e3)
+    require(0 < punch.fillet_m <= punch.diameter_m / 2, "fillet_mm in [punch]",
+             "(0.5 unless given) must be positive (a sharp edge has no finite peak stress) and at most half of "
+             f"diameter_mm = {punch.diameter_m * 1e3:g}", punch.fillet_m * 1e3)
+    require(0 < punch.half_angle_rad < math.pi / 2, "half_angle_deg in [punch]",
+             "(from the axis to the face of a cone) must lie between 0 and 90", math.degrees(punch.half_angle_rad))
+    if punch.tilt_rad and punch.friction != "none":
+        raise ValueError("friction in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
+    if punch.tilt_rad and punch.conductor:
+        raise ValueError("conductor in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
+    by_coulomb = punch.friction == "coulomb"
+    require(punch.friction_coefficient > 0 or not by_coulomb, "friction_coefficient in [punch]",
+             "must be positive with friction = \"coulomb\"", punch.friction_coefficient)
+    require(punch.friction_coefficient == 0 or by_coulomb, "friction_coefficient in [punch]",
+             f"has no effect with friction = \"{punch.friction}\"; leave it out, or ask for \"coulomb\"",
+             punch.friction_coefficient)
