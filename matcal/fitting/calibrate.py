@@ -19,6 +19,7 @@ from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
 from matcal.fitting.relaxation.series import Series
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit, fit_spectrum
+from matcal.fitting.softening_fit import SofteningFit, fit_softening
 from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
 from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift, with_zero
 from matcal.fitting.uncertainty.two_nu import TwoNu, two_nu
@@ -47,6 +48,7 @@ class FittedLaws:
     predicted: tuple[Predicted, ...] = ()  # tests kept out of the fit, and the errors with which its laws predict them
     data_checks: tuple[DataCheck, ...] = ()  # what the records themselves say about stability
     two_nu: TwoNu | None = None  # nu by lateral strains and by all else, where there are both
+    softening: SofteningFit | None = None  # by earlier loading; None where no test has a whole path
     spectrum: SpectrumFit | None = None  # relaxation of a dynamic test or a creep; None without one
 
     choice: Choice | None = None  # how `law` auto chose the law; None where it was given
@@ -77,11 +79,13 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     prony = _prony(relaxing, curves, options, fitter) if relaxing else None
     series = prony or spectrum
     series_s = time.process_time() - started
-    law, uncertainty, how = None, None, ()
+    law, uncertainty, softening, how = None, None, None, ()
     if curves:
         law, how = _law(curves, series, fitter)
         uncertainty = linearised(law, series)
         how = (*(choice.sentences if choice else ()), *how, *uncertainty.decisions)
+        softening = fit_softening(experiments, law.law, uncertainty, series.prony if series else None)
+        how = (*how, *(softening.decisions if softening else ()))
     kept_out = _predicted(predicted, law, series)
     law_s = time.process_time() - started - series_s
     stretched = [e for e in experiments if e.kind == "conductivity"]
@@ -94,8 +98,8 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
               "skin": skin.decisions if skin else ()}
     spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
     both = two_nu(law, series) if law else None
-    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both, spectrum,
-                      choice)
+    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both,
+                      softening, spectrum, choice)
 
 
 def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], options: FitOptions) -> SpectrumFit | None:

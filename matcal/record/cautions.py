@@ -1,17 +1,18 @@
 """What one must know before a card is used: the terminal and the report say it first, in the same words."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from matcal.card import MaterialCard
+from matcal.fitting.conductivity_laws import values_of
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.laws.histories.time_temperature import Wlf
 from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
-from matcal.laws.time_temperature import Wlf
 from touchcal.number_words import percent
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
@@ -30,6 +31,8 @@ _LOST = 0.02  # share of the work that a cycle loses from which on it is said
 _RAMPS_S = (10.0, 1000.0)  # durations of a loading for which the effect of its rate is said where it has no clock
 # relative RMS of a loss modulus, and its ratio to that of the storage modulus, from which on it is said; decades
 _LOSS_OFF, _OFF_RATIO, _SHIFT_OFF = 0.05, 4.0, 0.2
+# strain at which laws of the conductivity are compared, and their ratio from which on it is said
+_TOUCHED, _LAWS_DIFFER = -0.5, 1.2
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
@@ -333,7 +336,14 @@ def _rate(card: MaterialCard) -> Iterator[str]:
 
 
 def _loss(card: MaterialCard) -> Iterator[str]:
-    """Tests that were unloaded, of which one loading was fitted: what a cycle loses and the set are not in the law."""
+    """What a cycle loses that the law does not have: of tests of which one loading was fitted, and after softening."""
+    if card.softening is not None:
+        for measured, fitted in card.fit.get("softening", {}).get("lost", ()):
+            if measured - fitted > _LOST:
+                has = "softening and relaxation have" if card.prony is not None else "softening has"
+                yield (f"The last cycle loses {percent(measured, 2)} of the work put in, of which {has} "
+                       f"{percent(max(fitted, 0.0), 2)}: the loop of a cycle that repeats itself is not in the law.")
+        return
     lost = [(label, row["loss_share"], abs(row.get("residual_strain", 0.0))) for label, row in tests(card).items()
             if row.get("loss_share", 0.0) > _LOST]
     if lost:
@@ -406,6 +416,25 @@ def _step(card: MaterialCard) -> Iterator[str]:
                    "there than that of a material does so long after a step.")
 
 
+def _other_laws(card: MaterialCard, laws: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """How far laws that predict as well are from each other where a touch takes the skin and no test did."""
+    assert card.conductivity is not None
+    if (cubic := next((row for row in laws if row["law"] == "cubic"), None)) is not None and not cubic["counts"]:
+        best = min(laws, key=lambda row: float(row["predicted_rms"]))
+        yield (f"Of the third of the conductivities farthest from rest, kept out, the {best['law']} law predicts "
+               f"{percent(best['predicted_rms'])} off and the cubic {percent(cubic['predicted_rms'])}: outside the "
+               "tests matcal predict gives both, and simulations take the cubic.")
+    low = card.conductivity.strain_range[0]
+    if low <= _TOUCHED or not (others := values_of(laws, np.array([_TOUCHED]))):
+        return
+    value = float(np.polyval([*card.conductivity.a[::-1], 1.0], _TOUCHED)) * card.conductivity.c0_S_per_m
+    least, most = (float(f([value, *(o[0] for o in others)])) for f in (min, max))
+    if most > _LAWS_DIFFER * max(least, 1e-300):
+        names = ", ".join(row["law"] for row in laws if row["counts"] and row["law"] != "cubic")
+        yield (f"At a strain of {_TOUCHED:g}, outside the tests, the cubic has {value:.3g} S/m and laws that predict "
+               f"as well ({names}) have {least:.3g} to {most:.3g} S/m: measure the conductivity in compression.")
+
+
 def _skin(card: MaterialCard) -> Iterator[str]:
     if card.conductivity is None:
         return
@@ -413,6 +442,7 @@ def _skin(card: MaterialCard) -> Iterator[str]:
         yield ("Conductivity was measured in tension only: a touch stretches the skin in its plane; driven through its "
                "thickness (strain = \"normal\"), which a touch compresses, it is extrapolated.")
     found = card.fit.get("conductivity", {})
+    yield from _other_laws(card, found.get("laws", ()))
     moved = abs(_DOUBTED_ZERO * card.conductivity.a[0])
     lo, hi = found.get("c0_interval_S_per_m", (-np.inf, np.inf))
     if not found.get("zero_in_intervals", True) and moved * card.conductivity.c0_S_per_m > (hi - lo) / 2:

@@ -54,6 +54,9 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out["prony"] = _series_part(found.prony, [e for e in found.experiments if e.kind == "relaxation"])
     if found.spectrum:
         out["prony"] = _spectral_part(found.spectrum, next(e for e in found.experiments if e.kind in ("dma", "creep")))
+    if (soft := found.softening) is not None:
+        out["softening"] = {"sd": soft.sd, "interval": {n: list(ends) for n, ends in soft.interval.items()},
+                            "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost]}
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
     return out
@@ -157,7 +160,11 @@ def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
             "c0_interval_S_per_m": [law.c0_S_per_m - reach * c0_sd, law.c0_S_per_m + reach * c0_sd],
             "a_interval": np.column_stack([law.a - reach * a_sd, law.a + reach * a_sd]),
             "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance)),
-            "zero_in_intervals": bool(np.any(skin.zero_covariance))}
+            "zero_in_intervals": bool(np.any(skin.zero_covariance)),
+            "laws": [{"law": o.name, "c0_S_per_m": o.c0_S_per_m, "k": o.k, "relative_rms": o.relative_rms,
+                      "predicted_rms": o.predicted_rms, "counts": o.counts} if o.name != "cubic" else
+                     {"law": o.name, "relative_rms": o.relative_rms, "predicted_rms": o.predicted_rms,
+                      "counts": o.counts} for o in skin.others]}
 
 
 def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from matcal.card import MaterialCard
 from matcal.laws.deformation_modes import MODES
-from matcal.laws.time_temperature import Wlf
+from matcal.laws.histories.time_temperature import Wlf
 from matcal.record.cautions import own_rms, relative_rms, tests
 from touchcal.number_words import percent, significant, with_error, within
 
@@ -131,6 +131,20 @@ def _shift(card: MaterialCard) -> list[str]:
                      for k, (name, value, unit) in enumerate(names))
     kind = "WLF" if isinstance(card.shift, Wlf) else "Arrhenius"
     return [f"Times are those at {significant(card.shift.reference_K - 273.15)} C; {kind} shift: {said}."]
+
+
+def softening(card: MaterialCard) -> Printed:
+    """Numbers of the softening and the set."""
+    assert card.softening is not None
+    found = card.fit.get("softening", {})
+    rows = []
+    for name in ("r", "m_Pa", "beta", "set_share"):
+        value, ends = float(getattr(card.softening, name)), found.get("interval", {}).get(name)
+        rows.append([name, *_pair(value, found.get("sd", {}).get(name)),
+                     within(value, *ends)[1] if ends is not None else "not fitted"])
+    missed = ", ".join(percent(rms) for rms in found.get("relative_rms", ()))
+    return Printed("Softening (Ogden-Roxburgh) and set, one standard error each", ["", "value", "+-", "95 % interval"],
+                   rows, "<>>>", (f"Relative RMS along the whole path: {missed}.",) if missed else ())
 
 
 def _slowest(found: Mapping[str, Any]) -> list[str]:

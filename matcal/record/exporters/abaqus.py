@@ -17,7 +17,7 @@ from matcal.laws.rubbers.arruda_boyce import ArrudaBoyce
 from matcal.laws.rubbers.mooney_rivlin import MooneyRivlin
 from matcal.laws.rubbers.ogden import Ogden
 from matcal.laws.rubbers.yeoh import Yeoh
-from matcal.record.exporters import shift_lines
+from matcal.record.exporters import shift_lines, softening_lines
 from matcal.record.exporters.base import Material, Target, Written, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import commented_file, identifier, number, rows
 from matcal.record.exporters.rubber_constants import MIXED, compliance, other_volume, polynomial
@@ -88,4 +88,5 @@ def hyperfoam_data(material: Material) -> list[str]:
 
 RUBBERS = ("mooney_rivlin", "mooney_rivlin_5", "yeoh", "ogden", "arruda_boyce")
 TARGET = Target("Abaqus", write, commented_file("**"), ("hyperfoam", *RUBBERS),
-                similar={"neo_hooke": "*HYPERELASTIC, NEO HOOKE"}, shift=shift_lines.abaqus)
+                similar={"neo_hooke": "*HYPERELASTIC, NEO HOOKE"}, shift=shift_lines.abaqus,
+                softening=softening_lines.abaqus)

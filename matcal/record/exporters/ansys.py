@@ -23,7 +23,7 @@ from matcal.laws.rubbers.extended_tube import ExtendedTube
 from matcal.laws.rubbers.gent import Gent
 from matcal.laws.rubbers.mooney_rivlin import MooneyRivlin
 from matcal.laws.rubbers.yeoh import Yeoh
-from matcal.record.exporters import shift_lines
+from matcal.record.exporters import shift_lines, softening_lines
 from matcal.record.exporters.base import Material, Target, Written, moduli_note
 from matcal.record.exporters.formatting import commented_file, number
 from matcal.record.exporters.rubber_constants import MIXED, compliance, other_volume, polynomial, powers
@@ -98,4 +98,4 @@ def _data(values: Sequence[float]) -> list[str]:
 TARGET = Target("Ansys Mechanical APDL", write, commented_file("!"),
                 ("hyperfoam", "mooney_rivlin", "mooney_rivlin_5", "yeoh", "ogden", "gent", "arruda_boyce",
                  "extended_tube"), similar={"neo_hooke": "TB,HYPER,,,,NEO"},
-                shift=shift_lines.ansys)
+                shift=shift_lines.ansys, softening=softening_lines.ansys)
