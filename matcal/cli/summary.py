@@ -99,10 +99,10 @@ def _results(card: MaterialCard) -> Iterator[tables.Printed]:
         yield tables.derived(card)
     if card.law is not None and "parameters" in card.fit:
         yield tables.law(card)
-    if card.fit.get("laws"):
-        yield tables.laws(card)
     if card.softening is not None:
         yield tables.softening(card)
+    if card.fit.get("laws"):
+        yield tables.laws(card)
     if card.prony is not None:
         yield tables.series(card)
     if card.conductivity is not None:

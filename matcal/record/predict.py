@@ -88,19 +88,6 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     return columns
 
 
-def laws_band(card: MaterialCard, mode: str, at: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Ends of the band over all laws that were compared for the card, Pa; None where it holds none."""
-    rows = card.fit.get("laws")
-    if not rows or card.law is None:
-        return None
-    from matcal.fitting.law_ranking import Ranked, band_over
-
-    laws = [Ranked(law_of(row["law"], [np.ravel(value).tolist() for value in row["parameters"].values()]),
-                   np.array(row["covariance"], dtype=float), row["fitted"], row["predicted"], (), (), row["weight"])
-            for row in rows]
-    return band_over(laws, mode, at)
-
-
 def follow_path(card: MaterialCard | Path | str, mode: str, strain: ArrayLike,
                 time_s: ArrayLike | None = None) -> dict[str, Any]:
     """Nominal stress of a card along a path of loading and unloading from rest.
@@ -146,6 +133,19 @@ def follow_path(card: MaterialCard | Path | str, mode: str, strain: ArrayLike,
     out = {} if time_s is None else {"time_s": np.array(time_s, dtype=float, ndmin=1)}
     stress = follow(law, mode, strain, card.softening, out.get("time_s"), prony)
     return {**out, "strain": strain, "stress_Pa": stress}
+
+
+def laws_band(card: MaterialCard, mode: str, at: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Ends of the band over all laws that were compared for the card, Pa; None where it holds none."""
+    rows = card.fit.get("laws")
+    if not rows or card.law is None:
+        return None
+    from matcal.fitting.law_ranking import Ranked, band_over
+
+    laws = [Ranked(law_of(row["law"], [np.ravel(value).tolist() for value in row["parameters"].values()]),
+                   np.array(row["covariance"], dtype=float), row["fitted"], row["predicted"], (), (), row["weight"])
+            for row in rows]
+    return band_over(laws, mode, at)
 
 
 def check(card: MaterialCard | Path | str) -> dict[str, Any]:
