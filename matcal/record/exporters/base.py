@@ -50,6 +50,11 @@ class Material:
         return self.law
 
     @property
+    def is_foam(self) -> bool:
+        """Whether the law is a hyperfoam."""
+        return isinstance(self.law, Hyperfoam)
+
+    @property
     def mu(self) -> Array:
         """(N,) shear moduli of a hyperfoam in the units of stress."""
         return self.foam.mu_Pa * self.units.stress

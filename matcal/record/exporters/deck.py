@@ -14,6 +14,7 @@ from matcal.laws.histories.time_temperature import Shift
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law
 from matcal.laws.neo_hooke import NeoHooke
+from matcal.laws.rubbers.mooney_rivlin import MooneyRivlin
 from matcal.record.cautions import cautions
 from matcal.record.exporters.base import UNITS, Material, Target, Units, Written
 from matcal.record.exporters.formatting import number
@@ -39,7 +40,7 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     card
         A card with a law of the foam, or its file.
     target
-        One of `programs.targets`: abaqus, calculix, febio, lsdyna, ansys.
+        One of `programs.targets`: abaqus, calculix, febio, lsdyna, ansys, radioss.
     moduli
         "instantaneous", "longterm", or None: as the card holds them.
     units
@@ -76,11 +77,12 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
                          "whatever the units that are written.")
     card = as_card(card)
     law = with_moduli(card, moduli or "card")
-    written_as = law if law.name in into.laws else _equal_foam(law, card.name, into)
+    written_as = law if law.name in into.laws and not _kept_neo_hooke(law) else _equal(law, card.name, into)
     material = Material(card.name, written_as, card.prony, UNITS[units], density_kg_per_m3, moduli is not None)
     written = into.write(material)
     if written_as is not law:
-        written = replace(written, notes=(f"{law.name} at nu = 0 is a hyperfoam, N = 1, alpha = 2.", *written.notes))
+        equal = "a hyperfoam, N = 1, alpha = 2" if isinstance(written_as, Hyperfoam) else "Mooney-Rivlin, c_01 = 0"
+        written = replace(written, notes=(f"{law.name} at this nu is {equal}.", *written.notes))
     if card.shift is not None:
         written = _with_shift(written, card.shift, into)
     if card.softening is not None:
@@ -110,9 +112,15 @@ def _softened(written: Written, damage: Damage, into: Target, units: Units) -> W
                                       f"{into.title} has no such law for this material.", *warnings))
 
 
-def _equal_foam(law: Law, name: str, into: Target) -> Hyperfoam:
-    """The hyperfoam whose energy is that of a law which the target does not have; ValueError where there is none."""
-    if isinstance(law, NeoHooke) and law.nu == 0:
+def _kept_neo_hooke(law: Law) -> bool:
+    return isinstance(law, NeoHooke) and law.incompressible
+
+
+def _equal(law: Law, name: str, into: Target) -> Law:
+    """The law whose energy is that of one which the target does not have; ValueError where there is none."""
+    if isinstance(law, NeoHooke) and law.incompressible and "mooney_rivlin" in into.laws:
+        return MooneyRivlin(law.mu_Pa / 2, 0.0, 0.5, law.moduli, law.strain_range)
+    if isinstance(law, NeoHooke) and law.nu == 0 and "hyperfoam" in into.laws:
         return Hyperfoam(np.array([law.mu_Pa]), np.array([2.0]), np.zeros(1), law.moduli, law.strain_range)
     if law.name in into.similar:
         raise ValueError(f"{into.similar[law.name]} of {into.title} is another law than {law.name} of card '{name}': "
@@ -120,7 +128,7 @@ def _equal_foam(law: Law, name: str, into: Target) -> Hyperfoam:
                          "stresses differ wherever the volume changes. Export the card to febio, which has its law, "
                          f"or fit it with `poisson` 0, where a hyperfoam equals it, or with `law` {into.laws[0]}.")
     raise ValueError(f"the law of card '{name}' is {law.name}, and matcal writes {', '.join(into.laws)} alone for "
-                     f"{into.title}. Fit it with `law` {into.laws[0]}, or enter its parameters by hand.")
+                     f"{into.title}. Fit it with one of these as `law`, or enter its parameters by hand.")
 
 
 def _comment(card: MaterialCard, into: Target, units: Units, written: Written, warnings: tuple[str, ...]

@@ -18,8 +18,13 @@ import numpy as np
 
 from matcal.laws.neo_hooke import NeoHooke
 from matcal.laws.prony import Prony
-from matcal.record.exporters.base import Material, Target, Written, moduli_note, refuse_more_terms
+from matcal.laws.rubbers.arruda_boyce import ArrudaBoyce
+from matcal.laws.rubbers.gent import Gent
+from matcal.laws.rubbers.ogden import Ogden
+from matcal.laws.rubbers.yeoh import Yeoh
+from matcal.record.exporters.base import Material, Target, Written, elastic_warning, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import comment, number
+from matcal.record.exporters.rubber_constants import polynomial, stiff
 from touchcal.arrays import Array
 
 MOST_TERMS = 6
@@ -28,8 +33,10 @@ MOST_TERMS = 6
 def write(material: Material) -> Written:
     """The material as FEBio's XML; ValueError where a nu (so a beta) of a hyperfoam is not 0, or for more than six
     terms."""
-    if isinstance(material.law, NeoHooke):
+    if isinstance(material.law, NeoHooke) and not material.law.incompressible:
         kind, constants, note = "neo-Hookean", _neo_hooke(material, material.law), "E = 2 mu (1 + nu), v = nu."
+    elif not material.is_foam:
+        return _rubber(material)
     else:
         kind, constants = "Ogden unconstrained", _terms(material)
         note = "c_i = 2 mu_i, m_i = alpha_i, cp = 0: the card's law for beta = 0."
@@ -44,6 +51,31 @@ def write(material: Material) -> Written:
     lines = [f'<material {heading} type="viscoelastic">', *_indent([*density, *relaxation, *elastic]), "</material>"]
     notes.append("G(t) = g0 + sum g_i exp(-t/t_i) on the second Piola-Kirchhoff stress, G = 1 for the moduli written.")
     return Written(tuple(lines), tuple(notes))
+
+
+def _rubber(material: Material) -> Written:
+    """An uncoupled material, kappa/2 (J - 1)^2 of its volume: pressure model 2, Abaqus's."""
+    law, unit = material.law, material.units.stress
+    kappa, _, said = stiff(material)
+    if isinstance(law, Ogden):
+        terms = enumerate(zip(2 * law.mu_Pa * unit, law.alpha, strict=True), 1)
+        kind, constants = "Ogden", [pair for i, (c, m) in terms for pair in ((f"c{i}", float(c)), (f"m{i}", float(m)))]
+    elif isinstance(law, ArrudaBoyce):
+        kind, constants = "Arruda-Boyce", [("mu", law.mu_Pa * unit), ("N", law.lambda_m**2)]
+    elif isinstance(law, Gent):
+        kind, constants = "Gent", [("G", law.mu_Pa * unit), ("Jm", law.j_m)]
+    else:
+        c = polynomial(material) or {}
+        kind, constants = ("Yeoh", [("c1", c["10"]), ("c2", c["20"]), ("c3", c["30"])]) if isinstance(law, Yeoh) else (
+            "Mooney-Rivlin", [("c1", c["10"]), ("c2", c["01"])])
+    body = [_element(tag, value) for tag, value in (*constants, ("k", kappa))] + [
+        "<pressure_model>2</pressure_model>"]
+    density = [] if material.density is None else [_element("density", material.density)]
+    lines = [f'<material id="1" name={quoteattr(material.name)} type="{kind}">', *_indent([*density, *body]),
+             "</material>"]
+    note = "Uncoupled: energy of the stretches at constant volume, and k/2 (J - 1)^2."
+    return Written(tuple(lines), (moduli_note(material), note), (*said, *elastic_warning(
+        material, "FEBio's uncoupled viscoelastic material relaxes the deviator alone")))
 
 
 def _neo_hooke(material: Material, law: NeoHooke) -> list[str]:
@@ -87,4 +119,5 @@ def assemble(sentences: Sequence[str], lines: Sequence[str]) -> str:
                       *_indent(body), "</febio_spec>"]) + "\n"
 
 
-TARGET = Target("FEBio", write, assemble, ("hyperfoam", "neo_hooke"))
+TARGET = Target("FEBio", write, assemble, ("hyperfoam", "neo_hooke", "mooney_rivlin", "yeoh", "ogden", "gent",
+                                           "arruda_boyce"))

@@ -17,8 +17,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from matcal.laws.rubbers.arruda_boyce import ArrudaBoyce
 from matcal.record.exporters.base import Material, Target, Written, elastic_warning, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import commented_file, number
+from matcal.record.exporters.rubber_constants import polynomial, powers, stiff
 from touchcal.arrays import Array
 
 WIDTH, MOST_TERMS = 20, 8
@@ -27,6 +29,8 @@ DAMPING = 0.1
 
 def write(material: Material) -> Written:
     """The material as *MAT_HILL_FOAM; ValueError where nu differs from term to term, or for more than eight terms."""
+    if not material.is_foam:
+        return _rubber(material)
     law = material.foam
     refuse_more_terms(material, MOST_TERMS, "LS-DYNA")
     if np.ptp(law.nu) > 0:
@@ -58,6 +62,32 @@ def _warnings(material: Material, n: float) -> tuple[str, ...]:
     return said
 
 
+def _rubber(material: Material) -> Written:
+    """*MAT_HYPERELASTIC_RUBBER (77_H), *MAT_OGDEN_RUBBER (77_O) or *MAT_ARRUDA_BOYCE_RUBBER (127)."""
+    law, (kappa, nu, said) = material.law, stiff(material)
+    head = "1".rjust(WIDTH) + _fields((material.density or 0.0,))
+    if isinstance(law, ArrudaBoyce):
+        lines = ("*MAT_ARRUDA_BOYCE_RUBBER+", _heads("mid", "ro", "k", "g", "n"),
+                 head + _fields((kappa, law.mu_Pa * material.units.stress, law.lambda_m**2)),
+                 _heads("lcid", "tramp", "nt"), _fields((0.0, 0.0, 0.0)))
+        return Written(lines, (moduli_note(material), "G = mu, N = lambda_m^2, K = kappa."), said)
+    first = (_heads("mid", "ro", "pr", "n", "nv", "g", "sigf", "ref"), head + _fields((nu,)) + "0".rjust(WIDTH) * 5)
+    if (c := polynomial(material)) is not None:
+        names = ("10", "01", "11", "20", "02", "30")
+        lines = ("*MAT_HYPERELASTIC_RUBBER+", *first, _heads(*(f"c{ij}" for ij in names)),
+                 _fields(c[ij] for ij in names))
+        data = "C_pq of (I_1 - 3)^p (I_2 - 3)^q."
+    else:
+        pairs = powers(material) or []
+        padded = [*pairs, *[(0.0, 0.0)] * (MOST_TERMS - len(pairs))]
+        lines = ("*MAT_OGDEN_RUBBER+", *first, _heads(*(f"mu{j}" for j in range(1, 9))),
+                 _fields(mu for mu, _ in padded), _heads(*(f"alpha{j}" for j in range(1, 9))),
+                 _fields(alpha for _, alpha in padded))
+        data = "mu_j = 2 mu_j/alpha_j of the card, alpha_j."
+    return Written(lines, (moduli_note(material), f"{data} PR gives the bulk modulus."), (*said, *elastic_warning(
+        material, "its terms are moduli G_i of a linear viscous stress next to the law")))
+
+
 def _heads(*names: str) -> str:
     return "$#" + "".join(name.rjust(WIDTH) for name in names)[2:]
 
@@ -70,4 +100,6 @@ def _eight(values: Array) -> list[float]:
     return [*values.tolist(), *[0.0] * (8 - values.size)]
 
 
-TARGET = Target("LS-DYNA", write, commented_file("$"), similar={"neo_hooke": "*MAT_HYPERELASTIC_RUBBER"})
+TARGET = Target("LS-DYNA", write, commented_file("$"),
+                ("hyperfoam", "mooney_rivlin", "mooney_rivlin_5", "yeoh", "ogden", "arruda_boyce"),
+                similar={"neo_hooke": "*MAT_HYPERELASTIC_RUBBER"})

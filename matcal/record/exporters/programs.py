@@ -6,7 +6,7 @@ from importlib import import_module
 from matcal.record.exporters.base import Target
 from touchcal.entry_points import added
 
-_BUILT_IN = ("abaqus", "calculix", "febio", "lsdyna", "ansys")
+_BUILT_IN = ("abaqus", "calculix", "febio", "lsdyna", "ansys", "radioss")
 
 
 def targets() -> tuple[str, ...]:

@@ -18,8 +18,15 @@ import pytest
 from matcal.card import MaterialCard, read_card
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 from matcal.laws.neo_hooke import NeoHooke
 from matcal.laws.prony import Prony
+from matcal.laws.rubbers.arruda_boyce import ArrudaBoyce
+from matcal.laws.rubbers.mooney_rivlin import MooneyRivlin
+from matcal.laws.rubbers.mooney_rivlin_5 import MooneyRivlin5
+from matcal.laws.rubbers.ogden import Ogden
+from matcal.laws.rubbers.yeoh import Yeoh
+from matcal.laws.volumetric import nearly_incompressible
 from matcal.record.exporters.base import UNITS
 from matcal.record.exporters.deck import export
 
@@ -180,3 +187,15 @@ def test_a_fitted_card(tmp_path: Path, command: Callable[..., Any]) -> None:
         found = forces(folder, brick((tmp_path / "foam.inp").read_text(), mode, path))[:, 0]
         expected = nominal_stress(card.hyperfoam, mode, np.array(path))
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("law", [NeoHooke(3e5, 0.5), MooneyRivlin(2e5, 3e4, 0.49),
+                                 MooneyRivlin5(2e5, 3e4, 1e3, 2e2, 30.0), Yeoh(2e5, -2e3, 40.0, 0.49),
+                                 Ogden([4e5, 3e3], [1.3, 5.0]), ArrudaBoyce(3e5, 4.0)], ids=lambda law: law.name)
+@pytest.mark.parametrize(("mode", "path"), [("uniaxial", [0.3, 0.6]), ("planar", [0.3])])
+def test_rubbers(tmp_path: Path, law: Law, mode: str, path: list[float]) -> None:
+    """A volume that is kept is written with kappa = 1000 mu_0, whose own stress is compared."""
+    found = forces(tmp_path, brick(export(MaterialCard("rubber", law), "calculix").text, mode, path))[:, 0]
+    of_volume = nearly_incompressible(law if law.keeps_volume else MooneyRivlin(law.mu_0_Pa / 2, 0.0))
+    np.testing.assert_allclose(found, nominal_stress(of_volume, mode, np.array(path)),
+                               rtol=1e-3 if law.name == "arruda_boyce" else 1e-4)
