@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from matcal.posterior.draws import Draws
 
 # how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
-_REPEATED = ("sweeps", "specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_",
-             "step_", "direction_", "table_", "clock_left_out", "loss_")
+_REPEATED = ("sweeps", "loading", "specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_",
+             "residual_", "step_", "direction_", "table_", "clock_left_out", "loss_")
 # fact of a table of moduli -> symbol of its instantaneous value
 _MODULI = {"table_of_E": "E_0", "table_of_G": "G_0", "table_of_modulus": "modulus_0"}
 
