@@ -20,7 +20,8 @@ import pandas as pd
 from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.scene.scene import FRICTIONS, Scene, scene_from
+from eitsim.scene.scene import Scene, scene_from
+from eitsim.scene.scene_parts import FRICTIONS
 from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard

@@ -30,7 +30,8 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
-from eitsim.scene.scene import FRICTIONS, STRAINS, Body, Punch, profile_of
+from eitsim.scene.scene import STRAINS, Body, Punch, profile_of
+from eitsim.scene.scene_parts import FRICTIONS
 from eitsim.sheet.sheet_conductance import driving_strains
 from matcal.laws.law import Law
 from touchcal.arrays import Array
