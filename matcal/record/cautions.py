@@ -34,6 +34,7 @@ _LOSS_OFF, _OFF_RATIO, _SHIFT_OFF = 0.05, 4.0, 0.2
 _TOUCHED, _LAWS_DIFFER = -0.5, 1.2
 # share of its peak by which earlier cycles move a loading that is said; points of its ramp, cycles that are followed
 _LEFT_OVER, _RAMP_POINTS, _MOST_CYCLES = 0.01, 41, 20
+_HARDLY = 0.02  # softening to less than this share of the stress, or by less than it, that is said
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
@@ -41,7 +42,7 @@ def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge, _assumed,
              _set, _held, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions, _coverage, _rate,
-             _loss, _cycled_before, _series, _dynamic, _step, _skin)
+             _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -351,6 +352,19 @@ def _loss(card: MaterialCard) -> Iterator[str]:
         yield (f"One loading was fitted and no unloading: a cycle loses {sizes}, of which the law has only what the "
                "Prony series gives." if card.prony is not None else
                f"One loading was fitted and no unloading: a cycle loses {sizes}, which the law does not have.")
+
+
+def _softened(card: MaterialCard) -> Iterator[str]:
+    """A softening at either end of what there is: to no stress at all, or none."""
+    if card.softening is None:
+        return
+    softest = card.fit.get("softening", {}).get("softest", 0.5)
+    if softest < _HARDLY:
+        yield (f"Unloading falls to {percent(max(softest, 0.0))} of the law's stress: the specimen may have left the "
+               "plates, and the numbers of the softening are not determined. Unload more slowly.")
+    if softest > 1 - _HARDLY:
+        yield (f"Unloading is softer than loading by {percent(1 - softest)} at most: the numbers of the softening mean "
+               "nothing.")
 
 
 def _cycled_before(card: MaterialCard) -> Iterator[str]:

@@ -54,7 +54,8 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out["prony"] = _spectral_part(found.spectrum, next(e for e in found.experiments if e.kind in ("dma", "creep")))
     if (soft := found.softening) is not None:
         out["softening"] = {"sd": soft.sd, "interval": {n: list(ends) for n, ends in soft.interval.items()},
-                            "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost]}
+                            "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost],
+                            "softest": soft.softest}
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
     return out
