@@ -154,6 +154,8 @@ def predict_command(
                                                    "without it over those that were fitted.")] = None,
         time: Annotated[str | None, typer.Option(help="Times A,B,... in s, for relaxation; without it over the "
                                                  "series.")] = None,
+        temperature: Annotated[float | None, typer.Option(metavar="C", help="Temperature of a relaxation in C, by the "
+                                                          "shift of the card.")] = None,
         history: Annotated[Path | None, typer.Option(help="File of a path to follow, with columns of strain and time "
                                                      "(a table or a machine file).")] = None,
         as_json: JsonOption = False) -> None:
@@ -171,7 +173,7 @@ def predict_command(
         print_followed(read, mode, history, [flag for flag, value in (("--strain", strain), ("--time", time))
                                              if value is not None], as_json)
         return
-    columns = predict(read, mode, points(read, mode, strain, time))
+    columns = predict(read, mode, points(read, mode, strain, time), temperature_C=temperature)
     for sentence in beyond(read, mode, columns):
         print(f"matcal: warning: {sentence}", file=sys.stderr)
     if as_json:

@@ -15,7 +15,7 @@ from scipy.special import stdtrit
 
 from matcal.fitting.uncertainty.intervals import Uncertainty
 from matcal.laws.histories.damage import Damage
-from matcal.laws.histories.strain_paths import along, follow
+from matcal.laws.histories.strain_paths import along, eta, follow
 from matcal.laws.law import Law, scaled, vector, with_vector
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment, StrainPath
@@ -42,6 +42,7 @@ class SofteningFit:
     relative_rms: tuple[float, ...]  # of each path, over its rms stress
     fitted: tuple[Array, ...]  # (n,) stress along each path, Pa
     lost: tuple[tuple[float, float], ...]  # work lost in the last cycle over the work put in, measured and fitted
+    softest: float  # eta after unloading from the largest energy
     decisions: tuple[str, ...]
     cpu_s: float
 
@@ -98,7 +99,8 @@ def fit_softening(experiments: Sequence[Experiment], law: Law, uncertainty: Unce
     rms = tuple(float(np.sqrt(np.mean((f - s.path.stress_Pa) ** 2) / np.mean(s.path.stress_Pa**2)))
                 for f, s in zip(fitted, seen, strict=True))
     lost = tuple((_lost(s.path, s.path.stress_Pa), _lost(s.path, f)) for f, s in zip(fitted, seen, strict=True))
-    return SofteningFit(best, errors, ends, rms, fitted, lost, _sentences(rms, several, prony),
+    softest = float(eta(best, np.array([energy, 0.0]))[1])
+    return SofteningFit(best, errors, ends, rms, fitted, lost, softest, _sentences(rms, several, prony),
                         time.process_time() - started)
 
 

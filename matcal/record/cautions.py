@@ -12,7 +12,7 @@ from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.histories.time_temperature import Wlf
 from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law
-from matcal.laws.prony import Prony
+from matcal.laws.prony import Prony, convolve
 from touchcal.number_words import percent
 
 NAMES = {"drucker": "Drucker stability", "elliptic": "Ellipticity"}
@@ -33,6 +33,9 @@ _RAMPS_S = (10.0, 1000.0)  # durations of a loading for which the effect of its 
 _LOSS_OFF, _OFF_RATIO, _SHIFT_OFF = 0.05, 4.0, 0.2
 # strain at which laws of the conductivity are compared, and their ratio from which on it is said
 _TOUCHED, _LAWS_DIFFER = -0.5, 1.2
+# share of its peak by which earlier cycles move a loading that is said; points of its ramp, cycles that are followed
+_LEFT_OVER, _RAMP_POINTS, _MOST_CYCLES = 0.01, 41, 20
+_HARDLY = 0.02  # softening to less than this share of the stress, or by less than it, that is said
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
@@ -40,7 +43,7 @@ def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge, _assumed,
              _set, _held, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions, _coverage, _rate,
-             _loss, _series, _dynamic, _step, _skin)
+             _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -352,6 +355,42 @@ def _loss(card: MaterialCard) -> Iterator[str]:
         yield (f"One loading was fitted and no unloading: a cycle loses {sizes}, of which the law has only what the "
                "Prony series gives." if card.prony is not None else
                f"One loading was fitted and no unloading: a cycle loses {sizes}, which the law does not have.")
+
+
+def _softened(card: MaterialCard) -> Iterator[str]:
+    """A softening at either end of what there is: to no stress at all, or none."""
+    if card.softening is None:
+        return
+    softest = card.fit.get("softening", {}).get("softest", 0.5)
+    if softest < _HARDLY:
+        yield (f"Unloading falls to {percent(max(softest, 0.0))} of the law's stress: the specimen may have left the "
+               "plates, and the numbers of the softening are not determined. Unload more slowly.")
+    if softest > 1 - _HARDLY:
+        yield (f"Unloading is softer than loading by {percent(1 - softest)} at most: the numbers of the softening mean "
+               "nothing.")
+
+
+def _cycled_before(card: MaterialCard) -> Iterator[str]:
+    """Later loadings that are corrected for rate as from rest: what the cycles before left unrelaxed is not."""
+    if card.prony is None:
+        return
+    for label, row in tests(card).items():
+        if row.get("rate_corrected") and row.get("loadings", 1.0) > 1 and "loading_s" in row:
+            off = _left_over(card.prony, row["loading_s"], int(row["loadings"]))
+            if off > _LEFT_OVER:
+                yield (f"{label} is the last of {row['loadings']:.0f} loadings, corrected for rate as from rest: what "
+                       f"cycles like it before it left unrelaxed moves its stress by up to {percent(off, 2)}.")
+
+
+def _left_over(prony: Prony, loading_s: float, loadings: int) -> float:
+    """Largest difference of the stress of a last triangular cycle with those before it and from rest, over its peak."""
+    one = np.r_[np.linspace(0, 1, _RAMP_POINTS)[1:], np.linspace(1, 0, _RAMP_POINTS)[1:]]
+    cycles = min(loadings, _MOST_CYCLES)
+    strain = np.r_[0.0, np.tile(one, cycles)]
+    stress = convolve(prony, np.linspace(0, 2 * loading_s * cycles, strain.size), strain)
+    last = slice(strain.size - one.size - 1, strain.size - one.size // 2)
+    fresh = convolve(prony, np.linspace(0, 2 * loading_s, one.size + 1), np.r_[0.0, one])[:one.size // 2 + 1]
+    return float(np.max(np.abs(stress[last] - fresh)) / np.max(np.abs(fresh)))
 
 
 def _excess(prony: Prony, ramp_s: float) -> float:

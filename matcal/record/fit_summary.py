@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from matcal.posterior.draws import Draws
 
 # how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
-_REPEATED = ("sweeps", "specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_",
-             "step_", "direction_", "table_", "clock_left_out", "loss_")
+_REPEATED = ("sweeps", "loading", "specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_",
+             "residual_", "step_", "direction_", "table_", "clock_left_out", "loss_")
 # fact of a table of moduli -> symbol of its instantaneous value
 _MODULI = {"table_of_E": "E_0", "table_of_G": "G_0", "table_of_modulus": "modulus_0"}
 
@@ -56,7 +56,8 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         out["prony"] = _spectral_part(found.spectrum, next(e for e in found.experiments if e.kind in ("dma", "creep")))
     if (soft := found.softening) is not None:
         out["softening"] = {"sd": soft.sd, "interval": {n: list(ends) for n, ends in soft.interval.items()},
-                            "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost]}
+                            "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost],
+                            "softest": soft.softest}
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
     return out

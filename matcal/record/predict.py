@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,17 @@ from matcal.fitting.conductivity_laws import values_of
 from matcal.laws.conductivity import conductivity, outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.histories.strain_paths import follow
+from matcal.laws.histories.time_temperature import decades
 from matcal.laws.known_laws import law_of
-from matcal.laws.prony import relaxation
+from matcal.laws.prony import Prony, relaxation
 from matcal.laws.stability import stability
 from matcal.posterior.draws import Draws, card_of, quantiles, read_draws
 
 PREDICTED = (*MODES, "relaxation", "conductivity")
 
 
-def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[str, Any]:
+def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike, *,
+            temperature_C: float | None = None) -> dict[str, Any]:
     """Nominal stress, relaxation or conductivity of a card, with the 95 % band of its draws.
 
     Stress is that of the card's own moduli, without any loading history; a mode that was not fitted is extrapolated
@@ -35,6 +38,8 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
         One of `PREDICTED`: uniaxial, biaxial, planar, shear, volumetric, relaxation, conductivity.
     at
         (n,) nominal strains (gamma in shear, J in volumetric), or times in s for relaxation.
+    temperature_C
+        Of a relaxation, by the shift that the card has; None: the temperature of its series.
 
     Returns
     -------
@@ -58,6 +63,8 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     """
     check_mode(mode)
     card, at = as_card(card), np.array(at, dtype=float, ndmin=1)
+    if temperature_C is not None:
+        card = at_temperature(card, mode, temperature_C)
     if mode == "relaxation":
         require(card, "prony", "a relaxation")
         where, name, stem = "time_s", "normalised_stress", "normalised_stress{}"
@@ -146,6 +153,19 @@ def laws_band(card: MaterialCard, mode: str, at: np.ndarray) -> tuple[np.ndarray
                    np.array(row["covariance"], dtype=float), row["fitted"], row["predicted"], (), (), row["weight"])
             for row in rows]
     return band_over(laws, mode, at)
+
+
+def at_temperature(card: MaterialCard, mode: str, temperature_C: float) -> MaterialCard:
+    """The card with the times of its series, and those that were seen, as they are at another temperature."""
+    if mode != "relaxation":
+        raise ValueError(f"`temperature` {temperature_C:g}: a card shifts the times of a relaxation, not a {mode}. "
+                         "Leave it out.")
+    prony = require(card, "prony", "a relaxation")
+    factor = 10 ** float(decades(require(card, "shift", "another temperature"), temperature_C + 273.15))
+    found = dict(card.fit.get("prony", {}))
+    if "seen_s" in found:
+        found["seen_s"] = [factor * t for t in found["seen_s"]]
+    return replace(card, prony=Prony(prony.g, factor * prony.tau_s), fit={**card.fit, "prony": found})
 
 
 def check(card: MaterialCard | Path | str) -> dict[str, Any]:

@@ -44,6 +44,8 @@ def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, 
     """
     cycles = _cycles(record, spans)
     facts = {**record.facts, "loadings": float(len(spans)), **_last_of(cycles)}
+    if record.time_s is not None and len(spans) > 1:
+        facts["loading_s"] = float(record.time_s[spans[-1][1]] - record.time_s[spans[-1][0]])
     if branch == "all":
         return replace(_first_loadings(record, spans), cycles=cycles, facts=facts)
     if len(spans) == 1 or branch == "first":

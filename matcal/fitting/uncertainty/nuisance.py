@@ -193,7 +193,7 @@ def _moved(experiment: Experiment, fact: str, by: float) -> Experiment:
 
 def _prony_effect(fit: Fit, prony: Prony, direction: Array) -> Array:
     terms = prony.g.size
-    share = 0.05 * min(1.0, float(np.min(prony.tau_s / np.maximum(np.abs(direction[terms:]), 1e-300))))
+    share = 0.05 / max(1.0, float(np.max(np.abs(direction[terms:]) / prony.tau_s)))
     g = np.maximum(prony.g + share * direction[:terms], 0.0)
     moved = Prony(g, prony.tau_s + share * direction[terms:])
     return _effect(fit, [with_history(c, moved) for c in fit.curves]) / share

@@ -167,6 +167,17 @@ def test_a_card_keeps_its_softening_and_decks_have_it_where_programs_do(tmp_path
     assert len(export(card, "calculix").warnings) == 2  # neither softening nor set
 
 
+@pytest.mark.parametrize(("factor", "words"), [(0.0, "left the plates"), (1.0, "mean nothing")])
+def test_unloading_without_stress_and_without_softening_is_minded(factor: float, words: str, tmp_path: Path) -> None:
+    strain = cycles([0.8])
+    falling = np.r_[False, np.diff(strain) < 0]
+    stress = nominal_stress(RUBBER, "uniaxial", strain) * np.where(falling, factor, 1.0)
+    stress = stress + 50 * np.random.default_rng(0).standard_normal(stress.size)
+    path = table(tmp_path, strain, stress, "tension.csv")
+    card = matcal.fit(f"uniaxial={path}", branch="all", order=1, poisson=0.45).card
+    assert any(words in sentence for sentence in cautions(card))
+
+
 def test_a_record_without_unloading_is_refused(tmp_path: Path) -> None:
     strain = np.linspace(0, 0.8, 60)
     path = table(tmp_path, strain, nominal_stress(RUBBER, "uniaxial", strain), "tension.csv")

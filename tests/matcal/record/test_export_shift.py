@@ -13,6 +13,7 @@ from matcal.laws.histories.time_temperature import Arrhenius, Wlf, decades
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from matcal.record.exporters.deck import export
+from matcal.record.predict import predict
 
 FOAM = Hyperfoam(np.array([12e3]), np.array([2.0]), np.zeros(1), "longterm")
 CARD = MaterialCard("foam", FOAM, Prony(np.array([0.2]), np.array([3.0])), shift=Wlf(9.0, 110.0, 303.15))
@@ -34,6 +35,15 @@ def test_a_deck_shifts_times_as_the_card_does(target: str, keyword: str, sign: i
                                               (replace(CARD, shift=Arrhenius(9e4, 293.15)), "ansys")])
 def test_a_program_without_the_shift_says_so(card: MaterialCard, target: str) -> None:
     assert any("shift of times" in warning for warning in export(card, target).warnings)
+
+
+def test_a_relaxation_at_another_temperature_has_its_times_shifted() -> None:
+    assert CARD.shift is not None
+    factor = 10 ** float(decades(CARD.shift, 333.15))
+    warm = predict(CARD, "relaxation", factor * np.array([1.0, 5.0]), temperature_C=60.0)["normalised_stress"]
+    np.testing.assert_allclose(warm, predict(CARD, "relaxation", [1.0, 5.0])["normalised_stress"], rtol=1e-12)
+    with pytest.raises(ValueError, match="no shift"):
+        predict(replace(CARD, shift=None), "relaxation", [1.0], temperature_C=60.0)
 
 
 @pytest.mark.parametrize("shift", [Wlf(9.0, 110.0, 303.15), Arrhenius(9e4, 293.15)])

@@ -42,6 +42,13 @@ def test_a_test_that_is_not_corrected_for_rate_is_named_with_the_size(clock: boo
     assert any("No time column" in decision for decision in found.decisions) == (words is not None and not facts)
 
 
+@pytest.mark.parametrize(("loadings", "seconds", "said"), [(1.0, 60.0, False), (5.0, 60.0, True), (5.0, 1e5, False)])
+def test_what_earlier_cycles_left_unrelaxed_is_said_with_its_size(loadings: float, seconds: float, said: bool) -> None:
+    """Not of a first loading, nor where cycles are far slower than the series."""
+    found = calibrate(_tests(True, {"loadings": loadings, "loading_s": seconds}), FitOptions(order=2, prony_terms=2))
+    assert any("left unrelaxed" in sentence for sentence in cautions(make_card(found, [], 0))) == said
+
+
 def test_what_a_cycle_loses_stands_in_mind() -> None:
     card = matcal.fit("uniaxial=data_raw/mts_uniaxial.txt", "data_raw/specimen.toml").card
     share = card.fit["uniaxial_1"].get("loss_share", 0.0)
