@@ -2,7 +2,7 @@
 
 BERT's unified data format (.ohm, .dat: a number of sensors, their places, a number of data, a line `#a b m n r`), R2's
 protocol.dat (number of data, then number, a, b, m, n, resistance), and any table whose header names a, b, m, n (or c1,
-c2, p1, p2) and r. Current flows from a to b; the reading is m less n, for 1 A: over the current where that has a column.
+c2, p1, p2) and r. Current flows from a to b; the reading is m less n, for 1 A: over the current where it has a column.
 Electrodes count from 0 where electrode 0 stands in all four columns, as none that is far away does.
 """
 
