@@ -152,10 +152,10 @@ class Learner(Protocol):
         """(n,) whether touches (n, 4) at x, y, of d, mm, under F, N, are among those that the method can read."""
         return np.ones(len(touch), bool)
 
-    def without(self, whole: Ring, ring: Ring, kept: Mask) -> Self:
-        """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; for methods that
-        the registry says handle missing channels."""
-        raise ValueError(f"{type(self).__name__} needs all {len(kept)} channels. Give frames that have them.")
+    def without(self, whole: Ring, ring: Ring, kept: Mask) -> Self | None:
+        """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; None of methods
+        that need all, for which those that frames lack are filled in."""
+        return None
 
     def drifting(self, root: Array) -> Learner:
         """The learner on frames between which the instrument drifted with the covariance root root' of the readings, of

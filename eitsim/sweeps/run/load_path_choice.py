@@ -20,6 +20,7 @@ from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
 from matcal.card import MaterialCard
+from matcal.laws.known_laws import law_of
 from touchcal.errors import NotConverged
 from touchcal.parallel.checkpoint import CheckpointedMap
 from touchcal.parallel.pool import WorkerPool
@@ -159,7 +160,8 @@ def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
     """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes; with an
     outline, near straight edges."""
     rows = list(valid_scenes(design, _ROWS))
-    near = sum(tabled_near_edge(scene, GRID.gaps[-1]) for scene in rows)
+    law = law_of(shape.law, shape.parameters)
+    near = sum(tabled_near_edge(scene, law, GRID.gaps[-1]) for scene in rows)
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
 
 

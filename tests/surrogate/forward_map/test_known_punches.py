@@ -1,11 +1,8 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.data.samples import SweepSamples, take
 from surrogate.data.sensor_ring import Ring
@@ -15,8 +12,8 @@ from surrogate.forward_map.inversion import known_diameters
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.model.train import train
 from surrogate.statistics.levenberg_marquardt import Minimum
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Synthetic = Callable[..., tuple[Array, Array]]
 KNOWN_MM = (10, 14, 18)
 
