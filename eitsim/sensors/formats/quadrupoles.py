@@ -1,8 +1,9 @@
 """Tables of quadrupoles, as geoelectrics has them: electrodes a, b, m, n, from 1, and a resistance a row, one frame.
 
 BERT's unified data format (.ohm, .dat: a number of sensors, their places, a number of data, a line `#a b m n r`), R2's
-protocol.dat (number of data, then number, a, b, m, n, resistance), and any table whose header names a, b, m, n and r.
-Current flows from a to b; the reading is m less n, for 1 A.
+protocol.dat (number of data, then number, a, b, m, n, resistance), and any table whose header names a, b, m, n (or c1,
+c2, p1, p2) and r. Current flows from a to b; the reading is m less n, for 1 A: over the current where it has a column.
+Electrodes count from 0 where electrode 0 stands in all four columns, as none that is far away does.
 """
 
 import re
@@ -16,7 +17,9 @@ from eitsim.sensors.formats.layout import Layout, first_lines, frames, text_line
 from eitsim.sensors.recording import Recording
 from touchcal.errors import InputFileError
 
-_NAMES, _VALUES = ("a", "b", "m", "n"), ("r", "rho", "v", "u", "v/i", "u/i", "resistance")
+_NAMES, _ALSO = ("a", "b", "m", "n"), ("c1", "c2", "p1", "p2")
+_RATIOS, _VOLTAGES, _CURRENTS = ("r", "rho", "v/i", "u/i", "resistance"), ("v", "u", "voltage"), ("i", "current")
+_PREFIXES = {"u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
 _HEAD = 400  # lines among which the header of the table is looked for
 
 
@@ -26,7 +29,8 @@ class _Table:
 
     first: int  # its first row, from 0
     rows: int | None  # how many it states; None for all
-    columns: tuple[int, ...]  # of a, b, m, n and the value
+    columns: tuple[int, ...]  # of a, b, m, n and the value; then of its current, where that has one
+    unit: float  # of the value, over that of its current, in SI
 
 
 def _cells(line: str) -> list[str]:
@@ -35,17 +39,26 @@ def _cells(line: str) -> list[str]:
 
 def _table(lines: Sequence[str]) -> _Table | None:
     for number, line in enumerate(lines):
-        names = [re.sub(r"[(/\[].*", "", cell.lower()) for cell in _cells(line)]
-        whole = [cell.lower() for cell in _cells(line)]
-        value = [k for k, name in enumerate(whole) if name in _VALUES or names[k] in ("r", "resistance")]
+        cells = _cells(re.sub(r"\s+(?=[(\[])", "", line))
+        whole = [dict(zip(_ALSO, _NAMES, strict=True)).get(cell.lower(), cell.lower()) for cell in cells]
+        names = [name if name in _RATIOS else re.sub(r"[(/\[].*", "", name) for name in whole]
+        value = [names.index(name) for name in (*_RATIOS, *_VOLTAGES) if name in names]
         if set(_NAMES) <= set(names) and value:
             stated = re.match(r"\s*(\d+)\s*(#.*)?$", lines[number - 1]) if number else None
-            return _Table(number + 1, int(stated.group(1)) if stated else None,
-                          (*(names.index(name) for name in _NAMES), value[0]))
+            current = [names.index(name) for name in _CURRENTS if name in names and names[value[0]] in _VOLTAGES]
+            found = (*(names.index(name) for name in _NAMES), value[0], *current[:1])
+            size, *over = (_unit(cells[k]) for k in found[4:])
+            return _Table(number + 1, int(stated.group(1)) if stated else None, found, size / (over or [1.0])[0])
     held = [k for k, line in enumerate(lines) if line.strip()]
     if len(held) > 1 and re.fullmatch(r"\s*\d+\s*", lines[held[0]]) and _numbered(lines[held[1]]):
-        return _Table(held[1], int(lines[held[0]]), (1, 2, 3, 4, 5))
+        return _Table(held[1], int(lines[held[0]]), (1, 2, 3, 4, 5), 1.0)
     return None
+
+
+def _unit(name: str) -> float:
+    """The unit behind a name, in SI, by its prefix."""
+    found = re.search(r"[(/\[]([uµmkM])(?:[VA]|Ohm|ohm|Ω)", name)
+    return _PREFIXES[found.group(1)] if found else 1.0
 
 
 def _numbered(line: str) -> bool:
@@ -67,12 +80,17 @@ def _read_table(path: Path, kind: str) -> Recording:
     if table.rows is not None and len(held) < table.rows:
         raise InputFileError(path, f"{len(held)} rows of quadrupoles, and it states {table.rows}: it was cut. Copy it "
                                    "again.")
-    found = [_row(path, number, cells, table.columns) for number, cells in held[:table.rows]]
-    if not found:
+    values = np.array([_row(path, number, cells, table.columns) for number, cells in held[:table.rows]])
+    if not len(values):
         raise InputFileError(path, "a header of quadrupoles without rows. Give one row a reading: a, b, m, n, r.")
-    values = np.array(found)
-    return frames(path, values[:, 4][None], "voltage" if kind == "difference" else kind,
-                  values[:, :4].astype(np.intp) - 1)
+    first = 0 if np.all(np.any(values[:, :4] == 0, axis=0)) else 1
+    if values[:, :4].min() < first:
+        raise InputFileError(path, "electrode 0 stands for one that is far away, and all four must be on the body "
+                                   "here. Leave the row out, or count electrodes from 1.",
+                             line=held[int(np.argmin(values[:, :4].min(axis=1)))][0])
+    reading = table.unit * values[:, 4] / (values[:, 5] if values.shape[1] > 5 else 1.0)
+    return frames(path, reading[None], "voltage" if kind == "difference" else kind,
+                  values[:, :4].astype(np.intp) - first)
 
 
 def _row(path: Path, number: int, cells: list[str], columns: tuple[int, ...]) -> list[float]:
@@ -83,11 +101,10 @@ def _row(path: Path, number: int, cells: list[str], columns: tuple[int, ...]) ->
                              line=number) from None
     ends = row[:4]
     if any(end % 1 or end < 0 for end in ends):
-        raise InputFileError(path, f"'{' '.join(cells)[:40]}' names no electrodes by whole numbers from 1.",
+        raise InputFileError(path, f"'{' '.join(cells)[:40]}' names no electrodes by whole numbers.",
                              line=number)
-    if min(ends) < 1:
-        raise InputFileError(path, "electrode 0 stands for one that is far away, and all four must be on the body "
-                                   "here. Leave the row out.", line=number)
+    if len(row) > 5 and row[5] == 0:
+        raise InputFileError(path, "the current is 0. Correct or leave out the row.", line=number)
     if ends[0] == ends[1] or ends[2] == ends[3]:
         raise InputFileError(path, "a and b, or m and n, are the same electrode. Correct or leave out the row.",
                              line=number)

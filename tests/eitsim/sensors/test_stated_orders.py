@@ -17,17 +17,20 @@ SKIP_6 = Convention(16, 16, 7, "pair", 7, "all", False, 0, 1).pairs()
 BERT = ("4# Number of sensors\n#x z\n0 0\n1 0\n2 0\n3 0\n3# Number of data\n#a b m n r\n1 4 2 3 1.5\n2 1 3 4 -0.25\n"
         "4 3 2 1 2e-3\n")
 R2 = "2\n 1 1 4 2 3 1.5 70.1\n 2 2 1 3 4 -0.25 71\n"
+ERT = "C1 C2 P1 P2 V (mV) I (mA)\n1 4 2 3 7.5 5\n2 1 3 4 -1.25 5\n"
+FROM_0 = "A;B;M;N;R [kOhm]\n0;3;1;2;1.5e-3\n1;0;2;3;-0.25e-3\n2;1;0;3;1\n3;2;1;0;1\n"
 NAMED = "n,a,b,m,r/Ohm\n3,1,4,2,1.5\n4,2,1,3,-0.25\n"
 
 
-@pytest.mark.parametrize(("name", "text"), [("a.ohm", BERT), ("protocol.dat", R2), ("a.csv", NAMED)])
+@pytest.mark.parametrize(("name", "text"), [("a.ohm", BERT), ("protocol.dat", R2), ("a.csv", NAMED), ("ert.txt", ERT),
+                                            ("zero.csv", FROM_0)])
 def test_quadrupoles_are_pairs_and_a_frame(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     found = open_recording(tmp_path / name)
     assert found.pairs is not None
     assert found.pairs[:2].tolist() == [[0, 3, 1, 2], [1, 0, 2, 3]]
-    assert found.readings[0, :2].tolist() == [1.5, -0.25]
-    assert found.readings.shape == (1, 3 if name == "a.ohm" else 2)
+    assert found.readings[0, :2] == pytest.approx([1.5, -0.25], rel=1e-12)
+    assert found.readings.shape == (1, {"a.ohm": 3, "zero.csv": 4}.get(name, 2))
 
 
 @pytest.mark.parametrize(("text", "words"), [
