@@ -64,7 +64,10 @@ def fit_command(
         columns: ColumnsOption = None,
         branch: Annotated[str, typer.Option(help="Which loading of a cyclic test counts: last (preconditioned) "
                                             "or first.")] = "last",
-        law: Annotated[str, typer.Option(help=f"Law of the foam: {', '.join(LAWS)}.")] = "hyperfoam",
+        unloading: Annotated[bool, typer.Option("--unloading", help="Fit all loadings and unloadings of cyclic tests: "
+                                                "the law of the first loading, its softening and the set.")] = False,
+        law: Annotated[str, typer.Option(help=f"Law: {', '.join(LAWS)}; or auto: hyperfoam for a "
+                                            "foam, else the rubber law that predicts best.")] = "hyperfoam",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
         poisson: Annotated[str | None, typer.Option(
             help="Poisson-like nu: a value for all terms, or A,B,... one a term (by increasing alpha); fit: one for "
@@ -114,7 +117,7 @@ def fit_command(
     with _counted(posterior) as progress:
         try:
             found = fit(files, specimen, options=options, predicted=predicted or (), columns=columns or (),
-                        branch=branch, posterior=posterior, seed=seed, progress=progress)
+                        branch="all" if unloading else branch, posterior=posterior, seed=seed, progress=progress)
         except NotConverged as error:
             if not isinstance(error.estimate, Calibration):
                 raise
@@ -151,6 +154,8 @@ def predict_command(
                                                    "without it over those that were fitted.")] = None,
         time: Annotated[str | None, typer.Option(help="Times A,B,... in s, for relaxation; without it over the "
                                                  "series.")] = None,
+        history: Annotated[Path | None, typer.Option(help="File of a path to follow, with columns of strain and time "
+                                                     "(a table or a machine file).")] = None,
         as_json: JsonOption = False) -> None:
     """Print what the card predicts, with its 95 % band where it has a posterior.
 
@@ -158,10 +163,14 @@ def predict_command(
     """
     from matcal.card import read_card
     from matcal.cli.arguments import points
-    from matcal.cli.summary import print_columns
+    from matcal.cli.summary import print_columns, print_followed
     from matcal.record.predict import beyond, predict
 
     read = read_card(card)
+    if history is not None:
+        print_followed(read, mode, history, [flag for flag, value in (("--strain", strain), ("--time", time))
+                                             if value is not None], as_json)
+        return
     columns = predict(read, mode, points(read, mode, strain, time))
     for sentence in beyond(read, mode, columns):
         print(f"matcal: warning: {sentence}", file=sys.stderr)

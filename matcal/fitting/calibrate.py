@@ -14,10 +14,12 @@ from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
+from matcal.fitting.law_choice import Choice, chosen_law
 from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
 from matcal.fitting.relaxation.series import Series
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit, fit_spectrum
+from matcal.fitting.softening_fit import SofteningFit, fit_softening
 from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
 from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift, with_zero
 from matcal.fitting.uncertainty.two_nu import TwoNu, two_nu
@@ -46,7 +48,10 @@ class FittedLaws:
     predicted: tuple[Predicted, ...] = ()  # tests kept out of the fit, and the errors with which its laws predict them
     data_checks: tuple[DataCheck, ...] = ()  # what the records themselves say about stability
     two_nu: TwoNu | None = None  # nu by lateral strains and by all else, where there are both
+    softening: SofteningFit | None = None  # by earlier loading; None where no test has a whole path
     spectrum: SpectrumFit | None = None  # relaxation of a dynamic test or a creep; None without one
+
+    choice: Choice | None = None  # how `law` auto chose the law; None where it was given
 
     @property
     def series(self) -> Series | None:
@@ -69,15 +74,18 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     relaxing = [e for e in experiments if e.kind == "relaxation"]
     spectrum = _spectrum([e for e in experiments if e.kind in ("dma", "creep")], relaxing, options)
     curves = weigh(experiments, options.residual, options.weights)
+    options, choice = chosen_law(curves, options)
     fitter = fitter_of(options)
     prony = _prony(relaxing, curves, options, fitter) if relaxing else None
     series = prony or spectrum
     series_s = time.process_time() - started
-    law, uncertainty, how = None, None, ()
+    law, uncertainty, softening, how = None, None, None, ()
     if curves:
         law, how = _law(curves, series, fitter)
         uncertainty = linearised(law, series)
-        how = (*how, *uncertainty.decisions)
+        how = (*(choice.sentences if choice else ()), *how, *uncertainty.decisions)
+        softening = fit_softening(experiments, law.law, uncertainty, series.prony if series else None)
+        how = (*how, *(softening.decisions if softening else ()))
     kept_out = _predicted(predicted, law, series)
     law_s = time.process_time() - started - series_s
     stretched = [e for e in experiments if e.kind == "conductivity"]
@@ -90,7 +98,8 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
               "skin": skin.decisions if skin else ()}
     spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
     both = two_nu(law, series) if law else None
-    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both, spectrum)
+    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both,
+                      softening, spectrum, choice)
 
 
 def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], options: FitOptions) -> SpectrumFit | None:

@@ -87,6 +87,7 @@ def _band(source: Draws | Uncertainty, mode: str, strain: Array) -> tuple[Array,
 def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:
     """Rows (strain, conductivity_S_per_m, its _lo and _hi, extrapolated) from deep compression to the data's end."""
     from matcal.fitting.conductivity_fit import LOWEST_STRAIN, powers
+    from matcal.fitting.conductivity_laws import OTHERS
     from matcal.posterior.conductivity_posterior import conductivity_draws
 
     law = fit.law
@@ -96,8 +97,13 @@ def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:
         drawn = conductivity_draws(fit, 400, np.random.default_rng(0))
     low, high = np.quantile(powers(strain) @ drawn.T, [0.025, 0.975], axis=1)
     middle = powers(strain) @ (law.c0_S_per_m * np.r_[1.0, law.a])
+    outer = outside(law, strain)
+    for other in fit.others:  # outside the tests the band holds every law that counts
+        if other.name in OTHERS and other.counts:
+            value = other.c0_S_per_m * np.exp(other.k * OTHERS[other.name](strain))
+            low, high = np.where(outer, np.minimum(low, value), low), np.where(outer, np.maximum(high, value), high)
     return {"strain": strain, "conductivity_S_per_m": middle, "conductivity_lo_S_per_m": low,
-            "conductivity_hi_S_per_m": high, "extrapolated": outside(law, strain)}
+            "conductivity_hi_S_per_m": high, "extrapolated": outer}
 
 
 def conductivity_at(band: Any, strain: float) -> tuple[float, float, float]:

@@ -13,6 +13,7 @@ from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
+from matcal.fitting.law_choice import Choice
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import OF_ONE_FORM, OF_THIS_LAW, Uncertainty
@@ -47,13 +48,30 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
             out["nu"] |= {"by_lateral_strain": list(found.two_nu.lateral), "without": list(found.two_nu.other),
                           "contradicted": found.two_nu.contradict}
         out["not_determined"] = list(found.uncertainty.not_determined)
+        out |= _choice_part(found.choice) if found.choice else {}
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
         out["prony"] = _series_part(found.prony, [e for e in found.experiments if e.kind == "relaxation"])
     if found.spectrum:
         out["prony"] = _spectral_part(found.spectrum, next(e for e in found.experiments if e.kind in ("dma", "creep")))
+    if (soft := found.softening) is not None:
+        out["softening"] = {"sd": soft.sd, "interval": {n: list(ends) for n, ends in soft.interval.items()},
+                            "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost]}
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
+    return out
+
+
+def _choice_part(choice: Choice) -> dict[str, Any]:
+    """What the tests were taken for, and every law that was compared: parameters, their covariance, and how it did."""
+    out: dict[str, Any] = {"material": {"rubber": choice.kind.rubber, "because": choice.kind.because}}
+    if choice.laws:
+        out["laws"] = [
+            {"law": row.law.name, "parameters": {p.name: getattr(row.law, p.name) for p in row.law.parameters},
+             "covariance": row.covariance, "fitted": row.fitted, "predicted": row.predicted, "weight": row.weight,
+             "unstable": list(row.lost), "left_open": list(row.left_open)} for row in choice.laws]
+    if choice.deciding:
+        out["deciding_test"] = {"mode": choice.deciding[0], "laws_differ_by": choice.deciding[1]}
     return out
 
 
@@ -142,7 +160,11 @@ def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
             "c0_interval_S_per_m": [law.c0_S_per_m - reach * c0_sd, law.c0_S_per_m + reach * c0_sd],
             "a_interval": np.column_stack([law.a - reach * a_sd, law.a + reach * a_sd]),
             "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance)),
-            "zero_in_intervals": bool(np.any(skin.zero_covariance))}
+            "zero_in_intervals": bool(np.any(skin.zero_covariance)),
+            "laws": [{"law": o.name, "c0_S_per_m": o.c0_S_per_m, "k": o.k, "relative_rms": o.relative_rms,
+                      "predicted_rms": o.predicted_rms, "counts": o.counts} if o.name != "cubic" else
+                     {"law": o.name, "relative_rms": o.relative_rms, "predicted_rms": o.predicted_rms,
+                      "counts": o.counts} for o in skin.others]}
 
 
 def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:

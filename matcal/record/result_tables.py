@@ -6,7 +6,7 @@ from typing import Any
 
 from matcal.card import MaterialCard
 from matcal.laws.deformation_modes import MODES
-from matcal.laws.time_temperature import Wlf
+from matcal.laws.histories.time_temperature import Wlf
 from matcal.record.cautions import own_rms, relative_rms, tests
 from touchcal.number_words import percent, significant, with_error, within
 
@@ -85,6 +85,24 @@ def law(card: MaterialCard) -> Printed:
                    ("Single terms compensate each other; read the results above.",))
 
 
+def laws(card: MaterialCard) -> Printed:
+    """The laws that were compared: how they fit, predict what they were not fitted to, and count in the band."""
+    rows = []
+    for row in card.fit["laws"]:
+        doubts = [f"unstable in {', '.join(row['unstable'])}"] if row["unstable"] else []
+        doubts += [f"leaves {', '.join(row['left_open'])} open"] if row["left_open"] else []
+        terms = next((len(values) for values in row["parameters"].values() if not isinstance(values, int | float)), 0)
+        rows.append([row["law"] + (f", {terms} terms" if terms else "")
+                     + (" *" if card.law is not None and row["law"] == card.law.name else "  "), percent(row["fitted"]),
+                     percent(row["predicted"]), percent(row["weight"], 2), "; ".join(doubts) or "-"])
+    notes = ["Predicted: what the law was not fitted to, each mode or each third of the strains in turn."]
+    if test := card.fit.get("deciding_test"):
+        notes.append(f"A {test['mode']} test would separate them most: there they differ by "
+                     f"{percent(test['laws_differ_by'], 2)} (standard deviation).")
+    return Printed("Laws (* in the card)", ["law", "fits", "predicts", "weight", "what is wrong with it"], rows,
+                   "<>>>w", notes)
+
+
 def series(card: MaterialCard) -> Printed:
     """Terms of the Prony series."""
     assert card.prony is not None
@@ -113,6 +131,20 @@ def _shift(card: MaterialCard) -> list[str]:
                      for k, (name, value, unit) in enumerate(names))
     kind = "WLF" if isinstance(card.shift, Wlf) else "Arrhenius"
     return [f"Times are those at {significant(card.shift.reference_K - 273.15)} C; {kind} shift: {said}."]
+
+
+def softening(card: MaterialCard) -> Printed:
+    """Numbers of the softening and the set."""
+    assert card.softening is not None
+    found = card.fit.get("softening", {})
+    rows = []
+    for name in ("r", "m_Pa", "beta", "set_share"):
+        value, ends = float(getattr(card.softening, name)), found.get("interval", {}).get(name)
+        rows.append([name, *_pair(value, found.get("sd", {}).get(name)),
+                     within(value, *ends)[1] if ends is not None else "not fitted"])
+    missed = ", ".join(percent(rms) for rms in found.get("relative_rms", ()))
+    return Printed("Softening (Ogden-Roxburgh) and set, one standard error each", ["", "value", "+-", "95 % interval"],
+                   rows, "<>>>", (f"Relative RMS along the whole path: {missed}.",) if missed else ())
 
 
 def _slowest(found: Mapping[str, Any]) -> list[str]:

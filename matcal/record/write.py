@@ -1,10 +1,10 @@
 """What a calibration leaves behind: the card, and next to it a folder with the reduced tests and their fitted curves.
 
-The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where
-the test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law
-without rate effects; KIND_i_cycles.parquet, one row a cycle, for a cyclic test; predicted_i.parquet, a test kept out
-of the fit; bands.parquet, stress in every mode with its 95 % band, and conductivity_band.parquet; decisions.json, test
-or stage -> sentences; and posterior.nc where a posterior was sampled.
+The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where the
+test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law without
+rate effects; KIND_i_cycles.parquet, one row a cycle, for a cyclic test; KIND_i_path.parquet, its loading and unloading;
+predicted_i.parquet, a test kept out of the fit; bands.parquet, stress in every mode with its 95 % band, and
+conductivity_band.parquet; decisions.json, test or stage -> sentences; and posterior.nc where a posterior was sampled.
 """
 
 from __future__ import annotations
@@ -74,7 +74,8 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
                         fit=summary(found, posterior.draws if posterior else None),
                         stability=stability(law) if law else {}, provenance=provenance,
                         posterior=_posterior_part(posterior, law) if posterior else {},
-                        shift=spectrum.shift.law if spectrum is not None and spectrum.shift else None)
+                        shift=spectrum.shift.law if spectrum is not None and spectrum.shift else None,
+                        softening=found.softening.damage if found.softening else None)
 
 
 def _versions() -> dict[str, str]:
@@ -135,6 +136,11 @@ def _write_folder(found: FittedLaws, posterior: Posterior | None, folder: Path) 
         write_table(_table(found, label, experiment), folder / f"{label}.parquet")
         if experiment.cycles is not None:
             write_table(experiment.cycles, folder / f"{label}_cycles.parquet")
+    paths = [(label, experiment.path) for label, experiment in tests if experiment.path is not None]
+    for (label, path), fitted in zip(paths, found.softening.fitted if found.softening else (), strict=False):
+        columns = {"strain": path.strain, "stress_Pa": path.stress_Pa, "fit_stress_Pa": fitted}
+        clock = {} if path.time_s is None else {"time_s": path.time_s}
+        write_table(columns | clock, folder / f"{label}_path.parquet")
     for k, predicted in enumerate(found.predicted, 1):
         write_table(_predicted_table(found, predicted), folder / f"predicted_{k}.parquet")
     write_json({name: list(group) for name, group in said(found).items()}, folder / "decisions.json")

@@ -24,6 +24,16 @@ class Sweep:
 
 
 @dataclass(frozen=True)
+class StrainPath:
+    """Loading and unloading of a cyclic test, from first contact on."""
+
+    strain: Array  # (n,) nominal strain, compression negative
+    stress_Pa: Array  # (n,) nominal stress
+    time_s: Array | None  # (n,) time from contact, s; None without a clock
+    noise_Pa: float  # standard deviation of the noise of a value
+
+
+@dataclass(frozen=True)
 class Experiment:
     """One specimen in one mode; a relaxation has time and stress, a creep time and compliance, a dynamic test storage
     modulus and a sweep, a conductivity test strain and conductivity."""
@@ -50,6 +60,7 @@ class Experiment:
     # column -> (m,) values, one row a cycle, of a cyclic test: cycle, resistance_rest_Ohm, resistance_peak_Ohm, their
     # fitted courses fit_*; or cycle, loss_Pa, residual_strain, peak_stress_Pa. None where nothing is cycled
     cycles: Mapping[str, Array] | None = None
+    path: StrainPath | None = None  # the whole path of a test of which `strain` and `value` are the first loadings
     sweep: Sweep | None = None  # of a dynamic test; None for any other
     decisions: tuple[str, ...] = ()  # every correction applied and decision taken, one sentence each, in order
     cautions: tuple[str, ...] = ()  # what a user of the card must know of the record, one sentence each

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from matcal.laws.histories.time_temperature import Shift, Wlf, decades
 from matcal.laws.prony import Prony, relaxation
-from matcal.laws.time_temperature import Shift, Wlf, decades
 from reports.calibration.card_record import Record, rows_where
 from reports.document import style
 from reports.document.numerals import number, pascals, percent, prefixed

@@ -1,8 +1,8 @@
 """Prony series of a dynamic test or of a creep: non-negative shares at times that are given, evenly in log time.
 
 Storage and loss modulus of every frequency are linear in the moduli E_inf, E_i of given times; so is a compliance in
-J_0, J_i, which relaxes as `matcal.laws.creep_series` says. Residuals are relative to the measured value; each channel
-counts by its own misfit. Errors of neighbouring points may be correlated.
+J_0, J_i, which relaxes as `matcal.laws.histories.creep_series` says. Residuals are relative to the measured value; each
+channel counts by its own misfit. Errors of neighbouring points may be correlated.
 """
 
 import time
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from matcal.fitting.relaxation.sweep_shift import ShiftFit, shifted
-from matcal.laws.creep_series import relaxation_of
+from matcal.laws.histories.creep_series import relaxation_of
 from matcal.laws.prony import Prony, dynamic
 from matcal.reduction.experiment import Experiment, Sweep
 from matcal.statistics.residual_correlation import correlated_errors

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import least_squares
 
-from matcal.laws.time_temperature import GAS_J_PER_MOL_K, Arrhenius, Shift, Wlf, decades
+from matcal.laws.histories.time_temperature import GAS_J_PER_MOL_K, Arrhenius, Shift, Wlf, decades
 from matcal.reduction.experiment import Sweep
 from touchcal.arrays import Array
 

@@ -11,7 +11,7 @@ behavior in elastomeric foams" (22.5.2), "Time domain viscoelasticity" (22.7.1) 
 Abaqus Theory Guide, "Finite-strain viscoelasticity" (4.8.2).
 """
 
-from matcal.record.exporters import shift_lines
+from matcal.record.exporters import shift_lines, softening_lines
 from matcal.record.exporters.base import Material, Target, Written, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import commented_file, identifier, number, rows
 
@@ -55,4 +55,4 @@ def hyperfoam_data(material: Material) -> list[str]:
 
 
 TARGET = Target("Abaqus", write, commented_file("**"), similar={"neo_hooke": "*HYPERELASTIC, NEO HOOKE"},
-                shift=shift_lines.abaqus)
+                shift=shift_lines.abaqus, softening=softening_lines.abaqus)

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from matcal.laws.prony import Prony
-from matcal.record.exporters import shift_lines
+from matcal.record.exporters import shift_lines, softening_lines
 from matcal.record.exporters.base import Material, Target, Written, moduli_note
 from matcal.record.exporters.formatting import commented_file, number
 
@@ -63,4 +63,4 @@ def _data(values: Sequence[float]) -> list[str]:
 
 
 TARGET = Target("Ansys Mechanical APDL", write, commented_file("!"), similar={"neo_hooke": "TB,HYPER,,,,NEO"},
-                shift=shift_lines.ansys)
+                shift=shift_lines.ansys, softening=softening_lines.ansys)

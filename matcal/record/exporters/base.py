@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.time_temperature import Shift
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
-from matcal.laws.time_temperature import Shift
 from touchcal.arrays import Array
 
 
@@ -88,6 +89,8 @@ class Target:
     similar: Mapping[str, str] = field(default_factory=dict)
     # lines of the shift of relaxation times with temperature, none where the program has no such law; None: it has none
     shift: Callable[[Shift], tuple[str, ...]] | None = None
+    # lines of the softening by earlier loading, its m in the units of stress; None where the program has no such law
+    softening: Callable[[Damage, float], tuple[str, ...]] | None = None
 
 
 def refuse_more_terms(material: Material, most: int, title: str) -> None:

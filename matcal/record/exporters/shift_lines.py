@@ -7,7 +7,7 @@ WLF takes T_r, C_1, C_2 of log10 A = C_1 (T - T_r)/(C_2 + T - T_r), with the red
 Sources: Abaqus Keywords Reference Guide, *TRS; Ansys Mechanical APDL Material Reference, "Shift Functions".
 """
 
-from matcal.laws.time_temperature import GAS_J_PER_MOL_K, Shift, Wlf
+from matcal.laws.histories.time_temperature import GAS_J_PER_MOL_K, Shift, Wlf
 from matcal.record.exporters.formatting import number
 
 _ZERO_C = 273.15

@@ -23,19 +23,20 @@ _FAR = 1e-3  # error of a zero from which on it is said
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
 
 
-def reduce_table(kind: str, recording: Recording, direction: str | None = None) -> Experiment:
+def reduce_table(kind: str, recording: Recording, direction: str | None = None, *, cycled: bool = False) -> Experiment:
     """The table as it stands, stretch turned into strain, pressure into mean stress, compression made negative;
-    `direction` is what the specimen's file says of it. InputFileError where a column is missing or constant, signs
-    disagree, or a number cannot be what its column says."""
+    `direction` is what the specimen's file says of it; `cycled`: whether its unloading is used. InputFileError where a
+    column is missing or constant, signs disagree, or a number cannot be what its column says."""
     notes, cautions = list(recording.notes), list[str]()
-    if kind in (*_FREE_FACES, "shear"):
+    one_loading = kind in (*_FREE_FACES, "shear") and not cycled
+    if one_loading:
         recording = _until_collapse(recording, cautions)
     strain, value = (_volumetric if kind == "volumetric" else _strain_and_value)(kind, recording, notes)
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation", "conductivity"):
         strain, value = _compression_negative(kind, recording, strain, value, direction, notes, cautions)
     _check_range(kind, recording, strain)
-    if kind in (*_FREE_FACES, "shear"):
+    if one_loading:
         cautions += loading_doubts(recording.label, strain, value)
         most = int(np.argmax(np.abs(strain))) + 1
         time = recording.columns.get("time")
@@ -48,7 +49,7 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     deviation = _deviation(recording) if kind != "conductivity" else None
     lateral = _lateral(recording, strain, notes) if kind in _FREE_FACES else None
     facts = _zero(kind, recording.label, strain, value, cautions) if (
-        kind in (*_FREE_FACES, "shear") and lateral is None) else {}
+        one_loading and lateral is None) else {}
     if kind == "relaxation" and "strain" in recording.columns and not _named(recording, direction) \
             and strain.min() >= -_SIGNED * np.abs(strain).max():
         facts["direction_assumed"] = 1.0  # of consequence only next to a law: shares that relax have no sign

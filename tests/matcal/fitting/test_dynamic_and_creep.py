@@ -12,9 +12,9 @@ from scipy.integrate import simpson
 from matcal.fitting.calibrate import calibrate
 from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.relaxation.spectrum_fit import fit_spectrum
-from matcal.laws.creep_series import relaxation_of
+from matcal.laws.histories.creep_series import relaxation_of
+from matcal.laws.histories.time_temperature import Arrhenius, Shift, Wlf, decades
 from matcal.laws.prony import Prony, convolve, dynamic, relaxation
-from matcal.laws.time_temperature import Arrhenius, Shift, Wlf, decades
 from matcal.reduction.experiment import Experiment, Sweep
 from matcal.reduction.reduce import reduce_tests
 

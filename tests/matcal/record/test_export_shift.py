@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from matcal.card import MaterialCard, read_card, write_card
+from matcal.laws.histories.time_temperature import Arrhenius, Wlf, decades
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
-from matcal.laws.time_temperature import Arrhenius, Wlf, decades
 from matcal.record.exporters.deck import export
 
 FOAM = Hyperfoam(np.array([12e3]), np.array([2.0]), np.zeros(1), "longterm")
