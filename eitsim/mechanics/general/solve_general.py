@@ -44,9 +44,9 @@ _FACTORISATIONS = 100
 # Bytes of a number of the factors and of an element's matrix, with what is kept of both at a time; and what the program
 # takes itself.
 _BYTES_ENTRY, _BYTES_ELEMENT, _BYTES_BASE = 12, 60_000, 300e6
-# Operations per second, iterations of a usual touch with edges and others and of each punch alone, and CPU time of an
-# element in one of them, s.
-_PER_SECOND, _ITERATIONS, _ALONE, _ELEMENT_S = 3e10, 14, 7, 1e-4
+# Operations per second, iterations of a usual touch with edges and others, from a coarser mesh of the FINE one, and of
+# each punch alone, and CPU time of an element in one of them, s.
+_PER_SECOND, _ITERATIONS, _CARRIED, _ALONE, _ELEMENT_S = 3e10, 14, 7, 7, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
         fine = better(model, rough, level)
     errors = _errors(rough, fine, punches, lone)
     if requested is not None and errors.missed(requested) and (
-            _cost([model := on(FINE)], [FINE], lone).cpu_s < _MOST_S):
+            _cost([model := on(FINE)], [FINE], lone, _CARRIED).cpu_s < _MOST_S):
         with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
             rough, fine = fine, better(model, fine, FINE)
             errors = _errors(rough, fine, punches, lone, FINE.element / level.element)
@@ -141,7 +141,8 @@ def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Lev
     return _cost([problem(law, body, punches, lone, each, layout=layout) for each in levels], levels, lone)
 
 
-def _cost(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch]) -> Cost:
+def _cost(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch],
+          iterations: int = _ITERATIONS) -> Cost:
     """Of problems on meshes of these levels, the last one the finest."""
     alone = [problem_alone(model, k, each, one.curvature) for model, each in zip(whole, levels, strict=True)
              for k, one in enumerate(lone)]
@@ -150,7 +151,7 @@ def _cost(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence
     together, each = (sum(model.tree.operations / _PER_SECOND + _ELEMENT_S * len(model.mesh.elements) for model in some)
                       for some in (whole, alone))
     unknowns = fine.mesh.unknowns + sum(model.mesh.unknowns for model in alone[-len(lone):])
-    return Cost(unknowns, memory, _ITERATIONS * together + _ALONE * each)
+    return Cost(unknowns, memory, iterations * together + _ALONE * each)
 
 
 def _changed(fine: Corrected) -> Array:
