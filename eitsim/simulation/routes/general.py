@@ -9,16 +9,20 @@ import numpy as np
 
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
-from eitsim.mechanics.general.solve_general import solve_general
+from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general
 from eitsim.mechanics.rim.interaction import edge_gap_m
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
+from eitsim.scene.scene import STRAINS
 from eitsim.simulation.edge_effects import far_edges_effect
 from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge, off_skin
 from matcal.laws.law import Law
+from touchcal.arrays import Array
 from touchcal.choice import Choice
 
-_ONE_S = 20.0  # CPU time of a usual touch (benchmarks/results/general_touches.csv).
+_MESH_SHARE = 0.9  # Part of the requested signal error that the mechanics may use up.
+# CPU time of a usual touch (benchmarks/results/general_touches.csv), and of one that is solved on the FINE level too.
+_ONE_S, _FINE_S = 20.0, 80.0
 
 
 class General(Route):
@@ -36,7 +40,8 @@ class General(Route):
             return why
         if any(edge_gap_m(one, other) < least_m for one, other in combinations(case.punches, 2)):
             return Choice(Why.TOUCHING, {"least_m": least_m})
-        return _ONE_S * len(case.punches)
+        fine = case.exact or _MESH_SHARE * case.scene.accuracy.signal < SIGNAL_FLOOR
+        return (_FINE_S if fine else _ONE_S) * len(case.punches)
 
     def outside(self, case: Case) -> float:
         reach = (FINE if case.exact else COARSE).reach
@@ -50,8 +55,15 @@ class General(Route):
         body, places = case.scene.body, np.array([(punch.x_m, punch.y_m) for punch in case.punches])
         least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
         bodies = bodies_of(body, case.scene.electrodes, places, least)
-        touches = solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies).touches
+        touches = solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies,
+                                requested=None if case.exact else self._requested(case)).touches
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
+
+    def _requested(self, case: Case) -> Array:
+        """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, of the driving
+        strain alone."""
+        left = _MESH_SHARE * case.scene.accuracy.signal - self.outside(case)
+        return np.where(np.array(STRAINS) == case.scene.skin.strain, left, np.inf)
 
     def words(self, of: Values) -> Words:
         how = "a coarser mesh tells the error, which counts in the result's own"

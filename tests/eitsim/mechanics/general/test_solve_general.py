@@ -20,12 +20,13 @@ from eitsim.sheet.sheet_conductance import driving_strains, stretches
 from eitsim.simulation.near_edges import solve_near_rim
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
 LAW = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249, 0.741]), np.zeros(3))
 SKIN = Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4))
 FLAT = Punch(diameter_m=0.014, force_N=1.0)
-ROUGHER = Level(12.0, 1.2, 0.9, 0.6, 8)
+ROUGHER, ROUGHEST = Level(12.0, 1.2, 0.9, 0.6, 8), Level(16.0, 1.5, 1.0, 0.8, 6)
 
 
 def _solved(body: Body, *punches: Punch) -> GeneralSolution:
@@ -113,6 +114,36 @@ def test_a_punch_that_rubs_holds_the_layer_as_it_does_about_its_axis(punch: Punc
     (rough, held), (_, free) = moved
     assert np.linalg.norm(held - free) > 0.5 * np.linalg.norm(free)
     assert np.linalg.norm(rough - held) < 0.05 * np.linalg.norm(held - free)
+
+
+@pytest.mark.slow
+def test_a_finer_mesh_is_started_from_a_coarser_one() -> None:
+    """Two punches 2 mm from each other, one of which rubs: the sum of the lone touches is further from equilibrium."""
+    body, pair = Body(Disc(0.1)), (FLAT, replace(FLAT, x_m=0.016, friction="coulomb", friction_coefficient=0.3))
+    lone = lone_touches(LAW, body, pair)
+    first, model = (problem(LAW, body, pair, lone, level) for level in (ROUGHER, ROUGH))
+    coarse = equilibrium(first, lone, body.thickness_m)
+    by_sum, carried = (equilibrium(model, lone, body.thickness_m, start) for start in (None, coarse))
+    assert carried.depths == pytest.approx(by_sum.depths, rel=1e-5)
+    assert len(carried.residuals) <= len(by_sum.residuals)
+    assert carried.residuals[0] < 0.5 * by_sum.residuals[0]
+
+
+@pytest.mark.slow
+def test_requested_errors_choose_a_finer_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(general, "FINE", ROUGH)
+    punch, any_error = Punch(x_m=0.08, force_N=0.5), np.full(3, np.inf)
+
+    def errors(requested: Array) -> Array:
+        found = solve_general(LAW, Body(Disc(0.1)), [punch], level=ROUGHER, coarser=ROUGHEST, requested=requested)
+        return np.array(found.touches[0].signal_errors)
+
+    plain = errors(any_error)
+    asked = np.where(np.arange(3) == 1, 0.9 * plain, np.inf)
+    assert np.all(errors(asked) < plain)
+    assert np.array_equal(errors(0.1 * asked), plain)
+    monkeypatch.setattr(general, "_MOST_S", 0.0)
+    assert np.array_equal(errors(asked), plain)
 
 
 def test_a_search_without_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
