@@ -7,8 +7,6 @@ plan, mechanics, skin and electrics. The lowest force is 1 mN for Table 1, the h
 its logarithm. Pin threads to one as `make bench` does.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import time
@@ -20,7 +18,8 @@ import pandas as pd
 from conditions import CONDITIONS, RESULTS, conditions, quick
 from materials import SKIN_LAW, TABLE_1
 
-from eitsim.scene.scene import FRICTIONS, Scene, scene_from
+from eitsim.scene.scene import Scene, scene_from
+from eitsim.scene.scene_parts import FRICTIONS
 from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard

@@ -10,12 +10,13 @@ if TYPE_CHECKING:
     from matcal.fitting.fit_options import FitOptions
     from matcal.laws.conductivity import Conductivity
     from matcal.laws.deformation_modes import nominal_stress
+    from matcal.laws.histories.damage import Damage
     from matcal.laws.hyperfoam import Hyperfoam
     from matcal.laws.prony import Prony
     from matcal.laws.stability import stability
     from matcal.record.calibration import Calibration, fit
     from matcal.record.exporters.deck import export
-    from matcal.record.predict import check, predict
+    from matcal.record.predict import check, follow_path, predict
     from matcal.reduction.experiment import Experiment
     from matcal.reduction.inspect import inspect
     from matcal.reduction.reduce import read_test

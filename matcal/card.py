@@ -3,11 +3,13 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from matcal.laws.conductivity import Conductivity
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.time_temperature import Arrhenius, Shift, Wlf
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.known_laws import law_of, law_type
 from matcal.laws.law import Law, scaled, values_of
@@ -17,6 +19,7 @@ from touchcal.errors import InputFileError
 from touchcal.json_file import read_json, write_json
 
 SCHEMA = 1
+SOFTENING = "ogden_roxburgh"  # the law of softening
 _FREE = ("fit", "stability", "posterior", "provenance")
 # Least exponent in size, and moduli, Pa, of any solid: softer than any gel, stiffer than diamond.
 _LEAST_ALPHA, _LEAST_PA, _MOST_PA = 1e-6, 1e-3, 1e13
@@ -28,11 +31,17 @@ _SHAPE = Keys({"schema": Number()}, {
                        "moduli": str}, {"strain_range": {str: _STRAINS}}, further=False),
     "hyperelastic": Keys({"law": str, "parameters": {str: (Number(-1e15, 1e15), [Number(-1e15, 1e15)])}, "moduli": str},
                          {"compressible": bool, "strain_range": {str: _STRAINS}}, further=False),
-    "prony": Keys({"g": [Number(0, 1)], "tau_s": [Number(1e-15, 1e40)]}, further=False),
+    "prony": Keys({"g": [Number(0, 1)], "tau_s": [Number(1e-40, 1e40)]}, further=False),
+    "shift": Keys({"law": str, "reference_K": Number(1, 1e4)},
+                  {"C1": Number(0, 1e6), "C2_K": Number(0, 1e6), "activation_J_per_mol": Number(-1e9, 1e9)},
+                  further=False),
+    "softening": Keys({"law": str, "r": Number(1, 1e6), "m_Pa": Number(0, 1e13), "beta": Number(0, 1e6),
+                       "set_share": Number(0, 1)}, further=False),
     "conductivity": Keys({"c0_S_per_m": Number(), "a": [Number(-1e6, 1e6)] * 3, "strain_range": _STRAINS},
                          further=False),
     "fit": Keys(allowed={"derived": {str: {str: (Number(), None)}}, "parameters": {str: {str: (Number(), None)}},
                          "orders": [dict], "data_stability": [dict], "predicted": [dict], "prony": dict,
+                         "softening": dict, "material": {str: (bool, str)}, "laws": [dict], "deciding_test": dict,
                          "conductivity": dict, "cross_prediction": {str: dict}, "without_stability": dict}),
     "stability": {str: {str: dict}},
     "posterior": Keys(allowed={"file": str, "n": Number(0, whole=True), "checks": dict, "derived": {str: dict}}),
@@ -64,6 +73,8 @@ class MaterialCard:
     schema: int = SCHEMA  # version of the file's layout
     # file that it was read from or written to, next to which its data lie; None for a card that has none
     file: Path | None = field(default=None, compare=False, repr=False)
+    shift: Shift | None = None  # of the times of `prony` with temperature
+    softening: Damage | None = None  # by earlier loading, around `law`
 
     @property
     def hyperfoam(self) -> Hyperfoam | None:
@@ -76,7 +87,8 @@ def lacking(card: MaterialCard, part: str, purpose: str) -> str:
     has it."""
     if getattr(card, part) is not None:
         return ""
-    needs = {"law": "a uniaxial or shear file", "prony": "a relaxation file",
+    needs = {"law": "a uniaxial or shear file", "prony": "a relaxation, creep or dma file",
+             "shift": "a dma file of several temperatures", "softening": "a cyclic file and --unloading",
              "conductivity": "a conductivity file, or by hand in Python with matcal.Conductivity"}[part]
     what = "law of the foam" if part == "law" else part
     return f"card '{card.name}' has no {what}, which {purpose} needs. Add it with `matcal fit` and {needs}."
@@ -143,6 +155,10 @@ def read_card(path: Path | str) -> MaterialCard:
             parts["law"] = _hyperelastic(raw["hyperelastic"])
         if "prony" in raw:
             parts["prony"] = Prony(raw["prony"]["g"], raw["prony"]["tau_s"])
+        if "shift" in raw:
+            parts["shift"] = _shift(raw["shift"])
+        if "softening" in raw:
+            parts["softening"] = _softening(raw["softening"])
         if "conductivity" in raw:
             c = raw["conductivity"]
             parts["conductivity"] = Conductivity(float(c["c0_S_per_m"]), c["a"], _range("conductivity", c))
@@ -154,6 +170,24 @@ def read_card(path: Path | str) -> MaterialCard:
         raise InputFileError(path, str(error)) from None
     free = {key: raw[key] for key in _FREE if key in raw}
     return MaterialCard(name=raw.get("name", path.stem), data=raw.get("data"), file=path, **parts, **free)
+
+
+def _shift(raw: Mapping[str, Any]) -> Shift:
+    kinds: dict[str, type[Wlf] | type[Arrhenius]] = {"wlf": Wlf, "arrhenius": Arrhenius}
+    if raw["law"] not in kinds:
+        raise ValueError(f"shift.law '{raw['law']}' is unknown; known: {', '.join(kinds)}.")
+    kind, given = kinds[raw["law"]], {key: value for key, value in raw.items() if key != "law"}
+    names = [f.name for f in fields(kind)]
+    if wrong := sorted(set(names) ^ set(given)):
+        raise ValueError(f"shift.{wrong[0]} is {'missing' if wrong[0] in names else 'unknown'}; {raw['law']} has "
+                         f"{', '.join(names)}.")
+    return kind(**given)
+
+
+def _softening(raw: Mapping[str, Any]) -> Damage:
+    if raw["law"] != SOFTENING:
+        raise ValueError(f"softening.law '{raw['law']}' is unknown; known: {SOFTENING}.")
+    return Damage(*(float(raw[name]) for name in ("r", "m_Pa", "beta", "set_share")))
 
 
 def _hyperfoam(raw: Mapping[str, Any]) -> Law:
@@ -213,9 +247,13 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
                    for p, values in zip(law.parameters, values_of(law), strict=True)}
         fitted = {"moduli": law.moduli, "strain_range": {m: list(r) for m, r in law.strain_range.items()}}
         out |= {"hyperfoam": numbers | fitted} if card.hyperfoam else {
-            "hyperelastic": {"law": law.name, "parameters": numbers, "compressible": law.compressible, **fitted}}
+            "hyperelastic": {"law": law.name, "parameters": numbers, "compressible": not law.incompressible, **fitted}}
     if (p := card.prony) is not None:
         out["prony"] = {"g": p.g.tolist(), "tau_s": p.tau_s.tolist()}
+    if (shift := card.shift) is not None:
+        out["shift"] = {"law": type(shift).__name__.lower(), **asdict(shift)}
+    if card.softening is not None:
+        out["softening"] = {"law": SOFTENING, **asdict(card.softening)}
     if (c := card.conductivity) is not None:
         out["conductivity"] = {"c0_S_per_m": c.c0_S_per_m, "a": c.a.tolist(), "strain_range": list(c.strain_range)}
     out |= {key: value for key in _FREE if (value := getattr(card, key))}
@@ -228,7 +266,8 @@ def card_identity(card: MaterialCard) -> dict[str, Any]:
     """Name, file (None for a card that has none) and content hash (of the material's parts) of a card, and whether
     synthetic data made it."""
     parts = {key: value for key, value in as_json(card).items()
-             if key in ("hyperfoam", "hyperelastic", "prony", "conductivity")}
+             if key in ("hyperfoam", "hyperelastic", "prony", "shift", "softening",
+                                                           "conductivity")}
     text = json.dumps(parts, sort_keys=True)
     return {"name": card.name, "file": card.file and card.file.name,
             "sha256": hashlib.sha256(text.encode()).hexdigest(),

@@ -130,6 +130,13 @@ def test_few_places_ask_whether_a_body_is_a_disc() -> None:
     assert {room: count for room, count in asks_of_the_edge().items() if count > most.get(room, 0)} == {}
 
 
+def test_where_electrodes_lie_on_the_surface_is_asked_in_one_file() -> None:
+    """Others ask for their loops, so that a new place is stated next to those in `outline_electrodes`."""
+    asks = {path.name for path in modules()
+            if re.search(r"\.anywhere\b|Place\.SURFACE", path.read_text(encoding="utf-8"))}
+    assert asks == {"electrodes.py", "outline_electrodes.py"}
+
+
 def climbs(work: Callable[[], object]) -> set[tuple[str, str, str]]:
     """Calls from a module of eitsim to one that stands above it, of those that it does not import: (module, function,
     what it calls), each once."""

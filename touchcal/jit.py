@@ -71,7 +71,8 @@ def compilable(*functions: Callable[..., Any]) -> None:
         _COMPILABLE.add(function)
         _WITH_LOOPS.add(function.__module__)
         register_jitable(function)
-        named = (function.__globals__.get(name) for name in function.__code__.co_names)
+        named = [function.__globals__.get(name) for name in function.__code__.co_names]
+        named += [cell.cell_contents for cell in function.__closure__ or ()]
         compilable(*(other for other in named if isinstance(other, FunctionType)))
 
 

@@ -10,7 +10,8 @@ The frames here are **synthetic**: a punch that moves over a simulated skin, wit
 # %%
 # A model
 # -------
-# A forward model of touches by two punches of 12 and 16 mm, learnt from a small sweep. It knows no others.
+# A forward model of touches by two punches of 12 and 16 mm, learnt from a small sweep; with ``known_punches`` it knows
+# no others.
 
 import subprocess
 import tempfile
@@ -40,7 +41,7 @@ force_N = [0.05, 0.7]
 signal = 0.05
 """)
 data = eitsim.sweep(folder / "design.toml", card, out=folder / "sweep")
-model = surrogate.train(data, method="forward", seed=1)
+model = surrogate.train(data, method="forward", seed=1, known_punches=True)
 
 # %%
 # A touch that moves

@@ -216,8 +216,8 @@ def unread(drive: Drive, electrodes: Electrodes) -> NDArray[np.bool_]:
 @lru_cache(maxsize=8)
 def check(radius_m: float, electrodes: Electrodes) -> None:
     """ValueError where electrodes cannot be as they are given on a disc; names the key of [electrodes]."""
-    require(not electrodes.anywhere, "kind", "\"surface\" needs an outline in [body]; a disc is a rectangle whose "
-            "corner_radius_mm is half of its width_mm and height_mm")
+    require(electrodes.place in (None, Place.EDGE, Place.RIM), "kind", f"\"{electrodes.kind}\" needs an outline in "
+            "[body]; a disc is a rectangle whose corner_radius_mm is half of its width_mm and height_mm")
     for name in PLACES:
         require(not getattr(electrodes, name), name.replace("_m", "_mm"), "needs an outline in [body]; on a disc give "
                 "angles_deg")

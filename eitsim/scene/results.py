@@ -113,6 +113,9 @@ class Section:
     # (nodes, 2) displacement (u_r, u_z), m
     displacement_m: Array
     law: Law
+    # (elements, 1 or 3) logarithm of the change of volume that a nearly incompressible law resists, along
+    # `mechanics.solid.grid.modes`; None: the displacements' own
+    log_volume: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

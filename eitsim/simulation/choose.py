@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from eitsim.electrics.forward.skins import skin_of
 from eitsim.mechanics.axisymmetric.elastic_holds import elastic_forces
@@ -11,6 +12,7 @@ from eitsim.mechanics.axisymmetric.hold import kept, relaxed
 from eitsim.mechanics.curved.solve_on_surface import unfit
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.mechanics.rim.interaction import clusters, edge_gap_m, expected, gap_for
+from eitsim.mechanics.solid.volume_projection import projects
 from eitsim.scene.choices import Why
 from eitsim.scene.curved.curved_scene import CurvedScene
 from eitsim.scene.electrodes import present
@@ -119,9 +121,10 @@ def choose(scene: Scene, material: Material, *, exact: bool = False, bodies: boo
     exact: leave nothing out that a route can solve; bodies: as of `Case`; table: load paths, of which those touches are
     taken that they hold to the requested error, not with exact.
     """
-    ways, clusters = choose_ways(scene, exact=exact, bodies=bodies)
+    ways_of = partial(choose_ways, exact=exact, bodies=bodies, keeps_volume=projects(material.law))
+    ways, clusters = ways_of(scene)
     if elastic := _creeps_otherwise(ways):
-        ways, clusters = choose_ways(_loaded(scene), exact=exact, bodies=bodies)
+        ways, clusters = ways_of(_loaded(scene))
     made = Chosen(scene, material, exact, ways, tuple(way for way in clusters if way.why is None), elastic, bodies,
                   None if exact else table, _why(scene, material, ways, clusters))
     return made if made.table is None else replace(made, ways=_from_table(made, made.table))
@@ -138,23 +141,24 @@ def _loaded(scene: Scene) -> Scene:
     return replace(scene, hold=Hold())
 
 
-def choose_ways(scene: Scene, *, exact: bool = False, bodies: bool = True
+def choose_ways(scene: Scene, *, exact: bool = False, bodies: bool = True, keeps_volume: bool = False
                 ) -> tuple[tuple[Way, ...], tuple[Way, ...]]:
-    """The way of each touch by itself, whatever the material, and those of touches that are to be solved together."""
-    ways = tuple(_way(Case(scene, (i,), exact, bodies)) for i in range(len(scene.punches)))
+    """The way of each touch by itself, and those of touches that are to be solved together; keeps_volume: as of `Case`,
+    all that is asked of the material."""
+    ways = tuple(_way(Case(scene, (i,), exact, bodies, keeps_volume)) for i in range(len(scene.punches)))
     return ways, _together(scene, ways)
 
 
-def tabled_near_edge(scene: Scene, reach: float) -> int:
+def tabled_near_edge(scene: Scene, law: Law, reach: float) -> int:
     """How many touches of a scene lie near an edge where a table of what edges change as far as a reach, thicknesses,
     may hold them."""
-    ways = [_way(Case(scene, (i,), bodies=False)) for i in range(len(scene.punches))]
+    ways = [_way(Case(scene, (i,), bodies=False, keeps_volume=projects(law))) for i in range(len(scene.punches))]
     return sum(way.case.near and way.why is None and way.route.storable(way.case, reach) for way in ways)
 
 
 def served(table: Table | None, law: Law, scene: Scene) -> tuple[Touch | None, ...]:
     """The touches of a scene that a table holds to the requested error; None for each that is to be solved."""
-    ways = [_way(Case(scene, (i,), bodies=False)) for i in range(len(scene.punches))]
+    ways = [_way(Case(scene, (i,), bodies=False, keeps_volume=projects(law))) for i in range(len(scene.punches))]
     return _stored(table, law, scene, [(way.route, way.case) for way in ways])
 
 
@@ -173,7 +177,8 @@ def _way(case: Case) -> Way:
     first that meets it and is refused, of several touches the last, or that of those that leave out least."""
     ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
             for route in known_routes.ROUTES if (case.exact or not route.for_exact) and (
-                route.leaning or not any(punch.tilt_rad for punch in case.punches))
+                route.leaning or not any(punch.tilt_rad for punch in case.punches)) and not (
+                route.locking and case.keeps_volume)
             if (answer := route.serves(case)) is not NOT_MEANT]
     fine = [way for way in ways if way.route.leaves_out(case) <= case.allowed]
     serving = [way for way in fine if way.why is None]
@@ -212,11 +217,11 @@ def _together(scene: Scene, ways: Sequence[Way]) -> tuple[Way, ...]:
     """The touches that must be solved together, or cannot; with exact any two that can, far from edges."""
     if len(ways) < 2:
         return ()
-    exact, bodies = ways[0].case.exact, ways[0].case.bodies
-    if exact and len(ways) == 2 and not any(way.case.near for way in ways) and (
-            both := _way(Case(scene, (0, 1), exact, bodies))).why is None:
+    first = ways[0].case
+    if first.exact and len(ways) == 2 and not any(way.case.near for way in ways) and (
+            both := _way(replace(first, touches=(0, 1)))).why is None:
         return (both,)
-    return tuple(_way(Case(scene, group, exact, bodies)) for group in clusters(
+    return tuple(_way(replace(first, touches=group)) for group in clusters(
         scene.body, scene.punches, _NEIGHBOUR_SHARE * scene.accuracy.signal))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from eitsim.mechanics.rim.half_disc_fields import volume_fields
 from eitsim.mechanics.solid import axisymmetric_assembly
-from eitsim.mechanics.solid.grid import lagrange
+from eitsim.mechanics.solid.grid import lagrange, modes
 from eitsim.mechanics.solid.kinematics import tensors
 from eitsim.scene.results import Array, Section, Touch
 
@@ -46,14 +46,19 @@ def section_fields(touch: Touch) -> tuple[Array, dict[str, Array]]:
     """
     section = _section(touch)
     order = _order(section)
-    grad_u = _gradient(section, 2 / order * _CELLS[order][1] - 1)
+    at = 2 / order * _CELLS[order][1] - 1
+    grad_u = _gradient(section, at)
     fine = axisymmetric_assembly.admissible(grad_u)
     grad_u = np.where(fine[..., None], grad_u, _gradient(section, np.zeros((1, 2)))).reshape(-1, 5)
     flat = section.elements.ravel()
     moved, place = section.displacement_m[flat], section.nodes_m[flat]
     none = np.zeros(len(flat))
     pressure = np.interp(place[:, 0], touch.radius_m, touch.pressure_Pa)
-    fields = {"displacement_m": np.column_stack([moved, none]), **tensors(section.law, _matrix(grad_u)),
+    gradient = _matrix(grad_u)
+    if section.log_volume is not None:
+        resisted = (section.log_volume @ modes(at[:, 0], at[:, 1], order).T).ravel()
+        gradient *= np.exp((resisted - np.log(np.linalg.det(gradient))) / 3)[:, None, None]
+    fields = {"displacement_m": np.column_stack([moved, none]), **tensors(section.law, gradient),
               "contact_pressure_Pa": np.where(place[:, 1] == section.nodes_m[:, 1].max(), pressure, 0.0),
               "taken_from_centre": (~fine).ravel().astype(float)}
     return np.column_stack([place, none]), fields

@@ -7,6 +7,7 @@ from matcal.card import MaterialCard, require, with_moduli
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
+from matcal.laws.volumetric import nearly_incompressible
 
 
 @dataclass(frozen=True)
@@ -14,7 +15,8 @@ class Material:
     """The foam and the skin of a scene."""
 
     card: MaterialCard  # the card they are from
-    # the foam's law: with the moduli that the scene asks for, or instantaneous ones where there is a hold
+    # the foam's law with the moduli that the scene asks for, or instantaneous ones where there is a hold; its bulk
+    # modulus is finite
     law: Law
     c0_S_per_m: float | None = None  # conductivity of the untouched skin by a calibrated sensor; None: the card's
 
@@ -40,6 +42,6 @@ def material_of(scene: Scene, card: MaterialCard | Material) -> Material:
     calibrated = scene.channels.conductance_S
     c0 = calibrated[0] / scene.skin.thickness_m if calibrated else None
     if not scene.hold.time_s:
-        return Material(card, with_moduli(card, scene.hold.moduli), c0)
+        return Material(card, nearly_incompressible(with_moduli(card, scene.hold.moduli)), c0)
     require(card, "prony", "a hold (time_s in [hold])")
-    return Material(card, with_moduli(card, "instantaneous"), c0)
+    return Material(card, nearly_incompressible(with_moduli(card, "instantaneous")), c0)

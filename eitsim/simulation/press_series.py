@@ -15,7 +15,7 @@ import numpy as np
 from eitsim.electrics.forward.sheet_fields import contact_pressure, surface_displacement
 from eitsim.mechanics.rim.displacement_field import Places, displacement, gradient, widening
 from eitsim.mechanics.rim.half_disc_fields import INWARDS, Lattice, lattice_of, turn
-from eitsim.scene.edges.outline_electrodes import patch_loops, stretches_along
+from eitsim.scene.edges.outline_electrodes import middles_m, patch_loops, stretches_along
 from eitsim.scene.electrodes import arcs, lengths
 from eitsim.scene.nearest_edge import nearest_edge
 from eitsim.scene.outline_edge import edge_starts, places_along
@@ -352,8 +352,7 @@ def _on_outline(scene: Scene) -> Iterator[tuple[str, Array, Any]]:
             arc = np.unique(np.append(np.linspace(start, end, _ALONG), corners[(corners > start) & (corners < end)]))
             yield "line", places_along(shape, arc), _chain(len(arc))[:-1]
     else:
-        own = np.column_stack([scene.electrodes.x_m, scene.electrodes.y_m])
-        for place, loop in zip(own, patch_loops(scene.electrodes), strict=True):
+        for place, loop in zip(middles_m(shape, scene.electrodes), patch_loops(scene.electrodes), strict=True):
             fan = np.column_stack([_chain(len(loop)), np.full(len(loop), len(loop))])
             yield "triangle", np.vstack([loop, place]), fan
     for loop in shape.loops:

@@ -18,12 +18,14 @@ _POINTS = 11
 
 
 def fit_options(order: str, poisson: str | None, stable: str | None, stable_range: str | None, residual: str,
-                weight: Sequence[str], prony_terms: str, strain_zero: float, law: str) -> FitOptions:
+                weight: Sequence[str], prony_terms: str, strain_zero: float, law: str, prony_times: str | None,
+                reference: float | None) -> FitOptions:
     """The options behind the flags of `matcal fit`; ValueError names the flag that cannot be read."""
     from matcal.fitting.fit_options import FitOptions
 
     return FitOptions(_count("--order", order), _poisson(poisson), stable, _stretches(stable_range), residual,
-                      _weights(weight), _count("--prony-terms", prony_terms), strain_zero, law.replace("-", "_"))
+                      _weights(weight), _count("--prony-terms", prony_terms), strain_zero,
+                      law.replace("-", "_"), _times(prony_times), reference)
 
 
 def points(card: MaterialCard, mode: str, strain: str | None, time: str | None) -> np.ndarray:
@@ -47,6 +49,16 @@ def _count(flag: str, text: str) -> int | str:
     if text != "auto" and not text.isdecimal():
         raise ValueError(f"{flag} '{text}' is unknown; give 1 to 6 or auto.")
     return text if text == "auto" else int(text)
+
+
+def _times(text: str | None) -> tuple[float, ...] | None:
+    """Times as numbers A,B,... or as FROM:TO:COUNT, evenly in log time."""
+    if text is None or ":" not in text:
+        return None if text is None else tuple(numbers(text, "--prony-times", "0.1,1,10"))
+    ends = numbers(text.replace(":", ","), "--prony-times", "0.01:1e4:13")
+    if len(ends) != 3 or not (0 < ends[0] < ends[1] and ends[2] == int(ends[2]) > 1):
+        raise ValueError(f"--prony-times '{text}': write FROM:TO:COUNT, for example 0.01:1e4:13.")
+    return tuple(np.geomspace(ends[0], ends[1], int(ends[2])).tolist())
 
 
 def _poisson(text: str | None) -> float | str | tuple[float, ...] | None:

@@ -64,7 +64,10 @@ def fit_command(
         columns: ColumnsOption = None,
         branch: Annotated[str, typer.Option(help="Which loading of a cyclic test counts: last (preconditioned) "
                                             "or first.")] = "last",
-        law: Annotated[str, typer.Option(help=f"Law of the foam: {', '.join(LAWS)}.")] = "hyperfoam",
+        unloading: Annotated[bool, typer.Option("--unloading", help="Fit all loadings and unloadings of cyclic tests: "
+                                                "the law of the first loading, its softening and the set.")] = False,
+        law: Annotated[str, typer.Option(help=f"Law: {', '.join(LAWS)}; or auto: hyperfoam for a "
+                                            "foam, else the rubber law that predicts best.")] = "hyperfoam",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
         poisson: Annotated[str | None, typer.Option(
             help="Poisson-like nu: a value for all terms, or A,B,... one a term (by increasing alpha); fit: one for "
@@ -82,6 +85,11 @@ def fit_command(
         weight: Annotated[list[str] | None, typer.Option(metavar="KIND=W", help="Weight of one kind of test, for "
                                                          "instance shear=2.")] = None,
         prony_terms: Annotated[str, typer.Option(help="Terms of the Prony series, 1 to 30, or auto (BIC).")] = "auto",
+        prony_times: Annotated[str | None, typer.Option(metavar="A,B,...|FROM:TO:COUNT", help=(
+            "Relaxation times in s that are not fitted, or COUNT of them evenly in log time."))] = None,
+        reference_temperature: Annotated[float | None, typer.Option(metavar="C", help=(
+            "Temperature in C of the series of a dynamic test at several; the sweep nearest to it, or to 20 C, "
+            "counts."))] = None,
         strain_zero: Annotated[float, typer.Option(metavar="SD", help="Standard deviation of the strain zero of tests "
                                                    "that do not state one, for instance 0.002 for tables; it is then "
                                                    "in the intervals.")] = 0.0,
@@ -103,13 +111,13 @@ def fit_command(
 
     _check_places(out, report, [*files, *(predicted or [])], specimen)
     options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms,
-                          strain_zero, law)
+                          strain_zero, law, prony_times, reference_temperature)
     unfinished = None
     warnings.filterwarnings("ignore", "\nArviZ is undergoing", FutureWarning)  # arviz says so once a day
     with _counted(posterior) as progress:
         try:
             found = fit(files, specimen, options=options, predicted=predicted or (), columns=columns or (),
-                        branch=branch, posterior=posterior, seed=seed, progress=progress)
+                        branch="all" if unloading else branch, posterior=posterior, seed=seed, progress=progress)
         except NotConverged as error:
             if not isinstance(error.estimate, Calibration):
                 raise
@@ -146,6 +154,8 @@ def predict_command(
                                                    "without it over those that were fitted.")] = None,
         time: Annotated[str | None, typer.Option(help="Times A,B,... in s, for relaxation; without it over the "
                                                  "series.")] = None,
+        history: Annotated[Path | None, typer.Option(help="File of a path to follow, with columns of strain and time "
+                                                     "(a table or a machine file).")] = None,
         as_json: JsonOption = False) -> None:
     """Print what the card predicts, with its 95 % band where it has a posterior.
 
@@ -153,10 +163,14 @@ def predict_command(
     """
     from matcal.card import read_card
     from matcal.cli.arguments import points
-    from matcal.cli.summary import print_columns
+    from matcal.cli.summary import print_columns, print_followed
     from matcal.record.predict import beyond, predict
 
     read = read_card(card)
+    if history is not None:
+        print_followed(read, mode, history, [flag for flag, value in (("--strain", strain), ("--time", time))
+                                             if value is not None], as_json)
+        return
     columns = predict(read, mode, points(read, mode, strain, time))
     for sentence in beyond(read, mode, columns):
         print(f"matcal: warning: {sentence}", file=sys.stderr)

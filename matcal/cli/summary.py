@@ -19,7 +19,9 @@ from matcal.laws.deformation_modes import MODES
 from matcal.record import result_tables as tables
 from matcal.record.cautions import cautions, tests
 from matcal.record.exporters.programs import targets
+from touchcal.errors import InputFileError
 from touchcal.number_words import counted
+from touchcal.terminal import print_json
 
 # columns of a table in a pipe, where nothing says how wide the reader's page is
 _PIPE = 120
@@ -34,6 +36,24 @@ def print_columns(columns: dict[str, Any], title: str) -> None:
     for name, value in columns.items():
         if isinstance(value, str):
             _say(console, f"{name}: {value}")
+
+
+def print_followed(card: MaterialCard, mode: str, history: Path, others: list[str], as_json: bool) -> None:
+    """Print the stress along the path of a file; ValueError where something else to evaluate at is given too."""
+    from matcal.readers.detect import read
+    from matcal.record.predict import follow_path
+
+    if others:
+        raise ValueError(f"--history is what a prediction is evaluated at; leave {', '.join(others)} out.")
+    columns = read(history).columns
+    if not {"strain", "stretch"} & set(columns):
+        raise InputFileError(history, "a path needs a column of strain, next to one of time. Name it strain.")
+    strain = columns["strain"] if "strain" in columns else columns["stretch"] - 1
+    found = follow_path(card, mode, strain, columns.get("time"))
+    if as_json:
+        print_json({"mode": mode, **found})
+    else:
+        print_columns(found, f"{mode} along {history.name}, {card.name}")
 
 
 def print_stability(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
@@ -79,6 +99,10 @@ def _results(card: MaterialCard) -> Iterator[tables.Printed]:
         yield tables.derived(card)
     if card.law is not None and "parameters" in card.fit:
         yield tables.law(card)
+    if card.softening is not None:
+        yield tables.softening(card)
+    if card.fit.get("laws"):
+        yield tables.laws(card)
     if card.prony is not None:
         yield tables.series(card)
     if card.conductivity is not None:
@@ -112,7 +136,8 @@ def _title(card: MaterialCard) -> str:
     fitted = tests(card).values()
     sources, many = {name for row in fitted for name in row["source"]}, len(fitted)
     files = sum(file["name"] in sources for file in card.provenance.get("files", ()))
-    parts = [name for part, name in (("law", "foam"), ("prony", "relaxation"), ("conductivity", "skin"))
+    body = "rubber" if card.law is not None and card.law.keeps_volume else "foam"
+    parts = [name for part, name in (("law", body), ("prony", "relaxation"), ("conductivity", "skin"))
              if getattr(card, part) is not None]
     of = " of synthetic data" if card.provenance.get("synthetic") else ""
     return (f"{card.name}: {', '.join(parts) or 'nothing'}, from {many} test{'s' * (many != 1)} in {files} "

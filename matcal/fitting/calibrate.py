@@ -14,8 +14,12 @@ from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
+from matcal.fitting.law_choice import Choice, chosen_law
 from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
+from matcal.fitting.relaxation.series import Series
+from matcal.fitting.relaxation.spectrum_fit import SpectrumFit, fit_spectrum
+from matcal.fitting.softening_fit import SofteningFit, fit_softening
 from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
 from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift, with_zero
 from matcal.fitting.uncertainty.two_nu import TwoNu, two_nu
@@ -44,6 +48,15 @@ class FittedLaws:
     predicted: tuple[Predicted, ...] = ()  # tests kept out of the fit, and the errors with which its laws predict them
     data_checks: tuple[DataCheck, ...] = ()  # what the records themselves say about stability
     two_nu: TwoNu | None = None  # nu by lateral strains and by all else, where there are both
+    softening: SofteningFit | None = None  # by earlier loading; None where no test has a whole path
+    spectrum: SpectrumFit | None = None  # relaxation of a dynamic test or a creep; None without one
+
+    choice: Choice | None = None  # how `law` auto chose the law; None where it was given
+
+    @property
+    def series(self) -> Series | None:
+        """The fitted Prony series, whatever test it is from."""
+        return self.prony or self.spectrum
 
     @property
     def decisions(self) -> tuple[str, ...]:
@@ -59,16 +72,21 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     started = time.process_time()
     experiments, said = with_drift([thinned(with_zero(e, options.strain_zero_sd)) for e in experiments])
     relaxing = [e for e in experiments if e.kind == "relaxation"]
+    spectrum = _spectrum([e for e in experiments if e.kind in ("dma", "creep")], relaxing, options)
     curves = weigh(experiments, options.residual, options.weights)
+    options, choice = chosen_law(curves, options)
     fitter = fitter_of(options)
     prony = _prony(relaxing, curves, options, fitter) if relaxing else None
+    series = prony or spectrum
     series_s = time.process_time() - started
-    law, uncertainty, how = None, None, ()
+    law, uncertainty, softening, how = None, None, None, ()
     if curves:
-        law, how = _law(curves, prony, fitter)
-        uncertainty = linearised(law, prony)
-        how = (*how, *uncertainty.decisions)
-    kept_out = _predicted(predicted, law, prony)
+        law, how = _law(curves, series, fitter)
+        uncertainty = linearised(law, series)
+        how = (*(choice.sentences if choice else ()), *how, *uncertainty.decisions)
+        softening = fit_softening(experiments, law.law, uncertainty, series.prony if series else None)
+        how = (*how, *(softening.decisions if softening else ()))
+    kept_out = _predicted(predicted, law, series)
     law_s = time.process_time() - started - series_s
     stretched = [e for e in experiments if e.kind == "conductivity"]
     skin = fit_conductivity(stretched) if stretched else None
@@ -76,25 +94,39 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     data = check_data(law.curves, law.law.hencky_ratio == (0.0, True)) if law else ()
     checks = (*_stiffness_sentences(prony), *_stability_sentences(law, data), *_predicted_sentences(kept_out)
               ) if law else ()
-    stages = {"records": said, "relaxation": prony.decisions if prony else (), "law": how, "checks": checks,
+    stages = {"records": said, "relaxation": series.decisions if series else (), "law": how, "checks": checks,
               "skin": skin.decisions if skin else ()}
     spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
-    both = two_nu(law, prony) if law else None
-    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both)
+    both = two_nu(law, series) if law else None
+    return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both,
+                      softening, spectrum, choice)
+
+
+def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], options: FitOptions) -> SpectrumFit | None:
+    """The series of the dynamic test or the creep; ValueError where a second test says how the material relaxes."""
+    if not found:
+        return None
+    if len(found) + len(relaxing) > 1:
+        names = ", ".join(name for e in (*found, *relaxing) for name in e.source)
+        raise ValueError(f"{names}: one dynamic test or creep gives the series, and a second test of relaxation is not "
+                         "fitted with it. Fit each to a card of its own, and compare them with matcal compare.")
+    reference = None if options.reference_C is None else options.reference_C + 273.15
+    return fit_spectrum(found[0], options.prony_terms, options.prony_times_s, reference)
 
 
 def _prony(relaxing: Sequence[Experiment], curves: Sequence[Curve], options: FitOptions, fitter: Fitter) -> PronyFit:
     """Series through the shape of the law, which is fitted again with each series until they agree."""
     if not curves:
-        return fit_prony(relaxing, None, options.prony_terms)
+        return fit_prony(relaxing, None, options.prony_terms, options.prony_times_s)
     law = fitter.shape(curves)
-    first = fit_prony(relaxing, law, options.prony_terms)
+    first = fit_prony(relaxing, law, options.prony_terms, options.prony_times_s)
     law = _corrected(curves, first, fitter)
-    found = chosen = fit_prony(relaxing, law, options.prony_terms)  # chosen again, through a law that knows its rate
+    # chosen again, through a law that knows its rate
+    found = chosen = fit_prony(relaxing, law, options.prony_terms, options.prony_times_s)
     terms, left = chosen.prony.g.size, np.inf
     for turn in range(3, _TURNS + 1):
         law = _corrected(curves, found, fitter)
-        before, found = found.prony, fit_prony(relaxing, law, terms)
+        before, found = found.prony, fit_prony(relaxing, law, terms, options.prony_times_s)
         left = float(np.abs(found.prony.g - before.g).max()) if found.prony.g.size == before.g.size else np.inf
         if left < _SETTLED:
             return _with_decisions(found, chosen, options, _turn_sentences(turn, relaxing, law))
@@ -108,7 +140,7 @@ def _corrected(curves: Sequence[Curve], found: PronyFit, fitter: Fitter) -> Law:
 
 def _with_decisions(found: PronyFit, chosen: PronyFit, options: FitOptions, more: Sequence[str]) -> PronyFit:
     """The last turn with the numbers of terms tried when their number was chosen."""
-    tried = order_sentences(options.prony_terms, chosen.orders, chosen.prony.g.size)
+    tried = [] if options.prony_times_s else order_sentences(options.prony_terms, chosen.orders, chosen.prony.g.size)
     return replace(found, orders=chosen.orders, decisions=(*tried, *found.decisions, *more))
 
 
@@ -121,7 +153,7 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Law) -> lis
     return out
 
 
-def _law(curves: tuple[Curve, ...], prony: PronyFit | None, fitter: Fitter) -> tuple[Fit, tuple[str, ...]]:
+def _law(curves: tuple[Curve, ...], prony: Series | None, fitter: Fitter) -> tuple[Fit, tuple[str, ...]]:
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
     curves = _with_factors(curves, fitter)
     curves, moved = _refined(curves, fitter)
@@ -187,7 +219,7 @@ def _stability_sentences(found: Fit, data: Sequence[DataCheck]) -> list[str]:
     return [*said, *check_sentences(data, found.law.hencky_ratio == (0.0, True))]
 
 
-def _predicted(experiments: Sequence[Experiment], found: Fit | None, prony: PronyFit | None) -> tuple[Predicted, ...]:
+def _predicted(experiments: Sequence[Experiment], found: Fit | None, prony: Series | None) -> tuple[Predicted, ...]:
     if not experiments:
         return ()
     if found is None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from matcal.fitting.conductivity_laws import OtherLaw, other_laws
 from matcal.fitting.hyperfoam.constrained_moduli import nearest
 from matcal.laws.conductivity import Conductivity
 from matcal.reduction.experiment import Experiment
@@ -38,6 +39,7 @@ class ConductivityFit:
     effective_sample_size: float  # independent points that the errors are worth, less the four coefficients
     relative_rms: tuple[float, ...]  # rms(residual)/rms(value), each experiment
     decisions: tuple[str, ...]  # what was decided, one sentence each
+    others: tuple[OtherLaw, ...] = ()  # the cubic and other laws, by how they predict a part that was kept out
 
 
 def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
@@ -67,7 +69,8 @@ def fit_conductivity(experiments: Sequence[Experiment]) -> ConductivityFit:
     chi_square = float(np.sum(((basis @ best - c) / sd) ** 2)) if known else None
     return ConductivityFit(law, centre, covariance, zero, positive, chi_square, freedom,
                            spare, rms,
-                           _sentences(law, not np.allclose(best, centre), chi_square, freedom))
+                           _sentences(law, not np.allclose(best, centre), chi_square, freedom),
+                           other_laws(experiments))
 
 
 def _least(basis: Array, value: Array, sd: Array) -> Array:

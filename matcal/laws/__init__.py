@@ -1,1 +1,1 @@
-"""Constitutive laws as pure functions: hyperfoam, Prony series, conductivity, and their stability."""
+"""Constitutive laws as pure functions: foams, rubbers, Prony series, conductivity, and their stability."""

@@ -38,8 +38,8 @@ def conductivity(law: Conductivity, strain: ArrayLike) -> Array:
     if np.any(~(c > 0)):
         worst = float(np.ravel(e)[np.argmin(np.ravel(c))])
         raise NotPositive(f"conductivity: c({worst:g}) = {float(np.min(c)):g} S/m is not positive; the cubic was "
-                          f"fitted for strains {law.strain_range[0]:g} to {law.strain_range[1]:g}. Fit it with "
-                          "positivity over the strain in use.")
+                          f"fitted for strains {law.strain_range[0]:g} to {law.strain_range[1]:g}. Stay within them, "
+                          "or measure there.")
     return c
 
 

@@ -5,6 +5,7 @@ second Piola-Kirchhoff components that the nominal stress needs follow from it a
 series before they are pushed forward: P(t) = sum_c w_c(strain(t)) S_c(t).
 
 - uniaxial, biaxial, planar: S = S_11, w = lambda_1 (free faces carry no stress);
+  a law that keeps its volume (nu = 1/2) has the pressure that frees them: S = (tau_1 - tau_free)/lambda_1^2;
 - shear: F = I + gamma e1 x e2, (S_12, S_22), w = (1, gamma); regular at gamma = 0, where paper equation 3 is 0/0;
 - volumetric: "strain" is J, S of each axis, w = J^(-1/3); the stress is the mean Cauchy stress, minus the pressure.
 
@@ -26,6 +27,11 @@ MODES = ("uniaxial", "biaxial", "planar", "shear", "volumetric")
 _AXES = {"uniaxial": ([0], [1, 2]), "biaxial": ([0, 1], [2]), "planar": ([0], [2])}
 # longest step of a logarithmic stretch in the search for free faces, and the largest that it may reach
 _LONGEST_STEP, _FARTHEST = 0.3, 6.0
+
+
+def modes_of(law: Law) -> tuple[str, ...]:
+    """The modes in which a law has an answer: volumetric only where its volume changes."""
+    return MODES[:-1] if law.incompressible else MODES
 
 
 def nominal_stress(law: Law, mode: str, strain: ArrayLike) -> Array:
@@ -97,7 +103,7 @@ def second_piola(law: Law, mode: str, strain: ArrayLike) -> Array:
     """Second Piola-Kirchhoff components that the mode needs, Pa, (..., C), C = 2 in shear and 1 elsewhere."""
     e = _checked(mode, strain)
     x = log_stretches(law, mode, e)
-    return _components(mode, e, x, law.kirchhoff(x))
+    return _components(mode, e, x, law.kirchhoff(x), law.incompressible)
 
 
 def stacked_second_piola(laws: LawStack, mode: str, strain: ArrayLike, near: Array | None = None) -> Array:
@@ -106,10 +112,10 @@ def stacked_second_piola(laws: LawStack, mode: str, strain: ArrayLike, near: Arr
     e = np.broadcast_to(_checked(mode, strain), (len(laws.vectors), np.size(strain)))
     x = _shared_nu_stretches(mode, e, laws.hencky_ratio[0]) if near is None else np.broadcast_to(near, (*e.shape, 3))
     try:
-        x = _freed(laws, mode, x) if mode in _AXES else x
+        x = _freed(laws, mode, x) if mode in _AXES and not laws.incompressible else x
     except NotConverged as error:
         x = np.asarray(error.estimate)
-    return _components(mode, e, x, laws.kirchhoff(x))
+    return _components(mode, e, x, laws.kirchhoff(x), laws.incompressible)
 
 
 def lateral_strain(law: Law, mode: str, strain: ArrayLike) -> Array:
@@ -131,6 +137,9 @@ def log_stretches(law: Law, mode: str, strain: ArrayLike) -> Array:
     """Logarithmic principal stretches, (..., 3); free faces are solved for unless the law has x_2 = -nu x_1 at every
     strain. Raises NotConverged where no stress-free lateral stretch is found."""
     e = _checked(mode, strain)
+    if law.incompressible and mode == "volumetric" and np.any(e != 1):
+        raise ValueError(f"volumetric: {law.name} with nu = 0.5 keeps its volume, so that no J but 1 has an answer. "
+                         "Give a nu below 0.5, or fit it with a volumetric test.")
     nu, holds = law.hencky_ratio
     x = _shared_nu_stretches(mode, e, nu)
     if mode in ("shear", "volumetric") or holds:
@@ -169,8 +178,11 @@ def _shared_nu_stretches(mode: str, e: Array, nu: float) -> Array:
         x[...] = np.log(e)[..., None] / 3
         return x
     driven, free = _AXES[mode]
-    beta = nu / (1 - 2 * nu)
-    follow = -beta * len(driven) / (1 + beta * len(free))
+    if nu == 0.5:
+        follow = -len(driven) / len(free)
+    else:
+        beta = nu / (1 - 2 * nu)
+        follow = -beta * len(driven) / (1 + beta * len(free))
     x[..., driven] = np.log1p(e)[..., None]
     x[..., free] = follow * np.log1p(e)[..., None]
     return x
@@ -193,8 +205,11 @@ def _freed(law: Law, mode: str, x: Array) -> Array:
                        "stability at this strain. Stay at smaller strains.", estimate=found)
 
 
-def _components(mode: str, e: Array, x: Array, tau: Array) -> Array:
-    """S components (..., C) from principal Kirchhoff stresses tau (..., 3) at stretches x."""
+def _components(mode: str, e: Array, x: Array, tau: Array, incompressible: bool = False) -> Array:
+    """S components (..., C) from principal Kirchhoff stresses tau (..., 3), known but for a pressure where the law is
+    incompressible, at stretches x."""
+    if incompressible and mode in _AXES:
+        tau = tau - tau[..., _AXES[mode][1][0], None]
     s = tau * np.exp(-2 * x)
     if mode != "shear":
         return s[..., :1]

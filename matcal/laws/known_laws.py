@@ -9,7 +9,14 @@ from matcal.laws.law import Law, Ranges
 from touchcal.entry_points import added
 
 LAWS = {"hyperfoam": "matcal.laws.hyperfoam:Hyperfoam",
-        "neo_hooke": "matcal.laws.neo_hooke:NeoHooke"}
+        "neo_hooke": "matcal.laws.neo_hooke:NeoHooke",
+        "mooney_rivlin": "matcal.laws.rubbers.mooney_rivlin:MooneyRivlin",
+        "mooney_rivlin_5": "matcal.laws.rubbers.mooney_rivlin_5:MooneyRivlin5",
+        "yeoh": "matcal.laws.rubbers.yeoh:Yeoh",
+        "ogden": "matcal.laws.rubbers.ogden:Ogden",
+        "gent": "matcal.laws.rubbers.gent:Gent",
+        "arruda_boyce": "matcal.laws.rubbers.arruda_boyce:ArrudaBoyce",
+        "extended_tube": "matcal.laws.rubbers.extended_tube:ExtendedTube"}
 
 
 def law_type(name: str) -> type[Law]:
@@ -20,6 +27,11 @@ def law_type(name: str) -> type[Law]:
     if name not in added("laws"):
         raise ValueError(f"law '{name}' is unknown; known: {', '.join([*LAWS, *added('laws')])}.")
     return added("laws")[name]
+
+
+def all_laws() -> dict[str, type[Law]]:
+    """Every law by its name."""
+    return {name: law_type(name) for name in (*LAWS, *added("laws"))}
 
 
 def law_of(name: str, values: Sequence[Sequence[float]], moduli: str = "longterm",

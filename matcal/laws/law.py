@@ -47,7 +47,7 @@ class Law:
     name: ClassVar[str]  # in a card, and after --law
     parameters: ClassVar[tuple[Parameter, ...]]  # each an attribute: a number, or an array of one number a term
     linear_parameters: ClassVar[tuple[str, ...]] = ()  # in which the nominal stress of every mode is linear
-    compressible: ClassVar[bool] = True
+    keeps_volume: ClassVar[bool] = False  # whether nu is 1/2 where no test says another
     # fills the response of many points, as in `matcal.laws.compiled_response`; None: by the functions below
     respond: ClassVar[Callable[..., None] | None] = None
     moduli: str  # whether the moduli are those before or after relaxation, one of MODULI
@@ -82,6 +82,11 @@ class Law:
         return vector(self)
 
     @property
+    def incompressible(self) -> bool:
+        """Whether the law keeps its volume at every state: its nu is 1/2."""
+        return bool(np.all(np.asarray(getattr(self, "nu", 0.0)) == 0.5))
+
+    @property
     def mu_0_Pa(self) -> float:
         """Initial shear modulus, Pa."""
         at_rest = self.tangent(np.zeros(3))
@@ -97,11 +102,15 @@ class Law:
     def E_0_Pa(self) -> float:
         """Initial Young's modulus, Pa."""
         bulk = self.kappa_0_Pa
+        if self.incompressible:
+            return 3 * self.mu_0_Pa
         return 9 * bulk * self.mu_0_Pa / (3 * bulk + self.mu_0_Pa)
 
     @property
     def hencky_ratio(self) -> tuple[float, bool]:
         """-x_free/x_driven of faces without stress, uniaxial and near rest, and whether nu is that at every strain."""
+        if self.incompressible:
+            return 0.5, True
         bulk, mu_0 = self.kappa_0_Pa, self.mu_0_Pa
         return (3 * bulk - 2 * mu_0) / (6 * bulk + 2 * mu_0), False
 
@@ -170,9 +179,14 @@ def with_vector(law: L, values: ArrayLike) -> L:
     return replace(law, **{p.name: part if shape else float(part[0]) for p, shape, part in parts})
 
 
+def expanded(law: Law) -> list[tuple[Parameter, str]]:
+    """Each of `vector`: its parameter, and its name, as mu_1_Pa."""
+    return [(p, p.numbered.format(k + 1)) for p in law.parameters for k in range(np.size(getattr(law, p.name)))]
+
+
 def differentiable(law: Law) -> list[tuple[str, Array]]:
     """Name, as mu_1_Pa, and unit vector (K,) of each parameter by which derivatives are taken."""
-    named = [(p, p.numbered.format(k + 1)) for p in law.parameters for k in range(np.size(getattr(law, p.name)))]
+    named = expanded(law)
     return [(name, one) for (p, name), one in zip(named, np.eye(len(named)), strict=True) if p.varied]
 
 

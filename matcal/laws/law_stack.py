@@ -39,7 +39,12 @@ class LawStack(Law):
     @property
     def hencky_ratio(self) -> tuple[float, bool]:
         """That of the middle law near rest, from which free faces are sought."""
-        return self.middle.hencky_ratio[0], False
+        return self.middle.hencky_ratio[0], self.incompressible
+
+    @property
+    def incompressible(self) -> bool:
+        """Whether all of them keep their volume."""
+        return self.middle.incompressible
 
     def kirchhoff(self, x: ArrayLike) -> Array:
         """As `Law.kirchhoff`, (D, n, 3) at x (D, n, 3)."""
@@ -55,6 +60,8 @@ class LawStack(Law):
     def moduli_at_rest(self) -> tuple[Array, Array]:
         """(D,) initial shear and bulk moduli, Pa."""
         at_rest = self.tangent(np.zeros((len(self.vectors), 1, 3)))[:, 0]
+        if self.incompressible:
+            return (at_rest[:, 0, 0] - at_rest[:, 0, 1]) / 2, np.full(len(self.vectors), np.inf)
         return (at_rest[:, 0, 0] - at_rest[:, 0, 1]) / 2, (at_rest[:, 0, 0] + 2 * at_rest[:, 0, 1]) / 3
 
 

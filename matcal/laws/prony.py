@@ -41,6 +41,12 @@ def relaxation(law: Prony, time_s: ArrayLike) -> Array:
     return 1 + np.sum(law.g * np.expm1(-t[..., None] / law.tau_s), axis=-1)
 
 
+def dynamic(law: Prony, omega_rad_per_s: ArrayLike) -> Array:
+    """Complex modulus over G_0, g_inf + sum g_i i w tau_i/(1 + i w tau_i), at angular frequencies w (any shape)."""
+    turn = 1j * np.asarray(omega_rad_per_s, dtype=float)[..., None] * law.tau_s
+    return np.asarray(law.g_infinity + np.sum(law.g * turn / (1 + turn), axis=-1))
+
+
 def convolve(law: Prony, time_s: ArrayLike, instantaneous: ArrayLike) -> Array:
     """Hereditary stress S(t) = int G(t-s)/G_0 dS_0(s) of an instantaneous history S_0 (n, ...) at times (n,), s.
 

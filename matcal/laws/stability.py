@@ -16,9 +16,10 @@ Elastic Deformations (1984), 6.2.7 (acoustic tensor in principal axes).
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from matcal.laws.deformation_modes import MODES, log_stretches
+from matcal.laws.deformation_modes import log_stretches, modes_of
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.law import Law, moduli_of
+from matcal.laws.volumetric import nearly_incompressible
 from touchcal.errors import NotConverged
 
 Array = NDArray[np.float64]
@@ -31,6 +32,7 @@ SCANNED = {"uniaxial": (-0.95, 1.0), "biaxial": (-0.95, 1.0), "planar": (-0.95, 
 _POINTS = 391
 # moduli over mu_0 up to which states are judged: those of laws nearly without change of volume overflow near J = 0.05
 _STIFFEST = 1e10
+_STIFF_NU = 0.4999999  # Poisson's ratio for which laws that keep their volume are judged
 # strain to which the ends of an unstable range are found
 _END = 1e-7
 
@@ -55,7 +57,7 @@ def stability(law: Law) -> dict[str, dict[str, dict[str, object]]]:
     >>> matcal.stability(matcal.Hyperfoam([12e3], [2.0], [0.0]))["elliptic"]["shear"]["stable"]
     True
     """
-    return {criterion: {mode: _scan(law, criterion, mode) for mode in MODES} for criterion in CRITERIA}
+    return {criterion: {mode: _scan(law, criterion, mode) for mode in modes_of(law)} for criterion in CRITERIA}
 
 
 def is_stable(law: Law, criterion: str, mode: str, strain: ArrayLike) -> NDArray[np.bool_]:
@@ -64,6 +66,7 @@ def is_stable(law: Law, criterion: str, mode: str, strain: ArrayLike) -> NDArray
     It does not where the free faces find no stress-free stretch (unequal nu): such a state does not exist.
     """
     x, exists = _states(law, mode, np.atleast_1d(strain))
+    law = nearly_incompressible(law, _STIFF_NU)  # neither criterion depends on the pressure where kappa is large
     if criterion == "drucker":
         return exists & (np.linalg.eigvalsh(law.tangent(x))[..., 0] > 0)
     if criterion == "elliptic":

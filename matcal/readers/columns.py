@@ -11,11 +11,13 @@ from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.column_words import HOLDS_MORE, SECOND_CHOICE
 from matcal.readers.complete_rows import complete
+from matcal.readers.dynamic_words import absolute_temperature, is_angular
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
 from matcal.readers.specimens import labels_of
 from matcal.readers.units import (
     COMMON,
+    dynamic_in,
     is_common,
     measured,
     measures,
@@ -46,7 +48,8 @@ _TOGETHER = 0.95  # correlation from which on two columns run in the same way
 _SHIFTED = {"time", "displacement", "force", "strain", "stretch", "stress"}  # quantities whose zero is found
 _MEASURED = {"strain", "stretch", "stress", "displacement", "force", "resistance"}
 _ORDERED = re.compile(r"\bset|soll|command|demand|target|peak|\bmax|\bmin|limit|consigne|specif")
-_UNITS = {"Pa": "MPa", "m": "mm", "N": "N", "s": "s", "A": "A", "V": "V", "ohm": "ohm", "S/m": "S/m"}
+_UNITS = {"Pa": "MPa", "m": "mm", "N": "N", "s": "s", "A": "A", "V": "V", "ohm": "ohm", "S/m": "S/m", "Hz": "Hz",
+          "K": "C", "1/Pa": "1/MPa"}
 _PAIRS = (("stretch", "stress"), ("strain", "stress"), ("displacement", "force"), ("time", "current"),
           ("strain", "resistance"), ("stretch", "resistance"), ("displacement", "resistance"))
 
@@ -95,6 +98,7 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         units[quantity] = column.unit or ""
         values[quantity] = _in_si(grid, header, quantity, column)
         said += _about(grid, quantity, column)
+    _absolute(columns, values, said)
     _add_changes(columns, values, said)
     names = {quantity: column.name for quantity, column in columns.items()}
     check_credible(grid, header.line, values, names, units, said, warned, flag_for(grid, header),
@@ -138,6 +142,20 @@ def _add_changes(columns: Mapping[str, _Column], values: dict[str, Array], said:
     if column is not None and found is not None and found[1]:
         values["relative_resistance"] = 1 + values["relative_resistance"]
         said.append(f"column '{shown(column.name)}' is a relative change: ratio = 1 + change.")
+
+
+def _absolute(columns: Mapping[str, _Column], values: dict[str, Array], said: list[str]) -> None:
+    """Temperatures in K, and frequencies without radians, in place."""
+    if (column := columns.get("temperature")) is not None:
+        values["temperature"] = absolute_temperature(values["temperature"], column.unit or "C")
+        said += [] if column.unit else [f"column '{shown(column.name)}' has no unit: read as degrees Celsius."]
+    if (column := columns.get("frequency")) is not None and not column.unit:
+        said.append(f"column '{shown(column.name)}' has no unit: read in {_of_frequency(column)}.")
+
+
+def _of_frequency(column: _Column) -> str:
+    """The unit of a frequency whose column has none, or one over time: radians where its name counts them."""
+    return "rad/s" if is_angular(column.name) else "Hz"
 
 
 def _true(grid: Grid, header: Header, quantity: str, name: str) -> InputFileError:
@@ -205,15 +223,13 @@ def _shortened(grid: Grid, header: Header, columns: Mapping[str, _Column], said:
 def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) -> dict[str, _Column]:
     """Quantity -> column, by name; of several of one quantity the preferred, where they say the same."""
     found: dict[str, list[_Column]] = {}
-    if is_dynamic(tuple(name for name, _ in header.cells)):
-        raise InputFileError(grid.path, "storage and loss modulus of a dynamic test (DMA): this version does not fit "
-                                        f"them. {_listed(header)} Give a relaxation or a stress-strain test.",
-                             line=header.line)
-    quantities = [quantity_in(name, unit) for name, unit in header.cells]
+    dynamic = is_dynamic(tuple(name for name, _ in header.cells))
+    quantities = [dynamic_in(name, unit) if dynamic else quantity_in(name, unit) for name, unit in header.cells]
     for n, (name, unit) in enumerate(header.cells):
         if (quantity := quantities[n] or _ratio(name, {q for q in quantities if q})) is not None:
             found.setdefault(quantity, []).append(_Column(n, name, unit))
-    if "time" in found and not {"stress", "force"} & set(found):  # the table of a relaxation, without its strain
+    # the table of a relaxation, without its strain
+    if "time" in found and not {"stress", "force"} & set(found) and not dynamic:
         for n, (name, unit) in enumerate(header.cells):
             if quantities[n] is None and (quantity := modulus_by_unit(name, unit) or relaxing_of(name)) is not None:
                 found.setdefault(quantity, []).append(_Column(n, name, unit))
@@ -352,7 +368,9 @@ def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
 
 
 def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float:
-    unit = column.unit or ""
+    unit = column.unit or {"temperature": "C", "frequency": _of_frequency(column)}.get(quantity, "")
+    if quantity == "frequency" and is_angular(column.name) and "hz" not in unit.lower():
+        unit = "rad/s"
     value = 1.0 if quantity == "time" and column.index in grid.clocks else si_factor(unit, quantity)
     unclear = not unit and quantity == "strain" and not column.chosen and is_symbol(column.name) \
         and len(column.name.strip()) > 1

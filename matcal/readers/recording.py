@@ -11,7 +11,9 @@ from touchcal.arrays import Array
 
 # quantity -> SI unit of its column
 QUANTITIES = {"time": "s", "displacement": "m", "force": "N", "strain": "", "stretch": "", "stress": "Pa",
-              "modulus": "Pa", "normalised": "",
+              "modulus": "Pa", "normalised": "", "compliance": "1/Pa",
+              "frequency": "Hz", "storage": "Pa", "loss": "Pa", "loss_tangent": "", "complex_modulus": "Pa",
+              "temperature": "K",
               "current": "A", "potential": "V", "resistance": "ohm", "conductivity": "S/m",
               "deviation": "Pa", "lateral": "", "lateral_stretch": "", "volume_ratio": "",
               "relative_resistance": "", "pressure": "Pa", "cycle": "", "block": ""}

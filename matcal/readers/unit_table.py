@@ -13,6 +13,8 @@ LENGTH: Dimensions = (1, 0, 0, 0, 0, 0)
 MASS: Dimensions = (0, 1, 0, 0, 0, 0)
 TIME: Dimensions = (0, 0, 1, 0, 0, 0)
 FREQUENCY: Dimensions = (0, 0, -1, 0, 0, 0)
+ANGULAR: Dimensions = (0, 0, -1, 0, 0, 1)
+COMPLIANCE: Dimensions = (1, -1, 2, 0, 0, 0)
 FORCE: Dimensions = (1, 1, -2, 0, 0, 0)
 PRESSURE: Dimensions = (-1, 1, -2, 0, 0, 0)
 CURRENT: Dimensions = (0, 0, 0, 1, 0, 0)
@@ -27,9 +29,10 @@ TEMPERATURE: Dimensions = (0, 0, 0, 0, 1, 0)
 ANGLE: Dimensions = (0, 0, 0, 0, 0, 1)
 # SI units of quantities and sizes
 SI = {"": ONE, "s": TIME, "m": LENGTH, "m^2": (2, 0, 0, 0, 0, 0), "N": FORCE, "Pa": PRESSURE, "A": CURRENT,
-      "V": VOLTAGE, "ohm": RESISTANCE, "S/m": (-3, -1, 3, 2, 0, 0)}
+      "V": VOLTAGE, "ohm": RESISTANCE, "S/m": (-3, -1, 3, 2, 0, 0), "Hz": FREQUENCY, "K": TEMPERATURE,
+      "1/Pa": COMPLIANCE}
 # what no quantity of a test has -> the words for it
-OTHERS = {TEMPERATURE: "a temperature", FREQUENCY: "a frequency", (0, 0, -1, 0, 0, 1): "a frequency",
+OTHERS = {TEMPERATURE: "a temperature", FREQUENCY: "a frequency", ANGULAR: "a frequency",
           ANGLE: "an angle", CAPACITANCE: "a capacitance", POWER: "a power", ENERGY: "an energy", CHARGE: "a charge",
           CONDUCTANCE: "a conductance", (1, 0, -1, 0, 0, 0): "a speed", (3, 1, -3, -2, 0, 0): "a resistivity",
           (3, 0, 0, 0, 0, 0): "a volume", (-1, 1, -1, 0, 0, 0): "a viscosity", (0, 1, -2, 0, 0, 0): "a stiffness",

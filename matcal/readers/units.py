@@ -1,12 +1,28 @@
 """Units and header cells as people write them: factors to SI, and the name and the unit of a cell."""
 
+import math
 import re
 import unicodedata
 from functools import cache
 
+from matcal.readers.dynamic_words import CELSIUS, FAHRENHEIT, KELVIN
 from matcal.readers.recording import QUANTITIES, SIZES
-from matcal.readers.unit_table import ANGLE, FORCE, MASS, ONE, OTHERS, PRESSURE, SI, Dimensions, G, plain_unit, readings
+from matcal.readers.unit_table import (
+    ANGLE,
+    ANGULAR,
+    FORCE,
+    MASS,
+    ONE,
+    OTHERS,
+    PRESSURE,
+    SI,
+    Dimensions,
+    G,
+    plain_unit,
+    readings,
+)
 from matcal.readers.vocabulary import (
+    dynamic_quantity,
     is_symbol,
     quantities_of,
     quantity_of,
@@ -22,7 +38,8 @@ _UNITS_OF = {**QUANTITIES, **SIZES}
 # SI unit -> units of the same dimension that test files have
 COMMON = {"s": ("s", "ms", "min", "h"), "m": ("m", "cm", "mm", "um", "in"), "N": ("N", "mN", "kN", "lbf", "kgf"),
           "Pa": ("Pa", "kPa", "MPa", "GPa", "N/mm2", "psi"), "A": ("A", "mA", "uA"), "V": ("V", "mV"),
-          "ohm": ("ohm", "kohm", "Mohm"), "S/m": ("S/m", "S/cm"), "": ("-", "%", "mm/mm")}
+          "ohm": ("ohm", "kohm", "Mohm"), "S/m": ("S/m", "S/cm"), "": ("-", "%", "mm/mm"), "Hz": ("Hz", "rad/s"),
+          "K": ("C", "K", "F"), "1/Pa": ("1/Pa", "1/MPa")}
 _INSIDE = r"[(\[（]([^()\[\]（）]*)[)\]）]"  # one pair of brackets with no other inside
 
 
@@ -32,11 +49,15 @@ def si_factor(unit: str, quantity: str) -> float | None:
     something else. A mass counts as its weight where a force is measured, an angle as a shear."""
     needed = SI[_UNITS_OF[quantity]]
     text = plain_unit(unit).lower()
+    if quantity == "temperature":
+        return 1.0 if text in (*KELVIN, *CELSIUS, *FAHRENHEIT) else None
     if not text or text in _NUMBERS or (quantity in ("cycle", "block") and text in _COUNTS):
         return 1.0 if needed == ONE else None
     for factor, dimensions in readings(unit):
         if dimensions == needed or (quantity == "strain" and dimensions == ANGLE):
             return factor
+        if quantity == "frequency" and dimensions == ANGULAR:
+            return factor / (2 * math.pi)
         if needed in (FORCE, PRESSURE) and _weight(dimensions) == needed:
             return factor * G
     return None
@@ -88,6 +109,12 @@ def quantity_in(name: str, unit: str | None) -> str | None:
     return None if unit and is_symbol(name) and readings(unit) else found[0]
 
 
+def dynamic_in(name: str, unit: str | None) -> str | None:
+    """The quantity of a column of a dynamic test, where its unit, if it has one, is of that quantity; else None."""
+    quantity = dynamic_quantity(name)
+    return quantity if quantity and (not unit or si_factor(unit, quantity) is not None) else None
+
+
 def unused_in(name: str, unit: str | None) -> str | None:
     """What a column holds that is known and that no test uses (`a temperature`), by its name or its unit, or None."""
     if (word := unused_of(name)) is not None:
@@ -103,8 +130,8 @@ def _weight(dimensions: Dimensions) -> Dimensions | None:
 
 
 def _known(name: str) -> bool:
-    return bool(quantities_of(name)) or true_quantity(name) is not None or unused_of(name) is not None \
-        or relative_of(name) is not None or relaxing_of(name) is not None
+    known = (dynamic_quantity, true_quantity, unused_of, relative_of, relaxing_of)
+    return bool(quantities_of(name)) or any(of(name) is not None for of in known)
 
 
 @cache
@@ -113,7 +140,7 @@ def split_name(cell: str) -> tuple[str, str | None]:
     `stress in kPa`, `P_MPa`, `F/N`, `Load N`; brackets that name a channel stay with the name, and the symbol s with a
     unit of length, as DIN has it, is named travel."""
     cell = re.sub(r"(?<=[^\d\s.])\.\d{1,2}$", "", cell.strip()[:200])  # what pandas adds to a name that stands twice
-    if relative_of(cell) is not None or relaxing_of(cell) == "normalised":
+    if relative_of(cell) is not None or relaxing_of(cell) == "normalised" or dynamic_quantity(cell) == "loss_tangent":
         return cell, None
     if (found := re.fullmatch(r"([EG](?:\(t\))?)(?:\s*[(\[,_/]\s*|\sin\s)([^()\[\]\s]+)[)\]]?", cell)) \
             and si_factor(found[2], "modulus") is not None:
@@ -151,5 +178,7 @@ def _suits(name: str, unit: str) -> bool:
     if any(si_factor(unit, quantity) is not None for quantity in quantities_of(name)):
         return True
     if relaxing_of(name) == "modulus" and si_factor(unit, "modulus") is not None:
+        return True
+    if (dynamic := dynamic_quantity(name)) is not None and si_factor(unit, dynamic) is not None:
         return True
     return (unused_of(name) is not None or name.strip() == "T") and measured(unit) is not None

@@ -15,9 +15,11 @@ from matcal.readers.column_words import (
     SYMBOLS,
     UNUSED,
 )
+from matcal.readers.dynamic_words import dynamic_of, is_compliance
 from matcal.readers.modulus_words import modulus_of
 
-KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "conductivity")  # kinds of tests
+# kinds of tests
+KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "creep", "dma", "conductivity")
 
 _LATERAL = (
     ("lateral_stretch", r"(lateral|transverse) stretch( ratio)?|(lambda|λ) ?(2|lat|t|lateral|transverse)"),
@@ -27,8 +29,6 @@ _LATERAL = (
     ("deviation", r"(stress )?(std|std ?dev|standard deviation|sd|deviation)|(std|sd|standard deviation) (of )?stress"
                   r"|(stress|sigma|σ|p) (std|sd|err|error|uncertainty)|standardabweichung|ecart type|标准差"),
 )
-_STORAGE = r"stor|speicher|conservation|almacen|armazen|conservativ|accumulo|储能|儲能|貯蔵|저장|накоплен"
-_LOSS = r"loss|verlust|perte|perdida|perda|perdita|dissip|损耗|損失|손실|потерь|tan ?(delta|δ)|tand"
 
 _SIZES = (
     ("diameter", r"diameter|diametro|diametre|durchmesser|(probe[n]?)durchmesser|直径|直徑"),
@@ -95,9 +95,9 @@ def unused_of(name: str) -> str | None:
 
 
 def relaxing_of(name: str) -> str | None:
-    """`modulus` or `normalised` for the name of a modulus that relaxes, or None; a table of one has a time and no
-    stress."""
-    return modulus_of(_plain(name))
+    """`modulus` or `normalised` for the name of a modulus that relaxes, `compliance` for one that creeps, or None; a
+    table of one has a time and no stress."""
+    return "compliance" if is_compliance(_plain(name)) else modulus_of(_plain(name))
 
 
 @cache
@@ -117,13 +117,17 @@ def relative_of(name: str) -> tuple[str, bool] | None:
     return None
 
 
+@cache
+def dynamic_quantity(name: str) -> str | None:
+    """The quantity of a dynamic test that a column name stands for (storage, loss, loss_tangent, frequency ...), or
+    None; only tables that hold storage and loss are asked for these."""
+    return dynamic_of(_plain(name))
+
+
 def is_dynamic(names: tuple[str, ...]) -> bool:
-    """Whether columns have a storage and a loss modulus (or its tangent): a dynamic test (DMA)."""
-    plain = [unicodedata.normalize("NFKC", name.lower()).translate(_LETTERS).replace("’", "'").replace("′", "'").strip()
-             for name in names]
-    storage = any(re.search(_STORAGE, name) or re.match(r"[eg]\*?'(?!')", name) for name in plain)
-    loss = any(re.search(_LOSS, name.replace("_", " ")) or re.match(r"[eg](''|\")", name) for name in plain)
-    return storage and loss
+    """Whether columns have a storage and a loss modulus, or one modulus and the loss tangent: a dynamic test (DMA)."""
+    found = {dynamic_quantity(name) for name in names}
+    return len(found & {"storage", "loss", "loss_tangent"}) > 1 or {"complex_modulus", "loss_tangent"} <= found
 
 
 def size_of(name: str) -> str | None:

@@ -6,14 +6,14 @@ that were not fitted are given over the principal stretches that the fitted ones
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from matcal.laws.conductivity import outside
-from matcal.laws.deformation_modes import MODES, existing, nominal_stress
+from matcal.laws.deformation_modes import MODES, existing, modes_of, nominal_stress
 from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
 
@@ -31,14 +31,14 @@ Columns = Mapping[str, NDArray[Any]]
 _POINTS, _LOWEST, _HIGHEST, _LEAST_VOLUME = 81, -0.9, 3.0, 0.1  # points of each mode; strains that no band leaves
 
 
-def spans(fitted: Ranges) -> dict[str, tuple[float, float]]:
+def spans(fitted: Ranges, modes: Sequence[str] = MODES) -> dict[str, tuple[float, float]]:
     """mode -> strains over which its band is given. A fitted mode has its own strains and up to a quarter of their
     width more, any other mode those of the principal stretches that the fitted ones reached; a fitted mode goes no
     further than these either."""
     least, most = _stretches(fitted)
     identical = {"shear": (0.0, max(most - 1 / most, 1 / least - least)), "volumetric": (least, max(most, 1.0))}
     out = {}
-    for mode in MODES:
+    for mode in modes:
         lo, hi = identical.get(mode, (least - 1, most - 1))
         if mode in fitted:
             low, high = fitted[mode]
@@ -52,7 +52,7 @@ def stress_bands(law: Law, source: Draws | Uncertainty) -> Columns:
     """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes, without
     those where a law near nu = 0.5 has no finite stress, or where free faces find no place."""
     tables = []
-    for mode, span in spans(law.strain_range).items():
+    for mode, span in spans(law.strain_range, modes_of(law)).items():
         strain = np.unique(np.r_[np.linspace(*span, _POINTS), 1.0 if mode == "volumetric" else 0.0])
         strain = strain[existing(law, mode, strain)]
         with np.errstate(over="ignore", invalid="ignore"):
@@ -87,6 +87,7 @@ def _band(source: Draws | Uncertainty, mode: str, strain: Array) -> tuple[Array,
 def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:
     """Rows (strain, conductivity_S_per_m, its _lo and _hi, extrapolated) from deep compression to the data's end."""
     from matcal.fitting.conductivity_fit import LOWEST_STRAIN, powers
+    from matcal.fitting.conductivity_laws import OTHERS
     from matcal.posterior.conductivity_posterior import conductivity_draws
 
     law = fit.law
@@ -96,8 +97,13 @@ def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:
         drawn = conductivity_draws(fit, 400, np.random.default_rng(0))
     low, high = np.quantile(powers(strain) @ drawn.T, [0.025, 0.975], axis=1)
     middle = powers(strain) @ (law.c0_S_per_m * np.r_[1.0, law.a])
+    outer = outside(law, strain)
+    for other in fit.others:  # outside the tests the band holds every law that counts
+        if other.name in OTHERS and other.counts:
+            value = other.c0_S_per_m * np.exp(other.k * OTHERS[other.name](strain))
+            low, high = np.where(outer, np.minimum(low, value), low), np.where(outer, np.maximum(high, value), high)
     return {"strain": strain, "conductivity_S_per_m": middle, "conductivity_lo_S_per_m": low,
-            "conductivity_hi_S_per_m": high, "extrapolated": outside(law, strain)}
+            "conductivity_hi_S_per_m": high, "extrapolated": outer}
 
 
 def conductivity_at(band: Any, strain: float) -> tuple[float, float, float]:

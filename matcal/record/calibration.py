@@ -79,7 +79,8 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     columns
         Which columns of files mean what, as the option `--columns`: "shear=stress=2:kPa,strain=1".
     branch
-        Loading of a cyclic test that is used: "last" (preconditioned) or "first".
+        Loading of a cyclic test that is used: "last" (preconditioned) or "first"; "all" fits the first loadings, and
+        what unloading softens.
     posterior
         Whether to sample the posterior.
     seed
@@ -119,6 +120,10 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     selected = selections_of([*own, *others], [parse_selection(text) for text in columns])
     reduced = read_and_reduce(own, specimen, selected[:len(own)], branch)
     options.check_used(reduced.experiments)
+    if branch == "all" and not any(e.path is not None for e in reduced.experiments):
+        kinds = ", ".join(dict.fromkeys(e.kind for e in reduced.experiments))
+        raise ValueError(f"`unloading` fits the cycles of uniaxial, biaxial, planar or shear tests, and the tests are "
+                         f"{kinds} only. Leave it out, or add such a test.")
     compared = read_and_reduce(others, specimen, selected[len(own):], branch)
     laws = calibrate(reduced.experiments, options, compared.experiments)
     files = tuple(dict.fromkeys([*reduced.files, *compared.files, *reduced.also_read, *compared.also_read]))

@@ -1,13 +1,15 @@
 """What one must know before a card is used: the terminal and the report say it first, in the same words."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from matcal.card import MaterialCard
+from matcal.fitting.conductivity_laws import values_of
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
 from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.laws.histories.time_temperature import Wlf
 from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
@@ -22,10 +24,15 @@ _INSIDE, _SOFT_PA, _RATIO, _EARLY = 0.9, (20.0, 1e6), 1.6, 0.3
 # strain that earlier loadings left, and share by which a held stress differs from the law's, from which on it is said
 _SET, _HELD_OFF = 0.02, 0.15
 _DOUBTED_ZERO = 0.002  # error of a strain zero whose effect on a conductivity is said
+_RUBBER_PA = 2e7  # largest mu_0 of a rubber
 _RUBBER = 0.49  # nu above which a rubber's was given
 _PULLED = 0.02  # strain in tension from which on a test is more than compression
 _LOST = 0.02  # share of the work that a cycle loses from which on it is said
 _RAMPS_S = (10.0, 1000.0)  # durations of a loading for which the effect of its rate is said where it has no clock
+# relative RMS of a loss modulus, and its ratio to that of the storage modulus, from which on it is said; decades
+_LOSS_OFF, _OFF_RATIO, _SHIFT_OFF = 0.05, 4.0, 0.2
+# strain at which laws of the conductivity are compared, and their ratio from which on it is said
+_TOUCHED, _LAWS_DIFFER = -0.5, 1.2
 _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 
@@ -33,7 +40,7 @@ def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge, _assumed,
              _set, _held, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions, _coverage, _rate,
-             _loss, _series, _step, _skin)
+             _loss, _series, _dynamic, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -75,8 +82,9 @@ def _units(card: MaterialCard) -> Iterator[str]:
     """What looks like a wrong unit or size: stiffness that no soft foam has, or that differs from mode to mode."""
     if card.law is None:
         return
-    if not _SOFT_PA[0] < (mu_0 := card.law.mu_0_Pa) < _SOFT_PA[1]:
-        yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft foam ({_SOFT_PA[0]:g} to {_SOFT_PA[1]:g} Pa): check the units "
+    of, most = ("rubber", _RUBBER_PA) if card.law.keeps_volume else ("foam", _SOFT_PA[1])
+    if not _SOFT_PA[0] < (mu_0 := card.law.mu_0_Pa) < most:
+        yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft {of} ({_SOFT_PA[0]:g} to {most:g} Pa): check the units "
                "of stress or force (kPa or MPa) and the sizes of the specimens.")
     laws = {mode: law_of(card.law.name, [np.ravel(row[p.name]).tolist() for p in card.law.parameters])
             for mode, row in card.fit.get("cross_prediction", {}).items() if mode in card.law.strain_range}
@@ -108,7 +116,7 @@ def _volume(card: MaterialCard) -> Iterator[str]:
     if not np.any(card.hyperfoam.nu):
         how = "taken" if card.fit["nu"]["how"] == "assumed" else "given"
         yield (f"nu = 0 was {how}, which is a foam's, for a material stretched to more than twice its length: {does}. "
-               f"Give --poisson {last:g} for such a material, or fit nu with lateral strain.")
+               f"Give --law auto for such a material, or --poisson {last:g}, or fit nu with lateral strain.")
     else:
         yield (f"nu was given, not measured, for a material stretched to more than twice its length: {does}; the "
                "intervals leave that out.")
@@ -301,7 +309,8 @@ def _predictions(card: MaterialCard) -> Iterator[str]:
 def _coverage(card: MaterialCard) -> Iterator[str]:
     fitted = [mode for mode in MODES if card.law and mode in card.law.strain_range]
     if len(fitted) == 1:
-        yield f"Only {fitted[0]} loading was fitted: every other mode is extrapolated and may be far off."
+        yield (f"Only {fitted[0]} loading was fitted: every other mode is extrapolated and may be far off" + (
+            "; the band of a prediction is that over the laws compared." if card.fit.get("laws") else "."))
     kinds = [row["kind"] for row in tests(card).values()]
     if kinds and len(kinds) == len(set(kinds)):
         yield "One specimen of each kind was tested: the intervals leave out the scatter from specimen to specimen."
@@ -327,7 +336,14 @@ def _rate(card: MaterialCard) -> Iterator[str]:
 
 
 def _loss(card: MaterialCard) -> Iterator[str]:
-    """Tests that were unloaded, of which one loading was fitted: what a cycle loses and the set are not in the law."""
+    """What a cycle loses that the law does not have: of tests of which one loading was fitted, and after softening."""
+    if card.softening is not None:
+        for measured, fitted in card.fit.get("softening", {}).get("lost", ()):
+            if measured - fitted > _LOST:
+                has = "softening and relaxation have" if card.prony is not None else "softening has"
+                yield (f"The last cycle loses {percent(measured, 2)} of the work put in, of which {has} "
+                       f"{percent(max(fitted, 0.0), 2)}: the loop of a cycle that repeats itself is not in the law.")
+        return
     lost = [(label, row["loss_share"], abs(row.get("residual_strain", 0.0))) for label, row in tests(card).items()
             if row.get("loss_share", 0.0) > _LOST]
     if lost:
@@ -357,6 +373,31 @@ def _series(card: MaterialCard) -> Iterator[str]:
         yield f"Weakly determined relaxation times: {', '.join(loose)}."
 
 
+def _dynamic(card: MaterialCard) -> Iterator[str]:
+    """Sweeps that no linear material has, and shifts that their overlap or their law leaves open."""
+    found = card.fit.get("prony", {})
+    rms = found.get("relative_rms", {})
+    if rms.get("loss", 0.0) > max(_LOSS_OFF, _OFF_RATIO * rms.get("storage", 0.0)):
+        yield (f"Storage and loss modulus are not those of one linear material: the series follows the storage modulus "
+               f"to {percent(rms['storage'])} and misses the loss modulus by {percent(rms['loss'])} (relative RMS).")
+    if (shift := found.get("shift")) is None:
+        return
+
+    def at(temperatures: Iterable[float]) -> str:
+        return ", ".join(f"{t - 273.15:.4g} C" for t in temperatures)
+
+    if shift["gaps_K"]:
+        yield (f"The sweeps at {at(shift['gaps_K'])} do not overlap with those below them after the shift, which is an "
+               "extrapolation there: measure at temperatures between, or more frequencies.")
+    if shift["disagree_K"]:
+        yield (f"Storage and loss modulus shift differently at {at(shift['disagree_K'])}: the storage modulus was "
+               "followed. Moduli that change with temperature by themselves, or steps not yet steady, do that.")
+    if shift["misfit_decades"] > _SHIFT_OFF:
+        kind = "WLF" if isinstance(card.shift, Wlf) else "Arrhenius"
+        yield (f"The {kind} law of the shift is {shift['misfit_decades']:.2g} decades off the sweeps' own shifts "
+               "(rms): take times at other temperatures from those (fit.prony.shift in the card).")
+
+
 def _step(card: MaterialCard) -> Iterator[str]:
     """Steps that the record begins after: what relaxed sooner is an extrapolation, and the clock's zero is taken on
     trust."""
@@ -375,6 +416,25 @@ def _step(card: MaterialCard) -> Iterator[str]:
                    "there than that of a material does so long after a step.")
 
 
+def _other_laws(card: MaterialCard, laws: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """How far laws that predict as well are from each other where a touch takes the skin and no test did."""
+    assert card.conductivity is not None
+    if (cubic := next((row for row in laws if row["law"] == "cubic"), None)) is not None and not cubic["counts"]:
+        best = min(laws, key=lambda row: float(row["predicted_rms"]))
+        yield (f"Of the third of the conductivities farthest from rest, kept out, the {best['law']} law predicts "
+               f"{percent(best['predicted_rms'])} off and the cubic {percent(cubic['predicted_rms'])}: outside the "
+               "tests matcal predict gives both, and simulations take the cubic.")
+    low = card.conductivity.strain_range[0]
+    if low <= _TOUCHED or not (others := values_of(laws, np.array([_TOUCHED]))):
+        return
+    value = float(np.polyval([*card.conductivity.a[::-1], 1.0], _TOUCHED)) * card.conductivity.c0_S_per_m
+    least, most = (float(f([value, *(o[0] for o in others)])) for f in (min, max))
+    if most > _LAWS_DIFFER * max(least, 1e-300):
+        names = ", ".join(row["law"] for row in laws if row["counts"] and row["law"] != "cubic")
+        yield (f"At a strain of {_TOUCHED:g}, outside the tests, the cubic has {value:.3g} S/m and laws that predict "
+               f"as well ({names}) have {least:.3g} to {most:.3g} S/m: measure the conductivity in compression.")
+
+
 def _skin(card: MaterialCard) -> Iterator[str]:
     if card.conductivity is None:
         return
@@ -382,6 +442,7 @@ def _skin(card: MaterialCard) -> Iterator[str]:
         yield ("Conductivity was measured in tension only: a touch stretches the skin in its plane; driven through its "
                "thickness (strain = \"normal\"), which a touch compresses, it is extrapolated.")
     found = card.fit.get("conductivity", {})
+    yield from _other_laws(card, found.get("laws", ()))
     moved = abs(_DOUBTED_ZERO * card.conductivity.a[0])
     lo, hi = found.get("c0_interval_S_per_m", (-np.inf, np.inf))
     if not found.get("zero_in_intervals", True) and moved * card.conductivity.c0_S_per_m > (hi - lo) / 2:

@@ -13,7 +13,9 @@ from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
+from matcal.fitting.law_choice import Choice
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import OF_ONE_FORM, OF_THIS_LAW, Uncertainty
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.record.bands import share_inside
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
     from matcal.posterior.draws import Draws
 
 # how the facts of `matcal.reduction` begin that the card repeats: sizes, replicates, cycles
-_REPEATED = ("specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_", "step_",
-             "direction_", "table_", "clock_left_out", "loss_")
+_REPEATED = ("sweeps", "specimen_", "stiffness_factor", "shape_scatter", "settling_", "resistance_", "residual_",
+             "step_", "direction_", "table_", "clock_left_out", "loss_")
 # fact of a table of moduli -> symbol of its instantaneous value
 _MODULI = {"table_of_E": "E_0", "table_of_G": "G_0", "table_of_modulus": "modulus_0"}
 
@@ -46,11 +48,30 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
             out["nu"] |= {"by_lateral_strain": list(found.two_nu.lateral), "without": list(found.two_nu.other),
                           "contradicted": found.two_nu.contradict}
         out["not_determined"] = list(found.uncertainty.not_determined)
+        out |= _choice_part(found.choice) if found.choice else {}
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
         out["prony"] = _series_part(found.prony, [e for e in found.experiments if e.kind == "relaxation"])
+    if found.spectrum:
+        out["prony"] = _spectral_part(found.spectrum, next(e for e in found.experiments if e.kind in ("dma", "creep")))
+    if (soft := found.softening) is not None:
+        out["softening"] = {"sd": soft.sd, "interval": {n: list(ends) for n, ends in soft.interval.items()},
+                            "relative_rms": list(soft.relative_rms), "lost": [list(pair) for pair in soft.lost]}
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
+    return out
+
+
+def _choice_part(choice: Choice) -> dict[str, Any]:
+    """What the tests were taken for, and every law that was compared: parameters, their covariance, and how it did."""
+    out: dict[str, Any] = {"material": {"rubber": choice.kind.rubber, "because": choice.kind.because}}
+    if choice.laws:
+        out["laws"] = [
+            {"law": row.law.name, "parameters": {p.name: getattr(row.law, p.name) for p in row.law.parameters},
+             "covariance": row.covariance, "fitted": row.fitted, "predicted": row.predicted, "weight": row.weight,
+             "unstable": list(row.lost), "left_open": list(row.left_open)} for row in choice.laws]
+    if choice.deciding:
+        out["deciding_test"] = {"mode": choice.deciding[0], "laws_differ_by": choice.deciding[1]}
     return out
 
 
@@ -113,6 +134,20 @@ def _series_part(prony: PronyFit, relaxing: Sequence[Experiment]) -> dict[str, A
     return out | ({"instantaneous": moduli} if moduli else {})
 
 
+def _spectral_part(fit: SpectrumFit, experiment: Experiment) -> dict[str, Any]:
+    symbol = next((s for name, s in _MODULI.items() if name in experiment.facts), "modulus_0")
+    channels = ("storage", "loss") if experiment.kind == "dma" else ("compliance",)
+    out: dict[str, Any] = {
+        "g_sd": fit.g_sd, "g_infinity_sd": fit.g_infinity_sd, "seen_s": list(fit.bounds_s),
+        "orders": [{"order": terms, "rms": rms, "bic": bic} for terms, rms, bic in fit.orders],
+        "relative_rms": dict(zip(channels, fit.relative_rms, strict=True)),
+        "instantaneous": {f"{symbol}_Pa": {"value": fit.modulus_Pa, "sd": fit.modulus_sd_Pa}}}
+    if (s := fit.shift) is not None:
+        out["shift"] = {"temperature_K": s.temperature_K, "log10_a": s.log10_a, "sd": s.sd, "law_sd": s.law_sd,
+                        "misfit_decades": s.misfit_decades, "gaps_K": list(s.gaps), "disagree_K": list(s.disagree)}
+    return out
+
+
 def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
     """Standard errors and 95 % intervals of c_0 and of a_i = b_i/b_0, to first order in those of the coefficients b;
     what the bound that keeps the cubic positive moved them by is in them."""
@@ -125,13 +160,17 @@ def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
             "c0_interval_S_per_m": [law.c0_S_per_m - reach * c0_sd, law.c0_S_per_m + reach * c0_sd],
             "a_interval": np.column_stack([law.a - reach * a_sd, law.a + reach * a_sd]),
             "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance)),
-            "zero_in_intervals": bool(np.any(skin.zero_covariance))}
+            "zero_in_intervals": bool(np.any(skin.zero_covariance)),
+            "laws": [{"law": o.name, "c0_S_per_m": o.c0_S_per_m, "k": o.k, "relative_rms": o.relative_rms,
+                      "predicted_rms": o.predicted_rms, "counts": o.counts} if o.name != "cubic" else
+                     {"law": o.name, "relative_rms": o.relative_rms, "predicted_rms": o.predicted_rms,
+                      "counts": o.counts} for o in skin.others]}
 
 
 def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:
     k = int(label.rsplit("_", 1)[1]) - 1
     row: dict[str, Any] = {"kind": experiment.kind, "n": experiment.value.size, "weight": 1.0,
-                           "unit": "S/m" if experiment.kind == "conductivity" else "Pa",
+                           "unit": {"conductivity": "S/m", "creep": "1/Pa"}.get(experiment.kind, "Pa"),
                            "source": list(experiment.source), "strain_range": _range(experiment)}
     row |= {name: value for name, value in experiment.facts.items() if name.startswith(_REPEATED)}
     row |= {"layout": experiment.layout} if experiment.layout else {}
@@ -148,6 +187,10 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
         row |= {"compared": "hold", "time_s": float(experiment.time_s[-1]) if experiment.time_s is not None else None}
         if found.prony.holds[k].shape == "law":
             row |= {"stiffness_over_law": found.prony.amplitude[k] * found.prony.prony.g_infinity}
+    elif experiment.kind in ("dma", "creep") and found.spectrum:
+        row |= _errors(experiment.value, found.spectrum.relative_rms[0])
+        if experiment.time_s is not None:
+            row |= {"time_s": float(experiment.time_s[-1])}
     elif experiment.kind == "conductivity" and found.conductivity:
         row |= _errors(experiment.value, found.conductivity.relative_rms[k])
     return row

@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from matcal.card import MaterialCard, as_card, require
+from matcal.card import MaterialCard, as_card, require, with_moduli
+from matcal.fitting.conductivity_laws import values_of
 from matcal.laws.conductivity import conductivity, outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
+from matcal.laws.histories.strain_paths import follow
+from matcal.laws.known_laws import law_of
 from matcal.laws.prony import relaxation
 from matcal.laws.stability import stability
 from matcal.posterior.draws import Draws, card_of, quantiles, read_draws
@@ -37,8 +40,9 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     -------
     dict
         Columns (n,): `strain` or `time_s`; `stress_Pa`, `normalised_stress` or `conductivity_S_per_m`, with `_lo` and
-        `_hi` where the card has draws; `extrapolated`, whether a row lies outside what was fitted, where the card says
-        what that was. For stress also `moduli`, a word.
+        `_hi` where the card has draws; for conductivity the least and the largest of the laws that predict a part of
+        the tests about as well as the best; `extrapolated`, whether a row lies outside what was fitted, where the card
+        says what that was. For stress also `moduli`, a word.
 
     Raises
     ------
@@ -72,11 +76,76 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike) -> dict[s
     if draws is not None and _drawn(draws, name):
         low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
         columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
+    elif name == "stress_Pa" and (band := laws_band(card, mode, at)) is not None:
+        columns |= {"stress_lo_Pa": band[0], "stress_hi_Pa": band[1]}
+    if mode == "conductivity" and (others := values_of(card.fit.get("conductivity", {}).get("laws", ()), at)):
+        columns |= {"lowest_of_laws_S_per_m": np.min([columns[name], *others], axis=0),
+                    "highest_of_laws_S_per_m": np.max([columns[name], *others], axis=0)}
     if (rows := _extrapolated(card, mode, at)) is not None:
         columns["extrapolated"] = rows
     if card.law is not None and name == "stress_Pa":
         columns["moduli"] = card.law.moduli
     return columns
+
+
+def follow_path(card: MaterialCard | Path | str, mode: str, strain: ArrayLike,
+                time_s: ArrayLike | None = None) -> dict[str, Any]:
+    """Nominal stress of a card along a path of loading and unloading from rest.
+
+    The law relaxes by the card's series where there are times, and is softened by the path itself where the card has a
+    softening.
+
+    Parameters
+    ----------
+    card
+        A card with a law, or its file.
+    mode
+        uniaxial, biaxial, planar or shear.
+    strain
+        (n,) nominal strains in order, compression negative (gamma in shear).
+    time_s
+        (n,) times, s, that do not decrease; None: without relaxation, with the card's own moduli.
+
+    Returns
+    -------
+    dict
+        Columns (n,): `time_s` where given, `strain`, `stress_Pa`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown mode, the volumetric one, times that do not match, or a card without a law.
+
+    Examples
+    --------
+    >>> import matcal
+    >>> soft = matcal.Damage(r=2.0, m_Pa=100.0)
+    >>> card = matcal.MaterialCard("foam", matcal.Hyperfoam([12e3], [2.0], [0.0]), softening=soft)
+    >>> matcal.follow_path(card, "uniaxial", [0.0, -0.25, -0.5, -0.25])["stress_Pa"].round()
+    array([     0.,  -7000., -18000.,  -3500.])
+    """
+    card, strain = as_card(card), np.array(strain, dtype=float, ndmin=1)
+    if mode not in MODES:
+        raise ValueError(f"mode '{mode}' has no path; known: {', '.join(m for m in MODES if m != 'volumetric')}.")
+    law, prony = require(card, "law", "a path"), card.prony if time_s is not None else None
+    if prony is not None:
+        law = with_moduli(card, "instantaneous")
+    out = {} if time_s is None else {"time_s": np.array(time_s, dtype=float, ndmin=1)}
+    stress = follow(law, mode, strain, card.softening, out.get("time_s"), prony)
+    return {**out, "strain": strain, "stress_Pa": stress}
+
+
+def laws_band(card: MaterialCard, mode: str, at: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Ends of the band over all laws that were compared for the card, Pa; None where it holds none."""
+    rows = card.fit.get("laws")
+    if not rows or card.law is None:
+        return None
+    from matcal.fitting.law_ranking import Ranked, band_over
+
+    laws = [Ranked(law_of(row["law"], [np.ravel(value).tolist() for value in row["parameters"].values()]),
+                   np.array(row["covariance"], dtype=float), row["fitted"], row["predicted"], (), (), row["weight"])
+            for row in rows]
+    return band_over(laws, mode, at)
 
 
 def check(card: MaterialCard | Path | str) -> dict[str, Any]:
@@ -120,6 +189,8 @@ def check_mode(mode: str) -> None:
 def fitted_range(card: MaterialCard, mode: str) -> tuple[float, float] | None:
     """Strains, or times in s for relaxation, over which a mode was fitted; None where the card does not say."""
     if mode == "relaxation":
+        if seen := card.fit.get("prony", {}).get("seen_s"):
+            return float(seen[0]), float(seen[1])
         ends = [row["time_s"] for row in card.fit.values()
                 if isinstance(row, Mapping) and row.get("kind") == "relaxation" and row.get("time_s") is not None]
         return (0.0, max(ends)) if ends else None

@@ -6,6 +6,7 @@ from typing import Any
 
 from matcal.card import MaterialCard
 from matcal.laws.deformation_modes import MODES
+from matcal.laws.histories.time_temperature import Wlf
 from matcal.record.cautions import own_rms, relative_rms, tests
 from touchcal.number_words import percent, significant, with_error, within
 
@@ -84,17 +85,66 @@ def law(card: MaterialCard) -> Printed:
                    ("Single terms compensate each other; read the results above.",))
 
 
+def laws(card: MaterialCard) -> Printed:
+    """The laws that were compared: how they fit, predict what they were not fitted to, and count in the band."""
+    rows = []
+    for row in card.fit["laws"]:
+        doubts = [f"unstable in {', '.join(row['unstable'])}"] if row["unstable"] else []
+        doubts += [f"leaves {', '.join(row['left_open'])} open"] if row["left_open"] else []
+        terms = next((len(values) for values in row["parameters"].values() if not isinstance(values, int | float)), 0)
+        rows.append([row["law"] + (f", {terms} terms" if terms else "")
+                     + (" *" if card.law is not None and row["law"] == card.law.name else "  "), percent(row["fitted"]),
+                     percent(row["predicted"]), percent(row["weight"], 2), "; ".join(doubts) or "-"])
+    notes = ["Predicted: what the law was not fitted to, each mode or each third of the strains in turn."]
+    if test := card.fit.get("deciding_test"):
+        notes.append(f"A {test['mode']} test would separate them most: there they differ by "
+                     f"{percent(test['laws_differ_by'], 2)} (standard deviation).")
+    return Printed("Laws (* in the card)", ["law", "fits", "predicts", "weight", "what is wrong with it"], rows,
+                   "<>>>w", notes)
+
+
 def series(card: MaterialCard) -> Printed:
     """Terms of the Prony series."""
     assert card.prony is not None
     sd = card.fit.get("prony", {})
-    rows = []
+    rows, fitted = [], any(sd.get("tau_sd_s", ()))
     for k, (g, tau) in enumerate(zip(card.prony.g, card.prony.tau_s, strict=True)):
-        rows.append([str(k + 1), *_pair(g, _at(sd, "g_sd", k)), *_pair(tau, _at(sd, "tau_sd_s", k))])
-    return Printed("Prony series, one standard error each", ["i", "g", "+-", "tau_s", "+-"], rows, ">>>>>",
+        rows.append([str(k + 1), *_pair(g, _at(sd, "g_sd", k)), *(
+            _pair(tau, _at(sd, "tau_sd_s", k)) if fitted else [significant(float(tau))])])
+    head = ["i", "g", "+-", "tau_s", *(["+-"] if fitted else [])]
+    return Printed("Prony series, one standard error each", head, rows, ">" * len(head),
                    (f"Long-term over instantaneous modulus: {significant(card.prony.g_infinity)}.",
                     *(f"{name} = {' ± '.join(_pair(row['value'], row['sd']))}."
-                      for name, row in sd.get("instantaneous", {}).items()), *_slowest(sd)))
+                      for name, row in sd.get("instantaneous", {}).items()),
+                    *(_slowest(sd) if fitted else []), *_shift(card)))
+
+
+def _shift(card: MaterialCard) -> list[str]:
+    """The law of the shift with temperature and its standard errors."""
+    if card.shift is None:
+        return []
+    names = [("C1", card.shift.C1, ""), ("C2", card.shift.C2_K, " K")] if isinstance(card.shift, Wlf) else [
+        ("E_a", card.shift.activation_J_per_mol / 1e3, " kJ/mol")]
+    sd = card.fit.get("prony", {}).get("shift", {}).get("law_sd", ())
+    scale = 1.0 if isinstance(card.shift, Wlf) else 1e-3
+    said = ", ".join(f"{name} = {' ± '.join(_pair(value, scale * sd[k] if k < len(sd) else None))}{unit}"
+                     for k, (name, value, unit) in enumerate(names))
+    kind = "WLF" if isinstance(card.shift, Wlf) else "Arrhenius"
+    return [f"Times are those at {significant(card.shift.reference_K - 273.15)} C; {kind} shift: {said}."]
+
+
+def softening(card: MaterialCard) -> Printed:
+    """Numbers of the softening and the set."""
+    assert card.softening is not None
+    found = card.fit.get("softening", {})
+    rows = []
+    for name in ("r", "m_Pa", "beta", "set_share"):
+        value, ends = float(getattr(card.softening, name)), found.get("interval", {}).get(name)
+        rows.append([name, *_pair(value, found.get("sd", {}).get(name)),
+                     within(value, *ends)[1] if ends is not None else "not fitted"])
+    missed = ", ".join(percent(rms) for rms in found.get("relative_rms", ()))
+    return Printed("Softening (Ogden-Roxburgh) and set, one standard error each", ["", "value", "+-", "95 % interval"],
+                   rows, "<>>>", (f"Relative RMS along the whole path: {missed}.",) if missed else ())
 
 
 def _slowest(found: Mapping[str, Any]) -> list[str]:

@@ -1,10 +1,10 @@
 """What a calibration leaves behind: the card, and next to it a folder with the reduced tests and their fitted curves.
 
-The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where
-the test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law
-without rate effects; KIND_i_cycles.parquet, one row a cycle, for a cyclic test; predicted_i.parquet, a test kept out
-of the fit; bands.parquet, stress in every mode with its 95 % band, and conductivity_band.parquet; decisions.json, test
-or stage -> sentences; and posterior.nc where a posterior was sampled.
+The folder (card.json -> card.d) holds KIND_i.parquet for every test, with strain, the measured value, time_s where the
+test has a clock, fit_* for the fitted law along the test's own history and, for stress, longterm_* for the law without
+rate effects; KIND_i_cycles.parquet, one row a cycle, for a cyclic test; KIND_i_path.parquet, its loading and unloading;
+predicted_i.parquet, a test kept out of the fit; bands.parquet, stress in every mode with its 95 % band, and
+conductivity_band.parquet; decisions.json, test or stage -> sentences; and posterior.nc where a posterior was sampled.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from matcal.fitting.calibrate import FittedLaws, is_curve, labels
 from matcal.fitting.hyperfoam.cross_prediction import Predicted
 from matcal.fitting.hyperfoam.curves import of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import modelled
+from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import plateau_reached
 from matcal.laws.conductivity import conductivity
 from matcal.laws.deformation_modes import nominal_stress
@@ -67,11 +68,14 @@ def make_card(found: FittedLaws, files: Sequence[Path], seed: int, posterior: Po
                   "date": datetime.now(UTC).isoformat(timespec="seconds"),
                   "decisions": decisions, "decisions_of": {name: len(group) for name, group in groups.items()},
                   "cautions": list(dict.fromkeys(c for e in found.experiments for c in e.cautions)), "cpu_s": spent}
-    return MaterialCard("foam", law, found.prony.prony if found.prony else None,
+    spectrum = found.spectrum
+    return MaterialCard("foam", law, found.series.prony if found.series else None,
                         found.conductivity.law if found.conductivity else None,
                         fit=summary(found, posterior.draws if posterior else None),
                         stability=stability(law) if law else {}, provenance=provenance,
-                        posterior=_posterior_part(posterior, law) if posterior else {})
+                        posterior=_posterior_part(posterior, law) if posterior else {},
+                        shift=spectrum.shift.law if spectrum is not None and spectrum.shift else None,
+                        softening=found.softening.damage if found.softening else None)
 
 
 def _versions() -> dict[str, str]:
@@ -132,6 +136,11 @@ def _write_folder(found: FittedLaws, posterior: Posterior | None, folder: Path) 
         write_table(_table(found, label, experiment), folder / f"{label}.parquet")
         if experiment.cycles is not None:
             write_table(experiment.cycles, folder / f"{label}_cycles.parquet")
+    paths = [(label, experiment.path) for label, experiment in tests if experiment.path is not None]
+    for (label, path), fitted in zip(paths, found.softening.fitted if found.softening else (), strict=False):
+        columns = {"strain": path.strain, "stress_Pa": path.stress_Pa, "fit_stress_Pa": fitted}
+        clock = {} if path.time_s is None else {"time_s": path.time_s}
+        write_table(columns | clock, folder / f"{label}_path.parquet")
     for k, predicted in enumerate(found.predicted, 1):
         write_table(_predicted_table(found, predicted), folder / f"predicted_{k}.parquet")
     write_json({name: list(group) for name, group in said(found).items()}, folder / "decisions.json")
@@ -195,6 +204,8 @@ def _table(found: FittedLaws, label: str, experiment: Experiment) -> Columns:
         columns = {"strain": curve.experiment.strain, "stress_Pa": curve.experiment.value,
                    "fit_stress_Pa": modelled(found.fit.law, of_mean_foam(curve)),
                    "longterm_stress_Pa": nominal_stress(found.fit.law, experiment.kind, curve.experiment.strain)}
+    elif (spectrum := found.spectrum) is not None and experiment.kind in ("dma", "creep"):
+        columns = dict(_spectral_table(spectrum, experiment))
     else:
         columns = {"strain": experiment.strain, "stress_Pa": experiment.value}
         if found.prony:
@@ -202,6 +213,19 @@ def _table(found: FittedLaws, label: str, experiment: Experiment) -> Columns:
     if experiment.time_s is not None:
         columns["time_s"] = experiment.time_s
     return columns
+
+
+def _spectral_table(spectrum: SpectrumFit, experiment: Experiment) -> Columns:
+    """Storage and loss modulus at the frequencies of the master curve, or the compliance."""
+    if experiment.sweep is None or spectrum.master_Hz is None:
+        return {"strain": experiment.strain, "compliance_1_per_Pa": experiment.value,
+                "fit_compliance_1_per_Pa": spectrum.fitted[0]}
+    sweep = experiment.sweep
+    columns: Columns = {
+        "strain": experiment.strain, "frequency_Hz": sweep.frequency_Hz, "master_Hz": spectrum.master_Hz,
+        "storage_Pa": experiment.value, "loss_Pa": sweep.loss_Pa, "fit_storage_Pa": spectrum.fitted[0],
+        "fit_loss_Pa": spectrum.fitted[1]}
+    return {**columns, **({"temperature_K": sweep.temperature_K[sweep.group]} if sweep.temperature_K.size else {})}
 
 
 def _posterior_part(posterior: Posterior, law: Law | None) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from matcal.readers.vocabulary import KINDS
 from touchcal.arrays import Array
@@ -13,12 +14,35 @@ _OPTIONAL = ("time_s", "samples", "deviation", "lateral", "held")
 
 
 @dataclass(frozen=True)
+class Sweep:
+    """What a dynamic test has next to its storage modulus, the `value` of its experiment."""
+
+    frequency_Hz: Array  # (n,) frequencies
+    loss_Pa: Array  # (n,) loss modulus
+    group: NDArray[np.intp]  # (n,) sweep of each row, one a temperature, by increasing temperature
+    temperature_K: Array  # (m,) mean temperature of each sweep; empty where the file has none
+
+
+@dataclass(frozen=True)
+class StrainPath:
+    """Loading and unloading of a cyclic test, from first contact on."""
+
+    strain: Array  # (n,) nominal strain, compression negative
+    stress_Pa: Array  # (n,) nominal stress
+    time_s: Array | None  # (n,) time from contact, s; None without a clock
+    noise_Pa: float  # standard deviation of the noise of a value
+
+
+@dataclass(frozen=True)
 class Experiment:
-    """One specimen in one mode; a relaxation has time and stress, a conductivity test strain and conductivity."""
+    """One specimen in one mode; a relaxation has time and stress, a creep time and compliance, a dynamic test storage
+    modulus and a sweep, a conductivity test strain and conductivity."""
 
     kind: str  # one of KINDS
     strain: Array  # (n,) nominal strain, compression negative (gamma for shear, J for volumetric)
-    value: Array  # (n,) nominal stress, Pa, compression negative (minus pressure for volumetric); conductivity: c, S/m
+    # (n,) nominal stress, Pa, compression negative (minus pressure for volumetric); conductivity: c, S/m; creep: J,
+    # 1/Pa; dynamic test: storage modulus, Pa
+    value: Array
     # (n,) time from the start of loading, s; None where the file has no clock (then no rate correction is possible)
     time_s: Array | None = None
     source: tuple[str, ...] = ()  # file name(s) it came from
@@ -36,6 +60,8 @@ class Experiment:
     # column -> (m,) values, one row a cycle, of a cyclic test: cycle, resistance_rest_Ohm, resistance_peak_Ohm, their
     # fitted courses fit_*; or cycle, loss_Pa, residual_strain, peak_stress_Pa. None where nothing is cycled
     cycles: Mapping[str, Array] | None = None
+    path: StrainPath | None = None  # the whole path of a test of which `strain` and `value` are the first loadings
+    sweep: Sweep | None = None  # of a dynamic test; None for any other
     decisions: tuple[str, ...] = ()  # every correction applied and decision taken, one sentence each, in order
     cautions: tuple[str, ...] = ()  # what a user of the card must know of the record, one sentence each
     # further numbers of the reduction, units in the names (offset_N, compliance_mm_per_N, clock_shift_s, ...)

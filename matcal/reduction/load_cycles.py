@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from matcal.reduction.experiment import StrainPath
 from matcal.statistics.block_means import block_means
 from touchcal.arrays import Array
 
-BRANCHES = ("last", "first")  # which loading of a cyclic test is used
+BRANCHES = ("last", "first", "all")  # which loading of a cyclic test is used; all: first loadings, and the whole path
 _SMOOTH = 10  # samples that are averaged to see where the stress passes zero
 _UNLOADED = 0.7  # share of its largest strain below which a specimen counts as unloaded
+_PATH = 60  # points of the whole path between two turns
 _START, _FEWEST = 0.03, 8  # strains of a later loading above zero stress that show its start, fewest samples there
 
 
@@ -29,6 +32,7 @@ class Loading:
     cycles: Mapping[str, Array] | None = None
     cautions: tuple[str, ...] = ()  # what is to be minded of it
     from_rest: bool = True  # whether it begins without stress
+    path: StrainPath | None = None  # loading and unloading of every cycle, where it is all used
 
 
 def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, length_m: float) -> Loading:
@@ -40,6 +44,8 @@ def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, 
     """
     cycles = _cycles(record, spans)
     facts = {**record.facts, "loadings": float(len(spans)), **_last_of(cycles)}
+    if branch == "all":
+        return replace(_first_loadings(record, spans), cycles=cycles, facts=facts)
     if len(spans) == 1 or branch == "first":
         said = (f"The first of {len(spans)} loadings is used, the specimen not preconditioned, as asked for.",)
         return replace(record, cycles=cycles if len(spans) > 1 else None, facts=facts,
@@ -66,6 +72,30 @@ def one_loading(record: Loading, spans: Sequence[tuple[int, int]], branch: str, 
     return replace(record, time_s=time, strain=record.strain[first:end + 1] - side * at,
                    stress_Pa=record.stress_Pa[first:end + 1], end=end - first, cycles=cycles, facts=facts,
                    decisions=(*record.decisions, said, *_sentences(cycles)))
+
+
+def _first_loadings(record: Loading, spans: Sequence[tuple[int, int]]) -> Loading:
+    """The samples of loadings that no sample before reached, and the whole path, thinned between its turns."""
+    side = 1.0 if record.strain[record.end] > 0 else -1.0
+    reached, parts = -np.inf, []
+    for begin, end in spans:
+        own = np.arange(begin, end + 1)
+        parts.append(own[side * record.strain[own] > reached])
+        reached = max(reached, float((side * record.strain[own]).max()))
+    first = np.concatenate(parts)
+    pieces = sum(p.size > 0 for p in parts)
+    turns = np.unique([0, *(n for begin, end in spans for n in (begin, end + 1)), record.strain.size])
+    edges = np.unique(np.concatenate([np.linspace(a, b, min(b - a, _PATH) + 1).round().astype(int)
+                                      for a, b in pairwise(turns.tolist())]))
+    path = StrainPath(block_means(record.strain, edges), block_means(record.stress_Pa, edges),
+                      None if record.time_s is None else block_means(record.time_s, edges),
+                      record.noise_Pa / np.sqrt(float(np.median(np.diff(edges)))))
+    time = None if record.time_s is None or pieces > 1 else record.time_s[first]
+    said = (f"The parts of {len(spans)} loadings that go further than those before are the first loading, "
+            f"{first.size} samples; {path.strain.size} points of the whole path show what unloading softens."
+            + (" They are not corrected for rate: other loadings lie between them." if pieces > 1 else ""))
+    return replace(record, time_s=time, strain=record.strain[first], stress_Pa=record.stress_Pa[first],
+                   end=first.size - 1, path=path, decisions=(*record.decisions, said))
 
 
 def _zero_crossing(record: Loading, begin: int, end: int) -> tuple[int, float] | None:

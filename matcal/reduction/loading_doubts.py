@@ -24,8 +24,7 @@ def loading_doubts(label: str, strain: Array, stress: Array) -> list[str]:
     gradual = -np.diff(size).min() < (1 - _UNLOADED) * size[peak]  # else another loading follows
     if max(rising.min(), falling.min()) < _UNLOADED * size[peak] and gradual:
         out.append(f"The strain turns back in {label} after its largest: loading and unloading are fitted as one "
-                   "curve. Keep the rows of one loading, or give displacement and force, of which the last loading is "
-                   "taken.")
+                   "curve. Give --unloading, which fits what unloading softens, or keep the rows of one loading.")
     order = np.argsort(rising, kind="stable")
     early, load = rising[order], side * stress[:peak + 1][order]
     if early[0] < _GAP and early[-1] > 1.5 * _EARLY:

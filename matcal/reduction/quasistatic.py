@@ -42,6 +42,6 @@ def reduce_quasistatic(kind: str, recording: Recording, block: Block, branch: st
     left = f"Strains below {_TOE_STRAIN:.0%} left out as toe, the state of rest put first; " if record.from_rest else ""
     said = (f"{left}{'means' if left else 'Means'} of {size} samples, {e.size - len(rest)} points.",)
     return Experiment(kind=kind, strain=e, value=p, time_s=time, source=tuple(p.name for p in recording.paths),
-                      noise=block.mean_share * record.noise_Pa / np.sqrt(size), cycles=record.cycles,
+                      noise=block.mean_share * record.noise_Pa / np.sqrt(size), cycles=record.cycles, path=record.path,
                       decisions=record.decisions + said, cautions=warned,
                       facts={**record.facts, "samples_per_point": float(size)})

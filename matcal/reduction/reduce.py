@@ -20,6 +20,9 @@ from matcal.reduction.replicates import with_scatter
 from matcal.reduction.size_checks import compliance_doubt
 from matcal.reduction.specimen import Block, Strip
 from matcal.reduction.specimen_sizes import specimen_of, stated_direction
+from matcal.reduction.tables.creep_tables import reduce_creep
+from matcal.reduction.tables.cycled_tables import with_path
+from matcal.reduction.tables.dynamic_sweeps import reduce_sweeps
 from matcal.reduction.tables.reduced_tables import reduce_table
 from matcal.reduction.test_kind import decide_kind
 from touchcal.errors import InputFileError
@@ -195,12 +198,16 @@ def _of_kind(kind: str, recordings: list[Recording], why: str, specimen: Path | 
     first = recordings[0]
     if kind == "conductivity":
         return _conductivity(recordings, why, specimen)
+    if kind in ("dma", "creep"):
+        return _said(reduce_sweeps(first) if kind == "dma" else reduce_creep(first), why), ()
     direction = stated_direction(kind, first, specimen)
     if is_table(first):
+        cycled = branch == "all" and kind in ("uniaxial", "biaxial", "planar", "shear")
         unused = () if specimen is None else (
             f"{first.label} holds strain and its value already: no size of {specimen.name} was needed.",)
         made = (reduce_relaxation_table(first, direction) if kind == "relaxation" else
-                reduce_table(kind, first, direction))
+                reduce_table(kind, first, direction, cycled=cycled))
+        made = with_path(made) if cycled else made
         return _said(made, why, *unused), ()
     sizes, where, files = specimen_of(kind, first, specimen, needed=not needs_no_size(first))
     assert not isinstance(sizes, Strip)

@@ -98,7 +98,8 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
         if given is not None:
             raise InputFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
                                         f"{_needed(kind)}.") from None
-        raise InputFileError(path, f"displacement and force need the specimen's size: {path.name} does not state it, "
+        read = "a resistance needs" if kind == "conductivity" else "displacement and force need"
+        raise InputFileError(path, f"{read} the specimen's size: {path.name} does not state it, "
                                    f"and {path.with_suffix('.toml')} or {path.parent / 'specimen.toml'} has no table "
                                    f"[{kind}]. Give `specimen` specimen.toml with {_needed(kind)} below [{kind}]."
                              ) from None

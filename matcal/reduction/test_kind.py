@@ -14,6 +14,7 @@ from touchcal.toml_file import read_toml
 # the first match wins, so the more telling words stand first
 _WORDS = (
     ("relaxation", r"relax|rilass|relaj|松弛|緩和"),
+    ("creep", r"creep|kriech|fluage|fluencia|蠕变|クリープ"), ("dma", r"\bdma\b|\bdmta\b|frequency sweep"),
     ("conductivity", r"conductiv|resistiv|resistance|coated|leitf[äa]hig|widerstand|电阻|电导"),
     ("planar", r"planar|pure shear|平面"), ("shear", r"shear|\bss\b|scher|schub|cisaill|cizall|taglio|剪切|せん断"),
     ("biaxial", r"biax|zweiachs|双轴"), ("volumetric", r"volumetr|hydrostat|体积|静水"),
@@ -25,29 +26,39 @@ _HELD, _GROWN, _SLOWING = 0.05, 0.02, 1.5  # spread of a held load, growth of a 
 
 
 def decide_kind(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:
-    """(kind, sentence saying why) of the recordings of one test; InputFileError where nothing tells or a creep test was
-    measured, which no kind is; ValueError for an unknown explicit kind."""
-    for recording in recordings:
-        _refuse_creep(explicit or "", recording)
+    """(kind, sentence saying why) of the recordings of one test; InputFileError where nothing tells, or the columns are
+    those of another kind; ValueError for an unknown explicit kind."""
+    first = recordings[0]
+    dynamic = {"storage", "loss", "complex_modulus"} & set(first.columns)
+    if explicit not in (None, "dma") and dynamic:
+        _known(explicit, explicit)
+        raise InputFileError(first.paths[0], "it holds storage and loss modulus of a dynamic test. Write "
+                                             f"dma={first.paths[0].name}.")
+    if dynamic:
+        return "dma", f"{first.label}: dynamic test, from its columns."
+    if explicit not in (None, "relaxation", "creep", "conductivity", "volumetric") and _creeps(first):
+        raise InputFileError(first.paths[0], "its stress is held and its strain grows, as in a creep test. Write "
+                                             f"creep={first.paths[0].name}.")
+    if explicit in (None, "relaxation", "creep") and ("compliance" in first.columns or _creeps(first)):
+        how = "from its columns" if "compliance" in first.columns else "its stress is held and its strain grows"
+        return "creep", f"{first.label}: creep, {how}."
     return _decided(explicit, recordings)
 
 
-def _refuse_creep(kind: str, recording: Recording) -> None:
-    """InputFileError where the stress (or force) is held in time and the strain (or displacement) grows, less in the
-    second half of the time than in the first."""
-    load = next((recording.columns[q] for q in ("stress", "force") if q in recording.columns), None)
-    strain = next((recording.columns[q] for q in ("strain", "stretch", "displacement") if q in recording.columns), None)
+def _creeps(recording: Recording) -> bool:
+    """Whether the stress is held in time and the strain grows, less in the second half of the time than in the first.
+    """
+    load, strain = (next((recording.columns[q] for q in names if q in recording.columns), None)
+                    for names in (("stress", "force"), ("strain", "stretch", "displacement")))
     time = recording.columns.get("time")
-    if kind in ("conductivity", "volumetric") or load is None or strain is None or time is None \
-            or recording.rows < _FEWEST or not np.all(np.diff(time) >= 0) or time[-1] <= time[0]:
-        return
+    if load is None or strain is None or time is None or recording.rows < _FEWEST \
+            or not np.all(np.diff(time) >= 0) or time[-1] <= time[0]:
+        return False
     low, middle, high = np.quantile(load, (0.05, 0.5, 0.95))
     half = float(np.interp(0.5 * (time[0] + time[-1]), time, strain))
     early, late = half - strain[0], strain[-1] - half
-    if high - low <= _HELD * abs(middle) and early * late >= 0 and abs(early + late) > _GROWN * np.max(np.abs(strain)) \
-            and abs(early) > _SLOWING * abs(late):
-        raise InputFileError(recording.paths[0], "a creep test: the load is held and the strain grows. This version "
-                                                 "does not fit creep. Give a relaxation test, with the strain held.")
+    return bool(high - low <= _HELD * abs(middle) and early * late >= 0
+                and abs(early + late) > _GROWN * np.max(np.abs(strain)) and abs(early) > _SLOWING * abs(late))
 
 
 def _decided(explicit: str | None, recordings: Sequence[Recording]) -> tuple[str, str]:

@@ -18,6 +18,7 @@ from reports.calibration import first_page as summary
 from reports.calibration.card_record import Record, read_record, rows_where
 from reports.calibration.card_verdict import verdict
 from reports.calibration.conductivity_figure import conductivity_law
+from reports.calibration.dynamic_figures import relaxing_otherwise
 from reports.document import provenance
 from reports.document.numerals import counted, number, typeset
 from reports.document.page import Report, ReportFigure, Table, write_pdf
@@ -115,8 +116,11 @@ def _predicted_plates(record: Record) -> list[ReportFigure]:
 
 def _cycle_plates(record: Record) -> list[ReportFigure]:
     tables = {stem.removesuffix("_cycles"): table for stem, table in record.tables.items() if stem.endswith("_cycles")}
-    return [cycle_figures.cycles(label, table, record.card.fit.get(label, {})) for label, table in tables.items()
-            if len(table)]
+    paths = [stem for stem in record.tables if stem.endswith("_path")]
+    missed = record.card.fit.get("softening", {}).get("relative_rms", ())
+    return [*(cycle_figures.path(stem, record.tables[stem], rms) for stem, rms in zip(paths, missed, strict=False)),
+            *(cycle_figures.cycles(label, table, record.card.fit.get(label, {})) for label, table in tables.items()
+              if len(table))]
 
 
 def _relaxation_plates(record: Record, absent: dict[str, str],
@@ -125,6 +129,8 @@ def _relaxation_plates(record: Record, absent: dict[str, str],
     tests = [t for t in record.fitted("relaxation") if t.time_s is not None]
     if card.prony is None:
         absent["relaxation"] = NOT_FITTED["prony"]
+    elif other := relaxing_otherwise(record):
+        return other
     elif not tests:
         absent["relaxation"] = record.missing or "The card's folder holds no fitted relaxation test."
     else:
@@ -162,6 +168,7 @@ def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
     made: dict[str, tuple[Callable[[MaterialCard], Table], Any]] = {
         "parameters": (tables_of.parameters, foam or series),
         "results": (lambda _: summary.results(record), foam or series or skin),
+        "softening": (tables_of.softening, card.softening is not None),
         "skin": (tables_of.skin, skin),
         "tested": (summary.tested, tests(card)),
         "recorded": (lambda _: summary.recorded(record), tests(card)),
@@ -183,7 +190,8 @@ def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
 
 def _prose(record: Record) -> dict[str, Any]:
     card = record.card
-    prose: dict[str, Any] = {part: "" for part in (*NOT_FITTED, "hyperfoam") if getattr(card, part) is not None}
+    parts = (*NOT_FITTED, "hyperfoam", "softening")
+    prose: dict[str, Any] = {part: "" for part in parts if getattr(card, part) is not None}
     if "prior" in card.posterior:
         prose["prior"] = typeset(f"Prior: {card.posterior['prior']}")
     if record.missing:

@@ -60,6 +60,12 @@ def _pm(value: float, error: float | None, factor: float = 1.0) -> str:
     return number(value, 4) if error is None else plus_minus(value, factor * error)
 
 
+def softening(card: MaterialCard) -> Table:
+    """Numbers of the softening and the set, with their intervals."""
+    return printed(result_tables.softening(card), "Softening by earlier loading (Ogden and Roxburgh) and set, with one "
+                                                  "standard error each.")
+
+
 def skin(card: MaterialCard) -> Table:
     """The conductivity law's parameters, standard errors behind ± where the card has them."""
     law, found = card.conductivity, card.fit.get("conductivity", {})

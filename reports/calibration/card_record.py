@@ -69,7 +69,8 @@ def read_record(path: Path) -> Record:
     tables = {p.stem: p for p in files if p.suffix == ".parquet"}
     tests = {stem: _read_test(table) for stem, table in tables.items() if _is_test(stem)}
     others = {stem: _table(table) for stem, table in tables.items() if not _is_test(stem)}
-    missing = "" if tests else f"The folder {card.data} holds no reduced test, so no data are drawn."
+    drawn = bool(tests) or any(stem.startswith(("dma_", "creep_")) for stem in others)
+    missing = "" if drawn else f"The folder {card.data} holds no reduced test, so no data are drawn."
     return Record(path, card, tests, files, missing, others)
 
 
@@ -81,7 +82,7 @@ def rows_where(table: pd.DataFrame, keep: ArrayLike) -> pd.DataFrame:
 def _is_test(stem: str) -> bool:
     """Whether a table is called KIND_i."""
     kind, _, number = stem.rpartition("_")
-    return kind in KINDS and number.isdigit()
+    return kind in KINDS and kind not in ("dma", "creep") and number.isdigit()
 
 
 def _table(path: Path) -> pd.DataFrame:

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from reports.document import style
-from reports.document.numerals import number, plus_minus, prefixed
+from reports.document.numerals import number, pascals, percent, plus_minus, prefixed
 from reports.document.page import ReportFigure
 
 # column -> what it is, unit of the column
@@ -30,6 +30,20 @@ def cycles(label: str, table: pd.DataFrame, row: Mapping[str, Any]) -> ReportFig
     caption = f"Settling, {label}: {what} over {len(table)} cycles. " + " ".join(_course(table, name) for name in held)
     caption += _settled(row)
     return ReportFigure(f"{label}_cycles", figure, caption, {f"{label}_cycles": table})
+
+
+def path(stem: str, table: pd.DataFrame, relative_rms: float) -> ReportFigure:
+    """Stress along the whole path of a cyclic test, measured and fitted."""
+    figure = style.sheet(66, style.HALF_WIDTH_MM)
+    axes = figure.subplots()
+    factor, unit = pascals(table["stress_Pa"].to_numpy(dtype=float))
+    axes.plot(table["strain"], factor * table["stress_Pa"], "o", color=style.INK, ms=1.2, mew=0, label="measured")
+    axes.plot(table["strain"], factor * table["fit_stress_Pa"], color=style.ACCENT, lw=0.8, label="softened law")
+    axes.legend(loc="best")
+    style.label(axes, "Nominal strain (–)", f"Stress ({unit})")
+    caption = (f"Loading and unloading, {stem.removesuffix('_path')}: the law with softening and set misses the path "
+               f"by {percent(relative_rms)} (relative RMS).")
+    return ReportFigure(f"{stem}_cycles", figure, caption, {stem: table})
 
 
 def _settled(row: Mapping[str, Any]) -> str:

@@ -20,6 +20,7 @@ NAMES = {"mu_0_Pa": "initial shear modulus μ₀", "E_0_Pa": "initial Young's mo
          "plateau_Pa": "plateau stress at 40 % strain", "g_infinity": "long-term share of the modulus",
          "c0_S_per_m": "unstrained conductivity c₀"}
 PLATEAU_STRAIN = -0.4
+_LISTED = 6  # relaxation times that are listed one by one
 STANDARD = re.compile(r"\b(ISO|ASTM|DIN|EN|JIS|GB/T) ?[A-Z]? ?\d[\d-]*")
 UNKNOWN = "not recorded"
 # layout of a file -> whose program wrote it
@@ -102,11 +103,18 @@ def _own(card: MaterialCard, name: str, value: float, sd: float | None) -> tuple
 def _series_rows(card: MaterialCard) -> list[list[str]]:
     if card.prony is None:
         return []
-    middle, ends = _own(card, "g_infinity", card.prony.g_infinity, card.fit.get("prony", {}).get("g_infinity_sd"))
-    last = max((row["time_s"] for row in tests(card).values() if row["kind"] == "relaxation" and "time_s" in row),
-               default=None)
-    return [[NAMES["g_infinity"], "–", middle, ends,
+    found = card.fit.get("prony", {})
+    middle, ends = _own(card, "g_infinity", card.prony.g_infinity, found.get("g_infinity_sd"))
+    ends_s = [row["time_s"] for row in tests(card).values() if row["kind"] == "relaxation" and "time_s" in row]
+    last = found["seen_s"][1] if "seen_s" in found else max(ends_s, default=None)
+    rows = [[NAMES["g_infinity"], "–", middle, ends,
              f"{number(last)} s of relaxation" if last else "the recorded hold"]]
+    for name, row in found.get("instantaneous", {}).items():
+        sd = row["sd"]
+        middle, ends = within(row["value"], row["value"] - 1.96 * sd, row["value"] + 1.96 * sd)
+        rows.append([f"instantaneous modulus {name.removesuffix('_Pa').replace('_0', '₀')}", "Pa", middle, ends,
+                     "before relaxation"])
+    return rows
 
 
 def _skin_rows(record: Record) -> list[list[str]]:
@@ -196,9 +204,11 @@ def _foam_findings(card: MaterialCard) -> list[str]:
 def _series_findings(card: MaterialCard) -> list[str]:
     if card.prony is None:
         return []
-    times = ", ".join(number(t) for t in card.prony.tau_s)
+    tau = card.prony.tau_s
+    times = f"times of {', '.join(number(t) for t in tau)} s" if tau.size <= _LISTED else (
+        f"{tau.size} times from {number(tau[0])} to {number(tau[-1])} s")
     return [f"Relaxation: held at constant strain the stress falls by {percent(1 - card.prony.g_infinity, 3)}, with "
-            f"times of {times} s."]
+            f"{times}."]
 
 
 def _skin_findings(card: MaterialCard) -> list[str]:

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from eitsim.scene.scene import is_list, scene_from, scene_tables
+from eitsim.scene.scene import scene_from, scene_tables
+from eitsim.scene.scene_keys import is_list
 from eitsim.sweeps.dataset import code_history, parquet
 from eitsim.sweeps.dataset.parquet import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_dataset
 from eitsim.sweeps.design.distributions import Distribution, distribution_of

@@ -17,8 +17,7 @@ def draw_sensor(axes: Axes, scene: Scene) -> None:
     edge, electrodes = scene.body.edge, scene.electrodes
     draw_skin(axes, edge)
     colours = [style.GREY if k in electrodes.missing else style.INK for k in range(electrodes.count)]
-    if electrodes.anywhere:
-        patches = [patch * 1e3 for patch in patch_loops(electrodes)]
+    if patches := [patch * 1e3 for patch in patch_loops(electrodes)]:
         for patch, colour in zip(patches, colours, strict=True):
             axes.add_patch(Polygon(patch, facecolor=colour, edgecolor="none"))
         places = np.array([patch.mean(axis=0) for patch in patches]) - [0.0, _NUMBER * _size_mm(edge)]

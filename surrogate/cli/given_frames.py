@@ -144,11 +144,11 @@ def say(words: str) -> None:
 def untouched_of(model: SweepModel, baseline: Path) -> tuple[Untouched, Mask]:
     from surrogate.data.baseline_frame import untouched
     from surrogate.data.frame_rows import sound_lines
-    from surrogate.model.missing_channels import check_needed, silent, stuck
+    from surrogate.model.missing_channels import check_enough, silent, stuck
 
     volts = sound_lines(baseline, len(model.baseline_V))
     dead = stuck(volts) | silent(volts, model.baseline_V).any(axis=0)
-    check_needed(model, dead, str(baseline))
+    check_enough(dead, str(baseline))
     return untouched(volts, model.ring), dead
 
 
@@ -156,11 +156,11 @@ def frames_of(model: SweepModel, path: Path, baseline: Path | None) -> tuple[Lin
     """Frames of a file, their untouched frame, and channels that are dead in all of them."""
     from surrogate.data.baseline_frame import Untouched
     from surrogate.data.frame_rows import first_frame, read_lines
-    from surrogate.model.missing_channels import check_needed, silent, stuck
+    from surrogate.model.missing_channels import check_enough, silent, stuck
 
     read = read_lines(path, len(model.baseline_V))
     dead = stuck(read.volts)
-    check_needed(model, dead, str(path))
+    check_enough(dead, str(path))
     if baseline is not None:
         reference, lost = untouched_of(model, baseline)
         return read, reference, dead | lost
@@ -169,7 +169,7 @@ def frames_of(model: SweepModel, path: Path, baseline: Path | None) -> tuple[Lin
         raise ValueError(f"{path}: one frame only, and it is taken as the untouched one. Give --baseline FILE, or "
                          "put the untouched frame first.")
     where = f"{path}, line {read.line[0]}"
-    check_needed(model, silent(first[None], model.baseline_V)[0], where)
+    check_enough(silent(first[None], model.baseline_V)[0], where)
     say(f"{where} is taken as the untouched frame; give --baseline FILE where it is not.")
     return read.after_first(), Untouched(first, None), dead
 

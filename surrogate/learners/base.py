@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
+from scipy.special import ndtr
 
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring
+from surrogate.statistics.mixture import interval
 from touchcal.arrays import Array, Mask
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
@@ -40,10 +42,10 @@ class Estimate:
     past_below: Array
     past_above: Array
     other: Mask  # (n,) whether the signal asks for such a punch, none of the trained ones being likely
-    # (n, outputs) by what punches of other profiles multiply the lower and the upper end of an interval; 1 for learners
-    # that know of none
-    ratio_below: Array
-    ratio_above: Array
+    # (n, outputs, profiles) by what punches of each profile multiply the value, and the relative standard deviations of
+    # that; 1 and 0 for the trained profile, the first, and for learners that know of no other
+    ratio: Array
+    ratio_sd: Array
     parts: Parts | None = None  # what makes up sd, for learners that can tell
 
     def of_profile(self, factor: Array, of_normal: Array | float) -> tuple[Array, Array]:
@@ -53,11 +55,17 @@ class Estimate:
                 np.maximum(self.above * factor, self.past_above * of_normal))
 
     def ends(self, factor: Array, of_normal: Array | float) -> tuple[Array, Array]:
-        """As `of_profile`, of punches of the other profiles too."""
+        """As `of_profile`, where each of the profiles is as likely as any other."""
         below, above = self.of_profile(factor, of_normal)
-        low, high = self.value - below, self.value + above
-        return (self.value - low * np.where(low > 0, self.ratio_below, 1.0),
-                high * np.where(high > 0, self.ratio_above, 1.0) - self.value)
+        open_ = np.any(self.ratio != 1, axis=(0, 2))
+        if not open_.any():
+            return below, above
+        mode, own = (self.value[..., None] * self.ratio)[:, open_], (self.value[..., None] * self.ratio_sd)[:, open_]
+        own = own * np.asarray(of_normal)[..., None]
+        short, far = (np.hypot(side[..., open_, None] * self.ratio[:, open_], own) for side in (below, above))
+        low, high = interval(mode, short, far, ndtr(-np.asarray(of_normal)))
+        below[..., open_], above[..., open_] = self.value[:, open_] - low, high - self.value[:, open_]
+        return below, above
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,7 @@ def regression(value: Array, variance: Array) -> Estimate:
     sd = np.sqrt(variance)
     none = np.zeros(len(value), bool)
     return Estimate(value, sd, np.ones(len(value)), ~none, sd, sd, none, np.ones(len(value)),
-                    np.zeros((len(value), 0)), 0 * sd, 0 * sd, none, np.ones(sd.shape), np.ones(sd.shape))
+                    np.zeros((len(value), 0)), 0 * sd, 0 * sd, none, np.ones((*sd.shape, 1)), np.zeros((*sd.shape, 1)))
 
 
 @dataclass(frozen=True)
@@ -144,10 +152,10 @@ class Learner(Protocol):
         """(n,) whether touches (n, 4) at x, y, of d, mm, under F, N, are among those that the method can read."""
         return np.ones(len(touch), bool)
 
-    def without(self, whole: Ring, ring: Ring, kept: Mask) -> Self:
-        """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; for methods that
-        the registry says handle missing channels."""
-        raise ValueError(f"{type(self).__name__} needs all {len(kept)} channels. Give frames that have them.")
+    def without(self, whole: Ring, ring: Ring, kept: Mask) -> Self | None:
+        """The learner on the readings of a ring that are kept, a mask (readings,) of the whole one's; None of methods
+        that need all, for which those that frames lack are filled in."""
+        return None
 
     def drifting(self, root: Array) -> Learner:
         """The learner on frames between which the instrument drifted with the covariance root root' of the readings, of

@@ -30,7 +30,7 @@ from touchcal.arrays import Array, Mask
 BATCH = 64  # frames solved together, to bound the memory
 # What an estimate holds for each frame, besides the parts of its standard deviations.
 _EACH = ("value", "sd", "misfit", "inside", "below", "above", "near_edge", "map_part", "left",
-         "past_below", "past_above", "other", "ratio_below", "ratio_above")
+         "past_below", "past_above", "other", "ratio", "ratio_sd")
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,13 +152,14 @@ def answered(learner: TouchInversion, found: Inversion) -> Estimate:
         mean, spread, both = _response(learner, found, answer)
         value, sd, sides, past = (np.concatenate(pair, axis=-1) for pair in (
             (value, mean), (sd, spread), (sides, both), (past, _past(learner, found, mean))))
-    ratio = np.ones((2, *value.shape))
-    ratio[:, :, FORCE] = other_profiles.extremes(learner.profiles, found.touch)
+    ratio = np.ones((*value.shape, 1 + len(learner.profiles)))
+    ratio_sd = np.zeros_like(ratio)
+    ratio[:, FORCE], ratio_sd[:, FORCE] = other_profiles.at(learner.profiles, found.touch)
     c = learner.columns
     parts = _parts(found.peak, slope, own, sd)
     return Estimate(value[:, c], sd[:, c], found.misfit, found.inside, sides[0][:, c], sides[1][:, c],
                     near_an_edge(learner.forward, found.touch), found.map_part, found.left,
-                    past[0][:, c], past[1][:, c], found.other, ratio[0][:, c], ratio[1][:, c],
+                    past[0][:, c], past[1][:, c], found.other, ratio[:, c], ratio_sd[:, c],
                     Parts(parts.noise[:, c], parts.material[:, c]))
 
 

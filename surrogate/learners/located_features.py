@@ -5,8 +5,7 @@ slopes of their potentials. M is taken as that of some rings about the punch: al
 surface's first tangent. Their sizes are polynomials of the load, whose coefficients the training touches teach.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -47,11 +46,8 @@ class Located:
     def _basis(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """What each place's touches make of a signal along the axes: (n, k, terms) orthonormal, and (n, terms, terms)
         the coordinates along them of the polynomials' terms."""
-        rings = _weights(self.sheet, self.sheet.points_mm, self.radius_mm)
-        products = _products(self)
-        terms = [sum((c * ring for c, ring in zip(row, rings, strict=True)), csr_matrix(rings[0].shape)) @ products
-                 for row in self.coefficients.tolist()]
-        q, r = np.linalg.qr(np.stack(terms, axis=2).astype(np.float32))
+        made = _integrated(self, self.sheet.points_mm, self.coefficients)
+        q, r = np.linalg.qr(np.stack(made, axis=2).astype(np.float32))
         return q, r
 
     @cached_property
@@ -103,10 +99,9 @@ def located(ring: Ring, places_mm: Array, force_N: Array, diameter_mm: Array, si
     span = np.array([loads.min(axis=0), loads.max(axis=0)])
     blank = Located(ring.curved, reciprocal(ring), unit[ring.source] - unit[ring.sink], unit[ring.read] - unit[
         ring.ground], float(np.median(diameter_mm)) / 2, span, np.empty((0, _WAYS * len(_RINGS))))
-    products = _products(blank)
     seen = signal_V @ blank.axes
     size = np.linalg.norm(seen, axis=1)
-    made = np.stack([ring @ products for ring in _weights(ring.curved, places_mm, blank.radius_mm)], axis=1)
+    made = np.stack(_integrated(blank, places_mm, np.eye(_WAYS * len(_RINGS))), axis=1)
     terms = _terms(span, loads)
     columns = np.einsum("sbk,st->sktb", made / size[:, None, None], terms).reshape(seen.size, -1)
     scale = np.linalg.norm(columns, axis=0)
@@ -135,8 +130,14 @@ def _products(located: Located) -> NDArray[np.float32]:
     return out.reshape(-1, out.shape[2])
 
 
-def _weights(sheet: CurvedSheet, places_mm: Array, radius_mm: float) -> list[csr_matrix]:
-    """Matrices (places, 3 n) by which the products integrate over each ring, along the radius and around."""
+def _integrated(located: Located, places_mm: Array, mix: Array) -> list[Array]:
+    """What mixtures (m, ways of rings) of rings' changes about places make of a signal: (places, k) each, V."""
+    products = _products(located)
+    return [weight @ products for weight in _weights(located.sheet, places_mm, located.radius_mm, mix)]
+
+
+def _weights(sheet: CurvedSheet, places_mm: Array, radius_mm: float, mix: Array) -> Iterator[csr_matrix]:
+    """Matrices (places, 3 n) by which the products integrate over mixtures (m, ways of rings)."""
     middles, widths = radius_mm * _RINGS.T
     near = KDTree(sheet.points_mm).query_ball_point(places_mm, float(middles[-1] + 2 * widths[-1]))
     row = np.repeat(np.arange(len(places_mm)), [len(some) for some in near])
@@ -144,16 +145,15 @@ def _weights(sheet: CurvedSheet, places_mm: Array, radius_mm: float) -> list[csr
     x, y, _ = np.einsum("nij,nj->in", sheet.frames[at], sheet.points_mm[at] - places_mm[row])
     radius = np.hypot(x, y)
     cosine, sine = x / np.maximum(radius, 1e-9), y / np.maximum(radius, 1e-9)
-    out = []
-    for middle, width in zip(middles, widths, strict=True):
-        weight = sheet.areas_mm2[at] * np.exp(-(((radius - middle) / width) ** 2) / 2)
-        even = np.ones_like(radius)
-        for way in ((cosine**2, cosine * sine, sine**2), (sine**2, -cosine * sine, cosine**2),
-                    (even, 0 * even, -even)):
-            columns = np.concatenate([3 * at + k for k in range(3)])
-            out.append(csr_matrix((np.concatenate([weight * part for part in way]), (np.tile(row, 3), columns)),
-                                  shape=(len(places_mm), 3 * len(sheet.points_mm))))
-    return out
+    columns = np.concatenate([3 * at + k for k in range(3)])
+    for each in mix.reshape(len(mix), len(_RINGS), _WAYS):
+        out, around, even = (sheet.areas_mm2[at] * sum(
+            c * np.exp(-(((radius - middle) / width) ** 2) / 2) for c, middle, width in zip(
+                size, middles, widths, strict=True)) for size in each.T.tolist())
+        change = (out * cosine**2 + around * sine**2 + even, (out - around) * cosine * sine,
+                  out * sine**2 + around * cosine**2 - even)
+        yield csr_matrix((np.concatenate(change), (np.tile(row, 3), columns)),
+                         shape=(len(places_mm), 3 * len(sheet.points_mm)))
 
 
 def _quadratic(at: Array) -> Array:

@@ -21,7 +21,6 @@ class Method:
     description: str  # in a sentence or two, for reports
     epochs: int = 0  # steps of an iterated method where none are given; 0 for the others
     slow: bool = False  # whether an estimate takes long enough for the scales of intervals to be kept between runs
-    handles_missing_channels: bool = False  # whether frames that lack some readings can still be read
     # whether estimates say what of their standard deviation is due to noise and to the material
     separates_errors: bool = False
     most_scored: int | None = None  # training rows that are scored after the training, at most; None for all
@@ -44,8 +43,7 @@ METHODS = {method.name: method for method in (
     Method("forward", "surrogate.learners.forward:TouchInversion", "learned forward map, inverted",
            "A learned map from a touch to its signal, inverted by least squares for every frame; the mechanical "
            "outputs follow from the touch that was found.",
-           slow=True, handles_missing_channels=True, separates_errors=True, most_scored=600,
-           most_noisy=200),
+           slow=True, separates_errors=True, most_scored=600, most_noisy=200),
     Method("ridge", "surrogate.learners.ridge:Ridge", "ridge regression",
            "Ridge regression on quadratic features of the signal's direction and size."),
     Method("gp", "surrogate.learners.gp:Processes", "Gaussian processes",

@@ -1,12 +1,12 @@
-"""Channels that read nothing, and what a model can still tell without them."""
+"""Channels that read nothing: left out by models of the signal, filled in from the others for all other models."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from surrogate.data.dead_readings import none, too_many
-from surrogate.learners.registry import METHODS, listed
 from surrogate.model.trained import Calibration, TrainedModel
+from surrogate.recordings.dead_channels import MOST_KEPT, filled, filled_without, learn_readings
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Mask
 
@@ -39,27 +39,27 @@ def named(dead: Mask) -> str:
     return f"dead channel: column {first}" if len(columns) == 1 else f"dead channels: columns {first}"
 
 
-def why_not(model: TrainedModel, dead: Mask) -> str:
-    """In words, why a model cannot do without these channels (readings,); empty where it can."""
-    if not METHODS[model.method].handles_missing_channels:
-        return ("a model trained on all readings cannot do without it; --method "
-                f"{listed(lambda method: method.handles_missing_channels)} can")
-    return too_many(dead)
-
-
-def check_needed(model: TrainedModel, dead: Mask, where: str) -> None:
-    """ValueError where a model cannot do without channels (readings,) that are dead in every frame, as of a file."""
-    if dead.any() and (problem := why_not(model, dead)):
-        raise ValueError(f"{where}: {named(dead)}, so that no frame can be read. Fix it: {problem}.")
+def check_enough(dead: Mask, where: str) -> None:
+    """ValueError where too many channels (readings,) are dead in every frame, as of a file."""
+    if problem := too_many(dead):
+        raise ValueError(f"{where}: {named(dead)}, so that no frame can be read: {problem}.")
 
 
 def without(model: TrainedModel, dead: Mask) -> TrainedModel:
-    """The model that leaves these channels (readings,) out of its misfit, its intervals to be calibrated on
-    validation rows that lack them too."""
-    if problem := why_not(model, dead):
-        raise ValueError(f"{named(dead)}: {problem}.")
+    """What reads frames without these channels (readings,), its intervals to be calibrated on validation rows that lack
+    them too: on the others alone, or on all where its method needs these, filled in."""
     fewer = of_fewer(model, dead)
-    return replace(fewer, learner=model.learner.without(model.ring, fewer.ring, ~dead))
+    if (learner := model.learner.without(model.ring, fewer.ring, ~dead)) is not None:
+        return replace(fewer, learner=learner)
+    rows = spread_evenly(len(model.calibration.target), MOST_KEPT)
+    return replace(model, calibration=Calibration(
+        filled_without(learn_readings(model.calibration.signal_V), dead), model.calibration.target[rows],
+        model.calibration.signal_sd[rows]))
+
+
+def filled_in(model: TrainedModel, signal_V: Array) -> Array:
+    """Signals (n, readings), V, with NaN replaced by what validation rows say of it with the other readings."""
+    return filled(learn_readings(model.calibration.signal_V), signal_V)
 
 
 def of_fewer(model: TrainedModel, dead: Mask) -> TrainedModel:

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from surrogate.data import outputs
+from surrogate.data.dead_readings import too_many
 from surrogate.data.flags import WORDS, Flag, in_words
 from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
@@ -28,7 +29,7 @@ from surrogate.learners.novelty import (
 from surrogate.learners.registry import METHODS
 from surrogate.model.drift_choice import drift_groups
 from surrogate.model.holding_time import STRESSES, stress_left
-from surrogate.model.missing_channels import named, silent, why_not, without
+from surrogate.model.missing_channels import filled_in, named, silent, without
 from surrogate.model.odd_frames import Causes, causes_of, oddness
 from surrogate.model.trained import TrainedModel, estimate, interval_scale, trained_radius_mm
 from surrogate.statistics.conformal import COVERAGE, IntervalScale, at_least, normal, one_factor
@@ -145,8 +146,8 @@ def _gains(model: TrainedModel) -> Array:
 def predict(predictor: Predictor, volts: Array) -> Predictions:
     """Predictions of frames (n, readings), V.
 
-    Channels that are dead in a frame are left out of its misfit where the model can do that; its values are then
-    flagged, and intervals calibrated without them, never by less than with them. Else such a frame has no values.
+    Channels that are dead in a frame are left out of its misfit where the model can do that, else filled in from the
+    others; its values are then flagged, and intervals calibrated without them, never by less than with them.
     """
     shape = (len(volts), len(predictor.model.names))
     found = Predictions(*(np.full(shape, np.nan) for _ in range(3)), flag=[""] * len(volts),
@@ -173,17 +174,28 @@ def _groups(dead: Mask) -> Iterator[tuple[Mask, Index]]:
 
 
 def _without(predictor: Predictor, dead: Mask, volts: Array) -> Predictions:
-    if problem := why_not(predictor.model, dead):
+    if problem := too_many(dead):
         none = np.full((len(volts), len(predictor.model.names)), np.nan)
         return Predictions(none, none, none, [f"{named(dead)}; {problem}"] * len(volts),
                            none[:, :_force_part_count(predictor.model)], np.zeros(len(volts), np.int64))
-    key, kept = dead.tobytes(), ~dead
-    if key not in predictor.reduced:
-        fewer = prepare(without(predictor.model, dead), predictor.baseline_V[kept], predictor.noise.of(kept),
-                        drift=predictor.drift.of(kept))
-        predictor.reduced[key] = replace(fewer, scale=at_least(fewer.scale, predictor.scale), left=predictor.left)
-    part = _sound(predictor.reduced[key], volts[:, kept])
+    if (key := dead.tobytes()) not in predictor.reduced:
+        predictor.reduced[key] = _lacking(predictor, dead)
+    fewer, baseline_V = predictor.reduced[key], np.where(dead, predictor.model.baseline_V, predictor.baseline_V)
+    if fewer.model.readings == len(dead):
+        volts = baseline_V + filled_in(predictor.model, np.where(dead, np.nan, volts - baseline_V))
+        part = _sound(replace(fewer, baseline_V=baseline_V), volts)
+    else:
+        part = _sound(replace(fewer, baseline_V=baseline_V[~dead]), volts[:, ~dead])
     return replace(part, flag=["; ".join(filter(None, (named(dead), flag))) for flag in part.flag])
+
+
+def _lacking(predictor: Predictor, dead: Mask) -> Predictor:
+    """What reads frames without some channels, or with these filled in."""
+    model = without(predictor.model, dead)
+    kept = ~dead if model.readings < len(dead) else np.ones(len(dead), bool)
+    made = prepare(model, np.where(dead, predictor.model.baseline_V, predictor.baseline_V)[kept],
+                   predictor.noise.of(kept), drift=predictor.drift.of(kept))
+    return replace(made, scale=at_least(made.scale, predictor.scale), left=predictor.left)
 
 
 def _sound(predictor: Predictor, volts: Array) -> Predictions:

@@ -10,7 +10,7 @@ from typing import TextIO
 from surrogate.data.baseline_frame import compared
 from surrogate.data.frame_rows import STREAM, Lines, first_frame, frames_as_they_come
 from surrogate.data.reading_noise import ReadingNoise, white_noise
-from surrogate.model.missing_channels import check_needed, silent
+from surrogate.model.missing_channels import check_enough, silent
 from surrogate.model.predict import Predictions, Predictor, columns, numbers_of, prepare, read_touches, sign_caution
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import TrainedModel
@@ -70,7 +70,7 @@ def answer(model: SweepModel, source: BufferedIOBase, sink: TextIO, noise: Readi
 def _untouched(model: SweepModel, lines: Lines, say: Callable[[str], object]) -> Array:
     """The first line, V, with words on it."""
     volts, where = first_frame(lines, STREAM), f"{STREAM}, line {lines.line[0]}"
-    check_needed(model, silent(volts[None], model.baseline_V)[0], where)
+    check_enough(silent(volts[None], model.baseline_V)[0], where)
     say(f"{where} is taken as the untouched frame; give --baseline FILE where it is not.")
     return volts
 

@@ -16,7 +16,7 @@ from matcal.laws.law import Law, Parameter, Ranges, sinh_ratio
 class MooneyRivlin(Law):
     """U = c_1 (I_1 - 3) + c_2 (I_2 - 3) + kappa/2 (ln J)^2, I_1 and I_2 of the stretches without change of volume."""
 
-    name: ClassVar[str] = "mooney_rivlin"
+    name: ClassVar[str] = "split_volume"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("c_1_Pa", (0.0, np.inf), 1.0),
                                                    Parameter("c_2_Pa", (0.0, np.inf), 0.1),
                                                    Parameter("kappa_Pa", (0.0, np.inf), 4.0))

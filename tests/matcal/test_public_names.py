@@ -22,8 +22,9 @@ from touchcal.errors import NotConverged
 
 DATA = Path(__file__).parents[2] / "data_raw"
 CURVES = [DATA / "uniaxial.csv", DATA / "shear.csv"]
-PUBLIC = {"Calibration", "Conductivity", "Experiment", "FitOptions", "Hyperfoam", "MaterialCard", "Prony", "check",
-          "export", "fit", "inspect", "nominal_stress", "predict", "read_card", "read_test", "stability", "write_card"}
+PUBLIC = {"Calibration", "Conductivity", "Damage", "Experiment", "FitOptions", "Hyperfoam", "MaterialCard", "Prony",
+          "check", "export", "fit", "follow_path", "inspect", "nominal_stress", "predict", "read_card",
+          "read_test", "stability", "write_card"}
 
 
 def parts(card: Path) -> str:
@@ -42,7 +43,7 @@ def fitted() -> matcal.Calibration:
 def test_the_public_names_are_these_and_each_has_an_example(monkeypatch: pytest.MonkeyPatch) -> None:
     assert set(matcal.__all__) == set(dir(matcal)) == PUBLIC
     functions = [thing for name in PUBLIC if inspect.isfunction(thing := getattr(matcal, name))]
-    assert len(functions) == 10
+    assert len(functions) == 11
     monkeypatch.chdir(DATA.parent)
     for function in functions:
         tests = doctest.DocTestFinder().find(function, function.__name__, globs={})
@@ -129,7 +130,7 @@ def test_choices_that_nothing_obeys_are_refused() -> None:
         matcal.fit(CURVES, ordr=2)
     with pytest.raises(ValueError, match="no law is held stable"):
         matcal.fit(CURVES, stable_range=(0.5, 1.5))
-    with pytest.raises(ValueError, match="needs a relaxation test"):
+    with pytest.raises(ValueError, match="needs a relaxation, creep or dynamic test"):
         matcal.fit(CURVES, prony_terms=2)
     with pytest.raises(ValueError, match="reads one test"):
         matcal.read_test({"uniaxial": CURVES[0], "shear": CURVES[1]})

@@ -101,7 +101,7 @@ class OutlinedSkin:
 
     def rooms_m(self, touches: Touches) -> list[float]:
         out = reaches(self.body, touches)
-        for k, loop in enumerate(patch_loops(self.electrodes) if self.electrodes.anywhere else ()):
+        for k, loop in enumerate(patch_loops(self.electrodes)):
             ends = np.roll(loop, -1, axis=0)
             for i, (punch, touch) in enumerate(touches):
                 place = np.array([punch.x_m, punch.y_m])

@@ -9,7 +9,8 @@ from eitsim.electrics.forward.skins import skin_of
 from eitsim.scene.channels import channel_readings
 from eitsim.scene.drive import protocol, read_out
 from eitsim.scene.electrodes import among_all, present, there
-from eitsim.scene.scene import Body, Drive, Electrodes, Scene, is_list, scene_from
+from eitsim.scene.scene import Body, Drive, Electrodes, Scene, scene_from
+from eitsim.scene.scene_keys import is_list
 from touchcal.arrays import Array
 
 TABLES = ("body", "electrodes", "drive", "channels")

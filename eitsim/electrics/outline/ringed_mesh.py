@@ -65,8 +65,7 @@ def outlined_mesh(body: Body, electrodes: Electrodes, conductance_S: float, touc
                                                                         strict=True)]
     if at_samples:
         circles = [_at_samples(circle, *one) for circle, one in zip(circles, touches, strict=True)]
-    if electrodes.anywhere and any(_meets(circle, loop) for circle in circles
-                                            for loop in patch_loops(electrodes)):
+    if any(_meets(circle, loop) for circle in circles for loop in patch_loops(electrodes)):
         return touch_mesh(body, electrodes, conductance_S, touches)
     base = base_triangles(body, electrodes, conductance_S, known_to)
     known, area = KDTree(base.centres_m), base.area_m2

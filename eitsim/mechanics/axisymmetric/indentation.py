@@ -36,6 +36,8 @@ _THROUGH = 10.0
 _DEEPEST = 0.5
 # Iterations and relative residual of a softened state, from which errors are estimated.
 _SOFTENING, _SOFTENED = 30, 1e-6
+# Relative residual that rounding leaves of a law with kappa_0/mu_0 of one.
+_ROUNDED = 1e-13
 # Depth, thicknesses, from which bottoming out is the likely cause of a failure.
 _FLAT = 0.9
 
@@ -125,7 +127,9 @@ def seen(model: IndentationProblem, x: Array) -> Array:
 def equilibrium(model: IndentationProblem, force: float, start: Array, limit: int = 100,
                 tolerance: float = 1e-10) -> Equilibrium:
     """Minimise foam energy + contact energy - force depth from start, in at most `limit` iterations to a gradient of
-    `tolerance` times the force. NotConverged carries the last x, the residuals, and the state it got stuck in."""
+    `tolerance` times the force, or to rounding. NotConverged carries the last x, the residuals, and the state it got
+    stuck in."""
+    tolerance = max(tolerance, _ROUNDED * model.law.kappa_0_Pa / model.law.mu_0_Pa)
     try:
         found = minimise(lambda x: energy(model, force, x), lambda x, scale: system(model, force, x, scale), start,
                          scale=force, limit=limit, tolerance=tolerance)
@@ -196,7 +200,7 @@ def non_elliptic_place(model: IndentationProblem, x: Array) -> Array | None:
 def _elliptic(model: IndentationProblem, x: Array) -> NDArray[np.bool_]:
     grad_u = axisymmetric_assembly.deformation(model.grid, x[:-1])
     inside = axisymmetric_assembly.admissible(grad_u)
-    stretches = axisymmetric_assembly.log_stretches(np.where(inside[..., None], grad_u, 0.0))
+    stretches = axisymmetric_assembly.resisted(model.law, model.grid, np.where(inside[..., None], grad_u, 0.0))
     return inside & strongly_elliptic(model.law, stretches)
 
 
@@ -219,7 +223,7 @@ def system(model: IndentationProblem, force: float, x: Array, negative_curvature
     blocks, border, corner = contact.stiffness(model.punch, model.facets, at, negative_curvature_scale)
     push, reaction = contact.forces(model.punch, model.facets, at)
     if model.springs is not None:
-        more = friction.tangent(model.springs, model.facets, seen(model, x))
+        more = friction.tangent(model.springs, model.facets, seen(model, x), negative_curvature_scale)
         blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
         more = friction.forces(model.springs, model.facets, seen(model, x))
         push, reaction = push + more[0], reaction + more[1]

@@ -30,7 +30,8 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
-from eitsim.scene.scene import FRICTIONS, STRAINS, Body, Punch, profile_of
+from eitsim.scene.scene import STRAINS, Body, Punch, profile_of
+from eitsim.scene.scene_parts import FRICTIONS
 from eitsim.sheet.sheet_conductance import driving_strains
 from matcal.laws.law import Law
 from touchcal.arrays import Array
@@ -241,7 +242,8 @@ def touch_of(law: Law, body: Body, levels: list[IndentationProblem], states: lis
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,
         cpu_s=cpu_s() - started,
         section=Section(model.grid.nodes * unit, model.grid.counter_clockwise,
-                        axisymmetric_assembly.nodal(model.grid, state.x[:-1]) * unit, law))
+                        axisymmetric_assembly.nodal(model.grid, state.x[:-1]) * unit, law,
+                        axisymmetric_assembly.volume_modes(model.law, model.grid, state.x[:-1])))
 
 
 def _errors(levels: list[IndentationProblem], states: list[Equilibrium]) -> tuple[float, Array]:

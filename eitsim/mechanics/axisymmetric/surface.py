@@ -7,6 +7,7 @@ import numpy as np
 from eitsim.mechanics.axisymmetric.indentation import IndentationProblem, contact_state, positions
 from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.punch_contact import Facets
+from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.cap_grid import meridian
 from eitsim.mechanics.solid.grid import lagrange
 from eitsim.sheet.sheet_conductance import dipole, driving_strains
@@ -61,7 +62,9 @@ def stretch(model: IndentationProblem, x: Array, facets: Facets) -> Stretch:
     meridian = np.hypot(along[..., 0], along[..., 1])
     around, on_axis = model.grid.nodes[facets.nodes, 0] @ facets.shape.T, facets.radius == 0
     hoop = np.where(on_axis, meridian, position[..., 0] / np.where(on_axis, 1.0, around))
-    normal = (along[..., 0] * up[..., 1] - along[..., 1] * up[..., 0]) / meridian
+    volume = axisymmetric_assembly.surface_volume(model.law, model.grid, x[:-1], facets.nodes, facets.within)
+    normal = ((along[..., 0] * up[..., 1] - along[..., 1] * up[..., 0]) / meridian if volume is None
+              else volume / (meridian * hoop))
     return Stretch(position, meridian, hoop, normal, along[..., 0] * hoop, along, up)
 
 

@@ -75,7 +75,8 @@ def steps_s(series: Prony, times_s: Array, per_decade: int) -> Array:
 
 
 def _instantaneous(model: IndentationProblem, x: Array) -> Array:
-    return axisymmetric_assembly.second_piola(model.law, axisymmetric_assembly.deformation(model.grid, x[:-1]))
+    return axisymmetric_assembly.second_piola(model.law, axisymmetric_assembly.deformation(model.grid, x[:-1]),
+                                              axisymmetric_assembly.projection_of(model.law, model.grid))
 
 
 def _factors(series: Prony, step_s: float) -> tuple[Array, Array]:

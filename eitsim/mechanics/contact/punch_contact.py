@@ -56,6 +56,11 @@ class Facets:
     radius: Array  # (facets, points) reference radius, on a curved cap by arc length
     weight: Array  # (facets, points) quadrature weight, 2 pi r included
 
+    @property
+    def within(self) -> Array:
+        """(points,) place along each facet, from -1 to 1."""
+        return self.shape @ np.linspace(-1, 1, self.shape.shape[1])
+
 
 @dataclass(frozen=True)
 class ContactState:

@@ -6,8 +6,14 @@ Displacement gradients grad_u = F - 1 have the parts rr, rz, zr, zz and hoop.
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.mechanics.solid.grid import Grid
-from eitsim.mechanics.solid.meridian_response import energy_density, first_piola_and_tangent
+from eitsim.mechanics.solid.grid import Grid, Indices, modes
+from eitsim.mechanics.solid.meridian_response import energy_density, response
+from eitsim.mechanics.solid.volume_projection import (
+    VolumeProjection,
+    element_stiffness,
+    projects,
+    volume_projection,
+)
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.jit import compiled
@@ -48,10 +54,10 @@ def log_stretches(grad_u: Array) -> Array:
     return np.stack([mean + half, mean - half, np.log1p(hoop)], axis=-1)
 
 
-def second_piola(law: Law, grad_u: Array) -> Array:
+def second_piola(law: Law, grad_u: Array, projection: VolumeProjection | None = None) -> Array:
     """Second Piola-Kirchhoff stress (..., 4), parts rr, rz, zz and hoop, F^-1 P, at F = 1 + grad_u (..., 5)."""
     rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
-    p, _ = first_piola_and_tangent(law, grad_u)
+    p = response(law, grad_u, projection=projection).stress
     area = 1 + _area_change(grad_u)
     return np.stack([((1 + zz) * p[..., 0] - rz * p[..., 2]) / area, ((1 + zz) * p[..., 1] - rz * p[..., 3]) / area,
                      ((1 + rr) * p[..., 3] - zr * p[..., 1]) / area, p[..., 4] / (1 + hoop)], axis=-1)
@@ -93,7 +99,7 @@ def energy(law: Law, grid: Grid, u: Array, prestress: Array | None = None) -> fl
     if not np.all(admissible(grad_u)):
         return np.inf
     with np.errstate(over="ignore", invalid="ignore"):
-        local = energy_density(law, grad_u)
+        local = energy_density(law, grad_u, projection_of(law, grid))
         if prestress is not None:
             local = local + (prestress * green_lagrange(grad_u)) @ _TWICE_OFF_DIAGONAL
         stored = float(np.sum(grid.weight * local))
@@ -105,14 +111,62 @@ def residual_and_tangent(law: Law, grid: Grid, u: Array, negative_curvature_scal
     """Gradient (unknowns,) and Hessian of the stored energy, its negative curvatures at points scaled. The Hessian is
     the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth."""
     grad_u = deformation(grid, u)
-    force, tangent = first_piola_and_tangent(law, grad_u, negative_curvature_scale)
+    projection = projection_of(law, grid)
+    at = response(law, grad_u, negative_curvature_scale, projection)
+    force, tangent = at.stress, at.tangent
     if prestress is not None:
         force = force + push_forward(prestress, grad_u)
         tangent = tangent + geometric_stiffness(prestress, negative_curvature_scale)
     force, tangent = force * grid.weight[..., None], tangent * grid.weight[..., None, None]
     gradient, band = np.zeros(grid.unknowns), np.zeros((grid.unknowns, grid.bandwidth + 1))
     assemble(grid.gradient, grid.elements, grid.unknown, force, tangent, gradient, band)
+    if projection is not None and at.by_volume is not None:
+        add_stiffness(grid.elements, grid.unknown, element_stiffness(grid, projection, grad_u, at.by_volume), band)
     return gradient, band
+
+
+def resisted(law: Law, grid: Grid, grad_u: Array) -> Array:
+    """Logarithmic principal stretches (elements, points, 3) that the law resists, at F = 1 + grad_u of all points."""
+    x = log_stretches(grad_u)
+    if (projection := projection_of(law, grid)) is None:
+        return x
+    theta = x.sum(axis=-1)
+    return x + ((projection(theta) - theta) / 3)[..., None]
+
+
+def volume_modes(law: Law, grid: Grid, u: Array) -> Array | None:
+    """(elements, m) of `grid.modes` in the logarithm of the change of volume that the law resists; None where that is
+    the displacements' own."""
+    if (projection := projection_of(law, grid)) is None:
+        return None
+    return projection.coefficients(log_stretches(deformation(grid, u)).sum(axis=-1))
+
+
+def surface_volume(law: Law, grid: Grid, u: Array, facets: Indices, s: Array) -> Array | None:
+    """Change of volume J (facets, points) that the law resists at s (points,) in [-1, 1] along top facets of these
+    nodes (facets, p + 1); None where that is the displacements' own."""
+    if (volume := volume_modes(law, grid, u)) is None:
+        return None
+    rows = len(grid.elements) // len(grid.top)
+    element = rows * np.searchsorted(grid.top[:, 0], facets[:, 0]) + rows - 1
+    return np.exp(volume[element] @ modes(s, np.ones(1), grid.order).T)
+
+
+def projection_of(law: Law, grid: Grid) -> VolumeProjection | None:
+    """How the change of volume is projected in a grid's elements; None for a law that does not need it."""
+    return volume_projection(grid) if projects(law) else None
+
+
+@compiled
+def add_stiffness(elements, unknown, local, band):
+    """Add stiffnesses (elements, n, n) of the elements' unknowns (u_r, u_z) node after node to the lower band."""
+    for e in range(elements.shape[0]):
+        for a in range(local.shape[1]):
+            i = unknown[elements[e, a // 2], a % 2]
+            for b in range(a + 1):
+                j = unknown[elements[e, b // 2], b % 2]
+                if i >= 0 and j >= 0:
+                    band[min(i, j), abs(i - j)] += local[e, a, b]
 
 
 @compiled

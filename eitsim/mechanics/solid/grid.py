@@ -44,6 +44,7 @@ class Grid:
     gradient: Array
     weight: Array  # (elements, points) quadrature weight, 2 pi r included unless plane strain
     top: Indices  # (facets, p + 1) nodes of the top facets, each from its inner to its outer end, outwards
+    modes: Array  # (points, 1 or 3) in whose span the logarithm of an element's change of volume is projected
     # (nodes, 2) arc length and height of nodes that stand on a curved cap, column after column; None: as the nodes
     laid: Array | None = None
     curvature: float = 0.0  # of that cap's outer surface, positive where convex
@@ -145,7 +146,15 @@ def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False, 
     gradient, weight = _quadrature(basis, plane)
     surface = np.flatnonzero(nodes[:, 1] == z[-1])
     top = surface[np.arange(0, surface.size - 1, order)[:, None] + np.arange(order + 1)]
-    return Grid(nodes, number[basis.element_dofs.T], unknown, gradient, weight, top)
+    along = np.asarray(basis.global_coordinates())[:, 0]
+    within = 2 * (along - [[r[0]], [z[0]]]) / [[r[1] - r[0]], [z[1] - z[0]]] - 1
+    return Grid(nodes, number[basis.element_dofs.T], unknown, gradient, weight, top, modes(within[0], within[1], order))
+
+
+def modes(s: Array, t: Array, order: int) -> Array:
+    """(points, 1 or 3) in whose span the logarithm of an element's change of volume is projected, at its own s along r
+    and t along z in [-1, 1]."""
+    return np.stack(np.broadcast_arrays(1.0, s, t)[:2 * order - 1], axis=-1)
 
 
 def _place(ends: Array, order: int, x: Array) -> Indices:

@@ -5,31 +5,59 @@ those of `eitsim.mechanics.solid.principal_stretches` for the pair (1, 2).
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from eitsim.mechanics.solid.principal_stretches import differentiate
+from eitsim.mechanics.solid.volume_projection import VolumeProjection, split
 from matcal.laws.compiled_response import energies, responses
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.jit import compiled
 
 
-def first_piola_and_tangent(law: Law, grad_u: Array, negative_curvature_scale: float = 1.0
-                            ) -> tuple[Array, Array]:
-    """First Piola stress (..., 5) and its derivative (..., 5, 5), negative curvatures scaled, at F = 1 + grad_u. grad_u
-    (..., 5) has the parts rr, rz, zr, zz and hoop and must be admissible."""
+@dataclass(frozen=True)
+class Response:
+    """What a law answers to the displacement gradients of points (...)."""
+
+    stress: Array  # (..., 5) first Piola stress
+    tangent: Array  # (..., 5, 5) its derivative by the point's own gradient, negative curvatures scaled
+    # With a projected change of volume: derivatives by it of the Kirchhoff stresses of shape (..., 3) and of the
+    # pressure (...).
+    by_volume: tuple[Array, Array] | None = None
+
+
+def response(law: Law, grad_u: Array, negative_curvature_scale: float = 1.0,
+             projection: VolumeProjection | None = None) -> Response:
+    """Stress and tangent at F = 1 + grad_u. grad_u (..., 5) has the parts rr, rz, zr, zz and hoop and must be
+    admissible; it is (elements, points, 5) with a projection of the change of volume."""
     points = np.ascontiguousarray(grad_u).reshape(-1, 5)
     stress, tangent = np.empty(points.shape), np.empty((*points.shape, 5))
     x, mean, half = _stretches(points)
-    force, block, slope = responses(law, x, mean, half)
+    shift = _shift(x, projection)
+    force, block, slope = responses(law, x + shift, mean + shift, half)
+    by_volume = None
+    if projection is not None:
+        elements = projection.weight.shape
+        force, block, by_volume = split(force.reshape(*elements, 3), block.reshape(*elements, 3, 3), projection)
+        force, block = force.reshape(-1, 3), block.reshape(-1, 3, 3)
     _compose(points, x, mean, half, force, block, slope, negative_curvature_scale, stress, tangent)
-    return stress.reshape(grad_u.shape), tangent.reshape(*grad_u.shape, 5)
+    return Response(stress.reshape(grad_u.shape), tangent.reshape(*grad_u.shape, 5), by_volume)
 
 
-def energy_density(law: Law, grad_u: Array) -> Array:
-    """Energy per reference volume (...) at F = 1 + grad_u (..., 5), which must be admissible."""
-    return energies(law, _stretches(np.ascontiguousarray(grad_u).reshape(-1, 5))[0]).reshape(grad_u.shape[:-1])
+def _shift(x: Array, projection: VolumeProjection | None) -> Array | float:
+    """(n, 1) what a projection of the change of volume adds to the stretches x (n, 3) of points."""
+    if projection is None:
+        return 0.0
+    volume = x.sum(axis=1)
+    return ((projection(volume.reshape(projection.weight.shape)).ravel() - volume) / 3)[:, None]
+
+
+def energy_density(law: Law, grad_u: Array, projection: VolumeProjection | None = None) -> Array:
+    """Energy per reference volume (...) at F = 1 + grad_u (..., 5), as `response`."""
+    x, _, _ = _stretches(np.ascontiguousarray(grad_u).reshape(-1, 5))
+    return energies(law, x + _shift(x, projection)).reshape(grad_u.shape[:-1])
 
 
 def _stretches(points: Array) -> tuple[Array, Array, Array]:

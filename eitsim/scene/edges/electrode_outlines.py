@@ -10,8 +10,8 @@ from touchcal.arrays import Array
 
 def outlines_m(edge: Edge, electrodes: Electrodes) -> list[Array]:
     """Points (n, 2), m, of each: along the edge of lines, about patches, the first one again at the end."""
-    if electrodes.anywhere:
-        return [np.vstack([loop, loop[:1]]) for loop in patch_loops(electrodes)]
+    if loops := patch_loops(electrodes):
+        return [np.vstack([loop, loop[:1]]) for loop in loops]
     paths = [edge.path_m(*stretch) for stretch in edge.stretches_m(electrodes).tolist()]
     if electrodes.along_edge:
         return paths

@@ -59,7 +59,10 @@ def with_positions(outline: Looped, electrodes: Electrodes, offset_m: ArrayLike 
 
 
 def patch_loops(electrodes: Electrodes) -> list[Array]:
-    """Corners (n, 2), m, counter-clockwise, of each electrode on the surface; round ones keep the circle's area."""
+    """Corners (n, 2), m, counter-clockwise, of each electrode on the surface; round ones keep the circle's area.
+    None of electrodes at the edge."""
+    if not electrodes.anywhere:
+        return []
     sizes = zip(electrodes.x_m, electrodes.y_m, _shapes(electrodes), widths(electrodes), lengths(electrodes),
                 turns(electrodes), strict=True)
     return [np.array([x, y]) + _patch(shape, width, length, electrodes.opening_rad) @ _rotation(turn)
@@ -90,8 +93,8 @@ def _rotation(turn: float) -> Array:
 
 def middles_m(outline: Looped, electrodes: Electrodes) -> Array:
     """Middles (count, 2), m, of the electrodes."""
-    if electrodes.anywhere:
-        return np.array([loop.mean(axis=0) for loop in patch_loops(electrodes)])
+    if loops := patch_loops(electrodes):
+        return np.array([loop.mean(axis=0) for loop in loops])
     return places_along(outline, stretches_along(outline, electrodes).mean(axis=1))
 
 

@@ -96,7 +96,7 @@ def outline_places_m(scene: Scene, places: int, within_m: float | None = None) -
     free = edge_distance_m(outline, at) >= reach
     if within_m is not None:
         free &= np.linalg.norm(at - centroid_m(outline), axis=1) <= within_m
-    for loop in patch_loops(scene.electrodes) if scene.electrodes.anywhere else ():
+    for loop in patch_loops(scene.electrodes):
         ends = np.roll(loop, -1, axis=0)
         free &= ~inside(at, loop, ends) & (squared_distance(at[:, None], loop, ends).min(axis=1) >= reach**2)
     if not free.any():

@@ -18,6 +18,7 @@ from eitsim.electrics.cem.adjoint import impedance_by_contact, impedance_by_fiel
 from eitsim.electrics.cem.assembly import Array, centred, dissection, potentials, quadrature_points
 from eitsim.electrics.forward.skins import skin_of
 from eitsim.electrics.mesh.p2_triangles import HALVINGS, uniform_refinement
+from eitsim.mechanics.solid.volume_projection import projects
 from eitsim.scene.drive import read_out, voltage_columns
 from eitsim.scene.electrodes import among_all, contact_impedances, present, there
 from eitsim.scene.scene import Scene
@@ -65,6 +66,9 @@ def scene_sensitivity(scene: Scene, card: MaterialCard, *, halvings: int = HALVI
     if chosen.why is not None:
         raise ValueError(refusal(chosen.why))
     check_differentiable(scene)
+    if projects(material.law) and any(way.case.near for way in chosen.ways):
+        raise ValueError("sensitivities are not built for a touch near an edge of what nearly keeps its volume. "
+                         "Move the punch inwards, or ask for less accuracy (a larger signal in [accuracy]).")
     law, skin_law = material.law, material.skin
     bases = [settled(law, scene.body, way.case.punch, near_rim=way.case.near) for way in chosen.ways]
     touches = tuple((base.punch, base.touch) for base in bases)

@@ -20,6 +20,7 @@ class AllEdges(Route):
     """With what all edges of an outline change."""
 
     kind = "all_edges"
+    locking = True
 
     def serves(self, case: Case) -> float | Choice:
         return edge_problem(case) or 12.0 if case.scene.body.has_outline else NOT_MEANT

@@ -27,6 +27,7 @@ class NearestAlone(Route):
     """With what the rim, or the nearest edge alone, changes."""
 
     kind = "nearest_edge"
+    locking = True
 
     def serves(self, case: Case) -> float | Choice:
         return edge_problem(case) or (6.0 if case.scene.body.has_outline else 1.9)

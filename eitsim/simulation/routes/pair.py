@@ -23,6 +23,7 @@ class Pair(Route):
     """Two touches without friction, begun by the axisymmetric ones."""
 
     kind = "pair"
+    locking = True
     problems: ClassVar[Mapping[str, str]] = {
         Why.MORE_THAN_TWO: "two touches, not more, are solved together",
         Why.PAIR_FRICTION: "only frictionless punches are solved together",

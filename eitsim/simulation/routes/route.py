@@ -46,6 +46,7 @@ class Case:
     touches: tuple[int, ...] = (0,)  # numbers of the touches
     exact: bool = False
     bodies: bool = True  # whether electrodes are solved as bodies where leaving that out costs more than allowed
+    keeps_volume: bool = False  # whether elements that know displacements alone would lock, as in a rubber
 
     @cached_property
     def punches(self) -> tuple[Punch, ...]:
@@ -134,6 +135,7 @@ class Route:
     for_exact = False  # whether it is for exact runs alone, and comes first there
     spatial = False  # whether electrodes are bodies in it, and it shows where contacts end
     leaning = False  # whether it takes punches that lean
+    locking = False  # whether its elements lock where the material nearly keeps its volume
     # kind of a refusal of its own -> the clause that tells what is served, filled with the refusal's values
     problems: ClassVar[Mapping[str, str]] = {}
 

@@ -8,7 +8,8 @@ from typing import Any
 
 from eitsim.scene.curved.curved_scene import is_curved
 from eitsim.scene.drive import MATRICES
-from eitsim.scene.scene import MOST_TOUCHES, Body, Punch, check_value, is_list, scene_keys
+from eitsim.scene.scene import Body, Punch, scene_keys
+from eitsim.scene.scene_keys import MOST_TOUCHES, check_value, is_list
 from eitsim.sweeps.design.distributions import Distribution, distribution_of, of_values
 from eitsim.sweeps.design.punch_positions import Places, gap_of, places_of
 from touchcal.document import is_number

@@ -23,6 +23,7 @@ from eitsim.sweeps.design.design import Design, drawn_keys, flat_scene, represen
 from eitsim.sweeps.design.distributions import distribution_of
 from eitsim.sweeps.run.moved_table_choice import curved_method, curved_table, described
 from matcal.card import MaterialCard
+from matcal.laws.known_laws import law_of
 from touchcal.errors import NotConverged
 from touchcal.parallel.checkpoint import CheckpointedMap
 from touchcal.parallel.pool import WorkerPool
@@ -177,7 +178,8 @@ def rim_repays(design: Design, shape: DimensionlessProblem) -> bool:
     """Whether solving a design's touches near the rim directly costs more than a table of what the rim changes; with an
     outline, near straight edges."""
     rows = [scene for scene in valid_scenes(design, _ROWS) if isinstance(scene, Scene)]
-    near = sum(tabled_near_edge(scene, GRID.gaps[-1]) for scene in rows)
+    law = law_of(shape.law, shape.parameters)
+    near = sum(tabled_near_edge(scene, law, GRID.gaps[-1]) for scene in rows)
     return near * design.scenes >= RIM_REPAYS * len(changed_diameters(shape)) * len(rows)
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from eitsim.scene.scene import LISTS, check_value, scene_from, scene_keys
+from eitsim.scene.scene import scene_from, scene_keys
 from eitsim.scene.scene_files import with_files
+from eitsim.scene.scene_keys import LISTS, check_value
 from eitsim.sweeps.design.design import Design, design_from, read_design, with_scenes
 from eitsim.sweeps.design.sampling import row_tables
 from eitsim.sweeps.design.variables import SENSOR, layout_of

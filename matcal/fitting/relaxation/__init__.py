@@ -1,1 +1,1 @@
-"""The Prony series from holds, with the ramp before each."""
+"""The Prony series from holds, with the ramp before each, from creep and from dynamic tests."""

@@ -68,6 +68,22 @@ def search_series(tables: Sequence[HoldTable], first: Array, bounds_s: tuple[flo
     return float(np.sum(residual(tables, found) ** 2)), found
 
 
+def series_with(tables: Sequence[HoldTable], times_s: Array) -> Array:
+    """Vector of the best series with these times: non-negative shares alone are searched."""
+    terms, ln_tau = times_s.size, np.log(times_s)
+    basis = [np.column_stack([t.rest.sum(axis=1), t.slow(ln_tau).sum(axis=2).T]) for t in tables]
+    scale = [float(np.linalg.norm(t.target) / np.linalg.norm(b[:, 0])) for t, b in zip(tables, basis, strict=True)]
+    found = nnls(np.vstack([s * b for s, b in zip(scale, basis, strict=True)]),
+                 np.concatenate([t.target * np.sign(t.target @ b[:, 0]) for t, b in zip(tables, basis, strict=True)]),
+                 maxiter=100 * terms)[0]
+    first = np.r_[np.diff(ln_tau, prepend=0.0), np.maximum(found[1:] / max(found[0], 1e-6 * found.sum()), 0.0)]
+    if len(tables) == 1 and tables[0].rest.shape[1] == 1:
+        return first
+    out = least_squares(lambda q: residual(tables, np.r_[first[:terms], q]), np.clip(first[terms:], 1e-9, 1e6),
+                        bounds=(0.0, np.inf), xtol=1e-9, ftol=1e-11, max_nfev=100)
+    return np.r_[first[:terms], out.x]
+
+
 def best_series(tables: Sequence[HoldTable], terms: int, bounds_s: tuple[float, float], hold_s: float) -> Array:
     """Vector of the best series of `terms` from the best combinations of times on a grid."""
     found = [search_series(tables, first, bounds_s) for first in _starts(tables[0], terms, bounds_s, hold_s)]

@@ -16,7 +16,14 @@ import numpy as np
 from matcal.fitting.relaxation.further_term import MATERIAL, covariance_of, further_term
 from matcal.fitting.relaxation.hold_table import Hold, HoldTable, doubted, hold_of, tabulate_hold
 from matcal.fitting.relaxation.instantaneous_curve import bent, runs
-from matcal.fitting.relaxation.prony_search import LEAST_RATIO, best_series, residual, series_at, slopes
+from matcal.fitting.relaxation.prony_search import (
+    LEAST_RATIO,
+    best_series,
+    residual,
+    series_at,
+    series_with,
+    slopes,
+)
 from matcal.fitting.relaxation.slowest_time import Slowest, series_sentences, slowest_time
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony, convolve, relaxation
@@ -104,13 +111,15 @@ class PronyFit:
         return value, value * float(np.hypot(np.sqrt(slope @ self.covariance @ slope) / left, self.early))
 
 
-def fit_prony(experiments: Sequence[Experiment], law: Law | None, terms: int | str = 3) -> PronyFit:
+def fit_prony(experiments: Sequence[Experiment], law: Law | None, terms: int | str = 3,
+              times_s: Sequence[float] | None = None) -> PronyFit:
     """Series with least noise-weighted squares over the holds of relaxation tests.
 
     terms: 1 to 30, or "auto" (up to 6, more where the record spans as many decades, by BIC over the points that
-    correlated residuals are worth; fewer terms that fit nearly as well are preferred to more whose slowest time nothing
-    bounds). `law` gives the shape of the instantaneous curve, each hold its own size; without one the ramps of the
-    tests give it. Raises ValueError for another choice, for a test without clock, ramp or hold, and for too few points.
+    correlated residuals are worth; fewer terms that fit nearly as well are preferred to more whose slowest time
+    nothing bounds). `law` gives the shape of the instantaneous curve, each hold its own size; without one the ramps
+    of the tests give it. With `times_s` the shares at these times alone are searched. Raises ValueError for another
+    choice, for a test without clock, ramp or hold, and for too few points.
     """
     start = time.process_time()
     holds = tuple(hold_of(e, law, 1 if terms == "auto" else int(terms)) for e in experiments)
@@ -118,6 +127,8 @@ def fit_prony(experiments: Sequence[Experiment], law: Law | None, terms: int | s
     tables = [tabulate_hold(h, bounds) for h in holds]
     if _flat(holds):
         return _without_relaxation(holds, bounds, start)
+    if times_s is not None:
+        return _at_times(experiments, holds, law, np.array(times_s, dtype=float), start)
     tried = _tried(tables, _allowed(terms, holds, bounds), bounds, holds[0].hold_s)
     rows = _rows(tables, tried)
     seen: dict[int, _Judged] = {}
@@ -143,6 +154,25 @@ def fit_prony(experiments: Sequence[Experiment], law: Law | None, terms: int | s
                     (*order_sentences(terms, rows, prony.g.size), *series_sentences(holds, prony, slowest)),
                     time.process_time() - start, bounds, rows, slowest, holds, found.doubts,
                     sum(e.effective_sample_size for e in found.errors), _early(holds, prony), further)
+
+
+def _at_times(experiments: Sequence[Experiment], holds: tuple[Hold, ...], law: Law | None, times_s: Array,
+              start: float) -> PronyFit:
+    """The series with times that are given."""
+    bounds = float(times_s[0]), float(times_s[-1])
+    tables = [tabulate_hold(h, (bounds[0] / 1.01, bounds[1] * 1.01)) for h in holds]
+    vector = series_with(tables, times_s)
+    prony = Prony(series_at(vector).g, times_s)
+    doubts = tuple(_doubts(e, h, law, prony) for e, h in zip(experiments, holds, strict=True))
+    errors = _errors(tables, doubts, vector, fixed=True)
+    fits = [_projected(hold, prony) for hold in holds]
+    covariance = _covariance(tables, doubts, errors, vector, fixed=True)
+    return PronyFit(prony, covariance, tuple(_amplitude(h, prony) for h in holds), tuple(c for c, _ in fits),
+                    tuple(_hold_rms(h, stress) for h, (_, stress) in zip(holds, fits, strict=True)),
+                    tuple(stress for _, stress in fits),
+                    (f"Prony series of {times_s.size} terms at the times given; their shares alone were fitted.",),
+                    time.process_time() - start, bounds, (), Slowest(bounds[1], bounds[1], bounds[1]), holds, doubts,
+                    sum(e.effective_sample_size for e in errors), _early(holds, prony))
 
 
 @dataclass(frozen=True)
@@ -289,8 +319,9 @@ def _doubts(experiment: Experiment, hold: Hold, law: Law | None, prony: Prony) -
     return np.hstack(out)
 
 
-def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array) -> tuple[Errors, ...]:
-    """Errors of each hold, misfit among them, in units of the noise."""
+def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array, *,
+            fixed: bool = False) -> tuple[Errors, ...]:
+    """Errors of each hold, misfit among them, in units of the noise; the times of the series may be fixed."""
     width, first = vector.size + sum(d.shape[1] for d in doubts), 0
     free = sum(t.rest.shape[1] for t in tables)
     whole = slopes(lambda v: residual(tables, v), vector)
@@ -304,14 +335,20 @@ def _errors(tables: Sequence[HoldTable], doubts: Sequence[Array], vector: Array)
         doubt, first = doubt + own.shape[1], first + columns_here
         residuals.append(table.basis @ miss[rows])
         columns.append(block)
-    prior = np.diag(np.r_[np.full(vector.size, 1e-6), np.ones(width - vector.size), np.full(free, 1e-12)])
+    terms = vector.size // 2
+    prior = np.diag(np.r_[np.full(terms, 1e12 if fixed else 1e-6), np.full(terms, 1e-6),
+                          np.ones(width - vector.size), np.full(free, 1e-12)])
     return correlated_errors(residuals, columns, prior, [1.0] * len(tables))
 
 
-def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors], vector: Array) -> Array:
+def _covariance(tables: Sequence[HoldTable], doubts: Sequence[Array], errors: Sequence[Errors], vector: Array, *,
+                fixed: bool = False) -> Array:
     """Covariance of (g, tau): correlated noise and misfit, contact point and load drift."""
+    terms = vector.size // 2
     turn = slopes(lambda v: np.r_[series_at(v).g, series_at(v).tau_s], vector)
-    return turn @ covariance_of(tables, doubts, errors, vector) @ turn.T
+    moves = np.eye(vector.size)[terms:][vector[terms:] > 0] if fixed else np.eye(vector.size)
+    turn = turn @ moves.T
+    return turn @ covariance_of(tables, doubts, errors, vector, moves) @ turn.T
 
 
 def _early(holds: Sequence[Hold], prony: Prony) -> float:

@@ -22,7 +22,7 @@ from scipy.special import ndtri, stdtrit
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.hyperfoam.poisson import AT_BOUND, NU_BOUNDS
 from matcal.fitting.hyperfoam.specimen_factors import Specimens, specimens
-from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.relaxation.series import Series
 from matcal.fitting.uncertainty import linear_response
 from matcal.fitting.uncertainty.nu_each import ends_of
 from matcal.fitting.uncertainty.nu_ridge import Ridge, mixed, ridges, unit_of_term, with_stated
@@ -107,7 +107,7 @@ def measured_quantities(law: Law) -> dict[str, float]:
     return found if plateau_reached(law.strain_range) else {n: v for n, v in found.items() if n != "plateau_Pa"}
 
 
-def linearised(fit: Fit, prony: PronyFit | None = None) -> Uncertainty:
+def linearised(fit: Fit, prony: Series | None = None) -> Uncertainty:
     """Intervals of derived quantities and covariance of (mu, alpha) about the fit."""
     free, differ = _free_directions(fit), specimens(fit.curves, fit.law)
     known = nuisance(fit, prony)

@@ -14,7 +14,7 @@ import numpy as np
 
 from matcal.fitting.hyperfoam.curves import Curve, weighted_model, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
-from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.relaxation.series import Series
 from matcal.fitting.uncertainty import linear_response
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
@@ -82,7 +82,7 @@ def _drift_reason(measured: int, typical: float | None) -> str:
     return f"the size of {others}" if typical is None else f"from {others} ({measured}) and {from_noise}"
 
 
-def nuisance(fit: Fit, prony: PronyFit | None = None) -> Nuisance:
+def nuisance(fit: Fit, prony: Series | None = None) -> Nuisance:
     """Contact point, load zero and drift of every curve that states their standard deviation, then the series'
     directions."""
     found = [(_record_effect(fit, k, fact), _record_mean(fit.curves[k], fact)) for k, fact in _uncertain(fit)]
@@ -138,7 +138,7 @@ def _name(curve: Curve, fact: str) -> str:
     return f"the {'assumed' if assumed else 'measured'} load drift of {curve.label}"
 
 
-def _principal_directions(prony: PronyFit) -> list[Array]:
+def _principal_directions(prony: Series) -> list[Array]:
     """One standard deviation of (g, tau_s) along each principal direction of their relative covariance."""
     size = np.r_[np.ones(prony.prony.g.size), prony.prony.tau_s]
     variance, axes = np.linalg.eigh(prony.covariance / np.outer(size, size))

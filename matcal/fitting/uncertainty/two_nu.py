@@ -8,7 +8,7 @@ import numpy as np
 from matcal.fitting.hyperfoam.curves import Curve
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, fit
 from matcal.fitting.hyperfoam.poisson import lateral_nu, lateral_residual, stress_says_nu
-from matcal.fitting.relaxation.relaxation_fit import PronyFit
+from matcal.fitting.relaxation.series import Series
 from matcal.fitting.uncertainty.intervals import linearised
 from matcal.laws.hyperfoam import Hyperfoam
 
@@ -29,7 +29,7 @@ class TwoNu:
         return max(self.lateral[0], self.other[0]) > min(self.lateral[1], self.other[1]) + _LEAST
 
 
-def two_nu(found: Fit, prony: PronyFit | None) -> TwoNu | None:
+def two_nu(found: Fit, prony: Series | None) -> TwoNu | None:
     """nu by lateral strains and without them; None where there are none, or the stresses alone do not say it."""
     lateral = [c for c in found.curves if c.experiment.lateral is not None]
     if not lateral or found.moves is not None:

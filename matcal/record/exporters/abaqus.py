@@ -11,6 +11,7 @@ behavior in elastomeric foams" (22.5.2), "Time domain viscoelasticity" (22.7.1) 
 Abaqus Theory Guide, "Finite-strain viscoelasticity" (4.8.2).
 """
 
+from matcal.record.exporters import shift_lines, softening_lines
 from matcal.record.exporters.base import Material, Target, Written, moduli_note, refuse_more_terms
 from matcal.record.exporters.formatting import commented_file, identifier, number, rows
 
@@ -38,7 +39,7 @@ def write(material: Material) -> Written:
         "Abaqus convolves the Kirchhoff stress, its deviator carried along by the distortional deformation; the card "
         "was fitted with the second Piola-Kirchhoff stress. Holds after a fast step agree; at the end of a slow ramp "
         "to large compression Abaqus differs by some per cent.",
-    ))
+    ), shifts=True)
 
 
 def density_lines(material: Material) -> list[str]:
@@ -53,4 +54,5 @@ def hyperfoam_data(material: Material) -> list[str]:
     return rows([number(v, WIDTH) for v in (*pairs, *law.nu)], PER_LINE)
 
 
-TARGET = Target("Abaqus", write, commented_file("**"), similar={"neo_hooke": "*HYPERELASTIC, NEO HOOKE"})
+TARGET = Target("Abaqus", write, commented_file("**"), similar={"neo_hooke": "*HYPERELASTIC, NEO HOOKE"},
+                shift=shift_lines.abaqus, softening=softening_lines.abaqus)

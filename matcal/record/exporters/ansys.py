@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from matcal.laws.prony import Prony
+from matcal.record.exporters import shift_lines, softening_lines
 from matcal.record.exporters.base import Material, Target, Written, moduli_note
 from matcal.record.exporters.formatting import commented_file, number
 
@@ -48,7 +49,7 @@ def write(material: Material) -> Written:
         warnings += ("Ansys convolves deviator and pressure separately; the card was fitted with the second "
                      "Piola-Kirchhoff stress. Holds after a fast step agree; at the end of a slow ramp to large "
                      "compression Ansys differs by some per cent.",)
-    return Written(tuple(lines), tuple(notes), warnings)
+    return Written(tuple(lines), tuple(notes), warnings, shifts=material.prony is not None)
 
 
 def _relaxation(material: Material, prony: Prony) -> list[str]:
@@ -61,4 +62,5 @@ def _data(values: Sequence[float]) -> list[str]:
             for i in range(0, len(values), PER_LINE)]
 
 
-TARGET = Target("Ansys Mechanical APDL", write, commented_file("!"), similar={"neo_hooke": "TB,HYPER,,,,NEO"})
+TARGET = Target("Ansys Mechanical APDL", write, commented_file("!"), similar={"neo_hooke": "TB,HYPER,,,,NEO"},
+                shift=shift_lines.ansys, softening=softening_lines.ansys)

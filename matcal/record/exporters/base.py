@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.time_temperature import Shift
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
@@ -71,6 +73,7 @@ class Written:
     notes: tuple[str, ...]  # sentences for the comment: layout, meaning of the moduli
     # sentences for the comment and for standard error: what the target does otherwise than the card
     warnings: tuple[str, ...] = ()
+    shifts: bool = False  # whether the lines relax, so that a shift of times with temperature may follow them
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,10 @@ class Target:
     laws: tuple[str, ...] = ("hyperfoam",)  # names of the laws that `write` can write
     # law that `write` cannot write -> the target's own keyword of a law of this name, which is another one
     similar: Mapping[str, str] = field(default_factory=dict)
+    # lines of the shift of relaxation times with temperature, none where the program has no such law; None: it has none
+    shift: Callable[[Shift], tuple[str, ...]] | None = None
+    # lines of the softening by earlier loading, its m in the units of stress; None where the program has no such law
+    softening: Callable[[Damage, float], tuple[str, ...]] | None = None
 
 
 def refuse_more_terms(material: Material, most: int, title: str) -> None:

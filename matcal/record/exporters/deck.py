@@ -9,6 +9,8 @@ import numpy as np
 
 from matcal.card import MaterialCard, as_card, with_moduli
 from matcal.laws.conductivity import Conductivity
+from matcal.laws.histories.damage import Damage
+from matcal.laws.histories.time_temperature import Shift
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law
 from matcal.laws.neo_hooke import NeoHooke
@@ -79,8 +81,33 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     written = into.write(material)
     if written_as is not law:
         written = replace(written, notes=(f"{law.name} at nu = 0 is a hyperfoam, N = 1, alpha = 2.", *written.notes))
+    if card.shift is not None:
+        written = _with_shift(written, card.shift, into)
+    if card.softening is not None:
+        written = _softened(written, card.softening, into, UNITS[units])
     warnings = (*written.warnings, *_skin_left_out(card))
     return Deck(into.assemble(list(_comment(card, into, UNITS[units], written, warnings)), written.lines), warnings)
+
+
+def _with_shift(written: Written, shift: Shift, into: Target) -> Written:
+    """The shift of times with temperature after the series, or that the program has none."""
+    at = f"{shift.reference_K - 273.15:.4g} C"
+    if lines := into.shift(shift) if into.shift is not None and written.shifts else ():
+        return replace(written, lines=(*written.lines, *lines), notes=(
+            *written.notes, f"Relaxation times are those at {at}; temperatures of the shift are in degrees Celsius."))
+    return replace(written, warnings=(*written.warnings, f"The shift of times with temperature is not exported: "
+                                      f"{into.title} has no such law for this material here. Times are those at {at}."))
+
+
+def _softened(written: Written, damage: Damage, into: Target, units: Units) -> Written:
+    """The softening after the law, or that the program has none; and the set, which none has."""
+    warnings = () if not damage.set_share else (f"The set of {damage.set_share:.3g} of the largest strain is not "
+                                                f"exported: {into.title} has none next to this law.",)
+    if into.softening is not None:
+        return replace(written, lines=(*written.lines, *into.softening(damage, units.stress)),
+                       warnings=(*written.warnings, *warnings))
+    return replace(written, warnings=(*written.warnings, "The softening by earlier loading is not exported: "
+                                      f"{into.title} has no such law for this material.", *warnings))
 
 
 def _equal_foam(law: Law, name: str, into: Target) -> Hyperfoam:

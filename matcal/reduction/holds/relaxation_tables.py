@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 from matcal.readers.recording import Recording
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import held_samples, held_throughout, loading_start
+from matcal.reduction.tables.modulus_symbol import symbol_of
 from matcal.reduction.tables.reduced_tables import reduce_table
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
@@ -62,16 +63,8 @@ def _of_modulus(recording: Recording) -> Experiment:
     own = recording.names[name]
     said = (f"Column '{own}' over the time since a step of strain: no strain is needed.",)
     return Experiment("relaxation", np.zeros(time.size), value, time, tuple(p.name for p in recording.paths),
-                      facts={_symbol(own) if name == "modulus" else "table_normalised": 1.0},
+                      facts={symbol_of(own) if name == "modulus" else "table_normalised": 1.0},
                       decisions=(*recording.notes, *said))
-
-
-def _symbol(name: str) -> str:
-    """table_of_E, table_of_G, or table_of_modulus where the name does not say which."""
-    words = name.lower().strip()
-    if words.startswith(("g", "shear", "schub")):
-        return "table_of_G"
-    return "table_of_E" if words.startswith(("e", "young", "tensile", "compress")) else "table_of_modulus"
 
 
 def _as_step(found: Experiment, recording: Recording) -> Experiment:

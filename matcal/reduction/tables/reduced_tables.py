@@ -13,7 +13,6 @@ from matcal.reduction.loading_doubts import collapse, collapse_sentence, hold_do
 from matcal.reduction.tables.strain_zero import zero_of
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-from touchcal.number_words import percent
 
 _SIGNED = 0.02  # share of the largest strain, below 0, from which on a table counts compression as negative
 _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another unit
@@ -21,30 +20,27 @@ _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another
 # standard errors from which on an error is said, and error up to which a zero is known
 _ZERO, _ZERO_SHARE, _CLEAR, _SMALL = 0.003, 0.01, 2.5, 3e-4
 _FAR = 1e-3  # error of a zero from which on it is said
-# error of the zero of a table of conductivity of which its effect is said, and share of c_0 below which it is not
-_ZERO_SEEN, _LITTLE = 0.002, 1e-3
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
 
 
-def reduce_table(kind: str, recording: Recording, direction: str | None = None) -> Experiment:
+def reduce_table(kind: str, recording: Recording, direction: str | None = None, *, cycled: bool = False) -> Experiment:
     """The table as it stands, stretch turned into strain, pressure into mean stress, compression made negative;
-    `direction` is what the specimen's file says of it. InputFileError where a column is missing or constant, signs
-    disagree, or a number cannot be what its column says."""
+    `direction` is what the specimen's file says of it; `cycled`: whether its unloading is used. InputFileError where a
+    column is missing or constant, signs disagree, or a number cannot be what its column says."""
     notes, cautions = list(recording.notes), list[str]()
-    if kind in (*_FREE_FACES, "shear"):
+    one_loading = kind in (*_FREE_FACES, "shear") and not cycled
+    if one_loading:
         recording = _until_collapse(recording, cautions)
     strain, value = (_volumetric if kind == "volumetric" else _strain_and_value)(kind, recording, notes)
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation", "conductivity"):
         strain, value = _compression_negative(kind, recording, strain, value, direction, notes, cautions)
     _check_range(kind, recording, strain)
-    if kind in (*_FREE_FACES, "shear"):
+    if one_loading:
         cautions += loading_doubts(recording.label, strain, value)
         most = int(np.argmax(np.abs(strain))) + 1
         time = recording.columns.get("time")
         cautions += hold_doubts(recording.label, None if time is None else time[:most], strain[:most], value[:most])
-    if kind == "conductivity":
-        cautions += _zero_of_conductivity(recording.label, strain, value)
     time = recording.columns.get("time")
     if time is not None and np.any(np.diff(time) <= 0):
         raise _error(recording, "the time does not grow from row to row, so it is no history. Leave the column out.")
@@ -53,7 +49,7 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None) 
     deviation = _deviation(recording) if kind != "conductivity" else None
     lateral = _lateral(recording, strain, notes) if kind in _FREE_FACES else None
     facts = _zero(kind, recording.label, strain, value, cautions) if (
-        kind in (*_FREE_FACES, "shear") and lateral is None) else {}
+        one_loading and lateral is None) else {}
     if kind == "relaxation" and "strain" in recording.columns and not _named(recording, direction) \
             and strain.min() >= -_SIGNED * np.abs(strain).max():
         facts["direction_assumed"] = 1.0  # of consequence only next to a law: shares that relax have no sign
@@ -197,21 +193,6 @@ def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | N
     if float(strain @ lateral) > 1e-3 * float(strain @ strain):
         notes.append("The free faces move with the load, a negative Poisson's ratio; check the sign of their column.")
     return lateral
-
-
-def _zero_of_conductivity(label: str, strain: Array, value: Array) -> list[str]:
-    """What is said where a small error of the strain's zero, which nothing in a table shows, is more than the noise
-    leaves of the conductivity at rest."""
-    if np.unique(strain).size < 6 or strain.size < 8:
-        return []
-    basis = np.vander(strain, 4, increasing=True)
-    found, *_ = np.linalg.lstsq(basis, value, rcond=None)
-    noise = np.sum((value - basis @ found) ** 2) / (strain.size - 4)
-    sd, moved = np.sqrt(noise * np.linalg.pinv(basis.T @ basis)[0, 0]), abs(found[1]) * _ZERO_SEEN
-    if found[0] <= 0 or moved < max(2 * sd, _LITTLE * found[0]):
-        return []
-    return [f"c_0 of {label} is that at the table's own zero of strain: {_ZERO_SEEN:g} of strain in it change c_0 by "
-            f"{percent(float(moved / found[0]), 2)}, more than its interval, which leaves it out."]
 
 
 def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[str]) -> dict[str, float]:

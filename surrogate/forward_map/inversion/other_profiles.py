@@ -2,8 +2,8 @@
 
 Nearly each signal of a sphere or a cone is, within the noise, that of some trained punch under another force. The ratio
 of the two forces is a smooth function of the punch and the force that are read, learned for each profile from signals
-of its own (Gaussian processes in log d and log F). So an interval of F, whose ends are those of trained punches, holds
-the forces of the others where its ends are multiplied by the smallest and the largest of the ratios.
+of its own (Gaussian processes in log d and log F). So the force, where each profile is as likely as any other, is a
+mixture of that of the trained punches and of the same times each ratio, whose own error counts.
 """
 
 from __future__ import annotations
@@ -47,11 +47,13 @@ def learned(forward: ForwardMap, others: Sequence[OtherProfile]) -> tuple[ForceR
     return tuple(found)
 
 
-def extremes(ratios: Sequence[ForceRatio], touch: Array) -> Array:
-    """(2, n) smallest and largest ratio at touches (n, 4) that were read, the trained profile's own, 1, among them."""
-    each = [np.ones(len(touch))]
+def at(ratios: Sequence[ForceRatio], touch: Array) -> tuple[Array, Array]:
+    """(n, 1 + profiles) ratios at touches (n, 4) that were read, that of the trained profile, 1, first; and their
+    standard deviations."""
+    each, sd = [np.ones(len(touch))], [np.zeros(len(touch))]
     for ratio in ratios:
         read = np.clip(np.log(touch[:, 2:]), ratio.lowest[:2], ratio.highest[:2])
-        log_ratio = gaussian_process.predict(ratio.log_ratio, read)[0]
+        log_ratio, _, variance = gaussian_process.predict(ratio.log_ratio, read)
         each.append(np.exp(np.clip(log_ratio, ratio.lowest[2], ratio.highest[2])))
-    return np.array([np.min(each, axis=0), np.max(each, axis=0)])
+        sd.append(each[-1] * np.sqrt(variance + np.median(ratio.log_ratio.noise)))
+    return np.stack(each, axis=1), np.stack(sd, axis=1)

@@ -44,9 +44,9 @@ class Contact:
     mirrored: bool = False  # whether a touch of the other sign does
 
 
-def with_noise(contact: Contact, noise: ReadingNoise) -> Contact:
-    """With noise that readings share."""
-    return replace(contact, whitening=whitening(noise) * (noise.rms_V / noise.white_V))
+def with_noise(contact: Contact, noise: ReadingNoise, variance: float) -> Contact:
+    """With noise that readings share, where that of one reading has this variance, V^2."""
+    return replace(contact, whitening=whitening(noise) * (np.sqrt(variance) / noise.white_V))
 
 
 def patterns_of(signal: Array) -> Array:

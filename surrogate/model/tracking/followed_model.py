@@ -11,6 +11,7 @@ import numpy as np
 
 from surrogate.data import outputs
 from surrogate.data.baseline_frame import compared
+from surrogate.data.dead_readings import too_many
 from surrogate.data.frame_drift import by_gain
 from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.data.sensor_ring import Ring
@@ -19,7 +20,7 @@ from surrogate.forward_map.inversion.touch_filter import Unsure
 from surrogate.learners.base import Learner
 from surrogate.learners.forward import TouchInversion
 from surrogate.learners.novelty import fit_novelty, reciprocal
-from surrogate.model.missing_channels import named, of_fewer, silent, why_not
+from surrogate.model.missing_channels import named, of_fewer, silent
 from surrogate.model.predict import WEAK, Predictions, Predictor, columns, judged, numbers_of, predict, prepare
 from surrogate.model.tracking import follow_by_map
 from surrogate.model.tracking.contact import patterns_of
@@ -53,14 +54,14 @@ class _Fewer:
 
 
 def _fewer(whole: Predictor, dead: Mask) -> _Fewer:
-    model, kept = whole.model, ~dead
+    model, learner, kept = whole.model, whole.model.learner, ~dead
     axes = reciprocal(model.ring, kept)
-    if not dead.any() or why_not(model, dead):
-        return _Fewer(whole, np.ones(len(dead), bool), axes, lambda: model.learner)
+    if not dead.any() or too_many(dead) or not isinstance(learner, TouchInversion):
+        return _Fewer(whole, np.ones(len(dead), bool), axes, lambda: learner)
     fewer = of_fewer(model, dead)
     predictor = replace(whole, model=fewer, dead=np.zeros(int(kept.sum()), bool), gains=whole.gains[kept],
                         novelty=fit_novelty(fewer.ring, fewer.calibration.signal_V), reduced={})
-    return _Fewer(predictor, kept, axes, cache(lambda: model.learner.without(model.ring, fewer.ring, kept)))
+    return _Fewer(predictor, kept, axes, cache(lambda: learner.without(model.ring, fewer.ring, kept)))
 
 
 class FollowedModel:
@@ -87,7 +88,7 @@ class FollowedModel:
 
     def why_not(self, dead: Mask) -> str:
         """Why these are needed."""
-        return why_not(self._model, dead)
+        return too_many(dead)
 
     def ended(self) -> None:
         """No touch is followed."""

@@ -133,7 +133,7 @@ class Tracker:
         self._ready()
         if self._noise_V is None and found.noise is not None:
             shared = found.noise.scaled(self._gain)
-            self._contact = contact.with_noise(self._contact, shared)
+            self._contact = contact.with_noise(self._contact, shared, self._background.noise)
             self._following.with_noise(shared)
 
     def _ready(self) -> None:
@@ -223,7 +223,7 @@ class Tracker:
         assert self._background is not None
         self._scatter, due = noise_scatter.with_frame(self._scatter, volts)
         if due and (found := noise_scatter.noise(self._scatter, self._background.volts, self._following.ring)):
-            self._contact = contact.with_noise(self._contact, found)
+            self._contact = contact.with_noise(self._contact, found, self._background.noise)
 
     def _compared_again(self) -> None:
         """Compare the untouched frame with that of the training again, where it is another one after a jump."""

@@ -14,7 +14,8 @@ from eitsim.scene.profiles import registry
 from eitsim.scene.profiles.ellipse import Ellipse
 from eitsim.scene.profiles.profile import SignedDistance
 from eitsim.scene.profiles.rounded_cone import Sphere
-from eitsim.scene.scene import Body, Punch, check_value, scene_from
+from eitsim.scene.scene import Body, Punch, scene_from
+from eitsim.scene.scene_keys import check_value
 from eitsim.simulation.reuse import scene_shape
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard

@@ -1,7 +1,5 @@
 """The last route: what is refused where any touch may be asked for, and its touches against those of faster routes."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ from eitsim.scene.choices import Why
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Punch, Scene, scene_from, scene_tables
 from eitsim.simulation.choose import choose
-from eitsim.simulation.derivatives.readings import check_differentiable
+from eitsim.simulation.derivatives.readings import check_differentiable, scene_sensitivity
 from eitsim.simulation.material import material_of
 from eitsim.simulation.reuse import scene_shape
 from eitsim.simulation.routes import known_routes
@@ -23,6 +21,7 @@ from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.known_laws import law_of
 from matcal.laws.prony import Prony
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0], "longterm")
@@ -48,6 +47,17 @@ def test_few_scenes_are_refused_and_none_as_a_combination_that_was_not_built() -
         reasons += [] if why is None else [why.kind]
     assert set(reasons) <= {Why.OFF_SKIN, Why.TOO_DEEP}
     assert len(reasons) <= 3
+
+
+def test_a_rubber_is_axisymmetric_away_from_edges_and_solved_by_the_last_route_near_them() -> None:
+    card = MaterialCard("rubber", law_of("neo_hooke", ((1e5,), (0.4995,))), None, CARD.conductivity)
+    scene = scene_from({"punch": [{"x_mm": -30}, {"x_mm": 90}]})
+    assert [way.route.kind for way in choose(scene, material_of(scene, card)).ways] == ["axisymmetric", "general"]
+    near = scene_from({"punch": {"x_mm": 90}})
+    kinds = [choose(near, material_of(near, made), bodies=False).ways[0].route.kind for made in (CARD, card)]
+    assert kinds == ["nearest_edge", "general"]
+    with pytest.raises(ValueError, match="nearly keeps its volume"):
+        scene_sensitivity(near, card)
 
 
 def test_a_punch_that_leans_is_solved_in_three_dimensions() -> None:

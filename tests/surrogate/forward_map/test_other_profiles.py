@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 import surrogate
 from surrogate.data.samples import OtherProfile, SweepSamples, take
 from surrogate.forward_map.inversion import other_profiles
 from surrogate.forward_map.inversion.other_profiles import ForceRatio
+from surrogate.learners.base import regression
 from surrogate.learners.forward import TouchInversion
 from surrogate.model.assumed_punch import assumed_punch
 from surrogate.model.sweep_model import SweepModel
@@ -48,10 +50,12 @@ def ratios_of(model: TrainedModel) -> tuple[ForceRatio, ...]:
 def test_intervals_of_the_force_hold_that_of_the_other_profile(inner: SweepSamples) -> None:
     model = model_of(inner)
     touch = inner.target[24:, :4]
-    low, high = other_profiles.extremes(ratios_of(model), touch)
-    off = np.abs(high / stronger(touch) - 1)
+    ratio, sd = other_profiles.at(ratios_of(model), touch)
+    off = np.abs(ratio[:, 1] / stronger(touch) - 1)
     print("ratio off by", np.quantile(off, [0.5, 0.9, 1.0]))
-    assert np.all(low == 1)
+    assert np.all(ratio[:, 0] == 1)
+    assert np.all(sd[:, 0] == 0)
+    assert np.mean(off <= 2 * sd[:, 1]) > 0.8
     assert np.median(off) < 0.01
     assert np.quantile(off, 0.9) < 0.03
     base = inner.baseline_V[0]
@@ -72,7 +76,7 @@ def test_a_stored_model_holds_them(inner: SweepSamples, tmp_path: Path) -> None:
     model.save(tmp_path / "model")
     read = surrogate.load(tmp_path / "model")
     assert isinstance(read, SweepModel)
-    before, after = (other_profiles.extremes(ratios_of(one), inner.target[:8, :4]) for one in (model, read))
+    before, after = (other_profiles.at(ratios_of(one), inner.target[:8, :4]) for one in (model, read))
     assert np.array_equal(before, after)
 
 
@@ -80,3 +84,22 @@ def test_too_few_touches_of_a_profile_teach_nothing(inner: SweepSamples) -> None
     (one,) = inner.others
     few = OtherProfile(one.profile, one.touch[:other_profiles.FEWEST - 1], one.signal_V[:other_profiles.FEWEST - 1])
     assert ratios_of(model_of(replace(inner, others=(few,)))) == ()
+
+
+def test_intervals_of_the_force_hold_as_often_as_they_state_where_each_profile_is_as_likely() -> None:
+    """Values of touches of two profiles, whose forces differ by less and more than the errors, at several coverages."""
+    rng, n = np.random.default_rng(5), 4000
+    ratio = np.stack([np.ones(n), rng.uniform(1, 1.5, n)], axis=1)
+    ratio_sd, truth, which = 0.05 * np.array([0, 1.0]), rng.uniform(0.5, 2, n), rng.integers(0, 2, n)
+    met = ratio[np.arange(n), which] + ratio_sd[which] * rng.normal(size=n)
+    sd = np.where(rng.uniform(size=n) < 0.5, 0.02, 0.1)
+    value = truth / met * (1 + sd * rng.normal(size=n))
+    found = replace(regression(value[:, None], (value * sd)[:, None] ** 2), ratio=ratio[:, None],
+                    ratio_sd=np.broadcast_to(ratio_sd, (n, 1, 2)))
+    coverage = np.array([0.5, 0.9, 0.95])
+    z = ndtri((1 + coverage) / 2)[:, None, None]
+    below, above = found.ends(np.broadcast_to(z, (3, n, 1)), z)
+    held = (value[:, None] - below <= truth[:, None]) & (truth[:, None] <= value[:, None] + above)
+    assert held.mean(axis=(1, 2)) == pytest.approx(coverage, abs=0.02)
+    alone = held[1, which == 0, 0].mean()
+    assert 0.85 < alone < 0.95

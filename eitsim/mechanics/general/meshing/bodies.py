@@ -48,7 +48,7 @@ def bodies_of(body: Body, electrodes: Electrodes, places_m: Array, least_m: Arra
     outlines = outlines_m(body.edge, electrodes)
     clear = [all(distance_to(outline, place) > least for place, least in zip(places_m, least_m, strict=True))
              for outline in outlines]
-    if electrodes.anywhere:
+    if not electrodes.at_rim:
         return Bodies(np.empty((0, 2)), tuple(Pad(outline / unit, outline / unit, np.empty(0))
                                               for outline, free in zip(outlines, clear, strict=True) if free))
     pads = []

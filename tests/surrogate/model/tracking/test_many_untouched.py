@@ -21,3 +21,12 @@ def test_proportional_noise_makes_no_touch(forward_model: Model, untouched_V: Ar
     states = [tracker.update(frame).state for frame in frames[given:]]
     assert states.count(CALIBRATING) == (0 if given else tracker.calibration - 1)
     assert set(states) <= {CALIBRATING, UNTOUCHED}
+
+
+@pytest.mark.parametrize("given", [0, 20])
+def test_white_noise_alone_is_no_drift(forward_model: Model, untouched_V: Array, given: int) -> None:
+    """Twenty frames show shared noise that is none; what other frames say of it counts."""
+    rng = np.random.default_rng(3)
+    frames = untouched_V + 1e-4 * np.sqrt(np.mean(untouched_V**2)) * rng.normal(size=(300, len(untouched_V)))
+    tracker = Tracker(forward_model, frames[:given] if given else None)
+    assert {tracker.update(frame).flag for frame in frames[given:]} == {""}

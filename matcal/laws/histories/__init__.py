@@ -1,0 +1,1 @@
+"""What loading in time and before leaves: creep and relaxation, temperature, softening and set."""
