@@ -26,6 +26,7 @@ _DEGREE = 3  # of the polynomials in the logarithm of the force
 _RIDGE = 1e-8  # of the coefficients, over the mean square of their columns
 _NEAR = 14  # places about the likeliest one by which its surroundings are fitted
 _FORCES, _DIAMETERS, _PAST = 61, 7, 0.2  # loads that are tried, and how far outside the trained ones, of their range
+_SMALLEST = 1e-3  # size of a signal over that of a middle load
 _TOGETHER = 128  # signals that are looked at together
 
 
@@ -64,11 +65,11 @@ class Located:
         return np.stack(np.meshgrid(forces, diameters, indexing="ij"), axis=-1).reshape(-1, 2)
 
     def features(self, signal_V: Array) -> Array:
-        """(n, 4 or 5) the place, mm, the logarithm of the force and, where it varies, the diameter, mm, of signals
-        (n, readings)."""
+        """(n, 5 or 6) the place, mm, the logarithm of the size over that of a middle load there, the logarithm of the
+        force and, where it varies, the diameter, mm, of signals (n, readings)."""
         parts = [self._some(signal_V[k:k + _TOGETHER]) for k in range(0, len(signal_V), _TOGETHER)]
-        width = 5 if self.span[1, 1] > self.span[0, 1] else 4
-        return np.concatenate([np.empty((0, 5)), *parts])[:, :width]
+        width = 6 if self.span[1, 1] > self.span[0, 1] else 5
+        return np.concatenate([np.empty((0, 6)), *parts])[:, :width]
 
     def _some(self, signal_V: Array) -> Array:
         q, r = self._basis
@@ -86,7 +87,10 @@ class Located:
                          self.sheet.points_mm[near] - self.sheet.points_mm[best][:, None])[..., :2]
         values = np.take_along_axis(misfit, least[..., None], axis=2)[..., 0] / size[:, None] ** 2
         moved = np.stack([_lowest(at, one) for at, one in zip(away, values, strict=True)])
-        load = np.stack([_fitted(at, one, place) for at, one, place in zip(away, loads, moved, strict=True)])
+        middle = r[near] @ _terms(self.span, self.span.mean(axis=0)[None])[0]
+        ratio = np.sum(middle * there, axis=2) / np.sum(middle**2, axis=2)
+        sizes = np.concatenate([np.log(np.maximum(ratio, _SMALLEST))[..., None], loads], axis=2)
+        load = np.stack([_fitted(at, one, place) for at, one, place in zip(away, sizes, moved, strict=True)])
         place = self.sheet.points_mm[best] + np.einsum("si,sij->sj", moved, self.sheet.frames[best, :2])
         return np.column_stack([place, load])
 

@@ -54,5 +54,5 @@ def test_the_place_and_the_force_of_a_touch_are_found_from_what_it_makes_to_firs
     found = located(ring, where[taught], force[taught], diameter[taught], signal[taught]).features(signal[~taught])
     missed = np.linalg.norm(found[:, :3] - where[~taught], axis=1)
     assert np.median(missed) < 0.4
-    assert missed.max() < 2.5
-    assert np.median(np.abs(np.exp(found[:, 3]) / force[~taught] - 1)) < 0.03
+    assert np.quantile(missed, 0.9) < 1
+    assert np.median(np.abs(np.exp(found[:, 4]) / force[~taught] - 1)) < 0.03
