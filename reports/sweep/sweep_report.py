@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from eitsim.scene.curved.curved_scene import is_curved
 from eitsim.scene.scene import is_list, scene_from, scene_tables
 from eitsim.sweeps.dataset import code_history, parquet
 from eitsim.sweeps.dataset.parquet import MANIFEST, OUTPUTS, TOUCH, Dataset, parts, read_dataset
@@ -133,11 +134,14 @@ def _verdict(data: Dataset, account: Accounted, ok: Columns, stale: bool) -> lis
 
 def _plates(folder: Path, data: Dataset, ok: Columns, failed: Columns) -> list[ReportFigure]:
     given = data.design["tables"]
+    plain = [sweep_figures.ranges(ok, TOUCH, [name for name in OUTPUTS if name in ok]), sweep_figures.accuracy(ok)]
+    if is_curved(given):
+        return plain
     tables = scene_tables(scene_from({key: given[key] for key in ("body", "electrodes") if key in given}))
     rms_V = rms_of(folder, ok["scene"].astype(np.int64))
     placed = np.isfinite(failed["x_mm"]) & np.isfinite(failed["y_mm"])
-    return [sweep_figures.touch_map(ok, {name: values[placed] for name, values in failed.items()}, rms_V, tables),
-            sweep_figures.ranges(ok, TOUCH, [name for name in OUTPUTS if name in ok]), sweep_figures.accuracy(ok)]
+    off = {name: values[placed] for name, values in failed.items()}
+    return [sweep_figures.touch_map(ok, off, rms_V, tables), *plain]
 
 
 def rms_of(folder: Path, scenes: NDArray[np.int64]) -> Array:

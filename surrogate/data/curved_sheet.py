@@ -10,7 +10,7 @@ from eitsim.scene.drive import read_out
 from touchcal.arrays import Array
 
 # Places, about, the error of the fields' readings, and sheet conductances that are tried for the untouched readings.
-_PLACES, _READINGS, _TRIES = 4000, 1e-3, 2
+_PLACES, _READINGS, _TRIES = 9000, 1e-3, 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +19,7 @@ class CurvedSheet:
 
     electrode_mm: Array  # (electrodes, 3) places of the electrodes
     points_mm: Array  # (n, 3) places of the skin
+    areas_mm2: Array  # (n,) that they stand for
     frames: Array  # (n, 3, 3) two tangents and the normal there, in rows
     slopes: Array  # (n, 2, electrodes) of potentials, along the tangents, of a current into one electrode
 
@@ -38,7 +39,7 @@ def curved_sheet(scene: CurvedScene, usual_S: float, baseline_V: Array | None) -
         read = read_out(scene.drive, found.impedance_Ohm)
         sheet_S *= float(np.linalg.norm(read) / np.linalg.norm(baseline_V))  # pyright: ignore[reportArgumentType]
         found = _fields(scene, sheet_S)
-    return CurvedSheet(1e3 * _middles(scene), 1e3 * found.points_m, found.frames, found.slopes)
+    return CurvedSheet(1e3 * _middles(scene), 1e3 * found.points_m, 1e6 * found.areas_m2, found.frames, found.slopes)
 
 
 def _fields(scene: CurvedScene, sheet_S: float) -> UntouchedFields:

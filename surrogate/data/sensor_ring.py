@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.forward.untouched import sensor_of, untouched_readings
+from eitsim.scene.curved.curved_body import curved_body
 from eitsim.scene.curved.curved_scene import CurvedScene, curved_scene, is_curved
 from eitsim.scene.drive import Drive, protocol
 from eitsim.scene.electrodes import identical, middles
@@ -167,6 +168,7 @@ def ring_of_design(tables: Mapping[str, Any], baseline_V: Array | None = None, p
     """As `ring_of`, of a design's tables; ValueError where the sensor itself varies between rows."""
     if is_curved(tables):
         fixed = {name: tables[name] for name in ("body", "electrodes", "drive") if name in tables}
-        scene = curved_scene({**fixed, "punch": {"at_mm": [0.0, 0.0, 0.0]}}, Path())
+        somewhere = 1e3 * curved_body(tables["body"], Path()).triangles.nodes_m[0]
+        scene = curved_scene({**fixed, "punch": {"at_mm": somewhere.tolist()}}, Path())
         return ring_of_curved(scene, baseline_V)
     return ring_of(sensor_of(tables), baseline_V, places_mm)

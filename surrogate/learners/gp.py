@@ -43,7 +43,9 @@ class Processes(Learner):
     @classmethod
     def _on_curved(cls, rows: SweepSamples, training: Training) -> Processes:
         """Processes on the features of `located_features`."""
-        sheet, target = located(rows.ring, float(np.median(rows.targets(["d"])))), rows.targets(training.names)
+        force, diameter = rows.targets(["F", "d"]).T
+        sheet = located(rows.ring, rows.targets(["x0", "y0", "z0"]), force, diameter, rows.signal_V)
+        target = rows.targets(training.names)
         by_log = np.array([name not in PLACES for name in training.names]) & (target > 0).all(axis=0)
         f = sheet.features(rows.signal_V)
         target = np.where(by_log, np.log(np.where(by_log, target, 1.0)), target)

@@ -122,7 +122,7 @@ def unfit(surface: CurvedSurface, thickness_m: float, punches: Sequence[Punch], 
             if layout.chart.ball_m is None or len(group) > 1:
                 checked_gaps(Body(layout.chart.edge, thickness_m),
                              np.array([(punch.x_m, punch.y_m) for punch in there]) / thickness_m,
-                             np.array([punch.diameter_m / 2 for punch in there]) / thickness_m)
+                             np.array([punch.diameter_m / 2 for punch in there]) / thickness_m, group)
         except ValueError as error:
             return str(error)
     return ""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from eitsim.scene.channels import Channels
 from eitsim.scene.curved.curved_body import CurvedBody, curved_body
@@ -97,27 +98,53 @@ def curved_scene(raw: Mapping[str, Any], folder: Path) -> CurvedScene:
         raise ValueError("punch is an empty list; give one [[punch]] a touch.")
     flat = scene_from({key: raw[key] for key in ("skin", "hold", "accuracy", "card") if key in raw})
     electrodes = _on_surface(electrodes_of(raw.get("electrodes", {})), body)
-    places = np.array([_place(table) for table in touches])
+    places = np.array([_place(table, body) for table in touches])
     punches = tuple(_punch(table, body) for table in touches)
     scene = CurvedScene(body, punches, places, electrodes, flat.skin, drive_of(raw.get("drive", {}), electrodes),
                         flat.hold, flat.accuracy, flat.card)
-    scene.sheet(1.0)  # ValueError where electrodes cannot be
+    _check_apart(scene.sheet(1.0))
     return scene
+
+
+def _check_apart(sheet: CurvedSkin) -> None:
+    """ValueError where round electrodes overlap."""
+    places, widths = np.array(sheet.places_m).reshape(-1, 3), np.broadcast_to(np.asarray(sheet.widths_m), sheet.count)
+    if not len(places):
+        return
+    gap = cdist(places, places) - (widths[:, None] + widths) / 2
+    i, j = np.argwhere(np.triu(gap <= 0, 1))[0] if np.any(np.triu(gap <= 0, 1)) else (0, 0)
+    if i != j:
+        raise ValueError(f"electrodes {i} and {j} (from 0) overlap; place them further from each other or make them "
+                         "smaller.")
 
 
 def _on_surface(electrodes: Mapping[str, Any], body: CurvedBody) -> Mapping[str, Any]:
     """Electrodes at the places of the surface nearest to those given."""
     if "places_m" not in electrodes:
         return electrodes
-    places = body.surface.nearest(np.array(electrodes["places_m"]).reshape(-1, 3))[0]
+    places = placed(body, np.array(electrodes["places_m"]).reshape(-1, 3), "electrodes")
     return {**electrodes, "places_m": tuple(map(tuple, places.tolist()))}
 
 
-def _place(table: Any) -> list[float]:
+def placed(body: CurvedBody, points_m: Array, table: str) -> Array:
+    """The places (n, 3) of a body that are nearest to points (n, 3), m; ValueError where one is not near."""
+    places = body.surface.nearest(points_m)[0]
+    away = np.linalg.norm(points_m - places, axis=1)
+    if np.any(away > body.thickness_m):
+        k = int(np.argmax(away))
+        at = ", ".join(f"{part:.4g}" for part in 1e3 * points_m[k])
+        raise ValueError(f"at_mm in [{table}]: [{at}] lies {1e3 * away[k]:.3g} mm off the surface; give a place on it, "
+                         "or nearer to it than thickness_mm.")
+    return places
+
+
+def _place(table: Any, body: CurvedBody) -> list[float]:
     at = table.get("at_mm") if isinstance(table, Mapping) else None
     if not isinstance(at, list) or len(at) != 3 or not all(is_number(part) for part in at):
         raise ValueError(f"at_mm in [punch] must hold x, y and z of a place near the surface, got {at!r:.80}.")
-    return [part / 1e3 for part in at]
+    point = np.array(at, dtype=float) / 1e3
+    placed(body, point[None], "punch")
+    return point.tolist()
 
 
 def _punch(table: Mapping[str, Any], body: CurvedBody) -> Punch:

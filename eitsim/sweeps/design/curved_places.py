@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from eitsim.scene.curved.curved_body import CurvedBody, curved_body
+from eitsim.scene.curved.curved_scene import placed
 from eitsim.scene.scene import Accuracy, Skin
 from eitsim.simulation.edge_effects import clear_gap_m
 from touchcal.arrays import Array
@@ -45,7 +46,7 @@ def at_surface(place: Any, tables: Mapping[str, Any]) -> list[float]:
     if not (isinstance(place, list) and len(place) == 3 and all(map(is_number, place))):
         raise ValueError(f"at_mm in [punch] must hold x, y and z of a place, or {{choice = [[x, y, z], ...]}} or "
                          f"{{list = [[x, y, z], ...]}}, got {place!r:.80}.")
-    (near,), _ = curved_body(tables["body"], Path()).surface.nearest(np.array([place], dtype=float) / 1e3)
+    (near,) = placed(curved_body(tables["body"], Path()), np.array([place], dtype=float) / 1e3, "punch")
     return [float(part) for part in 1e3 * near]
 
 

@@ -14,7 +14,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     under_force,
 )
 from eitsim.mechanics.contact.punch_shape import PunchShape, punch_shape
-from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, solve_on_surface
+from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, solve_on_surface, unfit
 from eitsim.mechanics.general.meshing.levels import ROUGH, Level
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.solid.cap_grid import on_cap
@@ -176,3 +176,8 @@ def test_a_ball_of_triangles_presses_as_the_profile_does() -> None:
     exact = solve_touch(LAW, body, BALL)
     assert touch.force_N == pytest.approx(exact.force_N, rel=2e-3)
     assert touch.contact_area_m2 == pytest.approx(exact.contact_area_m2, rel=0.01)
+
+
+def test_a_refusal_names_punches_by_their_numbers_among_all() -> None:
+    places = np.array([[-0.2, 0.0, 0.045], [0.1, 0.0, 0.045], [0.11, 0.0, 0.045]])
+    assert "the edge of punch 1 (from 0)" in unfit(Cylinder(0.045, 0.6), 0.008, [Punch(diameter_m=0.014)] * 3, places)

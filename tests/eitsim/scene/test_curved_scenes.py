@@ -77,6 +77,8 @@ def test_the_tables_of_a_scene_give_the_scene() -> None:
     ('"adjacent"', '"opposit"', "'opposit' is unknown"),
     ("[drive]", "[channels]\ngains = [1]\n[drive]", "channels"),
     ("radius_mm = 45", "radius_mm = 1e12", "must be from 0.001 to 10000 mm"),
+    ("at_mm = [10, 12, 45]", "at_mm = [10, 12, 60]", "lies 16.2 mm off the surface"),
+    ("[-63, 31.82, 31.82]", "[-60, 3, 45]", r"electrodes 0 and 1 \(from 0\) overlap"),
     ("length_mm = 180", "length_mm = 9000", "at most 100 times the lesser radius"),
 ])
 def test_slips_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -1,8 +1,6 @@
 """Sweeps on curved skins: places are even over the area, rows repeat, and touches moved to a place are those solved
 there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,5 +1,6 @@
 """How finely a layer is meshed, and its mesh: by where each punch's contact ends, and how near edges and others are."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,12 +54,14 @@ def gaps(body: Body, centres: Array, radii: Array) -> Array:
     return np.minimum(room, between.min(axis=1))
 
 
-def checked_gaps(body: Body, centres: Array, radii: Array) -> Array:
-    """As `gaps`; ValueError where a punch overhangs an edge or another punch or is nearer than LEAST_GAP."""
+def checked_gaps(body: Body, centres: Array, radii: Array, numbers: Sequence[int] | None = None) -> Array:
+    """As `gaps`; ValueError, by the punches' numbers, where one overhangs an edge or another or is nearer than
+    LEAST_GAP."""
     room = gaps(body, centres, radii)
     if room.min() < LEAST_GAP:
         least, unit_mm = int(room.argmin()), body.thickness_m * 1e3
-        raise ValueError(f"the edge of punch {least} (from 0) is {room[least] * unit_mm:.3g} mm from an edge of the "
+        number = least if numbers is None else numbers[least]
+        raise ValueError(f"the edge of punch {number} (from 0) is {room[least] * unit_mm:.3g} mm from an edge of the "
                          f"skin or from another punch; leave {LEAST_GAP * unit_mm:.3g} mm or more.")
     return room
 
