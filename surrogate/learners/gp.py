@@ -60,6 +60,7 @@ class Processes(Learner):
             drawn = [self._of_features(sheet.features(signal_V + noise_V * rng.normal(size=signal_V.shape)))[0]
                      for _ in range(_DRAWS)]
             variance = variance + np.mean((np.array(drawn) - value) ** 2, axis=0)
+        assert self.by_log is not None, "located signals have outputs of both kinds"
         plain = np.where(self.by_log, np.exp(value), value)
         return regression(plain, np.where(self.by_log, plain**2, 1.0) * variance)
 
