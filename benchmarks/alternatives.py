@@ -5,8 +5,6 @@ results/alternatives.csv, where other trials keep their rows. Libraries that are
 scikit-learn.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile

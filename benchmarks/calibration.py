@@ -4,8 +4,6 @@ Run by `make bench`, which pins threads; writes results/calibration.csv next to 
 plain files, whose truth is known.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable

@@ -7,8 +7,6 @@ code hash, not results. Compare a row of each kind of sweep, a card and a predic
 first; what was stale at COMMIT stays stale.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

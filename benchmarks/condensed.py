@@ -1,8 +1,6 @@
 """Updates condensed to where a touch changes the skin: what is left of the mesh is eliminated once, on to the nodes
 that both parts share and the electrodes, and joins every new solution as one dense element (a Schur complement)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -12,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from eitsim.electrics.cem.assembly import SkinMesh, quadrature_points, weights
 from eitsim.numerics.conductor_elimination import eliminate, impedance_alone, solve
 from eitsim.numerics.nested_dissection import dissect
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
 

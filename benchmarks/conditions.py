@@ -4,8 +4,6 @@ QUICK=1 in the environment asks for the few cases that show that a benchmark run
 results/quick, apart from the full ones.
 """
 
-from __future__ import annotations
-
 import datetime
 import importlib.metadata
 import os

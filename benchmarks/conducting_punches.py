@@ -10,8 +10,6 @@ a contact four times as stiff as well (`finest`). A run continues where results/
 starts no scene after S seconds. The constants were chosen on seed 1; the table holds others.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import math

@@ -5,8 +5,6 @@ another conductance keeps it and takes the shape of its image. On the disc the p
 series of cosines, that of a patch one of charges along its edge and their images in the rim.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -13,8 +13,6 @@ found_2: part of the presses before which no contact is said and that are found 
 Pearson, one-sided); false: contacts in other untouched frames, a thousand.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

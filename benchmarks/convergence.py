@@ -8,8 +8,6 @@ touch's last row has ten times the default penalty of the contact. Run by `make 
 which pins threads; writes results/convergence.csv and results/convergence_rates.csv next to this file.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

@@ -8,8 +8,6 @@ electrodes and a round patch of 0.3 times the conductance, against triangles of 
 readings between neighbours, 2-norm. Run by `make bench`; writes results/curved_skins.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 
@@ -26,8 +24,8 @@ from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.polygons import circle
 from eitsim.scene.triangle_files import TriangleMesh
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 S = 6e-4  # Sheet conductance, S.
 RADIUS_M, HEIGHT_M, COUNT, ELECTRODE_M = 0.05, 0.08, 16, 0.01
 PLACES = np.column_stack([np.tile(0.03 * np.arange(4) - 0.045, 2), np.repeat([-0.02, 0.02], 4)])

@@ -11,8 +11,6 @@ the finer mesh and those of the punch alone, 0 where the touch is solved about i
 Run by `make bench`, which pins threads; writes results/curved_touches.csv next to this file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

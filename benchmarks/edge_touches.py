@@ -17,8 +17,6 @@ with FINE in gap_2, gap_5, gap_10 and gap_36; a found.npz that `python peers/foa
 machine is taken from there. Run by `make bench`, which pins threads; writes results/edge_touches.csv next to this file.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

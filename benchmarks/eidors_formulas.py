@@ -5,8 +5,6 @@ inverse of [1 x y]; per edge under an electrode, length / z [1/3 1/6 -1/2; 1/6 1
 the electrode. Source: Adler and Lionheart, doi:10.1088/0967-3334/27/5/S03.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu

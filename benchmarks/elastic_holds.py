@@ -6,8 +6,6 @@ dV to first order, and of the strains over the surface (L2), by what drives the 
 elastic one. Run by `make bench`; writes results/elastic_holds.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import replace

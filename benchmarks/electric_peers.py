@@ -5,8 +5,6 @@ pyEIT has point electrodes, another model; PYEIT_PYTHON may name an interpreter 
 fails is left out with a note.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

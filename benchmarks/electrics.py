@@ -11,8 +11,6 @@ costs; for a fixed mesh not its order of elimination and the untouched skin, for
 conductance of the same touched part costs. kept_ms is what was left out so.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

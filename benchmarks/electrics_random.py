@@ -8,8 +8,6 @@ that reference itself is off. Touches that are axisymmetric are also solved on t
 threads; --scenes shortens it; a run continues where results/electrics_random.csv ends.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import math

@@ -10,8 +10,6 @@ largest entry, resistance_error the largest relative error of the resistance bet
 the earthed matrix in the 1-norm, estimated. Run by `make bench`; writes results/electrics_stiff.csv next to this file.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -5,8 +5,6 @@ mesh that follows the touch, and the error that each states. Run by `make bench`
 results/electrodes.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -6,8 +6,6 @@ of 1 and of 1e9 (a disc that conducts less), against the elimination refined in 
 scikit-sparse, PARDISO pypardiso; those that lack are left out. Run by `make bench`; writes results/eliminations.csv.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import time

@@ -8,8 +8,6 @@ scores both on their own unseen rows, without noise. `gamma` counts effective pa
 tells how many starts lost them. The paper's sweep takes some 40 CPU minutes. Writes results/faithful.csv.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 

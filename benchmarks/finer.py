@@ -1,7 +1,5 @@
 """A touch and its readings on finer meshes than a plan takes: what benchmarks of whole scenes are measured against."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eitsim.electrics.forward.solve_forward import solve

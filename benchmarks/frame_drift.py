@@ -12,8 +12,6 @@ part of the 90 % intervals that hold, median half width of those of F, parts of 
 which the channel that drifted is named. Writes results/frame_drift.csv.
 """
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Depths, the errors that the solution states, how much slips, and CPU seconds int
 one as `make bench` does.
 """
 
-from __future__ import annotations
-
 import itertools
 
 from conditions import quick, shown, written

@@ -7,8 +7,6 @@ estimate_* is what that states of itself, predicted_cpu_s what it was said to ta
 threads; writes results/general_errors.csv.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Touches drawn from a seed stick or rub by Coulomb's law. Both routes hold the fo
 meshes and with contacts of their own. Run by `make bench`; writes results/general_friction.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import replace

@@ -10,8 +10,6 @@ leaves of each punch alone. unknowns count all meshes of the finer level, peak_M
 Run by `make bench`, which pins threads; writes results/general_touches.csv next to this file.
 """
 
-from __future__ import annotations
-
 import resource
 from collections.abc import Iterator, Sequence
 from typing import Any

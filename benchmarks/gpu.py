@@ -11,8 +11,6 @@ is part of the toolkit: nothing needs a GPU, and without one this says so and wr
 results/gpu_training.csv and results/gpu_solutions.csv.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import math

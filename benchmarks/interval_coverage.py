@@ -11,8 +11,6 @@ order       plain, two terms asked for where three are needed
 other       a separable foam that is no hyperfoam of any order (knee by tanh, densification by a rational term)
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import tempfile

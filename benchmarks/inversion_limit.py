@@ -14,8 +14,6 @@ the one of DATA_SET; rows that the model was made from are left out. Writes resu
 the prior is kept between runs (TOUCHCAL_CACHE).
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -40,8 +38,8 @@ from surrogate.forward_map.load_coordinates import MOST
 from surrogate.learners.forward import TouchInversion
 from surrogate.model.model import load_of_sweep
 from surrogate.statistics.metrics import rms
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 NAMES, LEVELS_DB, REACH_MM = ("x0", "y0", "d", "F"), (80.0, 60.0), 80.0
 # Test rows that are inverted, and those of them whose derivatives are solved.
 ROWS, SOLVED = quick((600, 24), (40, 4))

@@ -9,8 +9,6 @@ and 95 % quantiles in the columns _95_ms. export_MB: size of the page as one fil
 machine's cores in the minute before, which lengthen CPU times too. Writes results/live_frames.csv next to this file.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

@@ -10,8 +10,6 @@ others lengthen latencies. Run as `python benchmarks/live_page.py MODEL_DIR CARD
 selenium; writes results/live_page.csv next to this file.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

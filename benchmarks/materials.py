@@ -1,7 +1,5 @@
 """The materials that the benchmarks share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from matcal.laws.conductivity import Conductivity

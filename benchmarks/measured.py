@@ -9,8 +9,6 @@ compress them, and bytes of a row. Run by `make bench`, which pins threads; writ
 file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import replace

@@ -5,8 +5,6 @@ follow from the touch (2-norm). Each size runs in a process of its own, so that 
 `make bench`, which pins threads; writes results/mechanics.csv next to this file.
 """
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 import time

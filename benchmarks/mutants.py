@@ -8,8 +8,6 @@ those that survived in the table. Writes results/mutants.csv: outcome `killed`, 
 killed. A survivor may be equivalent: the mutant may change no number.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import importlib

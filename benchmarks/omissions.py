@@ -11,8 +11,6 @@ keeps the other omissions' rows of before; writes results/omissions.csv (a row a
 results/omissions_summary.csv next to this file.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable, Iterator

@@ -15,8 +15,6 @@ FOLDER keeps the sweeps; one that is there is not swept again, and its own accou
 to run, others stay as they are.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

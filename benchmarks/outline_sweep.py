@@ -7,8 +7,6 @@ how far some of the rows near an edge are off the same touches solved anew. A pu
 stay as they are.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections.abc import Iterator

@@ -14,8 +14,6 @@ stored estimates of "multipole" are those of the run with MISSED_OUTLINE = 2.5e-
 add. Run by `make bench`; writes results/outline_touches.csv next to this file.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from dataclasses import replace

@@ -10,8 +10,6 @@ the sheet is even. White noise lies 60, 70 or 80 dB below the frame's r.m.s. Fra
 hidden electrodes, to 5e-6 of the readings, which no fit takes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

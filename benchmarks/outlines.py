@@ -10,8 +10,6 @@ conformal maps. "near an edge" are touches 0.5 to 15 mm from a straight edge of 
 dimensions. Run by `make bench`; writes results/outlines.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from typing import Any

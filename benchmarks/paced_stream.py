@@ -8,8 +8,6 @@ machine does; cpu_ms is the command's CPU time a frame, and cpu_delay_95_ms the 
 tracker takes them in this process, leave.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

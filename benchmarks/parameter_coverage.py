@@ -6,8 +6,6 @@ from point to point (ar), or grows with the value (proportional). Per case, meth
 whose interval holds the truth, and half its width in per cent of the truth (of 1 for nu).
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Sequence

@@ -7,8 +7,6 @@ run, `electric_peers` says; `peers_signal` sets error against time. Run by `make
 results/peers_electrics.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator
 

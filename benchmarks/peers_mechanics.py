@@ -9,8 +9,6 @@ installed is left out with a note; FELUPE_PYTHON may name an interpreter that ha
 pins threads; writes results/peers_mechanics.csv next to this file.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import shutil

@@ -9,8 +9,6 @@ place, everything counts. pyEIT's point electrodes are another model, whose erro
 `electric_peers` says. Run by `make bench`, which pins threads; writes results/peers_signal.csv next to this file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -7,8 +7,6 @@ plan, mechanics, skin and electrics. The lowest force is 1 mN for Table 1, the h
 its logarithm. Pin threads to one as `make bench` does.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import time

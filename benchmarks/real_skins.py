@@ -10,8 +10,6 @@ the presses in time tests (split time), or a fifth at random (split random); the
 the first of all.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator, Sequence

@@ -6,8 +6,6 @@ rows are medians over DRAWS frames. Run by `make bench`, which pins threads; wri
 this file.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import asdict
 

@@ -6,8 +6,6 @@ stress. Then touches held under their force, whose creep is solved in steps of t
 results/relaxation_stiff.csv.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 

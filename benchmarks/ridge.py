@@ -11,8 +11,6 @@ interval holds F; least_unflagged: that of the worst touch which is flagged in u
 results/ridge.csv.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 

@@ -8,8 +8,6 @@ solution on the whole disc, the punch's centre 40, 25, 15 and 10 mm from the rim
 threads; writes results/rim.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ at 1.4 to 2 N and 1 to 8 mm, are where the rim changes most. Run by `make bench`
 results/rim_touches.csv.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -6,8 +6,6 @@ of ours and SHARES of it.
 Raw parameters are scaled to the fit and started in a small ball about it, which is kinder than a blind start.
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 from pathlib import Path

@@ -6,8 +6,6 @@ that takes the rim into account (`finely_solved`), reference_error what that tel
 states without the plan's bounds. Run by `make bench`, which pins threads; writes results/scenes.csv next to this file.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """A sweep on many workers, simulated event by event: workers solve parts, one parent writes them and hands out more."""
 
-from __future__ import annotations
-
 import heapq
 from collections import deque
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ impedance matrix that an integral equation on the rim gives. "scale": relative r
 this file.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

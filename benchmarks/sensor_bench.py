@@ -11,8 +11,6 @@ are those of least squares against signals of the ideal sensor, whose one number
 moment from the 20 labelled touches too.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass

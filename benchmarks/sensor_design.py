@@ -21,8 +21,6 @@ way that reads blocks best which are held out of choice and training. Both read 
 are left out where it is not there.
 """
 
-from __future__ import annotations
-
 import itertools
 import sys
 from collections.abc import Iterator, Sequence

@@ -9,8 +9,6 @@ the electrodes (5 %), places along the rim (0.5 mm), channel gains against groun
 error of a mesh nor what the modes leave out is in them; currents are exact.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ convention; a third of the frames are magnitudes. Other cases, fewer each: "even
 where many orders look the same; "dead", a voltage channel gives 0; "exchanged", the leads of two neighbours.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

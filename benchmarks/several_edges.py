@@ -11,8 +11,6 @@ differences of the nominal sensor's signals by each strain, and the products of 
 plans tabulate it. Run by `make bench`, which pins threads.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace

@@ -5,8 +5,6 @@ Run by `make bench`, which pins threads; writes results/several_touches.csv next
 4) that is finer than any listed. "sum" adds the signals of single touches and tells what their scattering is worth.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from itertools import product

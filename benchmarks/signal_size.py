@@ -9,8 +9,6 @@ next to this file. results/signal_peaks.csv: where the strain through the thickn
 amplitude is that of 2 N or more.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ frames of the same noise. Wrong: x, y or F farther from the truth than twice the
 touches the nearer one is the truth. Writes results/silent_answers.csv.
 """
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections.abc import Callable, Mapping

@@ -9,8 +9,6 @@ by some presses and tested on the others of their half; `prior`: nothing, the se
 sweep; `used`: part of the repeats in which held-out presses spoke for it. Writes results/simulated_prior.csv.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from itertools import product

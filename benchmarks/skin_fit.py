@@ -15,8 +15,6 @@ noise alone by the card as it is; by the calibrated one noise with what the fit 
 their size and pattern, and the covariance of what it found.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path

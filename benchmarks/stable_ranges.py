@@ -5,8 +5,6 @@ results/stable_functions.csv: h(lambda) = sum mu_i lambda^alpha_i over mu_0, who
 every nu is 0. Run by `make bench`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

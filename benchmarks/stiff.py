@@ -4,8 +4,6 @@ Run by `make bench`; writes results/stiff.csv next to this file. Electrical case
 depth_mm has eight digits, for laws and forces that are to give the same depth.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from typing import Any

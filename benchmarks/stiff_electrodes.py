@@ -8,8 +8,6 @@ strain; gaps are from the punch's edge to the skin's edge and to the nearest ele
 `make bench`, which pins threads; writes results/stiff_electrodes.csv.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -8,8 +8,6 @@ and a model keeps up where frames_per_s is nearly the pace. Run as `python bench
 results/streaming.csv next to this file.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import sys

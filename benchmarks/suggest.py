@@ -12,8 +12,6 @@ at random before any is suggested; with none the design is turned by a random an
 templates of direction alone, or all families. error_mm is the mean over `repeats`, se_mm its standard error.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

@@ -8,8 +8,6 @@ nothing, readings of opposite sign, and OTHER, a sweep of the same sensor with o
 that without noise and shift. Writes results/surrogate_noise.csv.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -12,8 +12,6 @@ process; those of an output of a network are of its own training, other methods 
 or those named; rows of methods that were measured before are kept. Some 15 CPU minutes with 4,000 scenes.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator, Sequence

@@ -5,8 +5,6 @@ rows of a second table hold random numbers in all columns, as solved ones do. Ru
 writes results/sweep_memory.csv and results/sweep_parts.csv next to this file.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

@@ -15,8 +15,6 @@ Errors are of the signal, relative in the 2-norm: row_error is what the row stat
 fresh_error what solving left in the fine one, and times_smaller their ratio. Run by `make bench`, which pins threads.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import pickle

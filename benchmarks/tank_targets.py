@@ -7,8 +7,6 @@ water, and which way the picture of the mask lies, the same for all; no paramete
 and width alone were calibrated; "full": all groups.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """CPU time of short runs."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -8,8 +8,6 @@ response, the mechanics' share of it: what the electrics add is in electrics_ran
 results/touch_errors.csv ends, --seconds S starts no scene after S seconds.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import math

@@ -15,8 +15,6 @@ than one touch; p95_delay_ms: read-out delay at 50 frames a second by the CPU ti
 have values, 90 % intervals.
 """
 
-from __future__ import annotations
-
 import csv
 import sys
 import time
@@ -32,8 +30,7 @@ import surrogate
 from surrogate.model.tracking.tracked import SEVERAL_TOUCHES, TOUCH, Tracked
 from surrogate.statistics.conformal import COVERAGE
 from surrogate.statistics.metrics import rms
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 RATE_HZ, EACH, LEAST_N, FOUND_N = 50.0, quick(6, 1), 0.02, 0.1
 KINDS = ("hold", "slide", "roll off", "press again")

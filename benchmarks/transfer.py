@@ -11,8 +11,6 @@ half, SPLITS times. Noise is white, in dB below the RMS of the baseline voltages
 results/transfer.csv.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -5,8 +5,6 @@ punches of one diameter, 14 mm, under 1.2 and 0.8 N, about a point at most 10 mm
 touch next to them, without a gap and without errors, tells whether one is taken for two.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

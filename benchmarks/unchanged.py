@@ -5,8 +5,6 @@ touch, sweep, reader, recording; all without one. Each number is kept as the has
 times and versions. Some CPU minutes; no table of results.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

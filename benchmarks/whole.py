@@ -10,8 +10,6 @@ installation, in results/demo.csv; wall time and CPU time, s, of each and of com
 need an idle machine; those of steps that run two at a time add up to more than all took.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import resource

@@ -11,8 +11,6 @@ SOFT; "none" takes signals for exact, as those scored are (`surrogate train --ex
 process, of the first split. Writes results/whole_disc.csv.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from dataclasses import replace

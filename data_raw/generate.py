@@ -6,8 +6,6 @@ series applied to the second Piola-Kirchhoff stress (quasi-linear viscoelasticit
 add is listed in ERRORS below and, with every number, in truth.json. One seed gives the same bytes every time.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys

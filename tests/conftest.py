@@ -1,8 +1,6 @@
 """What the tests of several packages share: a command line run in this process, without a second start of Python, and
 benchmarks as modules."""
 
-from __future__ import annotations
-
 import gc
 import importlib
 from collections.abc import Callable

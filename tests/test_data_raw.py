@@ -1,7 +1,5 @@
 """The synthetic files are what the generator writes, and the generator stands apart from what it tests."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import json

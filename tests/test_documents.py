@@ -1,7 +1,5 @@
 """Documents whose values are exchanged for any other are read, or refused in one sentence that names file or key."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import hashlib

@@ -10,8 +10,6 @@ written in the text, a column, its factor and how its rows are taken together if
 own. A condition's value is that of the column, nothing where the column is empty.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Formulas of pages and tutorials are known to the renderer of the site, which leaves unknown commands as they are."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

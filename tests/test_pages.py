@@ -1,7 +1,5 @@
 """README and pages stay short, and what they point to is there."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a user of Python may give by mistake is refused in words, before anything is written."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

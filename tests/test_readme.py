@@ -1,8 +1,6 @@
 """The README's own commands run as they stand, on a smaller sweep (slow), and the demo, which `.ci/run` runs, has the
 same ones; the chain in Python runs as it stands, and the first page's two examples print what it says."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

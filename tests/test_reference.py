@@ -1,7 +1,5 @@
 """Pages of reference: every key of a scene file with a meaning, and files under the names that the programs write."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Words that non-native readers stumble over are in no page, help or message; CONTRIBUTING.md has others for them."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 from touchcal.whole_file import written
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

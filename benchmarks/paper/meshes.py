@@ -18,9 +18,8 @@ from reports.document import style
 from reports.document.numerals import number, percent
 from reports.document.page import ReportFigure
 from reports.touch.touch_figures import sensor
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 _CORNERS = {"triangle": 3, "triangle6": 3, "quad9": 4}  # cell in VTK -> its corners
 _SECTION = 3.0  # how far from the axis the section of the foam is drawn, in punch radii

@@ -5,15 +5,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from eitsim.scene.scene import Punch, Skin
 from reports.document import style
 from reports.document.numerals import number, volts
 from reports.document.page import ReportFigure
 from reports.touch import reading_figures
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 # drive pattern whose potentials are followed, as "an arbitrary pattern" in the paper
 PATTERN = 0
 STRAINS = {"normal": "through the thickness", "principal": "largest in plane", "areal": "areal"}

@@ -5,8 +5,6 @@ steps of a hundredth of the target depth near it, and the depth at a force is re
 foam may be linear elastic with the hyperfoam's initial modulus (E = 2 mu_0, nu = 0).
 """
 
-from __future__ import annotations
-
 import re
 import resource
 import signal

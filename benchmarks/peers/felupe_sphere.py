@@ -5,8 +5,6 @@ planes and circles, frictionless or Coulomb, by a penalty at nodes; a circle abo
 punch is none of these. Its foam needs beta > 0.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -9,8 +9,6 @@ what it took. The equations are solved by Cholesky's method on blocks of lines a
 finds one; elements are made in as many threads as OMP_NUM_THREADS says.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import sys
@@ -27,7 +25,8 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 from scipy.sparse import csr_matrix
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
+
 Indices = NDArray[np.int64]
 
 # Elements are smallest between these distances outside the punch's edge, mm, where the foam leaves its wall; from there

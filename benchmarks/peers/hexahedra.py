@@ -5,8 +5,6 @@ P = mu (F - F^-T) + lambda ln J F^-T. The punch is a flat disc, or a point, thic
 the layer is solved, cut planes being planes of symmetry. Lengths in mm, stresses over mu.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ readings, 2), the CPU seconds of each case and the version. pyEIT has no complet
 those of another one.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import sys
 import time

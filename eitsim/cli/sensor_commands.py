@@ -1,7 +1,5 @@
 """Commands of `eitsim sensor`: what recordings of real sensors say, and models calibrated to them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

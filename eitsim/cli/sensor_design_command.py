@@ -1,7 +1,5 @@
 """`eitsim sensor design`: drives, choices of readings and electrodes by the bounds that they set to reading a touch."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

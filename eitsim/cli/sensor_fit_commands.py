@@ -1,7 +1,5 @@
 """Commands of `eitsim sensor` that need a model: fit, which calibrates it, predict and correct, which read it out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated

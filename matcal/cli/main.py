@@ -66,7 +66,8 @@ def fit_command(
                                             "or first.")] = "last",
         unloading: Annotated[bool, typer.Option("--unloading", help="Fit all loadings and unloadings of cyclic tests: "
                                                 "the law of the first loading, its softening and the set.")] = False,
-        law: Annotated[str, typer.Option(help=f"Law of the foam: {', '.join(LAWS)}.")] = "hyperfoam",
+        law: Annotated[str, typer.Option(help=f"Law: {', '.join(LAWS)}; or auto: hyperfoam for a "
+                                            "foam, else the rubber law that predicts best.")] = "hyperfoam",
         order: Annotated[str, typer.Option(help="Terms of the law, 1 to 6, or auto (by BIC).")] = "auto",
         poisson: Annotated[str | None, typer.Option(
             help="Poisson-like nu: a value for all terms, or A,B,... one a term (by increasing alpha); fit: one for "

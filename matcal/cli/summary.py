@@ -101,6 +101,8 @@ def _results(card: MaterialCard) -> Iterator[tables.Printed]:
         yield tables.law(card)
     if card.softening is not None:
         yield tables.softening(card)
+    if card.fit.get("laws"):
+        yield tables.laws(card)
     if card.prony is not None:
         yield tables.series(card)
     if card.conductivity is not None:
@@ -134,7 +136,8 @@ def _title(card: MaterialCard) -> str:
     fitted = tests(card).values()
     sources, many = {name for row in fitted for name in row["source"]}, len(fitted)
     files = sum(file["name"] in sources for file in card.provenance.get("files", ()))
-    parts = [name for part, name in (("law", "foam"), ("prony", "relaxation"), ("conductivity", "skin"))
+    body = "rubber" if card.law is not None and card.law.keeps_volume else "foam"
+    parts = [name for part, name in (("law", body), ("prony", "relaxation"), ("conductivity", "skin"))
              if getattr(card, part) is not None]
     of = " of synthetic data" if card.provenance.get("synthetic") else ""
     return (f"{card.name}: {', '.join(parts) or 'nothing'}, from {many} test{'s' * (many != 1)} in {files} "

@@ -14,6 +14,7 @@ from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
+from matcal.fitting.law_choice import Choice, chosen_law
 from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
 from matcal.fitting.relaxation.series import Series
@@ -50,6 +51,8 @@ class FittedLaws:
     softening: SofteningFit | None = None  # by earlier loading; None where no test has a whole path
     spectrum: SpectrumFit | None = None  # relaxation of a dynamic test or a creep; None without one
 
+    choice: Choice | None = None  # how `law` auto chose the law; None where it was given
+
     @property
     def series(self) -> Series | None:
         """The fitted Prony series, whatever test it is from."""
@@ -71,6 +74,7 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     relaxing = [e for e in experiments if e.kind == "relaxation"]
     spectrum = _spectrum([e for e in experiments if e.kind in ("dma", "creep")], relaxing, options)
     curves = weigh(experiments, options.residual, options.weights)
+    options, choice = chosen_law(curves, options)
     fitter = fitter_of(options)
     prony = _prony(relaxing, curves, options, fitter) if relaxing else None
     series = prony or spectrum
@@ -79,7 +83,7 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     if curves:
         law, how = _law(curves, series, fitter)
         uncertainty = linearised(law, series)
-        how = (*how, *uncertainty.decisions)
+        how = (*(choice.sentences if choice else ()), *how, *uncertainty.decisions)
         softening = fit_softening(experiments, law.law, uncertainty, series.prony if series else None)
         how = (*how, *(softening.decisions if softening else ()))
     kept_out = _predicted(predicted, law, series)
@@ -95,7 +99,7 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
     both = two_nu(law, series) if law else None
     return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both,
-                      softening, spectrum)
+                      softening, spectrum, choice)
 
 
 def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], options: FitOptions) -> SpectrumFit | None:

@@ -9,6 +9,8 @@ from matcal.laws.known_laws import law_type
 from matcal.laws.law import has_terms
 from matcal.reduction.experiment import Experiment
 
+AUTO = "auto"  # in place of a law: chosen from the tests
+GENERAL_ORDERS = (1, 2, 3, 4)  # terms of a law other than hyperfoam that has them
 RELAXING = ("relaxation", "creep", "dma")  # kinds of tests that a Prony series is fitted to
 _MOST_ZERO = 0.1  # most standard deviation of a strain zero
 
@@ -32,7 +34,7 @@ class FitOptions:
     weights: Mapping[str, float] = field(default_factory=dict)  # kind -> weight
     prony_terms: int | str = "auto"  # terms of the Prony series: 1 to 30, or "auto"
     strain_zero_sd: float = 0.0  # standard deviation of the strain zero of tests that do not state one
-    law: str = "hyperfoam"  # name of the foam's law, one of matcal.laws.known_laws
+    law: str = "hyperfoam"  # name of the law, one of matcal.laws.known_laws, or AUTO
     prony_times_s: tuple[float, ...] | None = None  # relaxation times, s, where they are not fitted
     reference_C: float | None = None  # temperature of the series of sweeps at several; None: that nearest 20 C
 
@@ -53,11 +55,19 @@ class FitOptions:
 
     def _check_law(self) -> None:
         """ValueError for an unknown law, and for a choice that it does not have."""
+        if self.law == AUTO:
+            return
         kind = law_type(self.law)
         names = [p.name for p in kind.parameters]
-        if has_terms(kind):
+        if has_terms(kind) and not kind.keeps_volume:
             return
-        given = {"order": self.order != "auto", "stable": self.stable is not None,
+        if kind.keeps_volume and isinstance(self.poisson, int | float) and not 0 <= self.poisson <= 0.5:
+            raise ValueError(f"`poisson` {self.poisson:g}: that of {self.law} lies between 0 and 0.5, which keeps the "
+                             "volume.")
+        if has_terms(kind) and self.order not in ("auto", *GENERAL_ORDERS):
+            raise ValueError(f"`order` {self.order}: {self.law} is fitted with {GENERAL_ORDERS[0]} to "
+                             f"{GENERAL_ORDERS[-1]} terms.")
+        given = {"order": self.order != "auto" and not has_terms(kind), "stable": self.stable is not None,
                  "poisson": self.poisson not in (None, "fit") and not (
                      "nu" in names and isinstance(self.poisson, int | float))}
         if wrong := [flag for flag, used in given.items() if used]:

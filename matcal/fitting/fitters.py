@@ -1,4 +1,4 @@
-"""How the law that was chosen is fitted: a hyperfoam by variable projection, any other by lmfit."""
+"""How the law that was chosen is fitted: a hyperfoam by variable projection, any other by least squares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -65,10 +65,10 @@ class _ByLeastSquares:
         return self.quick(curves).law
 
     def quick(self, curves: Sequence[Curve], order: int | None = None) -> Fit:
-        return fit_law(curves, law_type(self.options.law), self.options.given, thorough=False)
+        return fit_law(curves, law_type(self.options.law), self.options.given, order or self.options.order, False)
 
     def fit(self, curves: Sequence[Curve]) -> Fit:
-        return fit_law(curves, law_type(self.options.law), self.options.given)
+        return fit_law(curves, law_type(self.options.law), self.options.given, self.options.order)
 
 
 def _with_one_nu(options: FitOptions) -> tuple[int | str, float | str | None]:

@@ -10,13 +10,13 @@ from touchcal.entry_points import added
 
 LAWS = {"hyperfoam": "matcal.laws.hyperfoam:Hyperfoam",
         "neo_hooke": "matcal.laws.neo_hooke:NeoHooke",
-        "mooney_rivlin": "matcal.laws.mooney_rivlin:MooneyRivlin",
-        "mooney_rivlin_5": "matcal.laws.mooney_rivlin_5:MooneyRivlin5",
-        "yeoh": "matcal.laws.yeoh:Yeoh",
-        "ogden": "matcal.laws.ogden:Ogden",
-        "gent": "matcal.laws.gent:Gent",
-        "arruda_boyce": "matcal.laws.arruda_boyce:ArrudaBoyce",
-        "extended_tube": "matcal.laws.extended_tube:ExtendedTube"}
+        "mooney_rivlin": "matcal.laws.rubbers.mooney_rivlin:MooneyRivlin",
+        "mooney_rivlin_5": "matcal.laws.rubbers.mooney_rivlin_5:MooneyRivlin5",
+        "yeoh": "matcal.laws.rubbers.yeoh:Yeoh",
+        "ogden": "matcal.laws.rubbers.ogden:Ogden",
+        "gent": "matcal.laws.rubbers.gent:Gent",
+        "arruda_boyce": "matcal.laws.rubbers.arruda_boyce:ArrudaBoyce",
+        "extended_tube": "matcal.laws.rubbers.extended_tube:ExtendedTube"}
 
 
 def law_type(name: str) -> type[Law]:

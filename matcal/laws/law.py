@@ -179,9 +179,14 @@ def with_vector(law: L, values: ArrayLike) -> L:
     return replace(law, **{p.name: part if shape else float(part[0]) for p, shape, part in parts})
 
 
+def expanded(law: Law) -> list[tuple[Parameter, str]]:
+    """Each of `vector`: its parameter, and its name, as mu_1_Pa."""
+    return [(p, p.numbered.format(k + 1)) for p in law.parameters for k in range(np.size(getattr(law, p.name)))]
+
+
 def differentiable(law: Law) -> list[tuple[str, Array]]:
     """Name, as mu_1_Pa, and unit vector (K,) of each parameter by which derivatives are taken."""
-    named = [(p, p.numbered.format(k + 1)) for p in law.parameters for k in range(np.size(getattr(law, p.name)))]
+    named = expanded(law)
     return [(name, one) for (p, name), one in zip(named, np.eye(len(named)), strict=True) if p.varied]
 
 

@@ -27,7 +27,7 @@ def moduli_of(draws: Draws) -> tuple[Array, Array]:
         mu, bulk = mu_Pa.sum(axis=1), np.sum(2 * mu_Pa * (1 / 3 + beta), axis=1)
     else:
         mu, bulk = _stack(draws).moduli_at_rest
-    return mu, 9 * bulk * mu / (3 * bulk + mu)
+    return mu, 9 * mu / (3 + mu / bulk)
 
 
 def stress_of(draws: Draws, mode: str, strain: ArrayLike) -> Array:

@@ -22,7 +22,7 @@ from matcal.fitting.uncertainty import linear_response
 from matcal.fitting.uncertainty.linear_response import PRIOR_ALPHA, PRIOR_MODULI
 from matcal.fitting.uncertainty.nuisance import nuisance
 from matcal.laws.deformation_modes import log_stretches, push_forward, second_piola, stacked_second_piola
-from matcal.laws.law import Law, moduli_of, units, vector
+from matcal.laws.law import Law, expanded, moduli_of, units, vector
 from matcal.laws.law_stack import LawStack
 from matcal.posterior.draws import Draws
 from matcal.posterior.record_effects import (
@@ -115,11 +115,11 @@ class GeneralPart:
         omega = np.exp(x[:, -1]) if self.factor.shape[1] else None
         scale = np.ones((x.shape[0], self.units.size))
         if omega is not None:
-            moduli = [p.name in moduli_of(self.law) for p in self.law.parameters]
+            moduli = [p.name in moduli_of(self.law) for p, _ in expanded(self.law)]
             scale[:, moduli] = common_factor(omega, self.factor.shape[1] + 1, rng)[:, None]
         values = theta * self.units * scale
-        return Draws({p.name: values[:, k:k + 1] for k, p in enumerate(self.law.parameters)}, type(self.law),
-                     omega=omega)
+        columns = {p.name: [k for k, (q, _) in enumerate(expanded(self.law)) if q is p] for p in self.law.parameters}
+        return Draws({name: values[:, k] for name, k in columns.items()}, type(self.law), omega=omega)
 
     def start(self, fit: Fit) -> tuple[Array, Array]:
         """As `matcal.posterior.sample.LawPart`."""
@@ -131,13 +131,13 @@ class GeneralPart:
     def prior(self) -> str:
         """The prior of everything in the law's part."""
         words = []
-        for k, p in enumerate(self.law.parameters):
+        for k, (_, name) in enumerate(expanded(self.law)):
             if not self.free[k]:
                 continue
             ends = [f"{end:.3g}" for end in (self.low[k] * self.units[k], self.high[k] * self.units[k])]
             about = (f"normal about {self.centre[k] * self.units[k]:.3g} with {self.width[k]:g}"
                      f"{' mu_0' if self.units[k] != 1 else ''}, " if np.isfinite(self.width[k]) else "uniform ")
-            words.append(f"{p.name} {about}between {ends[0]} and {ends[1]}")
+            words.append(f"{name} {about}between {ends[0]} and {ends[1]}")
         words += ["ln sigma flat", "contact points, load zeros and drifts normal with their own errors"]
         words += ["stated scatter normal, about the fit, not inferred"] if self.stated.shape[1] else []
         words += ["ln of the specimens' stiffness normal with omega, omega half-normal"] if self.factor.shape[1] else []
@@ -173,12 +173,13 @@ def law_part(fit: Fit, points: float, prony: PronyFit | None) -> GeneralPart:
     basis = _basis(np.column_stack([*operators, more]))
     records = tuple(replace(r, operator=basis.T @ o) for r, o in zip(raw, operators, strict=True))
     spline, fitted_rate = rate_spline(times, basis.T @ rate, prony)
-    sizes, free = units(law), np.array([p.name not in fit.given for p in law.parameters])
+    named = [p for p, _ in expanded(law)]
+    sizes, free = units(law), np.array([p.name not in fit.given for p in named])
     slopes = linear_response.free_slopes(replace(fit, moves=np.eye(free.size)[:, free]))
-    ends = np.array([p.bounds for p in law.parameters], dtype=float) / sizes[:, None]
-    modulus = np.array([p.name in moduli_of(law) for p in law.parameters])
+    ends = np.array([p.bounds for p in named], dtype=float) / sizes[:, None]
+    modulus = np.array([p.name in moduli_of(law) for p in named])
     open_ended = ~np.all(np.isfinite(ends), axis=1)
-    start = np.array([p.start for p in law.parameters])
+    start = np.array([p.start for p in named])
     wide = np.where(modulus, PRIOR_MODULI, PRIOR_ALPHA)
     stated, deviation = _linear(fit, slopes * sizes[free], differ.stated, free, wide, points)
     factor = basis.T @ differ.factor @ contrasts(differ.factor.shape[1])

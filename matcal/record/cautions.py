@@ -24,6 +24,7 @@ _INSIDE, _SOFT_PA, _RATIO, _EARLY = 0.9, (20.0, 1e6), 1.6, 0.3
 # strain that earlier loadings left, and share by which a held stress differs from the law's, from which on it is said
 _SET, _HELD_OFF = 0.02, 0.15
 _DOUBTED_ZERO = 0.002  # error of a strain zero whose effect on a conductivity is said
+_RUBBER_PA = 2e7  # largest mu_0 of a rubber
 _RUBBER = 0.49  # nu above which a rubber's was given
 _PULLED = 0.02  # strain in tension from which on a test is more than compression
 _LOST = 0.02  # share of the work that a cycle loses from which on it is said
@@ -84,8 +85,9 @@ def _units(card: MaterialCard) -> Iterator[str]:
     """What looks like a wrong unit or size: stiffness that no soft foam has, or that differs from mode to mode."""
     if card.law is None:
         return
-    if not _SOFT_PA[0] < (mu_0 := card.law.mu_0_Pa) < _SOFT_PA[1]:
-        yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft foam ({_SOFT_PA[0]:g} to {_SOFT_PA[1]:g} Pa): check the units "
+    of, most = ("rubber", _RUBBER_PA) if card.law.keeps_volume else ("foam", _SOFT_PA[1])
+    if not _SOFT_PA[0] < (mu_0 := card.law.mu_0_Pa) < most:
+        yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft {of} ({_SOFT_PA[0]:g} to {most:g} Pa): check the units "
                "of stress or force (kPa or MPa) and the sizes of the specimens.")
     laws = {mode: law_of(card.law.name, [np.ravel(row[p.name]).tolist() for p in card.law.parameters])
             for mode, row in card.fit.get("cross_prediction", {}).items() if mode in card.law.strain_range}
@@ -117,7 +119,7 @@ def _volume(card: MaterialCard) -> Iterator[str]:
     if not np.any(card.hyperfoam.nu):
         how = "taken" if card.fit["nu"]["how"] == "assumed" else "given"
         yield (f"nu = 0 was {how}, which is a foam's, for a material stretched to more than twice its length: {does}. "
-               f"Give --poisson {last:g} for such a material, or fit nu with lateral strain.")
+               f"Give --law auto for such a material, or --poisson {last:g}, or fit nu with lateral strain.")
     else:
         yield (f"nu was given, not measured, for a material stretched to more than twice its length: {does}; the "
                "intervals leave that out.")
@@ -310,7 +312,8 @@ def _predictions(card: MaterialCard) -> Iterator[str]:
 def _coverage(card: MaterialCard) -> Iterator[str]:
     fitted = [mode for mode in MODES if card.law and mode in card.law.strain_range]
     if len(fitted) == 1:
-        yield f"Only {fitted[0]} loading was fitted: every other mode is extrapolated and may be far off."
+        yield (f"Only {fitted[0]} loading was fitted: every other mode is extrapolated and may be far off" + (
+            "; the band of a prediction is that over the laws compared." if card.fit.get("laws") else "."))
     kinds = [row["kind"] for row in tests(card).values()]
     if kinds and len(kinds) == len(set(kinds)):
         yield "One specimen of each kind was tested: the intervals leave out the scatter from specimen to specimen."

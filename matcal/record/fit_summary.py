@@ -13,6 +13,7 @@ from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
+from matcal.fitting.law_choice import Choice
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import OF_ONE_FORM, OF_THIS_LAW, Uncertainty
@@ -47,6 +48,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
             out["nu"] |= {"by_lateral_strain": list(found.two_nu.lateral), "without": list(found.two_nu.other),
                           "contradicted": found.two_nu.contradict}
         out["not_determined"] = list(found.uncertainty.not_determined)
+        out |= _choice_part(found.choice) if found.choice else {}
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
         out["prony"] = _series_part(found.prony, [e for e in found.experiments if e.kind == "relaxation"])
@@ -58,6 +60,19 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
                             "softest": soft.softest}
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
+    return out
+
+
+def _choice_part(choice: Choice) -> dict[str, Any]:
+    """What the tests were taken for, and every law that was compared: parameters, their covariance, and how it did."""
+    out: dict[str, Any] = {"material": {"rubber": choice.kind.rubber, "because": choice.kind.because}}
+    if choice.laws:
+        out["laws"] = [
+            {"law": row.law.name, "parameters": {p.name: getattr(row.law, p.name) for p in row.law.parameters},
+             "covariance": row.covariance, "fitted": row.fitted, "predicted": row.predicted, "weight": row.weight,
+             "unstable": list(row.lost), "left_open": list(row.left_open)} for row in choice.laws]
+    if choice.deciding:
+        out["deciding_test"] = {"mode": choice.deciding[0], "laws_differ_by": choice.deciding[1]}
     return out
 
 

@@ -15,6 +15,7 @@ from matcal.laws.conductivity import conductivity, outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.histories.strain_paths import follow
 from matcal.laws.histories.time_temperature import decades
+from matcal.laws.known_laws import law_of
 from matcal.laws.prony import Prony, relaxation
 from matcal.laws.stability import stability
 from matcal.posterior.draws import Draws, card_of, quantiles, read_draws
@@ -82,6 +83,8 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike, *,
     if draws is not None and _drawn(draws, name):
         low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
         columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
+    elif name == "stress_Pa" and (band := laws_band(card, mode, at)) is not None:
+        columns |= {"stress_lo_Pa": band[0], "stress_hi_Pa": band[1]}
     if mode == "conductivity" and (others := values_of(card.fit.get("conductivity", {}).get("laws", ()), at)):
         columns |= {"lowest_of_laws_S_per_m": np.min([columns[name], *others], axis=0),
                     "highest_of_laws_S_per_m": np.max([columns[name], *others], axis=0)}
@@ -150,6 +153,19 @@ def at_temperature(card: MaterialCard, mode: str, temperature_C: float) -> Mater
     if "seen_s" in found:
         found["seen_s"] = [factor * t for t in found["seen_s"]]
     return replace(card, prony=Prony(prony.g, factor * prony.tau_s), fit={**card.fit, "prony": found})
+
+
+def laws_band(card: MaterialCard, mode: str, at: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Ends of the band over all laws that were compared for the card, Pa; None where it holds none."""
+    rows = card.fit.get("laws")
+    if not rows or card.law is None:
+        return None
+    from matcal.fitting.law_ranking import Ranked, band_over
+
+    laws = [Ranked(law_of(row["law"], [np.ravel(value).tolist() for value in row["parameters"].values()]),
+                   np.array(row["covariance"], dtype=float), row["fitted"], row["predicted"], (), (), row["weight"])
+            for row in rows]
+    return band_over(laws, mode, at)
 
 
 def check(card: MaterialCard | Path | str) -> dict[str, Any]:

@@ -85,6 +85,24 @@ def law(card: MaterialCard) -> Printed:
                    ("Single terms compensate each other; read the results above.",))
 
 
+def laws(card: MaterialCard) -> Printed:
+    """The laws that were compared: how they fit, predict what they were not fitted to, and count in the band."""
+    rows = []
+    for row in card.fit["laws"]:
+        doubts = [f"unstable in {', '.join(row['unstable'])}"] if row["unstable"] else []
+        doubts += [f"leaves {', '.join(row['left_open'])} open"] if row["left_open"] else []
+        terms = next((len(values) for values in row["parameters"].values() if not isinstance(values, int | float)), 0)
+        rows.append([row["law"] + (f", {terms} terms" if terms else "")
+                     + (" *" if card.law is not None and row["law"] == card.law.name else "  "), percent(row["fitted"]),
+                     percent(row["predicted"]), percent(row["weight"], 2), "; ".join(doubts) or "-"])
+    notes = ["Predicted: what the law was not fitted to, each mode or each third of the strains in turn."]
+    if test := card.fit.get("deciding_test"):
+        notes.append(f"A {test['mode']} test would separate them most: there they differ by "
+                     f"{percent(test['laws_differ_by'], 2)} (standard deviation).")
+    return Printed("Laws (* in the card)", ["law", "fits", "predicts", "weight", "what is wrong with it"], rows,
+                   "<>>>w", notes)
+
+
 def series(card: MaterialCard) -> Printed:
     """Terms of the Prony series."""
     assert card.prony is not None

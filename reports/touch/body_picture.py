@@ -13,14 +13,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
-from numpy.typing import NDArray
 
 from eitsim.scene.curved.curved_scene import CurvedScene, curved_scene
 from reports.document import style
 from reports.document.numerals import number
 from reports.document.page import ReportFigure
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 _HIDDEN = 0.35  # Cosine from which on triangles face away from the first punch too much to be seen.
 _TURN, _RISE = 25.0, 12.0  # Angles, deg, from the first punch's axis at which the body is seen.

@@ -3,13 +3,11 @@
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from reports.document import style
 from reports.document.numerals import number, volts
 from reports.document.page import ReportFigure
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def size_words(signal: Array, baseline: Array) -> str:

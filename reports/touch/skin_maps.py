@@ -18,9 +18,8 @@ from reports.document import style
 from reports.document.numerals import number, volts
 from reports.document.page import ReportFigure
 from reports.touch.touch_figures import sensor
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
-
-Array = NDArray[np.float64]
 
 # Cell in VTK -> the triangles of its nodes that are drawn.
 _TRIANGLES = {"triangle": [(0, 1, 2)], "triangle6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],

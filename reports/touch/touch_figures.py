@@ -7,15 +7,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
 from eitsim.scene.scene import Punch, rim_gap_m, scene_from
 from reports.document import style
 from reports.document.numerals import number
 from reports.document.page import ReportFigure
 from reports.touch.sensor_drawing import draw_sensor
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def sensor(axes: Axes, body: Mapping[str, Any], electrodes: Mapping[str, Any]) -> None:

@@ -9,8 +9,6 @@ are singular vectors of Y whose values exceed what noise alone gives (Marchenko,
 each with a q of its own. Each q is the most likely one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

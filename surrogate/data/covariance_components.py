@@ -7,8 +7,6 @@ those whose sample variance exceeds what white noise gives (Marchenko, Pastur, M
 noise adds to it (Baik, Silverstein, J. Multivariate Anal. 97 (2006) 1382).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

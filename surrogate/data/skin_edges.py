@@ -1,7 +1,5 @@
 """The edges of a skin as presses know them: a circle, or closed polygons."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """A flat skin with an outline as one looks at it from above: its edges and where its electrodes are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ covariance grows to what is seen. One that is off by far more jumps, as of a fra
 tells neither noise nor walk.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

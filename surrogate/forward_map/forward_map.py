@@ -1,7 +1,5 @@
 """A learned forward map: touch (x, y, d, F) -> the change of every reading, with its derivatives and its own error."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """What is pressed and how noisy the readings are, as a browser's messages say it; and the latest of them."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading

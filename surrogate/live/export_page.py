@@ -1,7 +1,5 @@
 """The page as one file: the learned map in the browser presses the skin and is inverted there, without a server."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Presses that a recording names, read as its table is: each against the untouched frames about it, on its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the page is sent: first what skin it is, then each frame with what was read from it, as JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Frames in time, of a skin that is pressed, a recording, or lines that a device writes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace

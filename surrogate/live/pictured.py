@@ -1,7 +1,5 @@
 """The skin as the page draws it: its edges, its electrodes, and how many readings it makes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

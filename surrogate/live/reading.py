@@ -1,7 +1,5 @@
 """A touch read from each frame by a tracker."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from surrogate.live.moments import Moment

@@ -1,7 +1,5 @@
 """The page on 127.0.0.1: its files, and frames over a websocket to everyone who watches."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import secrets

@@ -1,7 +1,5 @@
 """What there is to show: a skin that is pressed, a recording, or what a device writes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from io import BufferedIOBase

@@ -1,7 +1,5 @@
 """Skins that answer a press with readings: the simulator from its tables, or the model's own map."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace

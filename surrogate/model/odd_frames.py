@@ -6,8 +6,6 @@ of tr(B)^2 / tr(B^2) degrees (Satterthwaite, Biometrics Bull. 2 (1946) 110), of 
 the map's own error makes of them is bounded by its share of the energy, all of it along the largest axis of B.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

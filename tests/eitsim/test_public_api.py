@@ -1,7 +1,5 @@
 """The public names of eitsim: a listed set, light to import, the same numbers as the commands."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 import json

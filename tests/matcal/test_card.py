@@ -1,7 +1,5 @@
 """Cards: a round trip keeps every part, bad files are named by key, absent parts say what would give them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

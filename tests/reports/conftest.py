@@ -1,7 +1,5 @@
 """Small synthetic results and data sets, made by formula in the layout that the simulation writes."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

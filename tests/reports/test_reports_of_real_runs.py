@@ -1,7 +1,5 @@
 """The reports of what the programs themselves write, so that writers and readers keep one layout."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,15 +1,12 @@
 """Synthetic touches: the exact response of a disc with a circular spot stands in for a simulated sweep; on a rectangle
 exact multipoles of its fields do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import surrogate
 from eitsim.electrics.forward.untouched import untouched_readings
@@ -22,8 +19,7 @@ from surrogate.data.edge_frame import edge_frame
 from surrogate.data.samples import SweepSamples, read_samples, take
 from surrogate.data.sensor_ring import Ring, place, radial, ring_of, ring_of_design
 from surrogate.forward_map import multipole_series
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 RADIUS_MM, SHEET_S, CURRENT_A, TERMS = 100.0, 6e-4, 5e-3, 200
 RING = ring_of_design({})

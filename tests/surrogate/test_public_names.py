@@ -1,7 +1,5 @@
 """The public names of surrogate: light to import, and enough to train, keep, score and use a model."""
 
-from __future__ import annotations
-
 import doctest
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """PyTorch is needed where networks of presses are trained or networks are exported, and nowhere else."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The cache: one make for many processes, damage is seen and made good, a folder that cannot be written is said."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import time

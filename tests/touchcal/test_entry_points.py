@@ -1,7 +1,5 @@
 """Parts that a package adds by entry points serve as built-in ones do; those that cannot be imported are named."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import subprocess

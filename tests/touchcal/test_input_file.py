@@ -1,7 +1,5 @@
 """Input is a regular file that unpacks to what its size allows; anything else is refused before it is read."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

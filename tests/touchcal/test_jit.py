@@ -1,7 +1,5 @@
 """Compiled loops kept on disk: they are used again, and compiled again once a function that they call has changed."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

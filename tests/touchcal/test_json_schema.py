@@ -1,7 +1,5 @@
 """A shape and its JSON Schema accept and refuse the same documents."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import jsonschema

@@ -1,7 +1,5 @@
 """What every command line shares."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A file is there whole or not at all, and what fails leaves nothing else behind."""
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whoever works, every item is answered once; a lost worker costs its item a try, a broken item only itself."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time

@@ -13,8 +13,8 @@ from skfem.quadrature import get_quadrature
 
 from eitsim.numerics.conductor_elimination import Detached, Elimination, eliminate, impedance_alone, residual, solve
 from eitsim.numerics.nested_dissection import Dissection, dissect
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
 ELEMENTS = ("P1", "P2", "Q2")

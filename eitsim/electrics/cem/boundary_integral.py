@@ -8,15 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve
 
 from eitsim.electrics.cem.uneven_sheet import MODES, rim_change
 from eitsim.scene.electrodes import arcs, contact_impedances, identical, round_the_rim
 from eitsim.scene.scene import Body, Electrodes
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from touchcal.arrays import Array, Complex
 
 # Gauss points in a panel, panels from the middle of an electrode to its end, and the ratio of neighbours' lengths;
 # the angle, over the wave length of the last harmonic by 2 pi, that no panel exceeds.

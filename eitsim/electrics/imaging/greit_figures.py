@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 _QUARTER = 0.25  # Part of the largest value from which a pixel belongs to the target's image.
 # Part from which it belongs to a region of its own, and the distance of neighbours over the root of a pixel's area.

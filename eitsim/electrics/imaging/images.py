@@ -7,7 +7,7 @@ from typing import Any
 
 import meshio
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from eitsim.electrics.imaging.compared import DIFFERENCES, Compared, compared
 from eitsim.electrics.imaging.gauss_newton import NOISE_FIGURE, Imager, Pixels, check_prior, imager, on_grid
@@ -16,9 +16,9 @@ from eitsim.scene.drive import protocol
 from eitsim.scene.electrodes import unread
 from eitsim.scene.frames import Frames, read_frames
 from eitsim.scene.scene import Scene, as_scene
+from touchcal.arrays import Array
 from touchcal.csv_numbers import write_numbers
 
-Array = NDArray[np.float64]
 Reader = Callable[[Path, int], Frames]  # of a file and its readings a frame; empty ones are NaN
 
 SUFFIXES = (".vtu", ".csv")

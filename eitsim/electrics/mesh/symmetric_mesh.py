@@ -4,7 +4,6 @@ line of the mesh where a circle has no room inside the rim."""
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eitsim.electrics.cem.assembly import SkinMesh
 from eitsim.electrics.cem.ring_scattering import position
@@ -14,8 +13,8 @@ from eitsim.electrics.mesh.ring_mesh import inside_rim, patch_radii
 from eitsim.scene.electrodes import Electrodes, identical
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch
+from touchcal.arrays import Complex
 
-Complex = NDArray[np.complex128]
 Touches = tuple[tuple[Punch, Touch], ...]
 
 _PLACE_M = 1e-9  # Places are rounded to this length, m, so that rounding in a turn changes no triangle.

@@ -223,7 +223,7 @@ def system(model: IndentationProblem, force: float, x: Array, negative_curvature
     blocks, border, corner = contact.stiffness(model.punch, model.facets, at, negative_curvature_scale)
     push, reaction = contact.forces(model.punch, model.facets, at)
     if model.springs is not None:
-        more = friction.tangent(model.springs, model.facets, seen(model, x))
+        more = friction.tangent(model.springs, model.facets, seen(model, x), negative_curvature_scale)
         blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
         more = friction.forces(model.springs, model.facets, seen(model, x))
         push, reaction = push + more[0], reaction + more[1]

@@ -93,7 +93,10 @@ def forces(springs: FrictionState, facets: Facets, seen: Array, *, elastic: bool
     return contact.assemble_load(facets, size[..., None] * springs.along)
 
 
-def tangent(springs: FrictionState, facets: Facets, seen: Array) -> tuple[Array, Array, float]:
-    """Second derivatives of the energy as of punch.stiffness; never negative."""
-    slope = shear(springs, seen).slope[..., None, None]
+def tangent(springs: FrictionState, facets: Facets, seen: Array, share: float = 1.0) -> tuple[Array, Array, float]:
+    """Second derivatives of the energy as of punch.stiffness, never negative; of what slips the rest of a share of 1 in
+    the slope of the parabola through the shear that lies above the potential, so that steps do not turn slips back."""
+    at = shear(springs, seen)
+    above = np.abs(at.size) / np.maximum(at.slipped + np.abs(at.size) / springs.stiffness, np.finfo(float).tiny)
+    slope = np.where(at.slope > 0, at.slope, (1 - share) * above)[..., None, None]
     return contact.assemble_stiffness(facets, slope * springs.along[..., :, None] * springs.along[..., None, :])

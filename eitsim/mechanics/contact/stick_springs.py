@@ -63,7 +63,10 @@ def pull(held: StickSprings, seen: Array, *, elastic: bool = False) -> Array:
     return np.swapaxes(held.direction, 1, 2) @ (held.stiffness * taken)
 
 
-def tangent(held: StickSprings, seen: Array) -> Array:
-    """Second derivative of the potential (facets points, 3, 3, angles)."""
-    slope = np.where(np.abs(slip(held, seen)) < held.most, held.stiffness, 0.0)
+def tangent(held: StickSprings, seen: Array, share: float = 1.0) -> Array:
+    """Second derivative of the potential (facets points, 3, 3, angles). Of what slips, where that is none, the rest of
+    a share of 1 in the slope of the parabola through the pull that lies above the potential: steps along it never
+    leave a slip behind that turns back."""
+    size = np.maximum(np.abs(slip(held, seen)), np.finfo(float).tiny)
+    slope = np.where(size < held.most, held.stiffness, (1 - share) * held.stiffness * np.minimum(held.most / size, 1.0))
     return np.einsum("fsi,fsa,fsj->fija", held.direction, slope, held.direction)

@@ -86,8 +86,9 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     started, lone = cpu_s(), lone_touches(law, body, punches, layout)
     models = [problem(law, body, punches, lone, each, bonded, bodies, layout, shapes) for each in (coarser, level)]
     with bounded(_FACTORISATIONS, models[-1].mesh.unknowns):
-        rough, fine = (corrected(equilibrium(model, lone, body.thickness_m), lone, each)
-                       for model, each in zip(models, (coarser, level), strict=True))
+        first = equilibrium(models[0], lone, body.thickness_m)
+        rough = corrected(first, lone, coarser)
+        fine = corrected(equilibrium(models[1], lone, body.thickness_m, first), lone, level)
     changed = _changed(fine)
     depth_errors, signal_errors, strain_errors = _errors(rough, fine, punches, changed)
     by_friction = _errors_of_friction(fine, lone, changed)

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import KDTree
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit
 from eitsim.mechanics.contact.punch_shape import PunchShape
 from eitsim.mechanics.general.layer import equilibrium_of_many as many
-from eitsim.mechanics.general.layer import layer_surface
+from eitsim.mechanics.general.layer import layer_surface, solid_assembly
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
 from eitsim.mechanics.general.layer.grips import grip_of
 from eitsim.mechanics.general.layer.layer_field import LayerField
@@ -80,9 +82,10 @@ def problem(law: Law, body: Body, punches: Sequence[Punch], lone: Sequence[LoneT
     return LayerProblem(over(law, law.mu_0_Pa), mesh, presses)
 
 
-def equilibrium(model: LayerProblem, lone: tuple[LoneTouch, ...], thickness_m: float) -> Solved:
-    """Its equilibrium. NotConverged where none is found."""
-    minimum = _reached(model, lone, _upright(model, added_up(lone, model)), _HALVINGS)
+def equilibrium(model: LayerProblem, lone: tuple[LoneTouch, ...], thickness_m: float, coarser: Solved | None = None
+                ) -> Solved:
+    """Its equilibrium, started from that on a coarser mesh where there is one. NotConverged where none is found."""
+    minimum = _reached(model, lone, _start(model, lone, coarser), _HALVINGS)
     held = [one.state.x[-1] - one.state.depth if press.force is None else 0.0
             for one, press in zip(lone, model.presses, strict=True)]
     field = LayerField(model.mesh, many.split(model, minimum.x)[0], thickness_m, ())
@@ -90,6 +93,28 @@ def equilibrium(model: LayerProblem, lone: tuple[LoneTouch, ...], thickness_m: f
     first = [press.pose.first if press.pose else 0.0 for press in model.presses]
     return Solved(model, minimum.x, minimum.residuals, many.corrected_depths(model, minimum) - held - first,
                   replace(field, contact_curves_m=curves))
+
+
+def _start(model: LayerProblem, lone: tuple[LoneTouch, ...], coarser: Solved | None) -> Array:
+    """The sum of the lone touches, and what the equilibrium on a coarser mesh differs from it there, where that turns
+    nothing inside out."""
+    added = added_up(lone, model)
+    if coarser is not None:
+        known, count = coarser.model, len(model.presses)
+        moved = solid_assembly.nodal(known.mesh, (coarser.x - added_up(lone, known))[:-count])
+        change = _carried_over(known.mesh.coordinates, moved, model.mesh.coordinates)
+        start = np.append(added[:-count] + change[model.mesh.unknown >= 0], coarser.x[-count:])
+        if np.isfinite(many.energy(model, start)):
+            return start
+    return _upright(model, added)
+
+
+def _carried_over(places: Array, values: Array, points: Array) -> Array:
+    """Values (n, 3) at places (n, 3), linear between them, at points (m, 3); outside of all those of the nearest."""
+    out = LinearNDInterpolator(places, values)(points)
+    outside = np.isnan(out[:, 0])
+    out[outside] = values[KDTree(places).query(points[outside])[1]]
+    return out
 
 
 def _upright(model: LayerProblem, start: Array) -> Array:

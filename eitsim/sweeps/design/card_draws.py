@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from matcal.card import MaterialCard, require
 from matcal.laws.law import moduli_of
 from matcal.posterior.draws import Draws, card_of, read_draws
+from touchcal.arrays import Array
 from touchcal.errors import unknown_key
 from touchcal.provenance import file_identity
-
-Array = NDArray[np.float64]
 
 PARTS = ("law", "prony", "conductivity")
 _ALSO = {"hyperfoam": "law"}  # further words for a part

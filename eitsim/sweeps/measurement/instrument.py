@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from eitsim.scene.drive import Drive, protocol
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
 
 # Voltages of a row's untouched frame that an SNR may be given of.

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.special import stdtrit
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 _ROUNDING = 1e-9  # Share of the rms below which a spread is rounding.
 

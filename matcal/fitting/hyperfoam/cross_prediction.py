@@ -8,6 +8,7 @@ import numpy as np
 from matcal.fitting.hyperfoam.curves import Curve
 from matcal.laws.law import Law
 from matcal.laws.stability import CRITERIA, unstable_ranges
+from touchcal.errors import NotConverged
 
 # points at which the range of a curve is scanned for lost stability
 _SCANNED = 121
@@ -49,12 +50,18 @@ def kinds_of(curves: Sequence[Curve]) -> list[str]:
 
 
 def each_alone(curves: Sequence[Curve], law_of: Callable[[tuple[Curve, ...]], Law]) -> dict[str, Alone]:
-    """Mode -> law of that mode alone by `law_of`, with its errors in all of `curves`; empty with one mode."""
+    """Mode -> law of that mode alone by `law_of`, with its errors in all of `curves`; empty with one mode, and without
+    laws that have no state there."""
     kinds = kinds_of(curves)
     out: dict[str, Alone] = {}
     for kind in kinds if len(kinds) > 1 else []:
         law = law_of(tuple(c for c in curves if c.experiment.kind == kind))
-        each = {c.label: relative_rms(law, c) for c in curves}
+        try:
+            each = {c.label: relative_rms(law, c) for c in curves}
+        except NotConverged:
+            continue
+        if not np.all(np.isfinite([*each.values()])):
+            continue
         of_kind = {k: float(np.sqrt(np.mean([each[c.label]**2 for c in curves if c.experiment.kind == k])))
                    for k in kinds}
         out[kind] = Alone(law, of_kind, each, unstable_within(law, curves))

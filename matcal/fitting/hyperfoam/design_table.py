@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from matcal.fitting.hyperfoam.curves import Curve, projected_operator, weighted_design, weighted_stress
 from matcal.laws.deformation_modes import second_piola_per_modulus
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 _STEP, _COARSE, _KEPT = 0.04, 80, 1e-11
 # numbers that are held at once

@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.constrained_moduli import MOST, bounded_moduli
 from matcal.fitting.hyperfoam.curves import Curve, reached, weighted_design, weighted_stress
 from matcal.fitting.hyperfoam.design_table import Table, tabulate
 from matcal.fitting.hyperfoam.variable_projection import TOLERANCE, Exponents, Optimum, Solve, least_moduli, minimise
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # largest |exponent| searched, largest |alpha ln lambda| and |alpha beta ln J| that a column may reach
 _HIGHEST, _LARGEST_POWER, _LARGEST_VOLUME_POWER = 25.0, 40.0, 200.0

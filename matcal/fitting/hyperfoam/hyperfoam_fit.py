@@ -94,6 +94,11 @@ class Fit:
     given: tuple[str, ...] = ()
 
     @property
+    def sees_lateral(self) -> bool:
+        """Whether lateral strains were fitted: nu was, of a hyperfoam or of another law."""
+        return self.nu_fitted is not None or (self.moves is not None and "nu" not in self.given)
+
+    @property
     def nu_fitted(self) -> str | None:
         """How nu was fitted, one of `poisson.FITTED`; None where it was not."""
         return self.nu_how if self.nu_how in FITTED else None

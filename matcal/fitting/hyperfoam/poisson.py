@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 from matcal.fitting.hyperfoam.curves import Curve
 from matcal.laws.deformation_modes import lateral_strain
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.law import Law
 
 Array = NDArray[np.float64]
 # one value, one a term in the order of increasing alpha, "fit" (one for all) or "fit-each"
@@ -63,7 +64,7 @@ def lateral_cost(curves: Sequence[Curve], law: Hyperfoam) -> float:
     return float(np.sum(lateral_residual(curves, law) ** 2))
 
 
-def lateral_residual(curves: Sequence[Curve], law: Hyperfoam) -> Array:
+def lateral_residual(curves: Sequence[Curve], law: Law) -> Array:
     """Lateral strain of the law minus the record over the rms axial strain, each curve with the weight of its stress,
     (n,); empty without a lateral record."""
     parts = [np.zeros(0)]

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
+
 # (N,) exponents -> (n, N) weighted design
 Design = Callable[[Array], Array]
 # (K, N) increasing positions in a grid

@@ -41,7 +41,7 @@ def nu_slopes(fit: Fit) -> Array:
 def all_slopes(fit: Fit) -> Array:
     """d(weighted stress, then lateral strain) along the free directions of (mu, alpha), (n + l, K); the lateral strains
     of a law with one nu depend on that alone."""
-    if fit.nu_fitted and np.ptp(fit.law.nu):
+    if fit.moves is not None or (fit.nu_fitted and np.ptp(fit.law.nu)):
         return _differences(fit, _along(fit))
     return padded(fit, free_slopes(fit))
 
@@ -64,7 +64,7 @@ def rows_of(fit: Fit) -> int:
 def misses(fit: Fit) -> list[Array]:
     """Law minus record of each curve's weighted stress, then of each lateral record that nu was fitted to."""
     ends = np.cumsum([c.experiment.value.size for c in fit.curves])[:-1]
-    lateral = [c for c in fit.curves if fit.nu_fitted and c.experiment.lateral is not None]
+    lateral = [c for c in fit.curves if fit.sees_lateral and c.experiment.lateral is not None]
     return [*np.split(weighted_residual(fit), ends), *(lateral_residual([c], fit.law) for c in lateral)]
 
 

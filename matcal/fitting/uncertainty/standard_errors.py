@@ -6,14 +6,12 @@ exponent that the fit keeps at a bound stays there; one at its least distance fr
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from matcal.fitting.hyperfoam.curves import weighted_design, weighted_model, weighted_stress
 from matcal.fitting.hyperfoam.exponent_search import allowed_exponents
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.laws.hyperfoam import Hyperfoam
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # step of the central differences, in mu_0 and in exponents; least singular value over the largest that a test sees
 _STEP, _SEEN = 1e-5, 1e-13

@@ -1,7 +1,5 @@
 """Recorded presses read by any learner of the registry: signals in, labels out, with intervals of held-out blocks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 

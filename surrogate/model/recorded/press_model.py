@@ -1,7 +1,5 @@
 """A trained model of recorded presses as users have it: it reads recordings and is kept in a folder."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path

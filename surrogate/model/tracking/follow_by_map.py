@@ -1,7 +1,5 @@
 """Touches followed on the forward map: started from the batch search, then one filter step a frame."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

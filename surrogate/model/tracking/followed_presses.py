@@ -5,8 +5,6 @@ A reading errs by a constant of the place, which its calibrated interval holds, 
 of that of second differences of readings of a touch. The filter takes out noise; the interval stays that of one frame.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

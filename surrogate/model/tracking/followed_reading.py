@@ -1,7 +1,5 @@
 """What following a touch by one more frame gives, whatever the model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

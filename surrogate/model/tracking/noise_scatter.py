@@ -1,7 +1,5 @@
 """What untouched frames of a stream show of the noise that readings share, by what each differs from the one before."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Frames line by line through a tracker: one line in, one row out, flushed at once."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Callable, Sequence

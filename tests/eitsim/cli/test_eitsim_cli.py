@@ -3,8 +3,6 @@
 Those that call `process` start Python anew; the others call main() in this one.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

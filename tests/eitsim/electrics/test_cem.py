@@ -1,7 +1,5 @@
 """The complete electrode model on given meshes: parity with EIDORS, convergence, balance, stiff cases."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Images of readings that no uniform skin explains: gains, magnitudes, differences, what was not measured, orders."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import lru_cache

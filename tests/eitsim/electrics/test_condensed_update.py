@@ -1,7 +1,5 @@
 """The benchmark's condensed update is the elimination of the whole mesh, where only the inner cells change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import ModuleType
 

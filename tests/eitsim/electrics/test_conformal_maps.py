@@ -1,7 +1,5 @@
 """A square and an ellipse without a mesh: the maps are conformal, give the disc's readings, and outlines agree."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import ModuleType
 

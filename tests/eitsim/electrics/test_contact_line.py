@@ -1,7 +1,5 @@
 """Meshes whose lines follow the end of contact where the rim leaves no room for a circle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 """Touches that edges change, as circles that scatter: rings where they are rings, a mesh's readings where not, the same
 wherever the edges lie, with a symmetry and without one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

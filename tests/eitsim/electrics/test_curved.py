@@ -1,7 +1,5 @@
 """Sheets in space: isometries change nothing, round parts have their area, patches do what they do on flat meshes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +10,6 @@ from types import ModuleType
 import meshio
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from skfem import ElementTriP2
 from skfem.quadrature import get_quadrature
 
@@ -29,9 +26,9 @@ from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import read_scene
 from eitsim.scene.triangle_files import TriangleMesh, read_triangles
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError, NotConverged
 
-Array = NDArray[np.float64]
 S = 6e-4  # S
 
 

@@ -1,7 +1,5 @@
 """Dipole response of axisymmetric sheets against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

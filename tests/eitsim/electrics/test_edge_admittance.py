@@ -1,7 +1,5 @@
 """Electrodes that slide along an outline: their admittance against meshes of their own, its derivatives, and a disc."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

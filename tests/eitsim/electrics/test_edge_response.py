@@ -1,7 +1,5 @@
 """What the edges of an outline send back to circles: the disc's, converging, free of a choice of circle."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

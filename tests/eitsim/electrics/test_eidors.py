@@ -1,7 +1,5 @@
 """EIDORS's models from MATLAB files: the same readings on the same triangles, and plain refusals."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 from scipy.sparse import csc_matrix
 
@@ -22,9 +19,9 @@ from eitsim.electrics.outline.triangles import refined, skin_mesh, triangulated
 from eitsim.scene.drive import Drive, protocol, read_out
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.scene import Body, Electrodes, Scene
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
 REFERENCE = Path(__file__).parents[3].parent / "shared" / "reference" / "eit"
 needs_reference = pytest.mark.skipif(not REFERENCE.exists(), reason="the reference meshes are not beside the checkout")
 CASES = {"homog": (1e-3, 1e-3), "concentric": (1e-3, 4e-3)}

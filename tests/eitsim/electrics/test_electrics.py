@@ -1,7 +1,5 @@
 """Readings of a touched skin: two independent methods against each other, symmetry, honesty of the estimate."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

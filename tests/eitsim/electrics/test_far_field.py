@@ -1,7 +1,5 @@
 """What rings leave out: sampled as finely as the foam is thick, however large the skin."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of merit of images whose figures are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Conducting punches on meshes: against rings that scatter and closed forms, balance, symmetry, both limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

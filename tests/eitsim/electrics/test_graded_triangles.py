@@ -1,7 +1,5 @@
 """Quadratic triangles that are halved again and again at electrode ends, against values without a mesh."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Halved triangles, and meshes that are alike where scenes are."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The impedance matrix from an elimination that keeps no front but the root."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eitsim.electrics.cem.assembly import centred, impedance, potentials

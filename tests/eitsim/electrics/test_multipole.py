@@ -1,7 +1,5 @@
 """What a stack of rings scatters, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import iv, ivp

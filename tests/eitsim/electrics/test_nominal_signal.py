@@ -1,8 +1,6 @@
 """How far signals are apart by two fields near the rim, from a nominal sensor: bearings, units, size, torn skin; and
 readings no finer than the touch is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Strain outside the circle of a touch near an edge: the same signal wherever the circle ends, and symmetric."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

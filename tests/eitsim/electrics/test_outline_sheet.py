@@ -1,7 +1,5 @@
 """Untouched skins with an outline: equal to the disc, to a cosine series and to EIDORS's P1; error estimates hold."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Touches on skins with an outline: equal to the disc's, with an estimate that holds, over electrodes too."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Patch electrodes: sectors of the surface along the rim, on meshes of two families."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

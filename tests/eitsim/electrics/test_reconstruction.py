@@ -1,7 +1,5 @@
 """Difference images: the Jacobian by pixels, recovery of known inclusions, the noise figure, files and refusals."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

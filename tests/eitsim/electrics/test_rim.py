@@ -1,7 +1,5 @@
 """The untouched skin without a mesh."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The rim's admittance is the inverse of its impedance, and its derivatives are those of its differences."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

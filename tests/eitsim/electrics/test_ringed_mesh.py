@@ -1,7 +1,5 @@
 """Rings about touches on skins with an outline: they fill their circles, follow the contact, and cost little."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Adjoint sensitivities of the impedance matrix: against differences of solutions, by homogeneity, by symmetry."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache

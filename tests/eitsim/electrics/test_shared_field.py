@@ -1,7 +1,5 @@
 """Touches that share one field of the skin read as the same strains do when each touch brings its own."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From stretches to the sheet's conductance."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

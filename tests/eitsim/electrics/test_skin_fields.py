@@ -1,7 +1,5 @@
 """Fields on the skin: read back from the VTU, the current through a cut is the one driven."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

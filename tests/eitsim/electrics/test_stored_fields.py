@@ -1,7 +1,5 @@
 """Stored fields: the values of the skin's own functions on one grid, whole files beside whole parts, told damage."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The mesh that follows the touch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """An uneven sheet: its admittance against finite elements, and what is exact."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which curved triangles fold over: told by their Jacobians' Bezier coefficients as by points all over them."""
 
-from __future__ import annotations
-
 import numpy as np
 from skfem import ElementTriP2
 

@@ -1,7 +1,5 @@
 """Ways to an equilibrium: one end from every start, squeezed states carried to finer meshes, failures that tell."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -8,8 +8,6 @@ from 0.4 to 0.1 mm its depth at 0.1 N goes down and up again by 0.5 and 0.8 %. T
 a sharp (s) or a rough (r) punch are other problems.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

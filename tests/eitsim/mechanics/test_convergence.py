@@ -1,7 +1,5 @@
 """Observed rates of convergence: elements of both orders under a smooth load, and the touch's depth and strains."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Touches on curved bodies: a cap's exact one, the flat limit, symmetries, poses, and the field in space."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction: derivatives, limits of Coulomb's law, balance of forces and energy, the half-space, forces and depths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The mesh of the foam: sizes where they are promised, quadrature that sums to the volume, numbers of a narrow band."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compiled kernels: a touch without compilation is the touch with it."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -5,8 +5,6 @@ Solved here as a Fredholm equation of the second kind (N. N. Lebedev, Ya. S. Ufl
 any element. Lengths are in thicknesses, stresses in E/(1 - nu^2).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss

@@ -1,7 +1,5 @@
 """The clipped disc: its discretisation, its equilibria, and what it changes of a touch near the rim."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from dataclasses import replace

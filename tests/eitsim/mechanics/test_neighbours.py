@@ -1,7 +1,5 @@
 """Several touches in one scene, end to end: what neighbours may cost, lists, the case of one, designs."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

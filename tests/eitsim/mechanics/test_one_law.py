@@ -1,8 +1,6 @@
 """The law is written once: a law of twice the energy, put into a copy of the packages, is felt by the fit, the
 axisymmetric touch and the touch near the rim, to the last digits."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

@@ -1,7 +1,5 @@
 """The rounded cylinder and cone: exact distance, derivatives of the contact energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import KDTree

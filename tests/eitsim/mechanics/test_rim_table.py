@@ -1,8 +1,6 @@
 """What the rim changes, from a table: touches solved anew are recovered within the error stated for their gap
 and depth; where the table ends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Touches of a law other than hyperfoam: neo-Hooke at nu = 0 is the hyperfoam with one term alpha = 2."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Touches in corners, strips and next to holes: circles about the punch cut where the outline cuts them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

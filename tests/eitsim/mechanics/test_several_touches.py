@@ -1,7 +1,5 @@
 """Several touches: their electrics on two independent ways, superposition, symmetry, what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Flat punches with small fillets, over which deep touches draw much foam."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

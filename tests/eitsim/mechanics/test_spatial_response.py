@@ -1,8 +1,6 @@
 """The foam in three dimensions: axes against the singular values, stress and tangent against differences of the energy,
 tensors of a gradient against their definitions."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -49,6 +49,22 @@ def test_a_spring_holds_up_to_its_largest_shear_and_slips_from_there(limit: floa
     assert limit != 0.6 or 0 < holds.sum() < holds.size
 
 
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_damped_tangent_lies_above_what_slips(share: float) -> None:
+    """The parabola of pull and tangent bounds the potential of any other slip from above; an undamped one does not."""
+    facets, springs, rng = contact.top_facets(GRID), _springs(0.6, (3, 4)), np.random.default_rng(2)
+    held = stick_springs.stick_springs(springs, (3, 4))
+    flat, step = rng.normal(0, 0.8, (12, 3, 1)), rng.normal(0, 0.8, (12, 3, 1))
+    flat[:, 1], step[:, 1] = 0.0, 0.0
+    tangent = stick_springs.tangent(held, flat, share)[..., 0]
+    bound = np.sum(stick_springs.pull(held, flat) * step, axis=(1, 2)) + (
+        np.einsum("fi,fij,fj->f", step[..., 0], tangent, step[..., 0]) / 2)
+    rise = np.sum(stick_springs.potential(held, flat + step) - stick_springs.potential(held, flat), axis=1)
+    assert np.all(rise <= bound + 1e-12) == (share == 0)
+    _, _, corner = friction.tangent(springs, facets, flat[:, ::2, 0].reshape(3, 4, 2), share)
+    assert corner == pytest.approx(np.sum(facets.weight.ravel() * tangent[:, 2, 2]))
+
+
 def test_what_springs_store_leaves_out_those_that_slip() -> None:
     springs, facets = _springs(0.6, (3, 4)), contact.top_facets(GRID)
     at = friction.shear(springs, springs.moved)

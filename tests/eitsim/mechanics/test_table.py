@@ -1,8 +1,6 @@
 """Load paths: a table recovers touches solved anew within its stated error, scales with the moduli, and says what it
 does not hold."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two touches solved together: symmetry, balance, an independent reference, and where both ways meet."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

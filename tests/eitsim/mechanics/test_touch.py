@@ -1,7 +1,5 @@
 """Touches: reference depths, balance, scaling, convergence of the skin's fields, depth control, refusals, failure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Estimated errors of touches cover the distance from finer meshes with a stiffer contact, whatever the profile: the
 draws of benchmarks/touch_errors.py, a few here, all among the slow tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import ModuleType
 

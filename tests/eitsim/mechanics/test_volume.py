@@ -1,7 +1,5 @@
 """Fields in the volume near the rim: read back from the VTU, they are whole, balance, and agree with the section's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

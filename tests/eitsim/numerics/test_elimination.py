@@ -1,7 +1,5 @@
 """Elimination front by front: exact however stiff, in any order of this mesh alone, refused where torn."""
 
-from __future__ import annotations
-
 import decimal
 import json
 import os

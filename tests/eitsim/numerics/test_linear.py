@@ -1,7 +1,5 @@
 """A band matrix is factorised in place of a sparse one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, diags, kronsum

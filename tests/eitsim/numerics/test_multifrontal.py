@@ -1,7 +1,5 @@
 """Sparse Cholesky factors: the dense solution, fixed unknowns left out, and matrices that are not positive."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The minimiser and the linear solvers that it needs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

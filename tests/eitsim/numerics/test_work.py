@@ -1,7 +1,5 @@
 """A touch that is not found is given up after a counted amount of work, the same on every machine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Channels of a calibrated sensor: exact for touched bodies, without effect where they are ideal, named where wrong."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Current patterns and readings: named ones, and any matrices."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

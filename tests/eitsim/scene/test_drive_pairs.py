@@ -1,7 +1,5 @@
 """A file of pairs in [drive] makes the same readings in scenes, designs and sensor files as the drive it lists."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Electrodes as they are given: places, widths, contact impedances, and those without contact."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -172,13 +170,6 @@ def test_what_is_lost_is_null_in_results_and_data_sets(tmp_path: Path):
     ({"count": 64, "width_mm": 9, "missing": [7]}, "63 electrodes that are not identical .* leave wider gaps")])
 def test_the_plan_refuses_electrodes_whose_rim_is_not_solved(raw: dict, named: str):
     assert re.search(named, make_plan(scene_from({"electrodes": raw}), CARD).refusal)
-
-
-def test_the_plan_tells_missing_electrodes_and_patches():
-    scene = scene_from({"electrodes": {"kind": "patch", "missing": [3, 7]}})
-    said = " ".join(decision.decision for decision in make_plan(scene, CARD).decisions)
-    assert "without electrodes 3, 7" in said
-    assert "patches conduct by their untouched area" in said
 
 
 def test_lists_of_electrodes_are_their_own_in_a_design_and_ranges_are_drawn():

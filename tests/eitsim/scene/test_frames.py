@@ -1,7 +1,5 @@
 """Frames of voltages: what is written is read back, digit by digit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Meshes are read, or refused with a reason and without a word on the terminal."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import meshio

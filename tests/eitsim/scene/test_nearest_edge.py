@@ -1,7 +1,5 @@
 """The edge next to a place: straight ones, parts of circles, and what other edges are how near."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

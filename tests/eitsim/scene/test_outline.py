@@ -1,7 +1,5 @@
 """Outlines of skins: areas, distances to edges, what comes back of a scene, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

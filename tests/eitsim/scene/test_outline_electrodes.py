@@ -1,7 +1,5 @@
 """Electrodes on skins with an outline: where they lie, in what forms they are given, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Outlines from files: corners as CSV, drawings as DXF and SVG, meshes."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

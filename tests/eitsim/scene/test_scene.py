@@ -1,7 +1,5 @@
 """Scene files: units convert once, defaults are the paper's sensor, every mistake is named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Files of boards: small ones typed from their documentation are read number by number; what is cut is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

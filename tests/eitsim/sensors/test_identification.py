@@ -1,7 +1,5 @@
 """The order of readings: named where imperfections of a simulated disc tell it, asked where nothing does."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`sensor inspect`: real sensors with what their makers say of them, simulated ones with what they were given."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import lru_cache
@@ -144,12 +142,6 @@ def test_complex_readings_are_turned_to_their_phase() -> None:
     assert inspect(recorded(turned)).identified.words()["pattern"] == "adjacent"
 
 
-def test_touched_frames_alone_are_said_to_stand_for_the_untouched_one() -> None:
-    touched = Recording(frame()[None], np.arange(1), None, np.array(["a"]), "voltage", Path("frames.csv"))
-    assert any("No frame is untouched" in one for one in cautions(inspect(touched)))
-    assert not any("No frame is untouched" in one for one in cautions(inspect(recorded(frame()))))
-
-
 def test_readings_that_are_all_about_the_same_name_no_order() -> None:
     """28 magnitudes within 20 %: orders of 7 electrodes have more imperfections than there are readings."""
     few = recorded(1 + 0.2 * np.random.default_rng(4).random(28), kind="magnitude")
@@ -226,13 +218,6 @@ def test_an_order_with_a_name_is_said_by_it() -> None:
     found = inspect(recorded(frame()))
     assert dict(rows(found))["in a sensor file"] == (
         '[drive] pattern = "adjacent", reading = "single-ended", if the likeliest order is right')
-
-
-def test_frames_that_no_file_marks_are_said_to_count_as_untouched() -> None:
-    touched = frame() * (1 + 0.1 * (np.arange(208) < 50))
-    found = inspect(recorded(frame(), frame(), touched))
-    assert "3 untouched, as none is marked as touched" in dict(rows(found))["recording"]
-    assert any("some frames are touched, and none is marked so" in one for one in cautions(found))
 
 
 def test_empty_frames_and_what_a_common_phase_leaves_out_are_said() -> None:

@@ -1,7 +1,5 @@
 """Bounds by drive and choice of readings: slopes of any pairs from one solution, a greedy choice of readings."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -1,7 +1,5 @@
 """What readings say of their order without a model: driven pairs that hold no measurement, reciprocity, an offset."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`sensor inspect` with a skin that has an outline: order, numbering on the body, exchanged leads, what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Checks without a model: each says what was put in, and nothing of a perfect instrument."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

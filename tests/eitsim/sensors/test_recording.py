@@ -1,7 +1,5 @@
 """Recordings: what the columns say is what is read; what is no recording is refused with its line and the fix."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sensor files: the tables of a scene and pairs of electrodes; pairs mean what patterns and matrices mean."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

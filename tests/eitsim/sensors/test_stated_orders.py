@@ -1,7 +1,5 @@
 """Files that state the order of their readings are believed; what a file says is not asked for."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

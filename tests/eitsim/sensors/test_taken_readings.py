@@ -1,7 +1,5 @@
 """Readings of driven electrodes that a board leaves at 0 mean one thing in every command: they are not taken."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

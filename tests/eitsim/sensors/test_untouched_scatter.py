@@ -1,7 +1,5 @@
 """Noise, lasting changes and what a touched less an untouched frame has of both, by untouched frames of every kind."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The last route: what is refused where any touch may be asked for, and its touches against those of faster routes."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

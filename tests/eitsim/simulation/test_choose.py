@@ -1,7 +1,5 @@
 """What is chosen is what is solved: the plan's kinds against the touches, and against the solvers that were called."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace

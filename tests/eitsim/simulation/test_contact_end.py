@@ -1,7 +1,5 @@
 """The stated error of a conducting punch holds where skin and conductor nearly cancel, and says so."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes on curved bodies, end to end: what symmetry says of their readings, and what a flat layer says of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

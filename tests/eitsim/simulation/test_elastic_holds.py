@@ -1,7 +1,5 @@
 """Holds that no route steps in time, as elastic touches: as deep as those alone, forces kept, stresses relaxed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

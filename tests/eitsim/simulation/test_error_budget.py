@@ -1,7 +1,5 @@
 """A result's signal error holds what the mechanics and what the electrics leave, in the command's answer too."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

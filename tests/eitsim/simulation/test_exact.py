@@ -1,7 +1,5 @@
 """Exact runs: what the plan turns off, what it says stays, and that the shortcuts cost no more than was told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Fields inside the foam: read back from the VTU, they balance the force and agree with one another."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 `python tests/eitsim/simulation/test_golden_plans.py` writes the record anew.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A punch that covers half the area of the disc."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

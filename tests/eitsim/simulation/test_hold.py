@@ -1,7 +1,5 @@
 """Holds: the closed relaxation, elastic limits, order in time, balance, dissipation, relaxation times far apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +14,6 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.grid import tensor_grid
 from eitsim.scene.profiles.rounded_cone import Flat
 from eitsim.scene.scene import Body, Hold, Punch, scene_from
-from eitsim.simulation.plan import make_plan
 from eitsim.simulation.result_json import as_json
 from eitsim.simulation.simulate import simulate
 from matcal.card import MaterialCard, with_moduli
@@ -276,17 +273,6 @@ def test_a_held_scene_tells_its_times(control):
     assert (np.ptp(forces) == 0) == (np.ptp(depths) > 0) == (control == "force")
     loaded = solve_touch(with_moduli(CARD, "instantaneous"), Body(), Punch(force_N=0.3))
     assert depths[0] == pytest.approx(loaded.depth_m * 1e3, rel=1e-9)
-
-
-def test_the_plan_says_how_a_hold_is_solved():
-    def decisions(**hold):
-        return {d.decision for d in make_plan(scene_from({"hold": hold}), CARD).decisions}
-
-    assert "no viscoelasticity" in decisions()
-    assert {"a hold at constant force, stepped in time", "loaded at once"} <= decisions(time_s=[2.0])
-    assert "a hold at constant depth, without steps in time" in decisions(time_s=[2.0], control="depth")
-    assert {"a hold at constant depth, stepped in time", "loaded over 1 s at a constant rate (loading_s in [hold])"
-            } <= decisions(time_s=[2.0], control="depth", loading_s=1.0)
 
 
 @pytest.mark.parametrize(("hold", "named"), [

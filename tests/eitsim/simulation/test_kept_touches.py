@@ -1,7 +1,5 @@
 """Touches that no load path serves are kept: another skin takes them as they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from unittest.mock import patch
 

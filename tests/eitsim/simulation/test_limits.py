@@ -1,7 +1,5 @@
 """What is beyond numbers is refused in the plan, with its key and the mend; what only mechanics tells says so."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch

@@ -1,7 +1,5 @@
 """Scenes with an outline: solved far from edges and near one or several, refused by name where only discs serve."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -187,12 +185,6 @@ def test_a_punch_over_the_edge_is_refused(y_m):
     refused = make_plan(at(0.0, y_m), CARD).refusal
     assert "the nearest edge of the skin; change x_mm and y_mm so that the punch lies" in refused
     assert "mm further onto the skin" in refused
-
-
-def test_a_punch_in_a_hole_is_sent_onto_the_skin():
-    refused = make_plan(at(0.0, 0.0, replace(SCENE, body=skin(holes_m=((0.0, 0.0, 0.005),)))), CARD).refusal
-    assert refused.startswith("the punch's edge reaches 10.0 mm past the nearest edge of the skin; change x_mm")
-    assert refused.endswith("so that the punch lies 10.00 mm further onto the skin.")
 
 
 PAIR = (Punch(0.0, 0.0, 0.008, force_N=0.1), Punch(0.013, 0.0, 0.008, force_N=0.1))

@@ -1,7 +1,5 @@
 """Plans: what is left out is said with its cost, what is not built is refused with the mend."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A press as a series of files: read back, its foam, punch and electrodes fit each other and the touch."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """No random scene fails: the draws of benchmarks/random_scenes.py, a few here, more among the slow tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import ModuleType
 

@@ -1,7 +1,5 @@
 """When half the element size is tried, when it is out of reach, and what is said where the wanted error is missed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Derivatives of readings by touches and cards: against differences of full solutions, by scaling, by symmetry."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Mechanics that the sweeps of many tests have in common."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from typing import Any

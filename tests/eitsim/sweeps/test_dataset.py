@@ -1,7 +1,5 @@
 """Data sets on disk: parts are whole or absent, rows come back sorted, damage is named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Designs: a row depends on seed and index alone, ranges and distributions are met, mistakes are named."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

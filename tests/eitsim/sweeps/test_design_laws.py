@@ -1,7 +1,5 @@
 """Laws and lists of a design: quantiles, ends, strata, every combination once, and mistakes named by their key."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Places of touches in a design: uniform over what is left of the disc, grids, lists, and touches that stay apart."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Which table of load paths serves a design: diameters from lists, laws with ends and tables of scenes; examples."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Rows of a data set tell their scene: every drawn key has a column, every touch its own, whatever the outcome."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

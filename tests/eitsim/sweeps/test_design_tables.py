@@ -1,7 +1,5 @@
 """Tables of scenes: row i is scene i, empty cells keep to the scene file, mistakes name line and column."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

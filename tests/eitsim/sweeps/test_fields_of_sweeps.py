@@ -1,7 +1,5 @@
 """Fields next to the rows of a sweep: the same however it was stopped or grown, fixed by the design; damage named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

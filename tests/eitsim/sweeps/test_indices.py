@@ -1,7 +1,5 @@
 """Indices of nested data sets: rows share touches and cards, known truths come back, what cannot be told is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tables of load paths in the cache: every array comes back as it was made, and nothing is made twice."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Cards of a sweep: whole parameter sets of the posterior, chosen by seed and number, recorded, told apart."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path

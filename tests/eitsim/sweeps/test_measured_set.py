@@ -1,7 +1,5 @@
 """Measured data sets: the clean rows and what is asked for, part by part; resumed alike, never mixed."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import asdict, replace

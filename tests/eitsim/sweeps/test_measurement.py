@@ -1,7 +1,5 @@
 """Measurements: each term has its size, is switched by itself, and depends on the scene's number alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

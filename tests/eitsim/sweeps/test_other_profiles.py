@@ -1,7 +1,5 @@
 """The first touches of a design again, by punches of other profiles."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Places of touches on skins with an outline: inside, evenly, as far from edges as asked or as the plan solves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A data set opens in other libraries by the very lines that the documentation gives, where these are installed."""
 
-from __future__ import annotations
-
 import glob
 import importlib
 import re

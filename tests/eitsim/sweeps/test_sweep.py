@@ -1,7 +1,5 @@
 """Sweeps: rows depend on design and card alone, a stopped sweep goes on, another design or card is refused."""
 
-from __future__ import annotations
-
 import errno
 import json
 import re

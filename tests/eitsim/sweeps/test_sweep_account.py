@@ -1,7 +1,5 @@
 """The account of a sweep: errors counted as numpy would, every CPU second in one stage, runs kept in the manifest."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,17 +11,16 @@ import pytest
 from typer.testing import CliRunner
 
 from eitsim.cli.main import app
-from eitsim.cli.progress import bar_text, line
 from eitsim.mechanics.load_paths import build_table
 from eitsim.scene.choices import Kind
 from eitsim.simulation import reuse
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
-from eitsim.sweeps.dataset.sweep_record import Account, Run
+from eitsim.sweeps.dataset.sweep_record import Account
 from eitsim.sweeps.design.design import design_from
-from eitsim.sweeps.run.account import Accounted, Errors, account_of, document, in_words, lines
+from eitsim.sweeps.run.account import Accounted, Errors, account_of, document, lines
 from eitsim.sweeps.run.omissions import Omission
-from eitsim.sweeps.run.sweep import Progress, sweep
+from eitsim.sweeps.run.sweep import sweep
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -61,26 +58,10 @@ def test_what_weighs_most_is_named_where_rows_miss_the_wanted_error() -> None:
     assert not any("rim left out" in line for line in lines(met))
 
 
-def test_a_run_in_words_has_right_plurals_and_no_zeros() -> None:
-    run = Run("solved", 1, 0.9, 2.0, 1, 0.0, 0.0, 0.0, 0.001)
-    assert in_words(run) == "last run: 1 row in 2.0 s on 1 worker, busy with rows for 45 %"
-    assert in_words(replace(run, rows=3, workers=2, writing_wall_s=0.3, table_wall_s=4.0)) == (
-        "last run: 3 rows in 2.0 s on 2 workers, busy with rows for 22.5 %, 0.3 s of it spent on writing; 4.0 s for "
-        "the table before")
-
-
 def test_failed_rows_have_no_error() -> None:
     table = rows_of(np.array([0.01, np.nan, 0.04])).assign(outcome=["ok", "refused", "bottomed_out"])
     assert count_outcomes(table).error_below(1.0) == pytest.approx(0.01, rel=0.0051)
     assert count_outcomes(table).first.keys() == {"refused", "bottomed_out"}
-
-
-def test_a_line_tells_rate_time_left_outcomes_and_errors() -> None:
-    step = Progress(60, 100, 20, {"ok": 58, "refused": 2}, signal_error=(0.004, 0.0123))
-    assert line(step, 20.0) == ("60 of 100 scenes, 2 a second, 0.3 min left; 58 ok, 2 refused; signal error 0.4 % in "
-                                "the median, 95 % below 1.23 %")
-    assert bar_text(step, 20.0) == "2/s, 58 ok, 2 refused, error 0.4 < 1.2 %"
-    assert line(Progress(0, 9, 0, {}), 1.0) == "0 of 9 scenes, 0 a second, time left unknown"
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """What a design will not give is said before its rows are solved; what differs between designs is named by its key."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from typing import Any

@@ -1,7 +1,5 @@
 """On a dask cluster a sweep makes the same rows, whatever becomes of its workers."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

@@ -1,7 +1,5 @@
 """Killed at random moments, a sweep loses and doubles nothing: continued, it equals one that was left alone."""
 
-from __future__ import annotations
-
 import os
 import random
 import re

@@ -1,7 +1,5 @@
 """Sweeps from a table of load paths: the same rows on any number of workers, told in the manifest, kept to, exact."""
 
-from __future__ import annotations
-
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from unittest.mock import patch

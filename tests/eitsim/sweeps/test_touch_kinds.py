@@ -1,7 +1,5 @@
 """Which rows were solved near an edge: by the kinds of their routes, of earlier sets by the words that these hold."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 

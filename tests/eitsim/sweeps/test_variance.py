@@ -1,17 +1,13 @@
 """Parts of a variance: known models, sums that hold exactly, another code's estimates, intervals that cover."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import sobol_indices
 
 from eitsim.sweeps.sobol.variance_components import Shares, Variances, pooled, shares, variances
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def corners(model: Callable[..., Array], groups: list[Array]) -> Array:

@@ -1,7 +1,5 @@
 """Flags of `matcal fit` that choose the law, and what they leave on the card and on the terminal."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`matcal inspect` of several files: what can be read is shown, what cannot is said, and the status is 2."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Command line: what fit leaves behind, predict and check on a card, exit status and plain errors."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path
@@ -106,14 +104,6 @@ def test_an_unfinished_posterior_is_saved_and_ends_with_status_3(matcal, tmp_pat
     assert status == 0
     assert "stress_lo_Pa" not in json.loads(text)
     assert "no band" in error
-
-
-def test_predict_says_what_the_stress_is_before_relaxation(matcal, tmp_path: Path) -> None:
-    card = tmp_path / "hand.json"
-    write_card(MaterialCard("hand", Hyperfoam([12e3], [2.0], [0.0]), Prony([0.25, 0.15], [0.8, 15.0])), card)
-    said = matcal("predict", card, "uniaxial", "--strain=-0.5")[1]
-    assert "moduli: longterm" in said
-    assert "instantaneous over long-term stress: 1.66667" in said
 
 
 def test_predict_takes_the_fitted_range_and_says_what_lies_beyond(matcal, tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Calls and sizes that cannot be meant: refused before the work, in the user's own words; what was assumed is said."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

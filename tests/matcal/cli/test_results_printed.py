@@ -1,7 +1,5 @@
 """What a calibration prints: digits that the uncertainty leaves, cautions, results before decisions, any width."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from matcal.card import MaterialCard, grouped, write_card
+from matcal.card import MaterialCard, write_card
 from matcal.cli.summary import print_columns, print_fit
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -99,14 +97,6 @@ def test_poor_fits_and_predictions_are_said() -> None:
         assert words in said, words
 
 
-def test_decisions_stand_under_what_took_them() -> None:
-    card = fitted()
-    assert grouped(card) == [("uniaxial_1 (a.txt)", ["toe cut."]), ("shear_1 (a.txt)", ["drift taken off."]),
-                             ("hyperfoam law", ["Order 3, by BIC."])]
-    old = replace(card, provenance={"decisions": ["one.", "two."]})
-    assert grouped(old) == [("in order", ["one.", "two."])]
-
-
 @pytest.mark.parametrize("columns", [80, 120])
 def test_results_come_first_and_fit_the_line(tmp_path: Path, capsys, monkeypatch, columns: int) -> None:
     monkeypatch.setenv("COLUMNS", str(columns))
@@ -125,16 +115,6 @@ def test_results_come_first_and_fit_the_line(tmp_path: Path, capsys, monkeypatch
     for cell in ("9640 to 9860", "30.0000   0.0097", "-2.0000   0.0061", "two exponents merge"):
         assert cell in text, cell
     assert "\x1b" not in text
-
-
-def test_decisions_are_left_to_verbose_and_that_is_said(tmp_path: Path, capsys) -> None:
-    card = replace(fitted(derived=DERIVED, parameters={}), stability=stability(LAW))
-    write_card(card, tmp_path / "card.json")
-    print_fit(card, tmp_path / "card.json")
-    text = capsys.readouterr().out
-    assert "3 decisions and 1 more table on the fit" in text
-    assert "Errors of the fit" in text
-    assert not any(words in text for words in ("Order 3, by BIC.", "Stability of the law"))
 
 
 def test_a_pipe_gets_whole_sentences(tmp_path: Path, capsys, monkeypatch) -> None:

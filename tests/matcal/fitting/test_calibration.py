@@ -1,7 +1,5 @@
 """The synthetic machine files give back the truth that they were made from, within the errors that are stated."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

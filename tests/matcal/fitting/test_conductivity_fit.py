@@ -1,7 +1,5 @@
 """Conductivity fit: recovery within errors, positivity over compression, draws that keep it, weights by noise."""
 
-from __future__ import annotations
-
 import emcee
 import numpy as np
 import pytest

@@ -1,12 +1,10 @@
 """Stability of the record itself: found where it is lost, at any sampling and noise, and not found where it is not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from matcal.fitting.hyperfoam.curves import weigh
-from matcal.fitting.hyperfoam.record_stability import as_lines, check_data, check_sentences
+from matcal.fitting.hyperfoam.record_stability import check_data, check_sentences
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.reduction.experiment import Experiment
@@ -56,13 +54,3 @@ def test_a_falling_nominal_stress_is_not_elliptic_with_nu_0() -> None:
     checks = check_data(weigh([snapping]), True)
     assert any("the nominal stress falls" in s for s in check_sentences(checks, True))
     assert {c.criterion for c in check_data(weigh([snapping]), False)} == {"drucker"}
-
-
-def test_what_was_found_is_said_beside_the_range_that_was_covered() -> None:
-    checks = check_data(weigh([record("uniaxial", TABLE_1, 200, 0.0), record("shear", TABLE_1, 200, 0.0)]), True)
-    said = check_sentences(checks, True)
-    assert any("lambda P falls" in s and "with nu = 0" in s and "plateaus" in s for s in said)
-    lines = as_lines([{"test": c.label, "criterion": c.criterion, "violated_strain": c.violated,
-                       "covered_strain": c.covered} for c in checks])
-    assert lines[0].startswith("uniaxial_1, record itself, drucker: violated at -0.5")
-    assert lines[-1] == "shear_1, record itself, elliptic: not violated within the strains 0 to 1"

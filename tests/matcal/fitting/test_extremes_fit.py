@@ -1,7 +1,5 @@
 """Stiff and extreme curves: a right answer or a plain refusal, never NaN, never a warning, never minutes."""
 
-from __future__ import annotations
-
 import time
 import tracemalloc
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Hyperfoam fit: recovery, independence of starts, weights and orders, collinearity, stability held, errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import lmfit

@@ -1,7 +1,5 @@
 """The number of Prony terms is in the intervals: what a slower term would change, which a short hold cannot exclude."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

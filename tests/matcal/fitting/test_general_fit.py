@@ -1,7 +1,5 @@
 """A law that is not hyperfoam from tests to a card and on: its own truth recovered, and what it cannot do refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Coverage of 95 % intervals on fresh data of known truths, as benchmarks/interval_coverage.py measures it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import ModuleType
 

@@ -1,7 +1,5 @@
 """Intervals against their formulas, worked out here: one term, slopes by differences of the stress, no package sums."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -225,17 +223,6 @@ def test_zero_and_drift_of_the_load_move_the_stress_by_one_standard_deviation() 
     shares = linearised(found).shares
     assert sum(shares.values()) == pytest.approx(1.0)
     assert min(shares.values()) >= 0
-
-
-def test_a_drift_is_named_after_where_it_comes_from() -> None:
-    """Measured in the test itself, assumed from others, or not known at all."""
-    found = _uncertain()
-    (curve,) = found.curves
-    for more, word in (({"drift_N_per_s": 1e-3}, "measured"), ({"drift_N_per_s": 0.0, "drift_assumed": 1.0}, "assumed"),
-                       ({}, "assumed")):
-        facts = {**curve.experiment.facts, **more}
-        told = nuisance(replace(found, curves=(replace(curve, experiment=replace(curve.experiment, facts=facts)),)))
-        assert told.names[2].startswith(f"the {word} load drift")
 
 
 def test_a_load_zero_that_is_off_is_found_under_its_prior_and_taken_off() -> None:

@@ -1,7 +1,5 @@
 """A fitted nu is found together with the order, and what the tests leave open of it is in every interval."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """nu given, shared, term by term: recovery from lateral and volumetric data, bounds told, refusals with reasons."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

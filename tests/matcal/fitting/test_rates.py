@@ -1,7 +1,5 @@
 """Instantaneous moduli and their series give back both kinds of moduli, from histories at one rate and at several."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A real running-shoe foam: combined fits in every mode, stability named, tension predicted and its error stated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

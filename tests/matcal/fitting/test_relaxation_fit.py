@@ -1,7 +1,5 @@
 """Prony fit: the ramp is modelled, the shape of the curve matters, its covariance covers, bad tests are refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,8 +1,6 @@
 """The relaxation fit against dense formulas: every sample, columns by convolution, least squares and profiles by numpy.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Laws that are held stable: they are, everywhere in the range, they cost little more than the best, and it is said."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """nu by lateral strains against nu by stresses, or one that was given: said where they contradict each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Intervals: they cover the truth with noise, misfit and wrong contact points; refinement uses what the curve knows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

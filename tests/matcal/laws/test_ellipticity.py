@@ -1,7 +1,5 @@
 """Strong ellipticity in closed form against the least eigenvalue of the acoustic tensor over directions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

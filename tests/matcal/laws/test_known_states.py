@@ -1,7 +1,5 @@
 """Ellipticity, acoustic margins and scanned ranges against what their definitions give by differences and search."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

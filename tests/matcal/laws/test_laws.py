@@ -1,7 +1,5 @@
 """Laws: stress and tangent are derivatives of the energy, limits are exact, histories are convolved exactly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

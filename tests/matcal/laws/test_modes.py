@@ -1,7 +1,5 @@
 """Test modes: known values, limits, consistency of nominal, second Piola-Kirchhoff and energy, hereditary histories."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from matcal.laws.arruda_boyce import ArrudaBoyce
 from matcal.laws.deformation_modes import MODES, log_stretches, nominal_stress
-from matcal.laws.extended_tube import ExtendedTube
-from matcal.laws.gent import Gent
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import with_vector
-from matcal.laws.mooney_rivlin import MooneyRivlin
-from matcal.laws.mooney_rivlin_5 import MooneyRivlin5
 from matcal.laws.neo_hooke import NeoHooke
-from matcal.laws.ogden import Ogden
+from matcal.laws.rubbers.arruda_boyce import ArrudaBoyce
+from matcal.laws.rubbers.extended_tube import ExtendedTube
+from matcal.laws.rubbers.gent import Gent
+from matcal.laws.rubbers.mooney_rivlin import MooneyRivlin
+from matcal.laws.rubbers.mooney_rivlin_5 import MooneyRivlin5
+from matcal.laws.rubbers.ogden import Ogden
+from matcal.laws.rubbers.yeoh import Yeoh
 from matcal.laws.stability import stability
 from matcal.laws.volumetric import nearly_incompressible
-from matcal.laws.yeoh import Yeoh
 
 RUBBERS = {law.name: law for law in (
     NeoHooke(3e5, 0.5), MooneyRivlin(2e5, 3e4), MooneyRivlin5(2e5, 3e4, 1e3, -2e2, 30.0), Yeoh(2e5, -2e3, 40.0),

@@ -1,7 +1,5 @@
 """Stability: known ranges of Table 1, agreement of the margins with brute force, the criteria on simple laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Posterior: exact marginalisation, convergence gate, coverage of the truth, draws as whole materials."""
 
-from __future__ import annotations
-
 import os
 import time
 from dataclasses import replace

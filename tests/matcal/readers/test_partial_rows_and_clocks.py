@@ -1,7 +1,5 @@
 """Tables whose columns end at different rows, gaps within them, and times that are written as clocks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

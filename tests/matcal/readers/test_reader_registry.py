@@ -1,7 +1,5 @@
 """A new vendor is one module with a `Reader` and one line in `vendors`."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

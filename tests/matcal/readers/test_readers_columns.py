@@ -1,7 +1,5 @@
 """--columns: what it can say, which file it belongs to, that each refusal suggests one that works; swapped columns."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

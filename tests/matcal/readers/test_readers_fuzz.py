@@ -1,7 +1,5 @@
 """Broken files: whatever is done to a file of any layout, reading it ends in finite numbers or in a InputFileError."""
 
-from __future__ import annotations
-
 import io
 import re
 import time

@@ -1,7 +1,5 @@
 """Instron exports: property lines, units in brackets, quoted thousands, any language and encoding, long holds."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

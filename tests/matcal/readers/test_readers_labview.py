@@ -1,7 +1,5 @@
 """LabVIEW text and binary files, old workbooks, and files that are no table: read with names and units, or refused."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """TestSuite exports: whole or in parts, in any order, and refused where the parts do not belong together."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MTS 793 files: any delimiter, decimal mark and language; blocks counted, put together, or left out with a reason."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

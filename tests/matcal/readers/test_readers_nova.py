@@ -1,7 +1,5 @@
 """NOVA exports: columns by name, both decimal marks, overloads dropped, an impedance spectrum refused by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plain tables: every way to write the same numbers reads alike, and every doubt is named with its line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -113,12 +111,6 @@ def test_missing_file_folder_workbook_and_foreign_machine(tmp_path: Path) -> Non
         read(tmp_path / "book.xlsx")
     with pytest.raises(InputFileError, match="MTS 793"):
         read(_write(tmp_path, "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n"))
-
-
-def test_what_was_assumed_is_said(tmp_path: Path) -> None:
-    notes = read(_write(tmp_path, "specimen,lambda,P_kPa\n1,-0.1,-1\n1,0,0\n1,0.1,1\n")).notes
-    assert any("'specimen' left out" in note for note in notes)
-    assert any("no stretch has: read as strain" in note for note in notes)
 
 
 @pytest.mark.parametrize(("cell", "name", "unit"), [

@@ -1,7 +1,5 @@
 """Workbooks: the sheet with the table, NOVA and plain columns as in text, damaged files refused by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

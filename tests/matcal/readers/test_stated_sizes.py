@@ -1,7 +1,5 @@
 """Sizes that stand above a plain table are the specimen's, in the words of several machines."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What Mind says of records that look wrong together: units, sizes, rubber with nu = 0, bands that miss the record."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 """The order that is chosen: readable where one fits well enough, few terms for few points, and errors of the record
 told from terms of the law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

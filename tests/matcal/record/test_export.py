@@ -10,8 +10,6 @@ from matcal's own: what is read back must give the card's nominal stress through
 - Ansys Mechanical APDL Theory Reference, "Ogden Compressible Foam Option"; Command Reference, TB, TBDATA.
 """
 
-from __future__ import annotations
-
 import cmath
 import json
 import re

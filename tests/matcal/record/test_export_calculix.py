@@ -5,8 +5,6 @@ CalculiX prints seven digits of a force and differentiates this law numerically:
 1e-5 of the mean force, hence the *CONTROLS below and the tolerances where faces are free.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -5,8 +5,6 @@ mean as a number; the card convolves the second Piola-Kirchhoff stress. One test
 shows what that does, so that the exporter's warning says the truth.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq

@@ -1,7 +1,5 @@
 """Mind names the tests that a series did not correct for rate, with the size, and what a cycle loses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

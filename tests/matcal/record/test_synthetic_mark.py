@@ -1,7 +1,5 @@
 """Data are synthetic by a line of their own, `touchcal-synthetic: 1`, and by no word that a material may have."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

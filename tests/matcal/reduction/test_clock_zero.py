@@ -1,7 +1,5 @@
 """A constant added to a clock changes nothing, in any reader and any reduction; tables of a step have true times."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

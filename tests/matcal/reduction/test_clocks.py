@@ -1,7 +1,5 @@
 """Two clocks: the shift is found from tearing or from motion, within the error that is stated."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

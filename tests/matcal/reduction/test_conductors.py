@@ -1,7 +1,5 @@
 """Conductors from what people record: resistance, compression, one file or two, relative resistance; c = L/(R A)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contact, strokes and thinning: what a noisy record hides is found again, and its uncertainty is honest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

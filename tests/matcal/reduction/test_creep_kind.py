@@ -1,7 +1,5 @@
 """A creep test is known by its held load; ramps, plateaus and relaxation are not taken for one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

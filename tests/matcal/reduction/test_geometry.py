@@ -1,7 +1,5 @@
 """Whose sizes count: given, the file's own, or next to it; what contradicts is said or refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

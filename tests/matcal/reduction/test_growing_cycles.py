@@ -1,7 +1,5 @@
 """Cycles of growing travel: the last loading counts, from the contact of the first, and none of it is rest."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A description says what a file holds and what kind of test it is taken for, as plain JSON."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

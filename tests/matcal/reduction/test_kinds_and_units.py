@@ -1,7 +1,5 @@
 """Words as words, angles as angles, per cent without a unit, and tables of another kind than the one given."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

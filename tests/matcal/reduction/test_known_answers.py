@@ -1,7 +1,5 @@
 """Records made of a known material: strain and stress come back, areas and corrections worked out by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Loadings that are not steady, not whole or not from contact on: each is used as far as it is one, and said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Strain next to crosshead and stress next to load: the better measure gives the modulus, and the choice is said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

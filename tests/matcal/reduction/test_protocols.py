@@ -1,7 +1,5 @@
 """From files to experiments: each reduction gives back the truth of the synthetic files, each doubt is refused."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

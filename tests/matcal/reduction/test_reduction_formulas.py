@@ -1,7 +1,5 @@
 """Single steps of the reduction worked out by hand: what counts as touched, drift, holds, sizes, a strip's circuit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -93,13 +91,6 @@ def test_compression_is_told_from_tension(kind: str, sizes: Block, sign: float, 
             load_frame._direction(kind, made, sizes, sign, load_sign)
     else:
         assert load_frame._direction(kind, made, sizes, sign, load_sign)[0] == expected
-
-
-def test_the_sentence_of_the_start_says_position_and_loadings() -> None:
-    moved = np.array([0.0125, 0.013])
-    stroke = Stroke(moved, -1.0, 0, 1, ((0, 1), (1, 1)), 0.0)
-    assert load_frame._start_sentence(recording(displacement=moved), stroke) == (
-        "Travel counted from the rest position 12.5 mm, loading where the displacement falls; 2 loadings.")
 
 
 def loading(time: np.ndarray, strain: np.ndarray, stress: np.ndarray, end: int) -> Loading:

@@ -1,7 +1,5 @@
 """Every kind of machine file and table: the truth comes back, each choice is said, each impossibility refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

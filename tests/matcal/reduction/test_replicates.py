@@ -1,7 +1,5 @@
 """Replicates: between-specimen scatter is told as it was made, and only like is compared with like."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

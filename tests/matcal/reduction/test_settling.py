@@ -1,7 +1,5 @@
 """Resistance over cycles: its course is found again with honest errors, and one that is no exponential is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Several specimens below one another in one table: each is a test, and three in one file are three in three files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

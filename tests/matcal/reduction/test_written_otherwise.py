@@ -1,7 +1,5 @@
 """Tables of one truth as other people write them: two measures by name alone, ratios, angles, languages, steps."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Block means, noise, marginals and correlated errors against dense formulas written out here."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Tables of benchmarks tell under what conditions each row was measured; benchmarks use public names alone."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 from pathlib import Path

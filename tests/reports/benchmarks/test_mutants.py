@@ -1,7 +1,5 @@
 """The mutation test: mutants are one change each, of the mathematics alone, and the same at every run."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 from pathlib import Path

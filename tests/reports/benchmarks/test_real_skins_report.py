@@ -1,7 +1,5 @@
 """The page of real skins, from a table made by formula in the layout of the benchmark; no skin measured."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Stored results are stale where the code or the libraries that they were measured with have changed."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Reports of every kind of card that `matcal fit` writes: they are made, hold their figures' numbers, waste no page."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

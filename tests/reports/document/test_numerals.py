@@ -1,16 +1,11 @@
-from __future__ import annotations
-
 import math
 
 import pytest
 
 from reports.document.numerals import (
-    counted,
     in_figure,
-    interval,
     number,
     pascals,
-    percent,
     plus_minus,
     r_squared,
     typeset,
@@ -72,14 +67,6 @@ def test_a_power_in_a_figure_is_one_that_its_font_has() -> None:
 @pytest.mark.parametrize(("value", "unit"), [(123.0, "Pa"), (9.5e3, "kPa"), (2e8, "MPa"), (0.0, "Pa"), (0.3, "Pa")])
 def test_stresses_get_the_unit_that_fits_the_largest(value: float, unit: str) -> None:
     assert pascals([value, -value / 2])[1] == unit
-
-
-def test_words_around_numbers() -> None:
-    assert percent(0.0123) == "1.2 %"
-    assert interval(9.4, 9.66) == "9.40 to 9.66"
-    assert interval(-5.6e-7, 0.398) == "0 to 0.398"
-    assert [counted(n, "touch", "touches") for n in (0, 1, 2)] == ["0 touches", "1 touch", "2 touches"]
-    assert counted(2, "scene") == "2 scenes"
 
 
 @pytest.mark.parametrize(("values", "unit"), [([-2.0, 1.0], "V"), ([0.5], "mV"), ([-3e-5], "µV"), ([0.0], "µV")])

@@ -1,7 +1,5 @@
 """The verdict: the same words and limits in every report, first on the first page."""
 
-from __future__ import annotations
-
 import pytest
 
 from reports.document import verdict

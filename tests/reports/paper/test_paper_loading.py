@@ -1,7 +1,5 @@
 """The loading time that the paper's drop of the mean pressure asks for, and the law and the cycles of its material."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,16 +1,13 @@
 """The eight networks next to the paper's, the search over sensors, and what models read from other choices."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.paper import choices, learning, networks_table, touches, variants
+from benchmarks.paper import choices, learning, networks_table, touches
 from benchmarks.paper.networks_table import OUTPUTS, Cause, paper_rmse
 from benchmarks.paper.section import paper_value, shown
 from eitsim.scene.scene import Punch, Skin
@@ -78,19 +75,6 @@ def test_a_sensor_that_the_search_lacks_is_no_cause() -> None:
     assert networks_table.causes(scored(1.2)[0], [], ("normal", 0)).rows == []
 
 
-def test_the_search_is_a_row_a_sensor_the_best_first(tmp_path: Path) -> None:
-    pd.DataFrame(searched(4.0, 1.2)).to_csv(tmp_path / "variants.csv", index=False)
-    rows = variants.read(tmp_path / "variants.csv")
-    table = variants.table(rows, NAMES)
-    assert [row[:2] for row in table.rows] == [["areal, conducting by 0.001 Ω m²", "1.2"], ["normal, insulated", "4.0"]]
-    assert "420 training rows and at most 150 steps" in table.caption
-    assert variants.followed(rows, ("F",)) == (
-        "Of 2 sensors tried, the networks' error over the paper's goes, of force from 1.2 (areal, conducting by 0.001 "
-        "Ω m²) to 4.0 (normal, insulated).")
-    assert variants.read(tmp_path / "none.csv") == []
-    assert variants.followed([], ("F",)) == ""
-
-
 def test_positions_are_drawn_over_the_radius_with_the_papers_measure() -> None:
     scores, predictions = scored(2.0)
     rows = predictions[predictions["output"] == "x0"]
@@ -105,14 +89,6 @@ def test_positions_are_drawn_over_the_radius_with_the_papers_measure() -> None:
     words = plate.figure.axes[1].texts[0].get_text().splitlines()
     r = np.corrcoef(rows.loc[rows["part"] == "test", ["target", "value"]].to_numpy().T)[0, 1]
     assert words[1] == f"R² {scores['x0']['test']['r2']:.4f}, R {r:.4f}"
-
-
-def test_what_the_modulus_leaves_open_scales_with_the_force() -> None:
-    predictions = scored(1.0)[1]
-    rows = predictions[(predictions["output"] == "F") & (predictions["part"] == "test")]
-    words = learning.followed(("F",), predictions, [], 0.01)
-    assert f"that alone is {0.01 * np.sqrt(np.mean(rows['target'] ** 2)):#.3g} N" in words
-    assert learning.followed(("d",), predictions, [], 0.01) == ""
 
 
 def test_the_own_choice_is_read_from_the_design_and_from_nothing_else() -> None:

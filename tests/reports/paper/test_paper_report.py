@@ -1,7 +1,5 @@
 """The walk through the paper, drawn from tiny synthetic results."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import asdict
@@ -24,10 +22,9 @@ from eitsim.sweeps.run.folder import sole_writer
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony, relaxation
-from reports.__main__ import app, paper
+from reports.__main__ import app
 from reports.document.verdict import GOOD, NOT_USABLE
 from surrogate.statistics.metrics import score
-from touchcal.code_version import ROOT
 
 Reader = Callable[[Path], Any]
 Writer = Callable[..., Path]
@@ -173,16 +170,6 @@ def test_committed_numbers_of_the_full_run_answer_all_that_the_paper_states() ->
     assert set(zip(asked["figure"], asked["quantity"], asked["unit"], strict=True)) <= known
 
 
-def test_full_numbers_of_other_code_are_told(run: Run) -> None:
-    here = {"stage": "forward", "state": "current", "code": run.stages["forward"].code}
-    rows = [here, here | {"stage": "networks", "code": "0" * 64}, here | {"stage": "touch", "code": None},
-            {"stage": "sweep", "state": "stale", "code": None}]
-    assert paper_report._other_code(run, pd.DataFrame(rows[:1])) == ""
-    assert paper_report._other_code(run, pd.DataFrame(rows)) == (
-        " Of it, sweep was made by other code or another card than the rest. Stale, made by other code than is here: "
-        "networks. Not known to be of this code, since their record does not tell: touch, sweep.")
-
-
 def test_a_comparison_sets_paper_run_and_full_run_side_by_side() -> None:
     part = section("10", Number("drive current", "mA", 4.0))
     full = pd.DataFrame({"figure": ["10"], "quantity": ["drive current"], "unit": ["mA"], "method": [""],
@@ -238,17 +225,6 @@ def test_a_quick_run_is_judged_by_the_run_at_full_size(run: Run) -> None:
     assert line.why.endswith("is 40 times the paper's")
 
 
-def test_the_first_page_counts_stale_stages_of_both_runs() -> None:
-    (said,) = paper_report._findings([section("3")], {}, ["sweep", "networks"])[:1]
-    assert said.endswith("0 stages of this run are stale, and 2 of the run at full size.")
-    assert paper_report._findings([section("3")], {"sweep": "code"}, [])[0].endswith("1 stage of this run is stale.")
-
-
-def test_no_figure_of_the_walk_leaves_its_section() -> None:
-    for template in ("benchmarks/paper/paper.typ", "reports/document/layout.typ"):
-        assert "float: true" not in (ROOT / template).read_text()
-
-
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.5])
 def test_an_exact_power_is_found_with_its_error(power: float) -> None:
     sizes = np.array([8.0, 4.0, 2.0, 1.0])
@@ -272,15 +248,6 @@ def test_a_conducting_punch_is_measured_against_an_insulated_one() -> None:
     rows = pd.DataFrame({"skin_strain": "normal", "punch_conductor": [0.0, 1.0], "dv_000": [3.0, 3.0],
                          "dv_001": [4.0, 9.0]})
     assert conducting_share(rows, "normal") == pytest.approx(1.0)
-
-
-def test_a_quick_run_costs_the_same_in_every_place() -> None:
-    page = ROOT / "docs" / "explanation" / "error-against-run-time.md"
-    places = {"Makefile": (ROOT / "Makefile").read_text(), "docs": page.read_text(), "help": str(paper.__doc__)}
-    for name, words in places.items():
-        said = " ".join(words.replace("\n#", " ").split())
-        assert COST in said, name
-        assert "up to two hours" in said or name == "help", name
 
 
 def test_results_that_are_not_there_are_refused_before_any_work(tmp_path: Path) -> None:

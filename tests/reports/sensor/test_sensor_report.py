@@ -1,7 +1,5 @@
 """The report of a calibrated sensor: verdict, what to repair, and that it is drawn whatever the calibration gave."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

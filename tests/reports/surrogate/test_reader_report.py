@@ -1,7 +1,5 @@
 """The report of a reader of presses, on synthetic presses; no skin measured."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

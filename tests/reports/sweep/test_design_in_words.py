@@ -1,13 +1,8 @@
 """The report of a data set says in words how its design drew each key."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
-import pandas as pd
-
-from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.parquet import read_manifest, write_manifest
 from reports.sweep.sweep_report import report
 
@@ -30,12 +25,3 @@ def test_every_kind_of_draw_is_told(write_set: Callable[..., Path]) -> None:
         "punch 2.place": "uniform over the skin where the punch fits, gap_mm 20",
         "punch 2.depth_mm": "given for each of 2 scenes, from 1 to 2.5", "punch 2.profile": "one of flat, cone",
         "punch 2.fillet_mm": "0.5"} == rows
-
-
-def test_several_touches_are_told(write_set: Callable[..., Path]) -> None:
-    folder = write_set()
-    told = "up to 2 touches; figures and tables show the first"
-    assert not any(told in found for found in report(folder).findings)
-    (first, *_) = parquet.parts(folder)
-    pd.read_parquet(first).assign(touches=[1, 2] * 5).to_parquet(first, index=False)
-    assert any(told in found for found in report(folder).findings)

@@ -1,7 +1,5 @@
 """The first page of a sweep's report: cost by stage, errors against requested ones, the last run, what was left out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -43,15 +41,6 @@ def test_stages_part_the_cost(write_set: Callable[..., Path]) -> None:
     touches = rows["touches: table"][1] + rows["touches: solved"][1]
     assert np.isclose(touches, 2 * rows["readings: multipole"][1], rtol=0.01)
     assert np.isclose(rows["fields on the skin"][1], rows["planning and the rest of rows"][1], rtol=0.01)
-
-
-def test_runs_and_omissions_are_told(write_set: Callable[..., Path]) -> None:
-    made = report(with_account(write_set(20)))
-    assert any("20 scenes in 10.0 s on 2 workers, which were busy with them 80 % of the time" in found
-               for found in made.findings)
-    assert any("above the 1.0 % requested" in found for found in made.findings)
-    assert made.prose["left_out"] == ["The skin is a sheet: at most 0.16 % of the signal.",
-                                      "At a cost that is unknown and in no error: no friction."]
 
 
 def test_the_verdict_tells_the_share_of_the_signal_that_is_extrapolated(write_set: Callable[..., Path]) -> None:

@@ -1,7 +1,5 @@
 """Signals for a page are those of the whole set, read part by part."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

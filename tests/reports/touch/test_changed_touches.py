@@ -1,7 +1,5 @@
 """Captions say that a touch is changed for every way to solve one but the axisymmetric."""
 
-from __future__ import annotations
-
 from eitsim.simulation.routes.axisymmetric import AXISYMMETRIC
 from eitsim.simulation.routes.known_routes import ROUTES
 from reports.touch.touch_report import CHANGED

@@ -1,7 +1,5 @@
 """The sentence on the drive says what the matrices of that drive do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -21,14 +19,3 @@ def sentence(**drive: object) -> str:
 def test_the_sink_is_that_of_the_pattern(pattern: str, sink: int, words: str) -> None:
     assert words in sentence(pattern=pattern)
     assert np.argmin(protocol(Drive(pattern=pattern), Electrodes().count).currents_A[0]) == sink
-
-
-def test_readings_are_those_of_the_drive() -> None:
-    assert "electrode k - 1 is the zero of voltage" in sentence()
-    assert sentence(reading="differential").endswith(
-        "each reading is the voltage between two neighbours that carry no current.")
-    unit = np.eye(16)
-    measured = (unit[:-1] - unit[1:]).tolist()
-    assert "takes it out at k + 1; readings are the weighted sums" in sentence(measurements=measured)
-    assert sentence(currents=measured, measurements=measured).startswith(
-        "Drive patterns send the currents that currents in [drive] give;")

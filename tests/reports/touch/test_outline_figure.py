@@ -1,7 +1,5 @@
 """The sensor from above where its skin has an outline."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib.patches import Polygon

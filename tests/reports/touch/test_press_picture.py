@@ -1,7 +1,5 @@
 """A press drawn without a display: a picture, an animation, and what is said where neither can be."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from pathlib import Path

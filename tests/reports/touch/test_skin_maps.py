@@ -1,7 +1,5 @@
 """Maps of the skin from a file of `eitsim run --skin`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

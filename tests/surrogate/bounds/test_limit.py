@@ -1,12 +1,9 @@
 """The physical limit, on random linear models and on synthetic touches: multipoles of a spot of other conductance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
@@ -28,8 +25,7 @@ from surrogate.bounds.reading_derivatives import Derivatives
 from surrogate.bounds.van_trees import domain, least_error
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 PRIOR = Prior(100.0, 0.0, (10.0, 18.0), (0.1, 2.0))
 STEP = 1e-4

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import contextlib
 import io
 import json
@@ -10,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.typing import NDArray
 from rich.console import Console
 
 from eitsim.scene.drive import voltage_columns
@@ -18,8 +15,8 @@ from eitsim.sweeps.dataset.parquet import read_dataset, read_manifest, write_man
 from eitsim.sweeps.measurement.instrument import Measurement
 from eitsim.sweeps.run.measure import measure
 from surrogate.cli import main
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Synthetic = Callable[[int, int], tuple[Array, Array]]
 Call = Callable[..., tuple[int, str, str]]
 

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.data.baseline_frame import compared
 from surrogate.data.sensor_ring import Ring
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 NOISE_V = 1e-5
 
 

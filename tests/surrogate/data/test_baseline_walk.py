@@ -1,7 +1,5 @@
 """How fast, and along what, an untouched frame walks, by blocks of few frames with gaps between them. Synthetic."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Places as the nearest edge sees them, on a disc and on a rectangle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Derivatives of readings by what drifts between the frames."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

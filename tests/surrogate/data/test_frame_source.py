@@ -1,7 +1,5 @@
 """Lines of a device: a serial port, read from its first whole line of numbers, and lines that boards write."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

@@ -1,12 +1,9 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from surrogate.data import material_states
@@ -16,14 +13,14 @@ from surrogate.forward_map import forward_map
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
-from surrogate.model.evaluate import evaluate, material_told, parts_of
+from surrogate.model.evaluate import evaluate, parts_of
 from surrogate.model.model import Model
 from surrogate.model.predict import columns, numbers_of, predict, prepare
 from surrogate.model.train import train
 from surrogate.model.trained import interval_scale
 from surrogate.statistics.conformal import normal
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 TOUCH = ("x0", "y0", "d", "F")
 NOISE_V = 2e-5
 # Stiffness of synthetic foams over the usual one: 8 % about it.
@@ -122,13 +119,6 @@ def test_the_force_s_deviation_has_parts_that_add_up(drawn: Callable[..., SweepS
     assert numbers_of(carried, found).shape == (6, 15)
     assert np.allclose(normal(0.9) * np.sqrt(np.sum(found.force_parts**2, axis=1)), found.half_width[:, 3])
     assert np.all(found.force_parts > 0)
-
-
-def test_one_card_is_told(drawn: Callable[..., SweepSamples], carried: Model) -> None:
-    record = {"dataset": {"cards": 1}}
-    rows = drawn(4, 9, cards(4, 9))
-    assert "not in the intervals" in material_told(replace(carried, record=record), rows)
-    assert "These rows have 4" in material_told(replace(carried, record=record), rows)
 
 
 def test_intervals_are_calibrated_on_another_set(drawn: Callable[..., SweepSamples]) -> None:

@@ -1,7 +1,5 @@
 """Fields of electrodes on a skin with an outline: against the integrals along its edges, and what they are used for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Quantities to predict: what each is of stands in its own line, and nothing else knows the list."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise that readings share: found from few untouched frames, so that errors weighed by it are as large as stated."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Edges of a skin: how far places are from them, and which presses they refuse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

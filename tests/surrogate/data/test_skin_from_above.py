@@ -1,7 +1,5 @@
 """A skin seen from above: the same from a scene and from a surrogate, electrodes around corners and on the surface."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The untouched frame of a stream: its noise, its drift, and what a touch interrupts. Synthetic."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,18 +1,15 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map
 from surrogate.forward_map.forward_map import ForwardMap, linearise
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import light_pressure, to_touch, to_unknown, touch_slope
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Synthetic = Callable[..., tuple[Array, Array]]
 QUIET_V = 2e-5  # 100 dB below the baseline of about 2 V
 

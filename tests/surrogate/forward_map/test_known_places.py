@@ -1,7 +1,5 @@
 """Which places a forward map knows: all of a disc, and of an outline those near one straight edge at most."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,19 +1,19 @@
-from __future__ import annotations
-
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from surrogate.data.samples import SweepSamples, take
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import forward_map, load_coordinates
 from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import known_diameters
 from surrogate.forward_map.inversion.invert import invert
+from surrogate.model.train import train
 from surrogate.statistics.levenberg_marquardt import Minimum
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Synthetic = Callable[..., tuple[Array, Array]]
 KNOWN_MM = (10, 14, 18)
 
@@ -43,6 +43,28 @@ def test_an_unknown_punch_is_not_taken_for_a_known_one(learned: ForwardMap, synt
     found = invert(learned, signal)
     print("diameters read:", np.quantile(found.touch[:, 2], [0.1, 0.5, 0.9]), "mm")
     assert np.quantile(np.abs(found.touch[:, 2] - touch[:, 2]), 0.8) < 0.3
+
+
+def test_a_punch_between_those_of_a_list_is_in_the_intervals(samples: SweepSamples, synthetic: Synthetic) -> None:
+    """Unless the list is said to be whole."""
+    touch, signal = synthetic(180, 0, (10, 12, 14, 16, 18), 40.0)
+    rows = take(samples, np.arange(len(samples)) < len(touch))
+    rows = replace(rows, signal_V=signal, target=np.column_stack([touch, rows.target[:, 4:]]))
+    noise_V = 2e-6
+    held, wrong = {}, {}
+    _, volts = synthetic(60, 3, (13,), 40.0)
+    base = samples.baseline_V[0]
+    noisy = base + volts + noise_V * np.random.default_rng(4).normal(size=volts.shape)
+    for known in (False, True):
+        model = train(rows, "forward", outputs="x0,y0,d,F", seed=1, exact_signals=True, known_punches=known)
+        found = model.predict(noisy, base, noise_V=noise_V)
+        low, high = 1e3 * found["d_lo90_m"], 1e3 * found["d_hi90_m"]
+        plain = found["flag"] == ""
+        held[known] = float(((low <= 13) & (high >= 13))[plain].mean())
+        wrong[known] = float(((np.abs(1e3 * found["d_m"] - 13) > high - low) & plain).mean())
+    print("held, silently wrong:", held, wrong)
+    assert held[False] > 0.8
+    assert wrong[False] < 0.05
 
 
 def test_branches_of_one_punch_are_all_weighed_and_one_minimum_counts_once() -> None:

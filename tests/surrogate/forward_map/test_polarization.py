@@ -1,15 +1,11 @@
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from surrogate.data.edge_frame import edge_frame
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import multipole_series, polarization
 from surrogate.statistics import coefficient_process
 from surrogate.statistics.coefficient_process import SharedProcess
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def test_rows_that_single_determine_little_teach_coefficients_together() -> None:

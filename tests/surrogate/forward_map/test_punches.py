@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -15,8 +13,8 @@ from surrogate.forward_map.inversion.multipole_location import Located, locate
 from surrogate.forward_map.inversion.reading_covariance import no_drift
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.statistics import levenberg_marquardt
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Synthetic = Callable[..., tuple[Array, Array]]
 
 

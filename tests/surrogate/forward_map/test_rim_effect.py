@@ -1,11 +1,8 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map import electrode_correction, forward_map, multipole_series, rim_correction
@@ -13,8 +10,8 @@ from surrogate.forward_map.inversion import reading_covariance
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.forward_map.ring_symmetry import fold, symmetry_of
 from surrogate.statistics import matern_process
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Synthetic = Callable[..., tuple[Array, Array]]
 
 

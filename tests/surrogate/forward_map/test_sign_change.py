@@ -1,13 +1,10 @@
 """Touches whose dipole vanishes and changes its sign with the force, as a conducting punch in strained skin does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.data.samples import SweepSamples, take
 from surrogate.data.sensor_ring import Ring
@@ -18,8 +15,8 @@ from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.model.model import Model
 from surrogate.model.predict import predict, prepare
 from surrogate.model.train import train
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Sum = Callable[..., tuple[Array, Array]]
 ZERO_N = 0.9  # force at which the dipole of a 14 mm punch vanishes
 

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 
 from surrogate.forward_map import simulator_error, strength_size

@@ -1,7 +1,5 @@
 """One-sided standard deviations of what the punch does to the foam."""
 
-from __future__ import annotations
-
 from unittest.mock import patch
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A method of surrogates is one file and one line of the registry."""
 
-from __future__ import annotations
-
 import doctest
 import json
 import subprocess

@@ -1,15 +1,12 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.learners import ridge, signal_features
 from surrogate.learners.bayesian_network.min_max import min_max, scaled, unscaled
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Synthetic = Callable[[int, int], tuple[Array, Array]]
 
 

@@ -1,7 +1,5 @@
 """What tests of the page share: a small synthetic model, a running server, a browser."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

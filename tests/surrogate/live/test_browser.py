@@ -1,7 +1,5 @@
 """The page in Chromium: pressed by mouse and by keys alone, narrow and dark, and without a request to elsewhere."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Messages of a browser: what they state is limited, and what is none is refused without harm."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading

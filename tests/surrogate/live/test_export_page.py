@@ -1,7 +1,5 @@
 """The page as one file: small, without a request, and read as `predict` reads."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

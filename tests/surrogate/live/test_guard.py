@@ -1,7 +1,5 @@
 """Only requests to this host, from its own pages, with the token, that read."""
 
-from __future__ import annotations
-
 import pytest
 
 from surrogate.live.guard import policy, refusal

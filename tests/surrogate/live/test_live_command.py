@@ -1,7 +1,5 @@
 """`surrogate live`: choices that contradict each other, and a server that is not installed."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The running server: who is let in, what it withstands, and how it stops."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import os

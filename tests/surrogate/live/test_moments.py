@@ -1,7 +1,5 @@
 """Frames in time: pressed skins answer at once, recordings keep their rate, bad lines cost no other."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import time

@@ -1,7 +1,5 @@
 """The page of a skin with an outline in Chromium: pressed and read, refused near edges, exported, and replayed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import surrogate
 from surrogate.forward_map.forward_map import linearise
@@ -18,9 +15,9 @@ from surrogate.live.controls import Controls
 from surrogate.live.export_page import MOST_BYTES, export_page
 from surrogate.live.pictured import pictured
 from surrogate.live.skins import learned_skin, limits_of
+from touchcal.arrays import Array
 from touchcal.csv_numbers import write_numbers
 
-Array = NDArray[np.float64]
 NOISE_V = 1e-7
 PLACE_MM = 0.2  # the most that a place read in the browser may differ from that of `predict`
 NEAR_EDGE = "not pressed: nearer to an edge than the model knows"

@@ -1,7 +1,5 @@
 """The page's edges of a skin are those of Python: what they refuse and where presses are held."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the page is to say of the untouched frame is that of the tracker which reads now."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import surrogate

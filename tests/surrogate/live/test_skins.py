@@ -1,7 +1,5 @@
 """Skins that answer presses: the simulator as it solves scenes, within what tables hold; and the learned map."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Frames between which a channel's gain drifted: read with and without counting it, and named."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.typing import NDArray
 
 from eitsim.sweeps.dataset.parquet import RELAXATION, read_dataset, read_manifest, write_manifest, write_part
 from matcal.laws.prony import Prony, relaxation
@@ -18,8 +17,8 @@ from surrogate.data.samples import SweepSamples, read_samples, take
 from surrogate.model.model import Model
 from surrogate.model.stream import answer
 from surrogate.model.train import train
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 SERIES = {"g": [0.2, 0.1], "tau_s": [1.0, 30.0], "moduli": "longterm"}
 NAMES = ("x0", "d", "F", "sigma_ave")
 

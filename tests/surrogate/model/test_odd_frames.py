@@ -1,7 +1,5 @@
 """Frames whose residuals are not those of the noise of untouched frames and of the map are odd, others rarely."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

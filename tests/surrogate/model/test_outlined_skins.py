@@ -1,14 +1,11 @@
 """Surrogates of a skin with an outline: made-up touches whose signals are exact multipoles of a rectangle's fields."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import eitsim
 import surrogate
@@ -21,8 +18,7 @@ from surrogate.data.sensor_ring import radial
 from surrogate.forward_map.forward_map import linearise
 from surrogate.forward_map.known_places import CONVERGES
 from surrogate.forward_map.load_coordinates import to_unknown
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 # the foam of table 1 of the paper
 CARD = MaterialCard("table 1", Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0],

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import io
 import os
 import threading
@@ -9,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
 from surrogate.cli import main
@@ -19,9 +16,9 @@ from surrogate.model.model import Model
 from surrogate.model.predict import predict, prepare, read_touches, table_of
 from surrogate.model.stream import answer
 from surrogate.model.train import train
+from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
-Array = NDArray[np.float64]
 Synthetic = Callable[[int, int], tuple[Array, Array]]
 
 

@@ -1,7 +1,5 @@
 """Synthetic presses, no skin measured: first-order signals in the harmonic fields of the uniform disc, with noise."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """The untouched frame: tracked between two, its drift learnt and projected out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What the commands say of readers that hold too little, read too little, or have no sensor file."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Each family of readers on synthetic presses, and how they are combined."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A model of a recording that follows a stream: synthetic presses, quick networks."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Labels of presses: what is read, and what is refused with the line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Readings that a row holds a frame late, on synthetic presses whose rows begin in the middle of a scan."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

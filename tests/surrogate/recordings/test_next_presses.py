@@ -1,7 +1,5 @@
 """Places to press next: what they promise is what a refit finds, they spread, and the command names them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 """What a model of the sensor expects of patterns: the fields, how the sensor lies, a sweep in their place, and when it
 is used. All presses are synthetic: exact signals of circular spots, each reading with a gain of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

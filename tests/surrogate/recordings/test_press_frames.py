@@ -1,7 +1,5 @@
 """Several frames of one press: never in training and test at once, and counted once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

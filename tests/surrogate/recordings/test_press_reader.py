@@ -1,7 +1,5 @@
 """Labels of any subset on synthetic presses, no skin measured: what is read, what is left out and why."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Real skins that others measured, in ../shared/real; skipped where they are not there."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

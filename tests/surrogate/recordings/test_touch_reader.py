@@ -1,7 +1,5 @@
 """The reader whole: it reads, refuses, flags, is stored, and is what the commands use."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

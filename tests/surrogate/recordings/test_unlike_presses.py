@@ -1,8 +1,6 @@
 """Presses unlike those of training, synthetic: of another session, stronger, noisier, against another untouched frame.
 Frames without a flag are held, and few of the same session have one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

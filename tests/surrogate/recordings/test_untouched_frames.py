@@ -1,7 +1,5 @@
 """What untouched frames teach where they share times, have dead channels, are few, or have another clock."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

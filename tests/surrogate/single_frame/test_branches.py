@@ -1,17 +1,13 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.forward_map import forward_map
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.single_frame import branches, diameter_profile
 from surrogate.single_frame.posterior import posterior_of
-
-Array = NDArray[np.float64]
+from touchcal.arrays import Array
 
 
 def two_loads(u: Array) -> tuple[Array, Array]:

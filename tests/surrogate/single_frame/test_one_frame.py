@@ -1,7 +1,5 @@
 """One frame in depth: direct inversion, the posterior of one touch, and the options of `surrogate frame`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.bounds.fisher_information import Slopes
 from surrogate.cli.frame_command import frame
@@ -31,9 +28,9 @@ from surrogate.single_frame.simulated_posterior import Correction, simulated_pos
 from surrogate.single_frame.simulator_inversion import direct, relative_curvature
 from surrogate.single_frame.simulator_likelihood import Simulator, Solved, Unknowns, unknowns_of
 from surrogate.statistics.conformal import COVERAGE, normal
+from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
-Array = NDArray[np.float64]
 Draw = Callable[..., tuple[Array, Array]]
 
 

@@ -1,13 +1,10 @@
 """One frame in depth on a skin with an outline: the posterior of the learned map, and the simulator inverted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import surrogate
 from matcal.posterior import ensembles
@@ -20,8 +17,8 @@ from surrogate.single_frame import simulator_inversion as direct_module
 from surrogate.single_frame.posterior import log_prior, posterior_of, prior_of
 from surrogate.single_frame.simulator_inversion import direct
 from surrogate.single_frame.simulator_likelihood import Simulator, Solved
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 Signals = Callable[[Array], Array]
 
 

@@ -1,20 +1,17 @@
 """Two touches read from one frame by superposition."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from surrogate.data.sensor_ring import Ring
 from surrogate.forward_map.forward_map import ForwardMap, fit, linearise
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.single_frame.two_touches import Pair, read_pair
+from touchcal.arrays import Array
 
-Array = NDArray[np.float64]
 NOISE_V = 2e-4
 
 

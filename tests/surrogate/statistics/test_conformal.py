@@ -1,7 +1,5 @@
 """Conformal factors, coverages and scores against counts and tables worked out by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binom, norm

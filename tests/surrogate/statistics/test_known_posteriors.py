@@ -1,7 +1,5 @@
 """Processes and least squares against dense formulas written out here."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -194,7 +194,8 @@ def _loads(model: LayerProblem, moved: Array, depths: Array, negative_curvature_
         yield (k, faces, press.load(*contact.forces(press.rigid, faces, at)),
                press.stiffness(*contact.stiffness(press.rigid, faces, at, negative_curvature_scale)))
     for k, faces, springs, seen in held(model, moved, depths):
-        press, tangent = model.presses[k], stick_springs.tangent(springs, seen).reshape(*faces.weight.shape, 3, 3)
+        press, tangent = model.presses[k], stick_springs.tangent(
+            springs, seen, negative_curvature_scale).reshape(*faces.weight.shape, 3, 3)
         yield (k, faces, press.load(*_pull(faces, springs, seen)),
                press.stiffness(*contact.assemble_stiffness(faces, tangent)))
 

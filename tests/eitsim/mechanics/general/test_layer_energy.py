@@ -1,7 +1,5 @@
 """The layer's energy: gradient and Hessian against differences, and a uniform deformation held exactly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Meshes of a layer: volumes, conformity, edges and holes followed, gaps refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Touches solved together in three dimensions, against those solved alone, about an axis, and against symmetry."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Curved surfaces: nearest places, coordinates there and back, lengths and curvatures at the origin."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import meshio

@@ -1,7 +1,5 @@
 """Calibration of the absolute model: its physics, what it recovers, what it refuses, and what it writes."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable

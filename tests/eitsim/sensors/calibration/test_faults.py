@@ -1,7 +1,5 @@
 """Dead electrodes and channels that no model explains are named, and what is left is calibrated without them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

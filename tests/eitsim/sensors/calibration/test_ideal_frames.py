@@ -1,7 +1,5 @@
 """Frames corrected to the ideal sensor: touches of a real one become those of the ideal one, noise is not blown up."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

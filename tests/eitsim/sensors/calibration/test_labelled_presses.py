@@ -1,7 +1,5 @@
 """Labelled presses: the field of a small touch, the signal's size, and gains of readings where no model is usable."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Readings are synthetic, by meshes made for the hidden electrodes, which no fit takes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A fitted skin as a card: its laws and draws, its place in scenes, what is refused by name, and the whole command."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +11,6 @@ import pytest
 
 import eitsim
 import matcal
-from eitsim.cli.display import show_calibration
 from eitsim.cli.fitted_card import check_card_of_design
 from eitsim.scene.channels import Channels
 from eitsim.scene.drive import Drive
@@ -142,20 +139,6 @@ def test_scenes_of_a_sensor_take_the_skin_s_card_and_count_what_presses_scattere
     assert read_scene(tmp_path / "scene.toml").channels.size_error == (0.3,)  # what the card before the fit left
     (tmp_path / "other.json").write_bytes(card_path(file).read_bytes())
     assert read_scene(tmp_path / "scene.toml").channels.size_error == (0.02,)
-
-
-def test_presses_that_stand_out_and_a_card_left_as_it_is_are_said(capsys: pytest.CaptureFixture[str],
-                                                                  tmp_path: Path) -> None:
-    skin = fitted({})
-    fit = Fit(HELD.prior_mean, 1e-6, 0.0, np.diag(1e-4 * HELD.prior_sd**2))
-    found = Calibration(SENSOR, 1, None, instrument=HELD, fit=fit,
-                        skin=replace(skin, odd=("p7",), too_deep=("p3",), fit=replace(skin.fit, kept=())))
-    show_calibration(calibration_document(found, "sensor.card.json"), tmp_path / "sensor.json")
-    said = " ".join(capsys.readouterr().out.split())
-    assert "has the laws of the card as it is" in said
-    assert "missed by far more than the others: p7;" in said
-    assert "left out, deeper than load paths are stored: p3" in said
-    assert "near the rim" not in said
 
 
 def test_a_sweep_warns_of_a_card_that_is_not_the_skin_s(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

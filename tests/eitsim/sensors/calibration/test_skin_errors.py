@@ -1,7 +1,5 @@
 """What the calibration's own error makes of presses: nothing where it is sure, and in the same way in all of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The staged fit of a skin to presses, on linear synthetic models: what is recovered, kept, left out and said of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Touch or drift: what each explains of a frame decides, and the state before. Synthetic."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

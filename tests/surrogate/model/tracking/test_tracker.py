@@ -1,7 +1,5 @@
 """Streams of synthetic touches: exact responses of spots, read by a map that was learned from others."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from dataclasses import replace

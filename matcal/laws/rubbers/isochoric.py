@@ -44,6 +44,12 @@ class Isochoric(Law):
             staticmethod, _assembled(cls.of_invariants, cls.of_stretch, cls.of_two_stretches))
 
     @property
+    def mu_0_Pa(self) -> float:
+        """Initial shear modulus 2 (W_1 + W_2) + w''/2 at rest, Pa."""
+        rest = self.of_invariants(self.numbers, 0.0, 0.0)
+        return float(2 * (rest[1] + rest[2]) + self.of_stretch(self.numbers, 0.0)[2] / 2)
+
+    @property
     def kappa_0_Pa(self) -> float:
         """Initial bulk modulus, Pa; infinite where the law keeps its volume."""
         return np.inf if self.incompressible else float(bulk_modulus(self.mu_0_Pa, self.nu))

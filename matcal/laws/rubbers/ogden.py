@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from matcal.laws.hyperfoam import exp_remainder
-from matcal.laws.isochoric import NU, Isochoric
 from matcal.laws.law import Parameter, Ranges, check, sinh_ratio
+from matcal.laws.rubbers.isochoric import NU, Isochoric
 from touchcal.arrays import Array
 
 

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from matcal.laws.isochoric import NU, Isochoric
 from matcal.laws.law import Parameter, Ranges
+from matcal.laws.rubbers.isochoric import NU, Isochoric
 
 _ANY = (-np.inf, np.inf)
 _CONSTANTS = ("c_10_Pa", "c_01_Pa", "c_20_Pa", "c_11_Pa", "c_02_Pa")

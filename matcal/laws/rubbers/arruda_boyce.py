@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from matcal.laws.isochoric import NU, Isochoric
 from matcal.laws.law import Parameter, Ranges
+from matcal.laws.rubbers.isochoric import NU, Isochoric
 
 C_1, C_2, C_3, C_4, C_5 = 1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750
 

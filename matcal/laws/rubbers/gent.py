@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from matcal.laws.isochoric import NU, Isochoric
 from matcal.laws.law import Parameter, Ranges
+from matcal.laws.rubbers.isochoric import NU, Isochoric
 from touchcal.jit import where
 
 

@@ -1,0 +1,123 @@
+"""Rubber laws from tests: each finds what made the data, is compared by what it predicts, and its band is honest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import matcal
+from matcal.fitting.general_fit import fit_law
+from matcal.fitting.hyperfoam.curves import weigh
+from matcal.fitting.law_ranking import band_over, ranked
+from matcal.fitting.rubber_or_foam import kind_of
+from matcal.laws.deformation_modes import nominal_stress
+from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.rubbers.arruda_boyce import ArrudaBoyce
+from matcal.laws.rubbers.extended_tube import ExtendedTube
+from matcal.laws.rubbers.gent import Gent
+from matcal.laws.rubbers.mooney_rivlin import MooneyRivlin
+from matcal.laws.rubbers.mooney_rivlin_5 import MooneyRivlin5
+from matcal.laws.rubbers.ogden import Ogden
+from matcal.laws.rubbers.yeoh import Yeoh
+from matcal.reduction.experiment import Experiment
+
+SHARED = Path(__file__).parents[4] / "shared"
+STRAIN = {"uniaxial": np.linspace(-0.4, 2.2, 40), "planar": np.linspace(0.05, 2.0, 25),
+          "biaxial": np.linspace(0.05, 1.2, 25), "shear": np.linspace(0.05, 1.5, 25),
+          "volumetric": np.linspace(0.99, 1.0, 12)}
+LAWS = (MooneyRivlin(9e4, 2e4), MooneyRivlin5(9e4, 2e4, 8e2, 1e2, 50.0), Yeoh(1e5, -1e3, 60.0),
+        Ogden([1.5e5, 4e3], [1.7, 5.0]), Gent(2e5, 40.0), ArrudaBoyce(2e5, 3.0), ExtendedTube(1e5, 0.15, 1e5, 0.4))
+
+
+def records(law, modes, noise=0.0, seed=0):
+    draw = np.random.default_rng(seed)
+    return [Experiment(m, STRAIN[m], nominal_stress(law, m, STRAIN[m]) + noise * draw.normal(size=STRAIN[m].size))
+            for m in modes]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_a_fit_finds_the_law_that_made_the_tests(law) -> None:
+    found = fit_law(weigh(records(law, ["uniaxial", "biaxial"])), type(law), {})
+    assert found.optimum.cost**0.5 < 1e-6
+    assert found.law.mu_0_Pa == pytest.approx(law.mu_0_Pa, rel=1e-4)
+    for mode in ("planar", "shear"):
+        np.testing.assert_allclose(nominal_stress(found.law, mode, STRAIN[mode]),
+                                   nominal_stress(law, mode, STRAIN[mode]), rtol=1e-4)
+
+
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[3], LAWS[4]], ids=lambda law: law.name)
+def test_a_volumetric_test_gives_the_bulk_modulus(law) -> None:
+    from dataclasses import replace
+    finite = replace(law, nu=0.4996)
+    found = fit_law(weigh(records(finite, ["uniaxial", "volumetric"])), type(law), {}).law
+    assert found.kappa_0_Pa == pytest.approx(finite.kappa_0_Pa, rel=1e-3)
+    assert found.mu_0_Pa == pytest.approx(law.mu_0_Pa, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_law_that_made_two_modes_predicts_the_third_within_its_band(seed) -> None:
+    law = (Gent(2e5, 40.0), Yeoh(1e5, -1e3, 60.0), ExtendedTube(1e5, 0.15, 1e5, 0.4))[seed]
+    rows = ranked(weigh(records(law, ["uniaxial", "planar"], 2e3, seed)), {})
+    assert sum(row.weight for row in rows) == pytest.approx(1)
+    assert all(row.weight == 0 for row in rows if row.lost)
+    low, high = band_over(rows, "biaxial", STRAIN["biaxial"])
+    truth = nominal_stress(law, "biaxial", STRAIN["biaxial"])
+    assert np.mean((low <= truth) & (truth <= high)) > 0.9
+
+
+@pytest.mark.parametrize(("law", "modes", "rubber"), [
+    (Gent(2e5, 40.0), ["uniaxial"], True), (Ogden([1.5e5], [1.7]), ["uniaxial", "shear"], True),
+    (Hyperfoam(np.array([2e4]), np.array([8.0]), np.zeros(1)), ["uniaxial"], False)])
+def test_foams_and_rubbers_are_told_from_their_curves(law, modes, rubber) -> None:
+    part = [Experiment(e.kind, e.strain[e.strain < 0.9], e.value[e.strain < 0.9]) for e in records(law, modes, 50.0)]
+    if not rubber:
+        part = [Experiment(e.kind, e.strain[e.strain < 0], e.value[e.strain < 0]) for e in part]
+    assert kind_of(weigh(part), None).rubber is rubber
+    assert kind_of(weigh(part), 0.5).rubber
+    assert not kind_of(weigh(part), 0.1).rubber
+
+
+def test_a_card_holds_the_laws_and_predicts_with_their_band(tmp_path: Path) -> None:
+    tests = records(Gent(2e5, 40.0), ["uniaxial"], 2e3)
+    card = matcal.fit(tests, law="auto").save(tmp_path / "rubber.json").card
+    assert card.fit["material"]["rubber"]
+    assert {row["law"] for row in card.fit["laws"]} >= {"gent", "yeoh", "neo_hooke"}
+    row = matcal.predict(tmp_path / "rubber.json", "biaxial", [0.5, 1.0])
+    truth = nominal_stress(Gent(2e5, 40.0), "biaxial", [0.5, 1.0])
+    assert np.all((row["stress_lo_Pa"] < truth) & (truth < row["stress_hi_Pa"]))
+    with pytest.raises(ValueError, match="keeps its volume"):
+        matcal.predict(card, "volumetric", [0.9])
+
+
+def test_auto_gives_foams_the_card_of_today() -> None:
+    files = ["data_raw/uniaxial.csv", "data_raw/shear.csv"]
+    auto, plain = (matcal.fit(files, law=law).card for law in ("auto", "hyperfoam"))
+    assert auto.hyperfoam is not None
+    assert plain.hyperfoam is not None
+    assert auto.hyperfoam.alpha.tolist() == plain.hyperfoam.alpha.tolist()
+    assert auto.fit["derived"] == plain.fit["derived"]
+    assert not auto.fit["material"]["rubber"]
+
+
+def silicone() -> list[Experiment]:
+    folder = SHARED / "cases" / "material" / "20_silicone_three_modes"
+    if not folder.is_dir():
+        pytest.skip("needs the files of others")
+    read = {kind: np.loadtxt(folder / f"{name}.txt").T for kind, name in (
+        ("uniaxial", "UT"), ("planar", "PS"), ("biaxial", "ET"))}
+    return [Experiment(kind, stretch - 1, stress * 1e6) for kind, (stress, stretch) in read.items()]
+
+
+def test_a_silicone_of_one_mode_is_held_by_the_band_in_the_others() -> None:
+    """Meunier et al. 2008; Ogden with three terms, scipy: mu_0 = 340.7 kPa."""
+    tests, inside = silicone(), []
+    for k, own in enumerate(tests):
+        rows = ranked(weigh([own]), {})
+        for other in tests[:k] + tests[k + 1:]:
+            low, high = band_over(rows, other.kind, other.strain)
+            inside.append(np.mean((low <= other.value) & (other.value <= high)))
+    assert np.mean(inside) > 0.85
+    found = fit_law(weigh(tests), Ogden, {}, order=3, thorough=False)
+    assert found.law.mu_0_Pa == pytest.approx(340.7e3, rel=0.03)
