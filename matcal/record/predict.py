@@ -142,19 +142,6 @@ def follow_path(card: MaterialCard | Path | str, mode: str, strain: ArrayLike,
     return {**out, "strain": strain, "stress_Pa": stress}
 
 
-def laws_band(card: MaterialCard, mode: str, at: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Ends of the band over all laws that were compared for the card, Pa; None where it holds none."""
-    rows = card.fit.get("laws")
-    if not rows or card.law is None:
-        return None
-    from matcal.fitting.law_ranking import Ranked, band_over
-
-    laws = [Ranked(law_of(row["law"], [np.ravel(value).tolist() for value in row["parameters"].values()]),
-                   np.array(row["covariance"], dtype=float), row["fitted"], row["predicted"], (), (), row["weight"])
-            for row in rows]
-    return band_over(laws, mode, at)
-
-
 def at_temperature(card: MaterialCard, mode: str, temperature_C: float) -> MaterialCard:
     """The card with the times of its series, and those that were seen, as they are at another temperature."""
     if mode != "relaxation":
@@ -166,6 +153,19 @@ def at_temperature(card: MaterialCard, mode: str, temperature_C: float) -> Mater
     if "seen_s" in found:
         found["seen_s"] = [factor * t for t in found["seen_s"]]
     return replace(card, prony=Prony(prony.g, factor * prony.tau_s), fit={**card.fit, "prony": found})
+
+
+def laws_band(card: MaterialCard, mode: str, at: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Ends of the band over all laws that were compared for the card, Pa; None where it holds none."""
+    rows = card.fit.get("laws")
+    if not rows or card.law is None:
+        return None
+    from matcal.fitting.law_ranking import Ranked, band_over
+
+    laws = [Ranked(law_of(row["law"], [np.ravel(value).tolist() for value in row["parameters"].values()]),
+                   np.array(row["covariance"], dtype=float), row["fitted"], row["predicted"], (), (), row["weight"])
+            for row in rows]
+    return band_over(laws, mode, at)
 
 
 def check(card: MaterialCard | Path | str) -> dict[str, Any]:
