@@ -68,12 +68,12 @@ def export_page(model: SweepModel, path: Path | str) -> None:
     model = of_trained_profile(model)
     greeting = hello(model, pressable(model), "exported", usual_noise_V(model))
     data = {"hello": greeting | {"assumes": f"{greeting['assumes']}; {UNFLAGGED}"}, "map": document(model)}
-    text = _whole(json.dumps(data, allow_nan=False))
-    if len(text.encode()) > MOST_BYTES:
-        raise ValueError(f"the page would have {len(text.encode()) / 1e6:.1f} MB, at most {MOST_BYTES / 1e6:g} are "
-                         "written. Train on fewer scenes.")
+    text = page_with(json.dumps(data, allow_nan=False)).encode()
+    if len(text) > MOST_BYTES:
+        raise ValueError(f"the page would have {len(text) / 1e6:.1f} MB, at most {MOST_BYTES / 1e6:g} are written. "
+                         "Train on fewer scenes.")
     with written(Path(path)) as file:
-        file.write(text.encode())
+        file.write(text)
 
 
 def pressable(model: SweepModel) -> Limits:
@@ -148,8 +148,8 @@ def _packed(values: ArrayLike, kind: str = "<f8") -> dict[str, str]:
     return {"kind": kind, "base64": base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()}
 
 
-def _whole(data: str) -> str:
-    """The page with style, scripts and data in it, and a policy that forbids every request."""
+def page_with(data: str) -> str:
+    """The page with style, scripts and the data of `export_page` in it, and a policy that forbids every request."""
     text = (PAGE / "index.html").read_text(encoding="utf-8")
     text = text.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n<meta http-equiv="Content-Security-Policy" '
                                                   f'content="{_POLICY}">')

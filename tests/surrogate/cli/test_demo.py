@@ -1,0 +1,43 @@
+"""`touchcal demo`: a page to press and a touch, from nothing but the installed packages."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from typer.testing import CliRunner
+
+import eitsim
+import matcal
+from surrogate.cli.demo_command import CARD, PAGE, SCENE, app
+from surrogate.live.export_page import export_page
+
+
+def learned(page: Path) -> dict[str, Any]:
+    """What a page's script reads."""
+    found = re.search(r'id="learned">(.*?)</script>', page.read_text(encoding="utf-8"), re.DOTALL)
+    assert found is not None
+    return json.loads(found[1])
+
+
+def test_a_page_and_a_touch_are_made_of_nothing(tmp_path: Path) -> None:
+    ran = CliRunner().invoke(app, ["demo", "--out", str(tmp_path / "first"), "--no-browser"])
+    assert ran.exit_code == 0, ran.output
+    assert len(ran.output.splitlines()) < 20
+    assert "made-up" in ran.output
+    result = eitsim.simulate(eitsim.read_scene(tmp_path / "first" / SCENE), matcal.read_card(tmp_path / "first" / CARD))
+    assert f"{1e3 * result.touches[0].depth_m:.2f} mm" in ran.output
+
+
+def test_the_page_of_the_demo_has_what_an_exported_page_has(inner_model: Any, tmp_path: Path) -> None:
+    CliRunner().invoke(app, ["demo", "--out", str(tmp_path), "--no-browser"], catch_exceptions=False)
+    export_page(inner_model, tmp_path / "own.html")
+    shown, exported = learned(tmp_path / PAGE), learned(tmp_path / "own.html")
+    assert {part: set(shown[part]) for part in shown} == {part: set(exported[part]) for part in exported}
+
+
+def test_a_file_in_place_of_the_folder_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    ran = CliRunner().invoke(app, ["demo", "--out", str(tmp_path / "out"), "--no-browser"])
+    assert isinstance(ran.exception, ValueError)
+    assert (tmp_path / "out").read_text() == "mine"
