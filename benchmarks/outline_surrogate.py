@@ -32,7 +32,7 @@ import eitsim
 import surrogate
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.scene import Punch
-from eitsim.sweeps.design.design import Design, design_from, representative_scene
+from eitsim.sweeps.design.design import Design, design_from, flat_scene
 from eitsim.sweeps.measurement.instrument import below
 from eitsim.sweeps.run.account import account_of
 from surrogate.data.samples import PARTS
@@ -117,7 +117,7 @@ def scored(case: str, model: surrogate.SweepModel, table: pd.DataFrame, noise_dB
 def near_an_edge(case: str, model: surrogate.SweepModel, design: Design) -> Iterator[dict[str, Any]]:
     """How many of some touches near an edge, solved anew, are flagged, the median error of y and how many of its
     intervals hold, of all and of those that are not flagged."""
-    scene, rng = representative_scene(design), np.random.default_rng(3)
+    scene, rng = flat_scene(design), np.random.default_rng(3)
     assert scene.body.outline.height_m is not None
     touches, frames = [], []
     for gap in GAPS_MM:
