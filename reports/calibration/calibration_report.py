@@ -169,6 +169,7 @@ def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
         "parameters": (tables_of.parameters, foam or series),
         "results": (lambda _: summary.results(record), foam or series or skin),
         "softening": (tables_of.softening, card.softening is not None),
+        "laws": (tables_of.laws, fit.get("laws")),
         "skin": (tables_of.skin, skin),
         "tested": (summary.tested, tests(card)),
         "recorded": (lambda _: summary.recorded(record), tests(card)),

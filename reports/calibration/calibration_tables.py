@@ -66,6 +66,12 @@ def softening(card: MaterialCard) -> Table:
                                                   "standard error each.")
 
 
+def laws(card: MaterialCard) -> Table:
+    """The laws that were compared."""
+    table = result_tables.laws(card)
+    return printed(table, f"Laws that were compared, * in the card. {' '.join(table.notes)}")
+
+
 def skin(card: MaterialCard) -> Table:
     """The conductivity law's parameters, standard errors behind ± where the card has them."""
     law, found = card.conductivity, card.fit.get("conductivity", {})
