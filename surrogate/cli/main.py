@@ -81,12 +81,13 @@ def train(folder: TrainedOn, out: Annotated[Path, typer.Option(help="Folder of t
     check_out(out, folder=True)
     store.check_own(out)
     method_of(method)
-    names, levels = chosen(outputs), _levels(noise_db)
+    chosen(outputs)
+    levels = _levels(noise_db)
     samples = _samples(folder)
     workers = workers or (cores() if len(samples) >= 1000 else 1)
     with waiting("learning the touches"):
-        model = surrogate.train(samples, method, names, seed, epochs=epochs, workers=workers, each=counted("networks"),
-                                calibrate=calibrate, exact_signals=exact_signals, known_punches=known_punches)
+        model = surrogate.train(samples, method, outputs, seed, epochs=epochs, workers=workers, calibrate=calibrate,
+                                each=counted("networks"), exact_signals=exact_signals, known_punches=known_punches)
     model.save(out)
     with waiting("scoring the model, which calibrates its intervals"):
         own = METHODS[model.method]
