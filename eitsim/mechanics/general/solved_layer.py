@@ -118,8 +118,12 @@ def _carried_over(places: Array, values: Array, points: Array) -> Array:
 
 
 def _upright(model: LayerProblem, start: Array) -> Array:
-    """The largest share of a start that does not turn the layer inside out between the points of a coarse mesh."""
-    return next((share * start for share in _SHARES if np.isfinite(many.energy(model, share * start))), start)
+    """The largest share of a start that does not turn the layer inside out between the points of a coarse mesh; depths
+    that are given stay."""
+    given = np.zeros(len(start), dtype=bool)
+    given[-len(model.presses):] = [press.force is None for press in model.presses]
+    tried = (np.where(given, start, share * start) for share in _SHARES)
+    return next((each for each in tried if np.isfinite(many.energy(model, each))), start)
 
 
 def _reached(model: LayerProblem, lone: tuple[LoneTouch, ...], start: Array, halvings: int) -> Minimum:
