@@ -41,7 +41,7 @@ def demo(out: Annotated[Path, typer.Option(help="Folder of what is written.")] =
 
     import eitsim
     import matcal
-    from surrogate.live.export_page import page_with
+    from surrogate.live.whole_page import page_with
 
     check_out(out, folder=True)
     out.mkdir(parents=True, exist_ok=True)

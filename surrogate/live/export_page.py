@@ -2,7 +2,6 @@
 
 import base64
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,8 +21,8 @@ from surrogate.forward_map.inversion.multipole_location import (
 )
 from surrogate.live.controls import Limits
 from surrogate.live.messages import hello
-from surrogate.live.serve import PAGE
 from surrogate.live.skins import forward_of, limits_of, usual_noise_V
+from surrogate.live.whole_page import page_with
 from surrogate.model.assumed_punch import of_trained_profile
 from surrogate.model.predict import WEAK
 from surrogate.model.sweep_model import SweepModel
@@ -38,9 +37,6 @@ CANDIDATES, SAMPLED = 400, 64
 # Part of a disc's radius from its rim within which no press is made: errors of the map there go together, which the
 # browser's reader does not count, and places differ from those of `predict` by millimetres.
 RIM_LEFT = 0.15
-_POLICY = ("default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
-           "form-action 'none'")
-_SCRIPTS = ("skin.js", "drawing.js", "press.js", "learned_map.js", "browser_skin.js", "page.js")
 UNFLAGGED = "another punch is not flagged on this page"
 MISFIT_FACTOR = 3.0  # misfit over the worst validation row's from which the page calls a frame unlike a touch
 
@@ -146,16 +142,3 @@ def _rim(forward: ForwardMap) -> dict[str, Any]:
 
 def _packed(values: ArrayLike, kind: str = "<f8") -> dict[str, str]:
     return {"kind": kind, "base64": base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()}
-
-
-def page_with(data: str) -> str:
-    """The page with style, scripts and the data of `export_page` in it, and a policy that forbids every request."""
-    text = (PAGE / "index.html").read_text(encoding="utf-8")
-    text = text.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n<meta http-equiv="Content-Security-Policy" '
-                                                  f'content="{_POLICY}">')
-    style = (PAGE / "page.css").read_text(encoding="utf-8")
-    text = text.replace('<link rel="stylesheet" href="page.css">', f"<style>\n{style}</style>")
-    scripts = "\n".join(f"<script>\n{(PAGE / name).read_text(encoding='utf-8')}</script>" for name in _SCRIPTS)
-    within = f'<script type="application/json" id="learned">{data}</script>\n{scripts}'
-    return re.sub(r'<script src="skin.js">.*<script src="page.js"></script>', lambda _: within, text,
-                  flags=re.DOTALL)

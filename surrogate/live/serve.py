@@ -9,7 +9,6 @@ import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,11 +17,11 @@ from surrogate.live import messages
 from surrogate.live.controls import MOST_BYTES, Latest, Limits, controls_of
 from surrogate.live.guard import App, guarded
 from surrogate.live.moments import Moment
+from surrogate.live.whole_page import PAGE
 from surrogate.model.tracking.tracked import UNREADABLE, Tracked
 from touchcal.lazy import needed
 
 HOST = "127.0.0.1"
-PAGE = Path(__file__).parent / "page"
 # Frames that wait for a watcher at most, before the oldest is left out; watchers at most
 WAITING, WATCHERS = 25, 8
 ENDED, SHOWN = "the input ended", "the recording ended; start the command again to see it again"
