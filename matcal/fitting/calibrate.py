@@ -14,7 +14,7 @@ from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
-from matcal.fitting.law_choice import Choice, chosen_law
+from matcal.fitting.law_choice import LawChoice, chosen_law
 from matcal.fitting.relaxation.record_thinning import thinned
 from matcal.fitting.relaxation.relaxation_fit import PronyFit, fit_prony, order_sentences
 from matcal.fitting.relaxation.series import Series
@@ -50,8 +50,7 @@ class FittedLaws:
     two_nu: TwoNu | None = None  # nu by lateral strains and by all else, where there are both
     softening: SofteningFit | None = None  # by earlier loading; None where no test has a whole path
     spectrum: SpectrumFit | None = None  # relaxation of a dynamic test or a creep; None without one
-
-    choice: Choice | None = None  # how `law` auto chose the law; None where it was given
+    choice: LawChoice | None = None  # how `law` auto chose the law; None where it was given
 
     @property
     def series(self) -> Series | None:

@@ -14,11 +14,11 @@ from touchcal.number_words import percent
 
 _NEARLY = 0.5  # weight over the largest from which on a law predicts nearly best
 
-__all__ = ["Choice", "band_over", "chosen_law"]
+__all__ = ["LawChoice", "band_over", "chosen_law"]
 
 
 @dataclass(frozen=True)
-class Choice:
+class LawChoice:
     """A law that was chosen for the tests."""
 
     kind: Kind  # what they are of
@@ -36,18 +36,18 @@ class Choice:
         return tuple(said)
 
 
-def chosen_law(curves: Sequence[Curve], options: FitOptions) -> tuple[FitOptions, Choice | None]:
+def chosen_law(curves: Sequence[Curve], options: FitOptions) -> tuple[FitOptions, LawChoice | None]:
     """The options with a law in place of auto, and how it was chosen; None where it was given, or there is no curve.
     ValueError where a rubber's law does not have what the options ask for."""
     if options.law != AUTO:
         return options, None
     kind = kind_of(curves, options.poisson) if curves else None
     if kind is None or not kind.rubber:
-        return replace(options, law="hyperfoam"), Choice(kind) if kind else None
+        return replace(options, law="hyperfoam"), LawChoice(kind) if kind else None
     laws = ranked(curves, options.given)
     near = [row for row in laws if row.weight >= _NEARLY * laws[0].weight]
     best = min(near, key=lambda row: row.fitted)
     terms = np.size(getattr(best.law, best.law.parameters[0].name))
     order = terms if has_terms(type(best.law)) else options.order
     nu = 0.5 if not best.law.keeps_volume and options.poisson is None else options.poisson
-    return replace(options, law=best.law.name, order=order, poisson=nu), Choice(kind, laws, deciding(laws))
+    return replace(options, law=best.law.name, order=order, poisson=nu), LawChoice(kind, laws, deciding(laws))

@@ -13,7 +13,7 @@ from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
-from matcal.fitting.law_choice import Choice
+from matcal.fitting.law_choice import LawChoice
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import OF_ONE_FORM, OF_THIS_LAW, Uncertainty
@@ -63,7 +63,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
     return out
 
 
-def _choice_part(choice: Choice) -> dict[str, Any]:
+def _choice_part(choice: LawChoice) -> dict[str, Any]:
     """What the tests were taken for, and every law that was compared: parameters, their covariance, and how it did."""
     out: dict[str, Any] = {"material": {"rubber": choice.kind.rubber, "because": choice.kind.because}}
     if choice.laws:

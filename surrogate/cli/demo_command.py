@@ -58,7 +58,7 @@ def demo(out: Annotated[Path, typer.Option(help="Folder of what is written.")] =
     (touch,) = result.touches
     assert result.readings is not None
     print(f"""touch: 14 mm, 1 N, on a made-up foam of 10 mm
-  depth                {1e3 * touch.depth_m:.2f} mm +- {touch.depth_error:.1%}
+  depth                {1e3 * touch.depth_m:.2f} mm +- {result.error_estimate["depth"]:.1%}
   largest pressure     {touch.sigma_max_Pa / 1e3:.1f} kPa
   contact area         {1e6 * touch.contact_area_m2:.0f} mm2
   largest signal       {1e3 * abs(result.readings.signal_V).max():.2f} mV of {result.readings.signal_V.size} readings \

@@ -166,4 +166,4 @@ def test_triangles_are_halved_for_the_error_that_is_missed_alone(skins: ModuleTy
         return len(found.facets.cells)
 
     assert triangles(1e-3, 1e-2) == len(facets.cells)
-    assert triangles(1e-3, 2e-4) < 2 * len(facets.cells)
+    assert triangles(1e-3, 2e-5) < 7566  # 1.5 times the 5,044 triangles of a sheet that is cut four times as finely
