@@ -1,4 +1,6 @@
 import hashlib
+import subprocess
+import sys
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -147,6 +149,41 @@ def test_the_table_of_the_cheapest_counts_what_is_done_once(tmp_path: Path, read
     assert cheapest(near, 1e-5) is None
 
 
+def test_methods_are_named_as_a_stranger_reads_them_and_a_cost_stands_above_a_size(tmp_path: Path) -> None:
+    table = pd.DataFrame({"touch": "near", "method": ["P2 that follows, condensed", "rings that scatter"],
+                          "setting": "", "dv_error": 1e-4, "cpu_ms": 2.0, "kept_ms": 0.0})
+    table.to_csv(tmp_path / "electrics.csv", index=False)
+    pd.DataFrame(SIZES, columns=["triangles", "unknowns", "method", "cpu_s"]).to_csv(tmp_path / "peers_electrics.csv")
+    errors, sizes = report(tmp_path).plates
+    assert set(errors.data["electrics"]["method"]) == {"P2, mesh follows the touch, condensed", "scattering by rings"}
+    assert "that scatter" not in errors.caption
+    (axes,) = sizes.figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Unknowns (–)", "CPU time (s)")
+
+
+def test_what_was_not_run_is_said(tmp_path: Path, read_pdf: Reader) -> None:
+    write_electrics(tmp_path)
+    write(report, tmp_path, tmp_path / "p.pdf")
+    text = read_pdf(tmp_path / "p.pdf").whole
+    for bench in BENCHES:
+        said = f"Not there: {bench.file}. Run benchmarks/{bench.benchmark}.py" in text.replace("- ", "-")
+        assert said == (bench.name != "electrics")
+    assert sorted(p.name for p in (tmp_path / "p_files").glob("*.svg")) == ["electrics.svg"]
+
+
+def test_without_any_benchmark_nothing_is_drawn(tmp_path: Path, read_pdf: Reader) -> None:
+    write(report, tmp_path, tmp_path / "p.pdf")
+    assert "Any statement on error or run time not usable no benchmark has been run" in read_pdf(
+        tmp_path / "p.pdf").whole
+    assert not list((tmp_path / "p_files").glob("*.svg"))
+
+
+def test_a_table_without_a_number_is_said(tmp_path: Path, read_pdf: Reader) -> None:
+    (tmp_path / "mechanics.csv").write_text("touch,element_um,depth_error,cpu_s\nflat,240,,0.1\n")
+    write(report, tmp_path, tmp_path / "p.pdf")
+    assert "no row of mechanics.csv (1 row) holds a number" in read_pdf(tmp_path / "p.pdf").whole
+
+
 def test_the_points_drawn_lie_beside_the_page(tmp_path: Path) -> None:
     write_electrics(tmp_path)
     write(report, tmp_path, tmp_path / "p.pdf")
@@ -168,6 +205,15 @@ def test_errors_name_file_column_and_folder(tmp_path: Path) -> None:
                                               ((2.0, 2.0), "2.00 s")])
 def test_times_get_the_unit_of_the_largest(values: tuple[float, ...], text: str) -> None:
     assert seconds(*values).replace("\u00a0", " ") == text
+
+
+@pytest.mark.slow
+def test_the_command_writes_into_a_folder(tmp_path: Path) -> None:
+    write_electrics(tmp_path)
+    command = [sys.executable, "-m", "reports", "precision", "--results", str(tmp_path), "--out"]
+    done = subprocess.run([*command, str(tmp_path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "precision.pdf").is_file()
 
 
 def test_a_file_that_is_no_pdf_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

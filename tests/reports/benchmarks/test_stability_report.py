@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pytest
 
 from benchmarks.report.stability import WRITERS, report
 from benchmarks.report.stability_numerics import _cell as digits_cell
@@ -13,6 +14,7 @@ from benchmarks.report.stability_readings import cell as reading_cell
 from benchmarks.report.state_map import CAUTION, KEPT, LOST
 from benchmarks.report.stored_tables import write
 from reports.document.verdict import GOOD, NOT_USABLE, USABLE
+from touchcal.errors import InputFileError
 
 Reader = Callable[[Path], Any]
 TABLES: dict[str, dict[str, Any]] = {
@@ -80,6 +82,18 @@ def test_the_verdict_grades_laws_touches_rounding_and_noise(tmp_path: Path) -> N
 
 def test_without_any_table_nothing_is_usable(tmp_path: Path) -> None:
     assert [line.grade for line in report(tmp_path).verdict] == [NOT_USABLE]
+
+
+def test_what_was_not_measured_is_said(tmp_path: Path) -> None:
+    write_tables(tmp_path, "stiff")
+    made = report(tmp_path)
+    assert set(made.absent) == {"laws", "functions", "scenes", "relaxation", "electrics", "readings"}
+    assert made.absent["readings"].endswith("Run benchmarks/surrogate_noise.py, which writes it.")
+    (tmp_path / "stiff.csv").write_text("case\nx\n")
+    with pytest.raises(InputFileError, match=r"stiff\.csv.*'outcome'.*benchmarks/stiff\.py"):
+        report(tmp_path)
+    with pytest.raises(ValueError, match="no such folder"):
+        write(report, tmp_path / "nowhere", tmp_path / "s.pdf")
 
 
 def test_cells_are_lost_where_digits_intervals_or_errors_are(tmp_path: Path) -> None:

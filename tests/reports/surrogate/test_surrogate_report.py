@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import hashlib
 import json
 from collections.abc import Callable
@@ -111,6 +113,35 @@ def test_a_noise_that_was_scored_is_shown(tmp_path: Path, read_pdf: Reader) -> N
     assert "60.0 dB" in text
     assert "3.21" in text
     assert "12.5 dB below the RMS of the signal" in text
+
+
+def test_the_signal_over_force_is_drawn_with_its_tops(tmp_path: Path, read_pdf: Reader) -> None:
+    force = [0.1, 0.5, 1.0, 2.0]
+    turned = {"d_mm": 10.0, "rms_V": [1e-3, 4e-3, 3e-3, 2e-3], "peak_N": 0.5, "two_answers_N": [0.5, 2.0]}
+    growing = {"d_mm": 18.0, "rms_V": [1e-3, 2e-3, 3e-3, 4e-3], "peak_N": None, "two_answers_N": None}
+    amplitude = {"radius_mm": 0.0, "force_N": force, "diameters": [turned, growing]}
+    write_model(tmp_path / "model", amplitude=amplitude)
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = " ".join(read_pdf(tmp_path / "s.pdf").whole.split())
+    assert "it has a top at 0.50 N at 10.0 mm" in text
+    assert "between 0.50 and 2.0 N" in text
+    drawn = pd.read_csv(tmp_path / "s_files" / "amplitude.csv")
+    assert np.allclose(drawn.loc[drawn["d_mm"] == 10, "rms_mV"], [1, 4, 3, 2])
+    write_model(tmp_path / "model", amplitude=amplitude | {"diameters": [growing]})
+    assert any("grows with the force at every diameter" in plate.caption for plate in report(tmp_path / "model").plates)
+
+
+def test_scores_of_another_data_set_and_constant_targets_are_said(tmp_path: Path, read_pdf: Reader) -> None:
+    constant = {"mse": 1.5, "rmse": 1.22, "r2": None, "mae": 1.0, "n": 40, "coverage_90": 0.9, "unit": "mm"}
+    write_model(tmp_path / "model", dataset={"sha256": "00" * 32, "rows": 40}, outputs={"x0": {"all": constant}})
+    scores = json.loads((tmp_path / "model" / "evaluation.json").read_text())
+    del scores["sha256"]
+    table = pd.read_parquet(tmp_path / "model" / "predictions.parquet").assign(part="all")
+    save_evaluation(tmp_path / "model", scores, table)
+    write(tmp_path / "model", tmp_path / "s.pdf")
+    text = read_pdf(tmp_path / "s.pdf").whole
+    assert "another data set" in text
+    assert "Position x not usable no R²: the targets do not vary" in text
 
 
 def test_the_floor_of_the_physics_stands_beside_the_errors_under_noise(tmp_path: Path, read_pdf: Reader) -> None:

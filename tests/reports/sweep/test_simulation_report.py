@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import hashlib
 import json
 from collections.abc import Callable
@@ -77,6 +79,12 @@ def test_a_report_of_two_touches_shows_both(tmp_path: Path, write_result: Make, 
     assert {path.name for path in (tmp_path / "t_files").glob("profile_*.csv")} == {"profile_1.csv", "profile_2.csv"}
 
 
+def test_a_touch_without_any_signal_is_said(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
+    same = np.ones((16, 13)).tolist()
+    write(write_result(readings_V=same, baseline_V=same), tmp_path / "t.pdf")
+    assert "none of the voltages changes" in read_pdf(tmp_path / "t.pdf").whole
+
+
 def test_a_failed_result_says_what_it_lacks(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
     gone = dict.fromkeys(("readings_V", "baseline_V", "profile", "delta_max_mm", "force_N", "sigma_max_kPa",
                           "sigma_ave_kPa", "A_c_mm2", "wall_contact_mm2", "error_estimate", "stability", "scene",
@@ -88,6 +96,14 @@ def test_a_failed_result_says_what_it_lacks(tmp_path: Path, write_result: Make, 
     for sentence in ("No mechanical outputs", "No surface profile", "No voltages", "does not hold its scene"):
         assert sentence in text
     assert not list((tmp_path / "t_files").glob("*.svg"))
+
+
+@pytest.mark.parametrize("kind", ["nearest_edge", "all_edges", "whole_disc", "pair"])
+def test_a_profile_of_the_touch_alone_is_said(kind: str, write_result: Make) -> None:
+    said = "The touch alone, without what edges or another touch change; the table holds that."
+    assert said not in sentences(write_result())
+    plan = [{"kind": kind, "decision": "any", "reason": "any", "error_bound": 0.0, "unbounded": False}]
+    assert said in sentences(write_result(plan=plan))
 
 
 def test_a_hold_says_its_time_and_shows_all_times(tmp_path: Path, write_result: Make, read_pdf: Reader) -> None:
@@ -158,6 +174,11 @@ def test_the_footer_hash_of_a_sweep_follows_its_rows(write_set: Make) -> None:
     after = sweep_report.report(folder).footer["inputs"]
     assert before[0] == after[0]
     assert before[1]["sha256"] != after[1]["sha256"]
+
+
+def test_an_unfinished_sweep_is_said(write_set: Make) -> None:
+    findings = " ".join(sweep_report.report(write_set(8, scenes=30)).findings)
+    assert "unfinished: the design asks for 30 scenes, 8 are there" in findings
 
 
 def test_a_sweep_without_a_solved_scene_draws_nothing(tmp_path: Path, write_set: Make, read_pdf: Reader) -> None:
