@@ -20,8 +20,10 @@ def test_all_forms_say_the_same(tmp_path: Path) -> None:
     places = read_touch_sets(written(tmp_path, "touch,x_mm,y_mm\n1,5,0\n2,5,0\n2,-5,1\n"))
     assert columns.down.tolist() == rows.down.tolist() == places.down.tolist() == [[True, False], [True, True]]
     assert columns.touch.tolist() == rows.touch.tolist() == places.touch.tolist() == ["1", "2"]
-    assert rows.force_N is not None and rows.force_N.tolist() == [[1, 0], [2, 3]]
-    assert places.at_mm is not None and places.at_mm.tolist() == [[5, 0], [-5, 1]]
+    assert rows.force_N is not None
+    assert rows.force_N.tolist() == [[1, 0], [2, 3]]
+    assert places.at_mm is not None
+    assert places.at_mm.tolist() == [[5, 0], [-5, 1]]
 
 
 @pytest.mark.parametrize(("text", "several"), [
@@ -42,4 +44,6 @@ def test_what_is_no_label_is_refused_with_its_line(tmp_path: Path, text: str, li
 
 def test_touches_are_counted_once_a_frame(tmp_path: Path) -> None:
     sets = read_touch_sets(written(tmp_path, "touch,place\n7,A\n7,B\n7.0,C\n"))
-    assert isinstance(sets, TouchSets) and sets.down.sum() == 3 and len(sets.touch) == 1
+    assert isinstance(sets, TouchSets)
+    assert sets.down.sum() == 3
+    assert len(sets.touch) == 1
