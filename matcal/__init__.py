@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from matcal.laws.stability import stability
     from matcal.record.calibration import Calibration, fit
     from matcal.record.exporters.deck import export
-    from matcal.record.next_test.next_tests import NextTests, next_tests
+    from matcal.record.importers.read_deck import import_deck
+    from matcal.record.next_test.next_tests import next_tests
     from matcal.record.predict import check, follow_path, predict
     from matcal.reduction.experiment import Experiment
     from matcal.reduction.inspect import inspect

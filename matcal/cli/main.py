@@ -1,4 +1,4 @@
-"""Command line of `matcal`: inspect, fit, predict, next, check, export, compare, report."""
+"""Command line of `matcal`: inspect, fit, predict, next, check, export, import, compare, report."""
 
 import sys
 import warnings
@@ -259,6 +259,36 @@ def export_command(
     else:
         out.write_text(deck.text, encoding="utf-8")
         print(f"deck: {out}")
+
+
+@app.command("import")
+def import_command(
+        deck: Annotated[Path, typer.Argument(metavar="DECK", help="Material input of Abaqus, Ansys or LS-DYNA.")],
+        program: Annotated[str | None, typer.Option("--from", help="abaqus (CalculiX too), ansys or lsdyna; without it "
+                                                    "by the deck's keywords.")] = None,
+        units: Annotated[str | None, typer.Option(help="Units of the deck: SI (Pa), mm-t-s (MPa) or mm-kg-ms (GPa); "
+                                                  "without it SI.")] = None,
+        material: Annotated[str | None, typer.Option(help="Name or number of the material, where several have a "
+                                                     "law.")] = None,
+        out: Annotated[Path, typer.Option(help="Card to write.")] = Path("card.json"),
+        as_json: JsonOption = False) -> None:
+    """Read the law of a deck, its relaxation, shift and softening, into a material card.
+
+    Example: matcal import silicone.inp --from abaqus --units mm-t-s --out silicone.json
+    """
+    from matcal.card import as_json as card_json
+    from matcal.card import write_card
+    from matcal.cli.summary import print_imported
+    from matcal.record.importers.read_deck import import_deck
+
+    check_out(out)
+    check_apart({"--out": out}, [deck])
+    card = import_deck(deck, program and program.lower(), units, material)
+    write_card(card, out)
+    if as_json:
+        print_json(card_json(card) | {"card": str(out)})
+    else:
+        print_imported(card, out)
 
 
 @app.command("compare")

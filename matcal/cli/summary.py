@@ -16,6 +16,7 @@ from rich.text import Text
 from matcal.card import MaterialCard, grouped
 from matcal.fitting.hyperfoam.record_stability import as_lines
 from matcal.laws.deformation_modes import MODES
+from matcal.laws.law import expanded, vector
 from matcal.record import result_tables as tables
 from matcal.record.cautions import cautions, tests
 from matcal.record.exporters.programs import targets
@@ -94,6 +95,25 @@ def print_fit(card: MaterialCard, out: Path, *, verbose: bool = False) -> None:
                   f"data: {out.with_suffix('.d')}")
 
 
+def print_imported(card: MaterialCard, out: Path) -> None:
+    """Print the law that a deck gave, what was assumed and left out, and what may be done with the card next."""
+    console, law = _console(), card.law
+    assert law is not None
+    values = dict(zip((name for _, name in expanded(law)), vector(law), strict=True))
+    _say(console, f"{card.name}: {law.name}, {law.moduli.replace('longterm', 'long-term')} moduli, mu_0 = "
+                  f"{law.mu_0_Pa:.6g} Pa")
+    _say(console, "  " + ", ".join(f"{name} = {value:.6g}" for name, value in values.items()))
+    for table in _results(card):
+        _print_table(console, table)
+    _heading(console, "Decisions")
+    for sentence in card.provenance["decisions"]:
+        _item(console, "-", sentence)
+    _heading(console, "Next")
+    for command, purpose in _next(card, out)[1:]:
+        _say(console, f"  {command}\n      {purpose}")
+    _say(console, f"\ncard: {out}")
+
+
 def _results(card: MaterialCard) -> Iterator[tables.Printed]:
     if "derived" in card.fit or card.posterior.get("derived"):
         yield tables.derived(card)
@@ -137,6 +157,7 @@ def _title(card: MaterialCard) -> str:
     sources, many = {name for row in fitted for name in row["source"]}, len(fitted)
     files = sum(file["name"] in sources for file in card.provenance.get("files", ()))
     body = "rubber" if card.law is not None and card.law.keeps_volume else "foam"
+    body = body if card.fit.get("material", {}).get("decided", True) else "foam or rubber"
     parts = [name for part, name in (("law", body), ("prony", "relaxation"), ("conductivity", "skin"))
              if getattr(card, part) is not None]
     of = " of synthetic data" if card.provenance.get("synthetic") else ""

@@ -34,9 +34,9 @@ class Fitter(Protocol):
         ...
 
 
-def fitter_of(options: FitOptions) -> Fitter:
-    """The fitter of the law that is chosen; ValueError for an unknown law."""
-    return _ByProjection(options) if law_type(options.law) is Hyperfoam else _ByLeastSquares(options)
+def fitter_of(options: FitOptions, near: Law | None = None) -> Fitter:
+    """The fitter of the law that is chosen, from `near` where it was fitted before; ValueError for an unknown law."""
+    return _ByProjection(options) if law_type(options.law) is Hyperfoam else _ByLeastSquares(options, near)
 
 
 @dataclass(frozen=True)
@@ -60,15 +60,17 @@ class _ByProjection:
 @dataclass(frozen=True)
 class _ByLeastSquares:
     options: FitOptions
+    near: Law | None  # where a search begins and ends; None: anywhere
 
     def shape(self, curves: Sequence[Curve]) -> Law:
         return self.quick(curves).law
 
     def quick(self, curves: Sequence[Curve], order: int | None = None) -> Fit:
-        return fit_law(curves, law_type(self.options.law), self.options.given, order or self.options.order, False)
+        return fit_law(curves, law_type(self.options.law), self.options.given, order or self.options.order, False,
+                       self.near if order is None else None)
 
     def fit(self, curves: Sequence[Curve]) -> Fit:
-        return fit_law(curves, law_type(self.options.law), self.options.given, self.options.order)
+        return fit_law(curves, law_type(self.options.law), self.options.given, self.options.order, near=self.near)
 
 
 def _with_one_nu(options: FitOptions) -> tuple[int | str, float | str | None]:

@@ -35,6 +35,7 @@ _AT_BOUND = 1e-6  # distance from a bound, over a parameter's size, up to which 
 _GRID, _GRID_OF_TWO, _GRID_OF_THREE = 12, 7, 5  # values of one parameter that are tried, and of each of several
 _REFINED, _EVALUATIONS = 2, 100  # starts that are refined, and evaluations of each at most
 _ATOMS = np.geomspace(0.4, 16.0, 16)  # exponents of many terms
+_STEP = 1e-6  # of a parameter, over its size, for slopes
 _NU_GRID = (0.0, 0.2, 0.3, 0.4, 0.45, 0.48, 0.49, 0.499, 0.4999)
 
 
@@ -170,7 +171,7 @@ def _searched(curves: tuple[Curve, ...], first: Law, given: Mapping[str, float],
     problem = _posed(curves, first, given)
     first = problem.first
     tried = [*_grid(problem, before), *(_atoms(problem) if before is not None else ())]
-    starts = [s for s in (_projected(problem, theta) for theta in tried) if s is not None]
+    starts = [(at, float(np.sum(miss**2))) for at, miss in filter(None, (_projected(problem, t) for t in tried))]
     if not np.any(problem.free & ~problem.linear) and first.incompressible:
         theta, cost = starts[0]
         return _Found(problem.law(theta), cost, 1, _standard_errors(problem, theta, cost))
@@ -237,8 +238,8 @@ def _spread(low: float, high: float, count: int) -> Array:
     return np.linspace(low, high, count + 2 + count % 2)[1:-1]
 
 
-def _projected(problem: _Problem, theta: Array) -> tuple[Array, float] | None:
-    """theta with the best moduli, and the weighted mean square residual; None where there is no such law."""
+def _projected(problem: _Problem, theta: Array) -> tuple[Array, Array] | None:
+    """theta with the best moduli, and the weighted residuals; None where there is no such law."""
     linear, stress = problem.free & problem.linear, weighted_stress(problem.curves)
     models = _models(problem, theta + np.vstack([np.zeros(theta.size), np.eye(theta.size)[linear]]))
     columns = (models[1:] - models[0]).T
@@ -251,9 +252,21 @@ def _projected(problem: _Problem, theta: Array) -> tuple[Array, float] | None:
     for moduli in (*solutions, positive):  # where mu_0 is not positive, the best of no negative modulus
         at = theta.copy()
         at[linear] = moduli
-        if (cost := float(np.sum(problem.miss(at) ** 2))) < _NO_LAW:
-            return at, cost
+        if float(np.sum((miss := problem.miss(at)) ** 2)) < _NO_LAW:
+            return at, miss
     return None
+
+
+def _projected_slopes(problem: _Problem, theta: Array, moving: NDArray[np.bool_]) -> Array:
+    """(n, q) slopes of the projected residuals by the `moving` parameters: those at fixed moduli, without what moduli
+    that are not 0 follow. Source: Kaufman, BIT 15 (1975) 49, DOI 10.1007/BF01932995."""
+    linear, one = problem.free & problem.linear, np.eye(theta.size)
+    step = np.where(theta[moving] + _STEP > problem.high[moving], -_STEP, _STEP)
+    models = _models(problem, theta + np.vstack([
+        np.zeros(theta.size), one[linear & (theta != 0)], step[:, None] * one[moving]]))
+    slopes = (models[-step.size:] - models[0]).T / step
+    space, _ = np.linalg.qr((models[1:-step.size] - models[0]).T)
+    return np.nan_to_num(slopes - space @ (space.T @ slopes), posinf=0.0, neginf=0.0)
 
 
 def _models(problem: _Problem, thetas: Array) -> Array:
@@ -281,13 +294,19 @@ def _refined(problem: _Problem, theta: Array) -> _Found:
         out[free] = values
         return out
 
-    def moved(values: Array) -> Array:
-        best = _projected(problem, full(values)) if projected else None
-        return full(values) if best is None else best[0]
+    held: dict[bytes, tuple[Array, Array]] = {}
 
-    found = least_squares(lambda values: problem.miss(moved(values)), inside, bounds=(low, high), x_scale="jac",
+    def moved(values: Array) -> tuple[Array, Array]:
+        at = full(values)
+        if (key := at.tobytes()) not in held:
+            best = _projected(problem, at) if projected else None
+            held[key] = (at, problem.miss(at)) if best is None else best
+        return held[key]
+
+    slopes: Any = (lambda values: _projected_slopes(problem, moved(values)[0], free)) if projected else "2-point"
+    found = least_squares(lambda values: moved(values)[1], inside, slopes, bounds=(low, high), x_scale="jac",
                           xtol=1e-8, ftol=1e-8, gtol=1e-10, max_nfev=_EVALUATIONS)
-    at = moved(found.x)
+    at = moved(found.x)[0]
     return _Found(problem.law(at), float(np.sum(found.fun**2)), int(found.nfev), np.full(theta.size, np.nan))
 
 

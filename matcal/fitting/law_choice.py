@@ -9,7 +9,7 @@ from matcal.fitting.fit_options import AUTO, FitOptions
 from matcal.fitting.hyperfoam.curves import Curve
 from matcal.fitting.law_ranking import Ranked, band_over, deciding, ranked
 from matcal.fitting.rubber_or_foam import Kind, kind_of
-from matcal.laws.law import has_terms
+from matcal.laws.law import Law, has_terms
 from touchcal.number_words import percent
 
 _NEARLY = 0.5  # weight over the largest from which on a law predicts nearly best
@@ -25,11 +25,13 @@ class LawChoice:
     laws: tuple[Ranked, ...] = ()  # those compared, the best first; none of a foam
     # mode without a test in which they differ most, and by how much over their mean; None where every mode has one
     deciding: tuple[str, float] | None = None
+    law: Law | None = None  # the one that was taken, as compared
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What was decided."""
-        said = [f"The tests are taken for those of a {'rubber' if self.kind.rubber else 'foam'}: {self.kind.because}."]
+        said = [f"The tests are taken for those of a {'rubber' if self.kind.rubber else 'foam'}: {self.kind.because}."
+                if self.kind.decided else f"Rubber or foam is not decided: {self.kind.because}. The law is a foam's."]
         if self.laws:
             said.append("Laws by how they predict what they were not fitted to: " + ", ".join(
                 f"{row.law.name} {percent(row.predicted)} (weight {row.weight:.2g})" for row in self.laws) + ".")
@@ -50,4 +52,5 @@ def chosen_law(curves: Sequence[Curve], options: FitOptions) -> tuple[FitOptions
     terms = np.size(getattr(best.law, best.law.parameters[0].name))
     order = terms if has_terms(type(best.law)) else options.order
     nu = 0.5 if not best.law.keeps_volume and options.poisson is None else options.poisson
-    return replace(options, law=best.law.name, order=order, poisson=nu), LawChoice(kind, laws, deciding(laws))
+    return replace(options, law=best.law.name, order=order, poisson=nu), LawChoice(
+        kind, laws, deciding(laws), best.law)

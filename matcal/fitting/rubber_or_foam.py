@@ -2,9 +2,9 @@
 
 A ratio that was given; lateral strains; a volumetric test; a stretch to more than twice the length, which foams do not
 stand; compression, in which Mooney's stress P/(lambda - lambda^-2) of a rubber stays about what it is at small strain,
-while the plateau of a foam lowers it to a fraction; of several modes, whether a rubber's law follows them together as
-a foam's does. Without any, a foam. Source: Treloar, The Physics of Rubber
-Elasticity (1975), 5; Gibson & Ashby, Cellular Solids (1997), 5.
+while the plateau of a foam lowers it somewhere to a fraction; of several modes, whether a rubber's law follows them
+together as a foam's does. Without any it is not decided, and the law is a foam's. Source: Treloar, The Physics of
+Rubber Elasticity (1975), 5; Gibson & Ashby, Cellular Solids (1997), 5.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,11 @@ from matcal.laws.rubbers.ogden import Ogden
 RUBBER_NU = 0.45  # Poisson's ratio from which on a material counts as a rubber
 STRETCHED = 1.0  # tensile strain from which on it does
 _DEEP, _EARLY = -0.15, 0.3  # compression needed, and the share of it that counts as small
-_KEPT = (0.85, 1.6)  # Mooney's stress deep in compression over that at small strain, of a rubber
-_WORSE, _WELL = 1.5, 0.02  # misfit of a rubber's law over that of a foam's, and misfit, from which on it is no rubber
+# least Mooney's stress deeper in compression over that at small strain, of a foam below and of a rubber above; its most
+_FOAM, _RUBBER, _MOST = 0.8, 0.9, 1.6
+_WINDOW, _WINDOWS = 0.2, 6  # share of the compression that is looked at together, and places of it
+# misfit of a rubber's law over that of a foam's, and misfit, from which on it is no rubber, and from which on a foam
+_WORSE, _WELL, _FAR = 1.5, 0.02, 3.0
 _FEW = 3  # starts of a fit on the way
 _PRESSED = 0.9  # volume ratio down to which only foams are pressed
 
@@ -31,12 +34,13 @@ _PRESSED = 0.9  # volume ratio down to which only foams are pressed
 class Kind:
     """What the tests are of, and why."""
 
-    rubber: bool
+    rubber: bool  # False where it is not decided
     because: str  # half a sentence
+    decided: bool = True
 
 
 def kind_of(curves: Sequence[Curve], poisson: Poisson | None) -> Kind:
-    """Rubber or foam."""
+    """Rubber or foam, or that neither is shown."""
     if isinstance(poisson, int | float):
         return Kind(poisson >= RUBBER_NU, f"nu = {poisson:g} was given")
     if poisson is not None:
@@ -50,30 +54,40 @@ def kind_of(curves: Sequence[Curve], poisson: Poisson | None) -> Kind:
     if (most := max((float(c.experiment.strain.max()) for c in free), default=0.0)) > STRETCHED:
         return Kind(True, f"it was stretched by {most:.0%}")
     kept = [share for c in free if c.experiment.kind == "uniaxial" and (share := _kept(c)) is not None]
-    if kept:
-        share = float(np.mean(kept))
-        what = f"deep in compression Mooney's stress is {share:.2g} of that at small strain"
-        if not _KEPT[0] < share < _KEPT[1]:
-            return Kind(False, what)
-        return _together(curves) if stress_says_nu(curves) else Kind(True, what)
-    return Kind(False, "nothing in the tests shows a rubber")
+    least, largest = np.mean(kept, axis=0).tolist() if kept else (np.nan, np.nan)
+    what = f"deeper in compression Mooney's stress is {least:.2g} to {largest:.2g} of that at small strain"
+    if least < _FOAM:
+        return Kind(False, what)
+    if stress_says_nu(curves):
+        return _together(curves)
+    if least > _RUBBER and largest < _MOST:
+        return Kind(True, what)
+    return Kind(False, what if kept else "no compression below -0.15, no stretch above 1 and no lateral strain is in "
+                                         "the tests", decided=False)
 
 
 def _together(curves: Sequence[Curve]) -> Kind:
+    """By the misfit of all modes; what lies between belongs to neither."""
     rubber = fit_law(curves, Ogden, {}, thorough=False).optimum.cost ** 0.5
     foam = fit(curves, "auto", "fit", starts=_FEW, thorough=False).optimum.cost ** 0.5
-    return Kind(rubber < max(_WORSE * foam, _WELL),
-                f"an Ogden law that keeps the volume misses the modes together by {rubber:.2%}, a foam's by {foam:.2%}")
+    is_rubber = rubber < max(_WORSE * foam, _WELL)
+    return Kind(is_rubber, f"an Ogden law that keeps the volume misses the modes together by {rubber:.2%}, a foam's "
+                           f"by {foam:.2%}", is_rubber or rubber > _FAR * max(foam, _WELL))
 
 
-def _kept(curve: Curve) -> float | None:
-    """Mooney's stress in the second half of a compression over that in its first part; None without such a record."""
+def _kept(curve: Curve) -> tuple[float, float] | None:
+    """Least and largest Mooney's stress deeper in a compression over that in its first part; None without such a
+    record."""
     e, stress = curve.experiment.strain, curve.experiment.value
-    deepest = float(e.min())
-    early = (e < 0) & (e > _EARLY * deepest)
-    deep = e < 0.5 * deepest
-    if deepest > _DEEP or not early.any() or not deep.any():
-        return None
+    share = e / float(e.min()) if e.min() < 0 else np.zeros_like(e)
     unit = (1 + e) - (1 + e) ** -2.0
-    first, last = (float(unit[rows] @ stress[rows] / (unit[rows] @ unit[rows])) for rows in (early, deep))
-    return last / first if first > 0 else None
+
+    def mooney(low: float, high: float) -> float:
+        rows = (e < 0) & (share >= low) & (share <= high)
+        return float(unit[rows] @ stress[rows] / (unit[rows] @ unit[rows])) if rows.any() else np.nan
+
+    first = mooney(0.0, _EARLY)
+    deeper = [mooney(low, low + _WINDOW) / first for low in np.linspace(_EARLY, 1 - _WINDOW, _WINDOWS)]
+    if e.min() > _DEEP or not first > 0 or np.all(np.isnan(deeper)):
+        return None
+    return float(np.nanmin(deeper)), float(np.nanmax(deeper))

@@ -41,9 +41,9 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _units, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge, _assumed,
-             _set, _held, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions, _coverage, _rate,
-             _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
+    parts = (_origin, _units, _undecided, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge,
+             _assumed, _set, _held, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions,
+             _coverage, _rate, _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -125,10 +125,22 @@ def _volume(card: MaterialCard) -> Iterator[str]:
                "intervals leave that out.")
 
 
+def _undecided(card: MaterialCard) -> Iterator[str]:
+    """That --law auto found nothing in the tests which parts rubbers from foams, and what it would change."""
+    if card.law is None or card.fit.get("material", {}).get("decided", True):
+        return
+    own, rubber = (f"{value / 1e3:.4g} kPa" for value in (card.law.mu_0_Pa, card.law.E_0_Pa / 3))
+    of = f", and mu_0 would be {rubber} instead of {own}" if set(card.law.strain_range) == {"uniaxial"} else ""
+    yield (f"Whether this is a rubber or a foam is not decided: {card.fit['material']['because']}. The law is a "
+           f"foam's. A rubber has other stresses in every other mode{of}; no interval holds that. Give --poisson 0.5 "
+           "for a rubber, 0 for a foam, or add lateral strain, deeper compression, or a second mode.")
+
+
 def _assumed_nu(card: MaterialCard) -> Iterator[str]:
     """nu = 0 that nothing was said of, in tests of free faces other than compression alone, on which mu_0 rests."""
     nu, ranges = card.fit.get("nu", {}), card.hyperfoam.strain_range if card.hyperfoam else {}
-    if nu.get("how") != "assumed" or "nearly_incompressible" in nu or {"shear", "volumetric"} & set(ranges):
+    if (nu.get("how") != "assumed" or "nearly_incompressible" in nu or {"shear", "volumetric"} & set(ranges)
+            or not card.fit.get("material", {}).get("decided", True)):
         return
     if len(ranges) > 1 or max((hi for _, hi in ranges.values()), default=0.0) > _PULLED:
         yield ("nu = 0 was assumed, as of a foam in compression, and mu_0 rests on it: of one uniaxial curve it is "

@@ -70,7 +70,8 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
 
 def _choice_part(choice: LawChoice) -> dict[str, Any]:
     """What the tests were taken for, and every law that was compared: parameters, their covariance, and how it did."""
-    out: dict[str, Any] = {"material": {"rubber": choice.kind.rubber, "because": choice.kind.because}}
+    out: dict[str, Any] = {"material": {"rubber": choice.kind.rubber, "decided": choice.kind.decided,
+                                        "because": choice.kind.because}}
     if choice.laws:
         out["laws"] = [
             {"law": row.law.name, "parameters": {p.name: getattr(row.law, p.name) for p in row.law.parameters},

@@ -79,7 +79,7 @@ def joined_over_areas(mesh: SkinMesh, cell: Indices, conductance: Array) -> Arra
     """Weights (parts, pairs), 1/Ohm, of int g (v - V)(u - U) over cells (parts,) that something lies on, of g (parts,
     q), S/m^2, at their `area_points`: pairs of the cells' nodes and, last, of what lies there."""
     value, area = _on_cells(mesh, mesh.cells[cell])
-    local = _joined(value, conductance * area)
+    local = joined(value, conductance * area)
     return -local[:, *np.triu_indices(local.shape[1], 1)]
 
 
@@ -125,22 +125,22 @@ def weights(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLi
     `tangent_frames`. ValueError where z or a conductance is not positive, or a tensor not symmetric.
     Source: Somersalo, Cheney, Isaacson, doi:10.1137/0152060.
     """
-    local = contacts(mesh) / _per_electrode(mesh, contact_impedance)[mesh.electrode, None, None]
+    local = contacts(mesh) / per_electrode(mesh.count, contact_impedance)[mesh.electrode, None, None]
     i, j = np.triu_indices(local.shape[1], 1)
     return np.concatenate([_stiffness(mesh, np.asarray(conductance_S, dtype=float)).ravel(), -local[:, i, j].ravel()])
 
 
-def _per_electrode(mesh: SkinMesh, contact_impedance: ArrayLike) -> Array:
+def per_electrode(count: int, contact_impedance: ArrayLike) -> Array:
     """(count,) contact impedances, checked."""
     z = np.asarray(contact_impedance, dtype=float)
-    if z.shape not in ((), (mesh.count,)):
-        raise ValueError(f"the contact impedance must be one number or one of each of {mesh.count} electrodes, got an "
+    if z.shape not in ((), (count,)):
+        raise ValueError(f"the contact impedance must be one number or one of each of {count} electrodes, got an "
                          f"array of shape {z.shape}.")
     if not np.all((z > 0) & np.isfinite(z)):
         wrong = np.ravel(z)[np.ravel(~((z > 0) & np.isfinite(z)))][0]
         raise ValueError(f"the contact impedance must be positive and finite, got {wrong}; leave electrodes that do "
                          "not touch out of the mesh.")
-    return np.broadcast_to(z, mesh.count)
+    return np.broadcast_to(z, count)
 
 
 def eliminated(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: ArrayLike, *,
@@ -190,7 +190,7 @@ def impedance(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Array
                                         floating=floating))[-mesh.count:]
     order, given = _fitting(mesh, order, floating), weights(mesh, conductance_S, contact_impedance)
     try:
-        return _resolved(impedance_alone(order, _with_floating(given, floating), mesh.count))
+        return resolved(impedance_alone(order, _with_floating(given, floating), mesh.count))
     except Detached as lost:
         raise _torn(mesh, lost, floating) from None
 
@@ -209,7 +209,7 @@ def potentials(mesh: SkinMesh, conductance_S: ArrayLike, contact_impedance: Arra
     potential = solve(done, currents)
     for _ in range(refinements):
         potential += solve(done, residual(done, currents, potential))
-    _resolved(centred(mesh, potential)[-mesh.count:])
+    resolved(centred(mesh, potential)[-mesh.count:])
     return potential
 
 
@@ -219,7 +219,7 @@ def centred(mesh: SkinMesh, potential: Array) -> Array:
     return potential - potential[-mesh.count:].mean(axis=0)
 
 
-def _resolved(z: Array) -> Array:
+def resolved(z: Array) -> Array:
     """The impedance matrix, refused where its rounding hides the resistance between two electrodes."""
     own = np.diagonal(z)
     between = (own[:, None] + own - 2 * z)[~np.eye(len(z), dtype=bool)]
@@ -346,11 +346,11 @@ def contacts(mesh: SkinMesh) -> Array:
     """Local matrices (parts, m + 1, m + 1) of int (v - V)(u - U) over what lies under electrodes, m nodes a part, the
     electrode's own potential last; m under lines, m^2 under patches."""
     if mesh.covered is not None:
-        return _joined(*_on_parts_of_edges(mesh, mesh.covered))
-    return _joined(*(_on_cells(mesh, mesh.under) if mesh.under.shape[1] == mesh.cells.shape[1] else _on_edges(mesh)))
+        return joined(*_on_parts_of_edges(mesh, mesh.covered))
+    return joined(*(_on_cells(mesh, mesh.under) if mesh.under.shape[1] == mesh.cells.shape[1] else _on_edges(mesh)))
 
 
-def _joined(value: Array, measure: Array) -> Array:
+def joined(value: Array, measure: Array) -> Array:
     value = np.concatenate([value, np.full((*value.shape[:-1], 1), -1.0)], axis=-1)
     return np.einsum("eq,qi,qj->eij" if value.ndim == 2 else "eq,eqi,eqj->eij", measure, value, value)
 

@@ -289,9 +289,9 @@ def test_resistances_between_electrodes_keep_four_digits(digits: float):
     z[0, 1] = z[1, 0] = 1 - r / 2
     if digits < 4:
         with pytest.raises(ValueError, match="fewer than four digits"):
-            assembly._resolved(z)
+            assembly.resolved(z)
     else:
-        assert assembly._resolved(z) is z
+        assert assembly.resolved(z) is z
 
 
 def test_wrong_input_is_refused():

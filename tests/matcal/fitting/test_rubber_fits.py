@@ -21,6 +21,7 @@ from matcal.laws.rubbers.mooney_rivlin import MooneyRivlin
 from matcal.laws.rubbers.mooney_rivlin_5 import MooneyRivlin5
 from matcal.laws.rubbers.ogden import Ogden
 from matcal.laws.rubbers.yeoh import Yeoh
+from matcal.record.cautions import cautions
 from matcal.reduction.experiment import Experiment
 
 SHARED = Path(__file__).parents[4] / "shared"
@@ -77,6 +78,34 @@ def test_foams_and_rubbers_are_told_from_their_curves(law, modes, rubber) -> Non
     assert kind_of(weigh(part), None).rubber is rubber
     assert kind_of(weigh(part), 0.5).rubber
     assert not kind_of(weigh(part), 0.1).rubber
+
+
+FILES = (("foam_leap/foam_leap_UC.csv", "uniaxial", "stretch=1,stress=2:MPa", "foam"),
+         ("foam_leap/foam_leap_UT.csv", "uniaxial", "stretch=1,stress=2:MPa", "not decided"),
+         ("foam_leap/foam_leap_SS.csv", "shear", "strain=1,stress=2:MPa", "not decided"),
+         ("nist_vn600.csv", "uniaxial", None, "foam"),
+         ("Treloar1944_UT.txt", "uniaxial", "stress=1:MPa,stretch=2", "rubber"))
+
+
+@pytest.mark.skipif(not (SHARED / "rawsamples").is_dir(), reason="needs the files of others")
+def test_files_are_of_foams_or_rubbers_or_not_decided() -> None:
+    tests = {name: matcal.read_test({kind: SHARED / "rawsamples" / name}, columns=[columns] if columns else ())
+             for name, kind, columns, _ in FILES}
+    kinds = {name: kind_of(weigh([test]), None) for name, test in tests.items()}
+    assert {name: "not decided" if not kind.decided else "rubber" if kind.rubber else "foam"
+            for name, kind in kinds.items()} == {name: right for name, *_, right in FILES}
+    both = kind_of(weigh([tests[FILES[1][0]], tests[FILES[2][0]]]), None)
+    assert both.decided
+    assert not both.rubber
+
+
+def test_what_is_not_decided_is_a_caution() -> None:
+    strain = np.linspace(0.01, 0.27, 40)
+    stress = nominal_stress(Ogden([9.4e4], [1.5]), "uniaxial", strain)
+    card = matcal.fit([Experiment("uniaxial", strain, stress)], law="auto").card
+    assert card.fit["material"]["decided"] is False
+    [said] = [text for text in cautions(card) if "not decided" in text]
+    assert f"{card.law.E_0_Pa / 3e3:.4g} kPa" in said
 
 
 def test_a_card_holds_the_laws_and_predicts_with_their_band(tmp_path: Path) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import matcal
 from matcal.cli.main import app
 from matcal.fitting.uncertainty.intervals import intervals
 from matcal.laws.known_laws import law_of
-from typer.testing import CliRunner
 
 NOISE = 0.02
 
@@ -99,7 +99,7 @@ def test_the_command_prints_a_screen_and_whole_json(rubber: tuple, tmp_path: Pat
     rubber[3].save(tmp_path / "card.json")
     shown = CliRunner().invoke(app, ["next", str(tmp_path / "card.json"), "--for", "E_0"]).stdout
     assert 5 < len(shown.splitlines()) <= 40
-    told = json.loads(CliRunner().invoke(app, ["next", str(tmp_path / "card.json"), "--json"]).stdout)
-    assert told["quantity"] == "mu_0_Pa"
-    assert told["lo"] < told["value"] < told["hi"]
-    assert told["tests"][0]["sd"] < told["sd"]
+    shown = json.loads(CliRunner().invoke(app, ["next", str(tmp_path / "card.json"), "--json"]).stdout)
+    assert shown["quantity"] == "mu_0_Pa"
+    assert shown["lo"] < shown["value"] < shown["hi"]
+    assert shown["tests"][0]["sd"] < shown["sd"]

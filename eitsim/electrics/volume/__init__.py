@@ -1,0 +1,1 @@
+"""Conductors that fill a volume: layers with thickness, their electrodes and touches."""
