@@ -23,8 +23,8 @@ from touchcal.errors import NotConverged
 DATA = Path(__file__).parents[2] / "data_raw"
 CURVES = [DATA / "uniaxial.csv", DATA / "shear.csv"]
 PUBLIC = {"Calibration", "Conductivity", "Damage", "Experiment", "FitOptions", "Hyperfoam", "MaterialCard", "Prony",
-          "check", "export", "fit", "follow_path", "import_deck", "inspect", "next_tests", "nominal_stress", "predict", "read_card",
-          "read_test", "stability", "write_card"}
+          "check", "export", "fit", "follow_path", "import_deck", "inspect", "next_tests", "nominal_stress", "predict",
+          "read_card", "read_test", "stability", "write_card"}
 
 
 def parts(card: Path) -> str:
