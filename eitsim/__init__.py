@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from eitsim.simulation.simulate import plan, simulate
     from eitsim.sweeps.dataset.parquet import Dataset, open_dataset
     from eitsim.sweeps.design.design import Design, read_design
+    from eitsim.sweeps.endless.frame_blocks import Frames, frames
     from eitsim.sweeps.run.measure import measure
     from eitsim.sweeps.run.sweep import sweep
 

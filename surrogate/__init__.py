@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from surrogate.model.model import load as load
     from surrogate.model.recorded.learn_presses import learn as learn
     from surrogate.model.recorded.press_model import PressModel as PressModel
+    from surrogate.model.simulated.skin_module import Skin as Skin
+    from surrogate.model.simulated.touch_map import TouchMap as TouchMap
+    from surrogate.model.simulated.touch_map import touch_map as touch_map
     from surrogate.model.sweep_model import SweepModel as SweepModel
     from surrogate.model.tracking.tracked import Tracked as Tracked
     from surrogate.model.tracking.tracker import Tracker as Tracker

@@ -174,7 +174,7 @@ def _strengths(design: Array, signal_V: Array) -> Strengths:
                      np.linalg.norm(design[..., 0], axis=1), residual)
 
 
-def _coefficients(q: Array, orders: int) -> Array:
+def coefficients_of(q: Array, orders: int) -> Array:
     """(modes, orders) coefficient of z^s in the n-th derivative of f: q_(s+n) / (s+n) times (s+n)! / s!."""
     out = np.zeros((len(q), orders))
     for n in range(1, orders + 1):
@@ -187,7 +187,7 @@ def _coefficients(q: Array, orders: int) -> Array:
 def field_series(ring: Ring, q: Array, orders: int) -> Complex:
     """(orders, modes, electrodes) coefficients of the powers of z in derivatives 1 ... orders of the potential of each
     electrode."""
-    coefficients, turn = _coefficients(q, orders).T, np.exp(-1j * ring.angle_rad)
+    coefficients, turn = coefficients_of(q, orders).T, np.exp(-1j * ring.angle_rad)
     turns = np.exp(-1j * np.arange(coefficients.shape[1])[:, None] * ring.angle_rad)
     return coefficients[..., None] * turns * turn ** np.arange(1, orders + 1)[:, None, None]
 

@@ -108,11 +108,11 @@ def _along(frame: EdgeFrame, half: Array) -> Array:
 def _form(coefficients: Array) -> Array:
     """Symmetric matrices (..., 2 orders, 2 orders) of coefficients (..., 2 pairs); imaginary parts come first."""
     size = 2 * orders_of(coefficients.shape[-1])
-    return (coefficients @ _places(size // 2)).reshape(*coefficients.shape[:-1], size, size)
+    return (coefficients @ places(size // 2)).reshape(*coefficients.shape[:-1], size, size)
 
 
 @lru_cache(maxsize=4)
-def _places(orders: int) -> Array:
+def places(orders: int) -> Array:
     """(2 pairs, 4 orders^2) what each coefficient adds to each place of the matrix."""
     out = np.zeros((2 * len(pairs(orders)), 2 * orders, 2 * orders))
     for k, (i, j) in enumerate(pairs(orders)):

@@ -21,10 +21,11 @@ from surrogate.forward_map.inversion.multipole_location import (
 )
 from surrogate.live.controls import Limits
 from surrogate.live.messages import hello
-from surrogate.live.skins import forward_of, limits_of, usual_noise_V
+from surrogate.live.skins import limits_of, usual_noise_V
 from surrogate.live.whole_page import page_with
 from surrogate.model.assumed_punch import of_trained_profile
 from surrogate.model.predict import WEAK
+from surrogate.model.simulated.touch_map import forward_of
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import interval_scale
 from surrogate.statistics.conformal import COVERAGE, normal

@@ -28,6 +28,7 @@ from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.learners.forward import TouchInversion
 from surrogate.live.controls import Controls, Limits
 from surrogate.live.pictured import edges_of
+from surrogate.model.simulated.touch_map import forward_of
 from surrogate.model.trained import TrainedModel, trained_radius_mm
 from touchcal.arrays import Array
 
@@ -116,14 +117,6 @@ def _profiles(scene: Scene, touch: Touch, material: Material) -> dict[str, Any]:
         largest = max(float(np.abs(values).max()), np.finfo(float).tiny)
         made[name] = {"largest": largest, "parts": np.round(values / largest, 3).tolist()}
     return made
-
-
-def forward_of(model: TrainedModel) -> ForwardMap:
-    """The learned map of a forward model; ValueError for another method."""
-    if not isinstance(model.learner, TouchInversion):
-        raise ValueError(f"the model's method is {model.method}, and only forward has a map from touch to signal. Give "
-                         "`simulate` CARD, or train with `method` forward.")
-    return model.learner.forward
 
 
 def learned_skin(model: TrainedModel) -> LearnedSkin:

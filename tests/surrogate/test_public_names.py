@@ -23,9 +23,9 @@ NAMES = ("x0", "F", "sigma_max", "A_c")
 
 
 def test_the_names_are_those_that_are_listed() -> None:
-    assert surrogate.__all__ == ["Estimate", "Labels", "Learner", "METHODS", "Model", "PressModel", "SweepModel",
-                                 "Tracked", "Tracker", "Training", "cramer_rao", "evaluate", "learn", "load",
-                                 "read_labels", "train"]
+    assert surrogate.__all__ == ["Estimate", "Labels", "Learner", "METHODS", "Model", "PressModel", "Skin",
+                                 "SweepModel", "TouchMap", "Tracked", "Tracker", "Training", "cramer_rao", "evaluate",
+                                 "learn", "load", "read_labels", "touch_map", "train"]
     assert all(getattr(surrogate, name) is not None for name in surrogate.__all__)
     assert surrogate.METHODS is METHODS
 

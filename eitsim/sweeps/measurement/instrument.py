@@ -142,7 +142,7 @@ def reference_of(measurement: Measurement, baseline_V: Array) -> Array:
     return np.abs(read).max(axis=1) if given == "largest" else np.sqrt((read**2).sum(axis=1) / count)
 
 
-def below(level_db: float, reference_V: Any) -> Any:
+def below(level_db: Any, reference_V: Any) -> Any:
     """Rms voltage, V, that lies level_db below a reference: reference 10^(-level/20)."""
     return reference_V * 10 ** (-level_db / 20)
 
