@@ -11,7 +11,7 @@ from surrogate.model.recorded.set_model import SetModel, SetScore, labelled_rows
 from surrogate.recordings.presses import Presses, presses_of, taken
 from surrogate.recordings.several import set_reader
 from surrogate.recordings.several.superposition import pairs_together
-from touchcal.arrays import Index, Mask
+from touchcal.arrays import Array, Index, Mask
 
 FEWEST = 2  # presses of each place
 ALONE = ("No labelled touch presses two places: superposition is assumed, and probabilities of several touches are "
@@ -36,22 +36,26 @@ def learn_sets(recording: Recording, sets: TouchSets) -> SetModel:
     sound = whole & ~np.isnan(every.signal[rows][:, used]).any(axis=1)
     presses, down = taken(every, rows[sound]), sets.down[of[sound]]
     left_out = [f"{np.sum(~sound)} labelled frames with dead readings are left out."] * bool((~sound).any())
-    if sets.force_N is not None:
-        left_out.append("F_N is not learnt: places are read as pressed or not.")
     press = _first_seen(presses)
     _check(sets.places, down, press)
     begun = time.process_time()
-    reader, held = set_reader.fit(presses, down, press)
+    amount, mean_force_N = down.astype(float), None
+    if sets.force_N is not None:
+        force_N = sets.force_N[of[sound]]
+        mean_force_N = force_N.sum(axis=0) / down.sum(axis=0)
+        amount = force_N / mean_force_N
+    reader, held = set_reader.fit(presses, amount, press)
     fit_s = time.process_time() - begun
-    scores = (set_score("held-out blocks in time", len(down), held, down), *_of_most(presses, down, press))
+    scores = (set_score("held-out blocks in time", len(down), held, down), *_of_most(presses, amount, press))
     if not len(pairs_together(down)):
         left_out.append(ALONE)
     return SetModel(reader, sets.places, sets.at_mm, recording.kind, int(press.max()) + 1, len(down), every.clocked,
-                    fit_s, scores, tuple(left_out))
+                    fit_s, scores, mean_force_N, tuple(left_out))
 
 
-def _of_most(presses: Presses, down: Mask, press: Index) -> tuple[SetScore, ...]:
+def _of_most(presses: Presses, amount: Array, press: Index) -> tuple[SetScore, ...]:
     """The score on frames of most places at once of a reader of the others; none where these lack a place."""
+    down = amount > 0
     count = down.sum(axis=1)
     fewer = np.flatnonzero(count < count.max())
     most = np.flatnonzero(count == count.max())
@@ -59,7 +63,7 @@ def _of_most(presses: Presses, down: Mask, press: Index) -> tuple[SetScore, ...]
         _check(tuple(map(str, range(down.shape[1]))), down[fewer], press[fewer])
     except ValueError:
         return ()
-    reader, _ = set_reader.fit(taken(presses, fewer), down[fewer], press[fewer])
+    reader, _ = set_reader.fit(taken(presses, fewer), amount[fewer], press[fewer])
     found = set_reader.read(reader, taken(presses, most))
     return (set_score(f"{count.max()} at once, trained on fewer", len(fewer), found, down[most]),)
 

@@ -51,6 +51,7 @@ class SetModel:
     clocked: bool  # whether its times are seconds, and not frames
     fit_s: float
     scores: tuple[SetScore, ...]
+    mean_force_N: Array | None = None  # (k,) of each place in training, where forces are labelled
     left_out: tuple[str, ...] = ()
     seed: int = 0
     method: str = SUPERPOSITION
@@ -68,7 +69,8 @@ class SetModel:
 
         Returns a row a touched frame: `touch`, or `index` where no touch is named; `count`, the likeliest number of
         touches, and `count_probability`; `places`, the likeliest set, and `places_probability`; p_NAME, the probability
-        that a place is pressed; where places are known in mm, x0_mm, y0_mm, x1_mm ... of the likeliest set; and a flag.
+        that a place is pressed; where places are known in mm, x0_mm, y0_mm, x1_mm ... of the likeliest set; where
+        forces were labelled, F_NAME_N with the ends of its 90 % interval; and a flag.
         """
         presses = presses_in_time_of(recording, self.clocked)
         found = read(self.reader, presses)
@@ -82,6 +84,12 @@ class SetModel:
             table[f"p_{name}"] = probability
         if self.at_mm is not None:
             table = table.assign(**_in_order(self.at_mm, down))
+        if self.mean_force_N is not None:
+            for column, name in enumerate(self.places):
+                pressed = np.where(down[:, column], self.mean_force_N[column], np.nan)
+                for end, sign in (("", 0.0), ("_lo90", -1.0), ("_hi90", 1.0)):
+                    value = found.amount[:, column] + sign * found.half_width[:, column]
+                    table[f"F_{name}{end}_N"] = pressed * np.maximum(value, 0.0)
         table["flag"] = _flags(self.reader, presses, found)
         return table
 
@@ -96,7 +104,7 @@ class SetModel:
         down = np.zeros((len(rows), len(self.places)), bool)
         down[:, [self.places.index(name) for name in sets.places]] = sets.down[of]
         found = read(self.reader, presses)
-        return set_score("all", self.frames, SetReading(found.sets, found.probability[rows], found.misfit[rows]), down)
+        return set_score("all", self.frames, found.some(rows), down)
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed."""
@@ -110,7 +118,7 @@ class SetModel:
 
     def arrays(self) -> Arrays:
         """What arrays.npz holds."""
-        parts: dict[str, Any] = {"reader": self.reader, "at_mm": self.at_mm}
+        parts: dict[str, Any] = {"reader": self.reader, "at_mm": self.at_mm, "mean_force_N": self.mean_force_N}
         return {key: value for name, part in parts.items() for key, value in flat(part, name)}
 
     @classmethod
@@ -121,7 +129,8 @@ class SetModel:
             raise ValueError("places and patterns differ in number")
         return cls(reader, tuple(text["places"]), rebuilt(Array | None, "at_mm", arrays), text["kind"],
                    text["presses"], text["frames"], text["clocked"], text["fit_s"],
-                   tuple(SetScore(**one) for one in text["scores"]), tuple(text["left_out"]), text["seed"])
+                   tuple(SetScore(**one) for one in text["scores"]), rebuilt(Array | None, "mean_force_N", arrays),
+                   tuple(text["left_out"]), text["seed"])
 
 
 def labelled_rows(presses: Presses, sets: TouchSets) -> tuple[Index, Index]:

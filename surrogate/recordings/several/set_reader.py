@@ -2,10 +2,13 @@
 
 A signal is a touched frame less the untouched one tracked to its time, less what touched frames share in their
 neighbourhood: that offset is found together with the sets, by turns. Likelihoods of sets are Student's, which holds
-what is not known of patterns and noise; they are tempered so that held-out presses are as likely as stated.
+what is not known of patterns and noise; they are tempered so that held-out presses are as likely as stated. Where
+presses differ in force, amounts over the mean one of a place are normal about 1 as in training, and marginal.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -37,6 +40,8 @@ class SetReader:
     used: Mask  # (channels,) readings that are not dead in training
     temper: float  # exponent of likelihoods
     odd: float  # squared whitened misfit a reading above which a signal is unlike any set
+    loose: Array  # (k,) standard deviation of the amount of each place over its mean; 0 where amounts are not known
+    widening: float  # half width of the 90 % interval of an amount over its standard deviation
 
     @property
     def places(self) -> int:
@@ -56,6 +61,13 @@ class SetReading:
     sets: Mask  # (s, k)
     probability: Array  # (n, s) of each set
     misfit: Array  # (n,) squared whitened misfit a reading of the likeliest set
+    amount: Array  # (n, k) amount of each place over its mean in the likeliest set, 0 where it is not pressed
+    half_width: Array  # (n, k) half width of its 90 % interval
+
+    def some(self, rows: Index) -> SetReading:
+        """What is read of some of the frames."""
+        return SetReading(self.sets, self.probability[rows], self.misfit[rows], self.amount[rows],
+                          self.half_width[rows])
 
     @property
     def down(self) -> Mask:
@@ -73,28 +85,33 @@ class SetReading:
         return self.probability @ (self.sets.sum(axis=1)[:, None] == np.arange(1, self.sets.shape[1] + 1))
 
 
-def fit(presses: Presses, down: Mask, press: Index) -> tuple[SetReader, SetReading]:
-    """Learn the patterns of places (n, k) that frames press, and what readers without a block in time read of it.
-    press: (n,) number of the press that each frame shows, which no block splits."""
-    reader = _learnt(presses, down)
+def fit(presses: Presses, amount: Array, press: Index) -> tuple[SetReader, SetReading]:
+    """Learn the patterns of places from how much frames press each (n, k), over the mean of the place, and what readers
+    without a block in time read of it. press: (n,) number of the press that each frame shows, which no block splits."""
+    reader, down = _learnt(presses, amount), amount > 0
     blocks = np.array_split(np.unique(press), BLOCKS)
     score, misfit = np.empty((len(down), len(reader.sets))), np.empty(len(down))
+    found, sd = np.zeros_like(amount), np.zeros_like(amount)
+    truth = set_numbers(down)
     for block in blocks:
         gone = np.isin(press, block)
-        part = _learnt(taken(presses, np.flatnonzero(~gone)), down[~gone], reader.used)
-        score[gone], misfit[gone] = _scores(part, taken(presses, np.flatnonzero(gone)))
-    truth = set_numbers(down)
+        part = _learnt(taken(presses, np.flatnonzero(~gone)), amount[~gone], reader.used)
+        score[gone], misfit[gone], signal = _scores(part, taken(presses, np.flatnonzero(gone)))
+        found[gone], sd[gone] = _amounts(part, signal, truth[gone])
     temper = _temper(score, truth)
     readings, freedom = int(reader.used.sum()), reader.superposition.freedom
     odd = max(float(np.quantile(misfit, 1 - ODD)), float(fisher.ppf(1 - ODD / 10, readings, freedom)))
-    reader = _tempered(reader, temper, odd)
-    return reader, SetReading(reader.sets, np.exp(_log_posterior(score * temper)), misfit)
+    known = sd > 0
+    widening = float(np.quantile(np.abs(found - amount)[known] / sd[known], 0.9)) if known.any() else 0.0
+    return (replace(reader, temper=temper, odd=odd, widening=widening),
+            SetReading(reader.sets, np.exp(_log_posterior(score * temper)), misfit, found, widening * sd))
 
 
 def read(reader: SetReader, presses: Presses) -> SetReading:
     """The probability of each set of places in each frame; dead readings are left out of the likelihood."""
-    score, misfit = _scores(reader, presses)
-    return SetReading(reader.sets, np.exp(_log_posterior(score * reader.temper)), misfit)
+    score, misfit, signal = _scores(reader, presses)
+    amount, sd = _amounts(reader, signal, score.argmax(axis=1))
+    return SetReading(reader.sets, np.exp(_log_posterior(score * reader.temper)), misfit, amount, reader.widening * sd)
 
 
 def set_numbers(down: Mask) -> Index:
@@ -108,12 +125,7 @@ def _temper(score: Array, truth: Index) -> float:
     return float(at[np.argmax([_log_posterior(score * one)[rows, truth].sum() for one in at])])
 
 
-def _tempered(reader: SetReader, temper: float, odd: float) -> SetReader:
-    return SetReader(reader.superposition, reader.rest_width, reader.offset_width, reader.offset_pull, reader.used,
-                     temper, odd)
-
-
-def _learnt(presses: Presses, down: Mask, used: Mask | None = None) -> SetReader:
+def _learnt(presses: Presses, amount: Array, used: Mask | None = None) -> SetReader:
     """A reader of likelihoods that are not tempered."""
     used = np.asarray(np.isfinite(presses.signal).all(axis=0) if used is None else used, bool)
     rest = presses.rest[:, used]
@@ -122,7 +134,6 @@ def _learnt(presses: Presses, down: Mask, used: Mask | None = None) -> SetReader
     if sound.sum() > 2:
         width, error = rest_width(rest[sound], presses.rest_time[sound])
         untouched = _shrunk(error)
-    amount = down.astype(float)
     signal = _signal(presses, width)[:, used]
     offset = np.zeros_like(signal)
     for _ in range(TURNS):
@@ -131,7 +142,8 @@ def _learnt(presses: Presses, down: Mask, used: Mask | None = None) -> SetReader
         residual = _whitened(factor, signal - learnt.means(design_of(amount, learnt.pairs)))
         span, pull, white = offset_track(residual, presses.time)
         offset = white @ factor.T
-    return SetReader(learnt, width, span, pull, used, 1.0, np.inf)
+    loose = np.sqrt(np.sum((amount - 1) ** 2 * (amount > 0), axis=0) / np.maximum(np.sum(amount > 0, axis=0), 1))
+    return SetReader(learnt, width, span, pull, used, 1.0, np.inf, loose, 0.0)
 
 
 def _signal(presses: Presses, width: float) -> Array:
@@ -144,8 +156,9 @@ def _signal(presses: Presses, width: float) -> Array:
     return presses.signal + nearest - track
 
 
-def _scores(reader: SetReader, presses: Presses) -> tuple[Array, Array]:
-    """Log likelihoods (n, s) of the sets but for a constant a frame, and the misfit (n,) of the likeliest set."""
+def _scores(reader: SetReader, presses: Presses) -> tuple[Array, Array, Array]:
+    """Log likelihoods (n, s) of the sets but for a constant a frame, the misfit (n,) of the likeliest set, and the
+    signals (n, m) less the offset."""
     signal = _signal(presses, reader.rest_width)[:, reader.used]
     learnt, span = reader.superposition, reader.offset_width
     means = learnt.means(design_of(reader.sets.astype(float), learnt.pairs))
@@ -157,7 +170,7 @@ def _scores(reader: SetReader, presses: Presses) -> tuple[Array, Array]:
         assert around is not None
         offset = tracked(around, np.nan_to_num(residual), reader.offset_pull)
         score, misfit = _likelihoods(reader, means, signal - offset)
-    return score, misfit
+    return score, misfit, signal - offset
 
 
 def _likelihoods(reader: SetReader, means: Array, signal: Array) -> tuple[Array, Array]:
@@ -171,10 +184,55 @@ def _likelihoods(reader: SetReader, means: Array, signal: Array) -> tuple[Array,
         factor = _cholesky(learnt.covariance[np.ix_(live, live)])
         seen, expected = _whitened(factor, signal[rows][:, live]), _whitened(factor, means[:, live])
         square = np.sum(seen**2, axis=1)[:, None] + np.sum(expected**2, axis=1) - 2 * seen @ expected.T
+        volume = count * np.log(wider)
+        if reader.loose.any():
+            less, more = _loosened(reader, seen, expected, live, factor)
+            square, volume = square - less, volume + more
         square = np.maximum(square, 0.0) / wider
-        score[rows] = -(count * np.log(wider) + (learnt.freedom + count) * np.log1p(square / learnt.freedom)) / 2
+        score[rows] = -(volume + (learnt.freedom + count) * np.log1p(square / learnt.freedom)) / 2
         misfit[rows] = square[np.arange(len(seen)), score[rows].argmax(axis=1)] / max(count, 1)
     return score, misfit
+
+
+def _slopes(reader: SetReader, pressed: Mask) -> Array:
+    """(k', m) signals of one standard deviation of the amount of each of the places (k,) that are pressed."""
+    learnt, k = reader.superposition, reader.places
+    slope = learnt.pattern[:k].copy()
+    for pair, more in zip(learnt.pairs, learnt.pattern[k:], strict=True):
+        if pressed[pair].all():
+            slope[pair] += more
+    return (reader.loose[:, None] * slope)[pressed]
+
+
+def _loosened(reader: SetReader, seen: Array, expected: Array, live: Mask, factor: Array) -> tuple[Array, Array]:
+    """What unknown amounts take off the squared misfit (n, s) of whitened signals (n, m), and add to the logarithm of
+    the determinant (s,)."""
+    less, more = np.empty((len(seen), len(expected))), np.empty(len(expected))
+    for number, pressed in enumerate(reader.sets):
+        slope = _whitened(factor, _slopes(reader, pressed)[:, live])
+        root = _cholesky(np.eye(len(slope)) + slope @ slope.T)
+        less[:, number] = np.sum(_whitened(root, (seen - expected[number]) @ slope.T) ** 2, axis=1)
+        more[number] = 2 * np.log(np.diag(root)).sum()
+    return less, more
+
+
+def _amounts(reader: SetReader, signal: Array, numbers: Index) -> tuple[Array, Array]:
+    """Amounts (n, k) of the places of sets (n,), 0 where they are not pressed, and their standard deviations, 0 where
+    amounts are not known."""
+    sets, learnt = reader.sets, reader.superposition
+    amount, sd = sets[numbers].astype(float), np.zeros((len(signal), reader.places))
+    if not reader.loose.any():
+        return amount, sd
+    means = learnt.means(design_of(sets.astype(float), learnt.pairs))
+    for row, (one, number) in enumerate(zip(signal, numbers.tolist(), strict=True)):
+        live, pressed = np.isfinite(one), sets[number]
+        factor = _cholesky(learnt.covariance[np.ix_(live, live)])
+        slope = _whitened(factor, _slopes(reader, pressed)[:, live])
+        off = _whitened(factor, (one - means[number])[None, live])[0]
+        inverse = np.linalg.inv(np.eye(len(slope)) + slope @ slope.T)
+        amount[row, pressed] += reader.loose[pressed] * (inverse @ slope @ off)
+        sd[row, pressed] = reader.loose[pressed] * np.sqrt(np.diag(inverse))
+    return amount, sd
 
 
 def _log_posterior(score: Array) -> Array:

@@ -33,14 +33,27 @@ def synthetic(seed: int, noise: float = 0.4, interaction: float = 0.0, presses: 
     return recording, surrogate.TouchSets(np.arange(presses).astype(np.str_), PLACES, down)
 
 
+def pressed_by_force(seed: int) -> tuple[Recording, surrogate.TouchSets]:
+    """The same patterns times forces of 0.5 to 1.5 N over 1 N."""
+    recording, sets = synthetic(seed, noise=0.2)
+    rng = np.random.default_rng(seed + 100)
+    force_N = rng.uniform(0.5, 1.5, sets.down.shape) * sets.down
+    pattern = np.random.default_rng(7).standard_normal((4, 24))
+    frames = recording.readings.copy()
+    frames[1::2] += (force_N - sets.down) @ pattern
+    return replace(recording, readings=frames), replace(sets, force_N=force_N)
+
+
 def at_most(sets: surrogate.TouchSets, most: int) -> surrogate.TouchSets:
     rows = sets.down.sum(axis=1) <= most
-    return replace(sets, touch=sets.touch[rows], down=sets.down[rows])
+    return replace(sets, touch=sets.touch[rows], down=sets.down[rows],
+                   force_N=None if sets.force_N is None else sets.force_N[rows])
 
 
 def above(sets: surrogate.TouchSets, most: int) -> surrogate.TouchSets:
     rows = sets.down.sum(axis=1) > most
-    return replace(sets, touch=sets.touch[rows], down=sets.down[rows])
+    return replace(sets, touch=sets.touch[rows], down=sets.down[rows],
+                   force_N=None if sets.force_N is None else sets.force_N[rows])
 
 
 def taught(seed: int, noise: float = 0.4, interaction: float = 0.0) -> tuple[SetModel, Recording, surrogate.TouchSets]:
@@ -106,6 +119,21 @@ def test_dead_readings_are_left_out_and_other_patterns_flagged() -> None:
                for one in (strange, recording.readings)]
     assert flagged[0] > 0.9
     assert flagged[1] < 0.05
+
+
+def test_forces_of_each_touch_are_read_with_intervals(tmp_path: Path) -> None:
+    recording, sets = pressed_by_force(8)
+    surrogate.learn_sets(recording, at_most(sets, 2)).save(tmp_path / "model")
+    model = surrogate.load(tmp_path / "model")
+    assert isinstance(model, SetModel)
+    assert model.score(recording, above(sets, 2)).all_right > 0.9
+    table, fresh = model.predict(recording), above(sets, 2)
+    assert fresh.force_N is not None
+    rows = table.iloc[fresh.touch.astype(int)]
+    read, low, high = (rows[[f"F_{name}{end}_N" for name in PLACES]].to_numpy() for end in ("", "_lo90", "_hi90"))
+    known = np.isfinite(read) & fresh.down
+    assert np.abs(read - fresh.force_N)[known].mean() < 0.12
+    assert 0.8 < np.mean((low <= fresh.force_N)[known] & (fresh.force_N <= high)[known]) < 0.99
 
 
 def test_presses_that_do_not_teach_each_place_are_refused() -> None:
