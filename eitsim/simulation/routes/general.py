@@ -15,6 +15,7 @@ from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS
 from eitsim.simulation.edge_effects import far_edges_effect
+from eitsim.simulation.routes.nearest_alone import OF_CHANGE
 from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge, off_skin
 from matcal.laws.law import Law
 from touchcal.arrays import Array
@@ -23,6 +24,7 @@ from touchcal.choice import Choice
 _MESH_SHARE = 0.9  # Part of the requested signal error that the mechanics may use up.
 # Part of it that edges outside the mesh may use up, unless the mesh goes as far as so many thicknesses.
 _OUTSIDE_SHARE, _FARTHEST = 0.2, 5.0
+_CLEAR = 0.1  # Gap to an edge, thicknesses, below which it states as much as the changes of axisymmetric touches.
 # CPU time of a usual touch (benchmarks/results/general_touches.csv), and of one that is solved on the FINE level too.
 _ONE_S, _FINE_S = 15.0, 50.0
 
@@ -44,6 +46,9 @@ class General(Route):
             return Choice(Why.TOUCHING, {"least_m": least_m})
         fine = case.exact or _MESH_SHARE * case.scene.accuracy.signal < SIGNAL_FLOOR
         return (_FINE_S if fine else _ONE_S) * len(case.punches)
+
+    def expected(self, case: Case) -> float:
+        return OF_CHANGE * case.by_edges if case.gap_m < _CLEAR * case.scene.body.thickness_m else 0.0
 
     def outside(self, case: Case) -> float:
         return self._outside(case, self._reach(case))
