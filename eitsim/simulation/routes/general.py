@@ -10,7 +10,7 @@ import numpy as np
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
 from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general
-from eitsim.mechanics.rim.interaction import edge_gap_m
+from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS
@@ -77,9 +77,10 @@ class General(Route):
         return max(far_edges_effect(case.scene, punch, reach) for punch in case.punches)
 
     def _requested(self, case: Case) -> Array:
-        """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, of the driving
-        strain alone."""
-        left = _MESH_SHARE * case.scene.accuracy.signal - self.outside(case)
+        """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, without what
+        edges and touches outside it take of that, of the driving strain alone."""
+        others = expected(case.scene.body, case.scene.punches, (case.touches,))
+        left = _MESH_SHARE * case.scene.accuracy.signal - self.outside(case) - others
         return np.where(np.array(STRAINS) == case.scene.skin.strain, left, np.inf)
 
     def words(self, of: Values) -> Words:
