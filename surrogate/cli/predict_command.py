@@ -80,6 +80,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     from surrogate.learners.registry import METHODS
     from surrogate.model.assumed_punch import assumed_punch
     from surrogate.model.recorded.press_model import PressModel
+    from surrogate.model.recorded.set_model import SetModel
 
     check_no_port(frames)
     live = comes_live(frames)
@@ -101,15 +102,18 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     if not changes.get("contact") and (data or scene) is not None:
         raise ValueError("--data and --scene describe the sensor of --drift contact=SD. Add it, or leave them out.")
     model = surrogate.load(model_folder)
-    if isinstance(model, PressModel):
+    if isinstance(model, PressModel | SetModel):
         given = {"--data": data, "--scene": scene, "--held": held, "--drift": drift or None,
                  "--scale-baseline": None if scale_baseline == "auto" else scale_baseline}
-        if not live:
+        if not live or isinstance(model, SetModel):
             given |= {"--baseline": baseline, "--noise-V": noise_v, "--rate": None if rate == RATE_HZ else rate}
         if odd := [flag for flag, value in given.items() if value is not None]:
             raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
                              f"rows are the baseline, or a stream. Leave out {', '.join(odd)}.")
-        if live:
+        if isinstance(model, SetModel) and live:
+            raise ValueError(f"{model_folder} reads several touches at once, from recordings and not from streams: "
+                             "give a CSV of frames whose untouched rows have an empty touch.")
+        if live and not isinstance(model, SetModel):
             track_stream(model, frames, baseline, noise_v, out, rate)
             return
         with waiting("reading frames"):
