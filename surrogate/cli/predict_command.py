@@ -53,7 +53,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = RATE_HZ,
             posterior: Annotated[bool, typer.Option("--posterior", hidden=True)] = False,
             direct: Annotated[bool, typer.Option("--direct", hidden=True)] = False,
-            touches: Annotated[int, typer.Option(min=1, max=2, hidden=True)] = 1,
+            touches: Annotated[int, typer.Option(min=1, max=4, hidden=True)] = 1,
             card: Annotated[Path | None, typer.Option(hidden=True)] = None, seed: SeedOption = 0,
             out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
             as_json: JsonOption = False) -> None:
@@ -84,10 +84,10 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
 
     check_no_port(frames)
     live = comes_live(frames)
-    if posterior or direct or touches == 2:  # as `surrogate frame`, by the words of an earlier version
+    if posterior or direct or touches > 1:  # as `surrogate frame`, by the words of an earlier version
         if (held, drift) != (None, ""):
             raise ValueError("--held and --drift are for plain predictions; leave them out with --posterior, --direct "
-                             "and --touches 2.")
+                             "and --touches.")
         frame(model_folder, frames, baseline, noise_v, scale_baseline, posterior, direct, touches, card, data, scene,
               seed, out, as_json)
         return
