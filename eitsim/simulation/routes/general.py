@@ -10,11 +10,12 @@ import numpy as np
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
 from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general
-from eitsim.mechanics.rim.interaction import edge_gap_m
+from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS
 from eitsim.simulation.edge_effects import far_edges_effect
+from eitsim.simulation.routes.nearest_alone import OF_CHANGE
 from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge, off_skin
 from matcal.laws.law import Law
 from touchcal.arrays import Array
@@ -23,6 +24,7 @@ from touchcal.choice import Choice
 _MESH_SHARE = 0.9  # Part of the requested signal error that the mechanics may use up.
 # Part of it that edges outside the mesh may use up, unless the mesh goes as far as so many thicknesses.
 _OUTSIDE_SHARE, _FARTHEST = 0.2, 5.0
+_CLEAR = 0.1  # Gap to an edge, thicknesses, below which it states as much as the changes of axisymmetric touches.
 # CPU time of a usual touch (benchmarks/results/general_touches.csv), and of one that is solved on the FINE level too.
 _ONE_S, _FINE_S = 15.0, 50.0
 
@@ -44,6 +46,9 @@ class General(Route):
             return Choice(Why.TOUCHING, {"least_m": least_m})
         fine = case.exact or _MESH_SHARE * case.scene.accuracy.signal < SIGNAL_FLOOR
         return (_FINE_S if fine else _ONE_S) * len(case.punches)
+
+    def expected(self, case: Case) -> float:
+        return OF_CHANGE * case.by_edges if case.gap_m < _CLEAR * case.scene.body.thickness_m else 0.0
 
     def outside(self, case: Case) -> float:
         return self._outside(case, self._reach(case))
@@ -72,9 +77,10 @@ class General(Route):
         return max(far_edges_effect(case.scene, punch, reach) for punch in case.punches)
 
     def _requested(self, case: Case) -> Array:
-        """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, of the driving
-        strain alone."""
-        left = _MESH_SHARE * case.scene.accuracy.signal - self.outside(case)
+        """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, without what
+        edges and touches outside it take of that, of the driving strain alone."""
+        others = expected(case.scene.body, case.scene.punches, (case.touches,))
+        left = _MESH_SHARE * case.scene.accuracy.signal - self.outside(case) - others
         return np.where(np.array(STRAINS) == case.scene.skin.strain, left, np.inf)
 
     def words(self, of: Values) -> Words:
