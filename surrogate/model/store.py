@@ -16,7 +16,7 @@ from touchcal.json_file import digest, file_digest, read_json, write_json
 from touchcal.whole_file import written
 
 SCHEMA = 14
-RECORDED = ("presses", "touch sets")  # kinds of models that are learnt from a recording
+RECORDED = ("presses", "sets")  # kinds of models that are learnt from a recording
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
 # What ties both files: the key of model.json with the hash of arrays.npz, and the array with the hash of the other keys

@@ -56,7 +56,7 @@ class SetModel:
     seed: int = 0
     method: str = SUPERPOSITION
 
-    LEARNT_FROM: ClassVar[str] = "touch sets"
+    LEARNT_FROM: ClassVar[str] = "sets"
     SHAPE: ClassVar[Keys] = _SHAPE
 
     @property
