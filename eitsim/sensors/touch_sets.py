@@ -99,23 +99,22 @@ def _of_rows(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -
     if (odd := [name for name in header if name not in known]) or not {*by} <= {*header}:
         raise InputFileError(path, f"the header names {', '.join(odd or header)}. {_FORMS}")
     touches = list(dict.fromkeys(touch_name(cells[header.index(TOUCH)]) for _, cells in rows))
-    keys: dict[tuple[str, ...], int] = {}
-    at: list[list[float]] = []
+    named = {cells[header.index(NAMED)] for _, cells in rows} - {""} if NAMED in header else set()
+    keys: dict[tuple[str, ...], int] = {(name,): column for column, name in enumerate(sorted(named))}
+    at: dict[int, list[float]] = {}
     cell: dict[tuple[int, int], float] = {}
     for line, cells in rows:
         place = [_number(path, line, name, cells[header.index(name)]) for name in PLACE if name in header]
         key = (cells[header.index(NAMED)],) if NAMED in header else tuple(f"{value:g}" for value in place)
         if not key[0]:
             raise InputFileError(path, f"{NAMED} is empty; name the place that is pressed.", line=line)
-        if key not in keys:
-            at.append(place)
         column = keys.setdefault(key, len(keys))
-        if at[column] != place:
+        if at.setdefault(column, place) != place:
             raise InputFileError(path, f"{NAMED} '{key[0][:20]}' is at another x_mm, y_mm than before; give each place "
                                        "one.", line=line)
         row = touches.index(touch_name(cells[header.index(TOUCH)]))
         if (row, column) in cell:
-            raise InputFileError(path, f"touch '{touches[row][:20]}' presses the place {', '.join(key)} twice; label "
+            raise InputFileError(path, f"touch '{touches[row][:20]}' presses the place {' '.join(key)} twice; label "
                                        "each place of a touch once.", line=line)
         force = _number(path, line, FORCE, cells[header.index(FORCE)]) if FORCE in header else 1.0
         if force <= 0:
@@ -124,8 +123,9 @@ def _of_rows(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -
     force_N = np.zeros((len(touches), len(keys)))
     for (row, column), value in cell.items():
         force_N[row, column] = value
-    return TouchSets(np.array(touches, np.str_), tuple(", ".join(key) for key in keys), force_N > 0,
-                     np.array(at) if {*PLACE} <= {*header} else None, force_N if FORCE in header else None)
+    at_mm = np.array([at[column] for column in range(len(keys))]) if {*PLACE} <= {*header} else None
+    return TouchSets(np.array(touches, np.str_), tuple(" ".join(key) for key in keys), force_N > 0, at_mm,
+                     force_N if FORCE in header else None)
 
 
 def _once(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -> NDArray[np.str_]:
