@@ -78,8 +78,8 @@ def _check(places: tuple[str, ...], down: Mask, press: Index) -> None:
     """ValueError where presses do not say what each place does."""
     if len(places) > set_reader.MOST_PLACES:
         raise ValueError(f"{len(places)} places are labelled, and sets of at most {set_reader.MOST_PLACES} are read. "
-                         "Label touches at random places with one row a touch; where a touch stands in two rows by mistake, "
-                         "leave one out.")
+                         "Label touches at random places with one row a touch; where a touch stands in two rows by "
+                         "mistake, leave one out.")
     often = np.array([len(np.unique(press[column])) for column in down.T])
     if (often < FEWEST).any():
         rare = int(often.argmin())
