@@ -4,7 +4,8 @@ Touches are those of `stiff_electrodes.py` from another seed, near edges, with s
 "fast" is the cheapest other route that serves the scene, "finer" the FINE level of the same solver, elements half as
 large, where that is predicted to take no more than MOST_S. depth and normal, principal and areal are relative
 differences of depth and of all touch signals (2-norm) to the default level, whose own statement is estimate_*;
-other_estimate_* is that of the other. gap is the distance of the punch's edge from the nearest edge in thicknesses,
+other_estimate_* is that of the other. reach is how far meshes go from
+the punch, gap the distance of the punch's edge from the nearest edge in thicknesses,
 predicted_cpu_s what the default level was expected to take. Run by `make bench`, which pins threads; writes
 results/general_errors.csv.
 """
@@ -19,14 +20,15 @@ import stiff_electrodes
 from conditions import quick, written
 from materials import TABLE_1
 
-from eitsim.mechanics.general.meshing.levels import COARSE, FINE
+from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH
 from eitsim.mechanics.general.solve_general import predicted_cost, solve_general
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Scene, rim_gap_m
 from eitsim.simulation.choose import choose_ways
 from touchcal.errors import NotConverged
 
-FIRST, TOUCHES, MOST_S = 1000, quick(20, 1), 25.0
+FIRST, TOUCHES, MOST_S, REACH = 1000, quick(20, 1), 25.0, 4.0
+DEFAULT, ROUGHER, FINER = (replace(level, reach=REACH) for level in (COARSE, ROUGH, FINE))
 
 
 def soft(k: int) -> Scene:
@@ -50,11 +52,12 @@ def row(what: str, route: str, default: dict[str, object], scene: Scene, touch: 
 
 def on_default(k: int, scene: Scene) -> tuple[Touch, dict[str, object]]:
     begun = time.process_time()
-    (touch,), (punch,) = solve_general(TABLE_1, scene.body, scene.punches).touches, scene.punches
+    (touch,) = solve_general(TABLE_1, scene.body, scene.punches, level=DEFAULT, coarser=ROUGHER).touches
+    (punch,) = scene.punches
     return touch, {
-        "touch": k, "gap": rim_gap_m(scene.body, punch) / scene.body.thickness_m, **stated(touch, "estimate"),
-        "cpu_s": time.process_time() - begun,
-        "predicted_cpu_s": predicted_cost(TABLE_1, scene.body, scene.punches).cpu_s}
+        "touch": k, "reach": REACH, "gap": rim_gap_m(scene.body, punch) / scene.body.thickness_m,
+        **stated(touch, "estimate"), "cpu_s": time.process_time() - begun,
+        "predicted_cpu_s": predicted_cost(TABLE_1, scene.body, scene.punches, level=DEFAULT, coarser=ROUGHER).cpu_s}
 
 
 def rows(k: int) -> Iterator[dict[str, object]]:
@@ -62,9 +65,9 @@ def rows(k: int) -> Iterator[dict[str, object]]:
     touch, default = on_default(k, scene)
     ((way,), _) = choose_ways(scene, bodies=False)
     yield row("fast", way.route.kind, default, scene, touch, lambda: way.route.solve(way.case, TABLE_1, False))
-    if predicted_cost(TABLE_1, scene.body, scene.punches, level=FINE, coarser=COARSE).cpu_s < MOST_S:
+    if predicted_cost(TABLE_1, scene.body, scene.punches, level=FINER, coarser=DEFAULT).cpu_s < MOST_S:
         yield row("finer", "general", default, scene, touch, lambda: solve_general(
-            TABLE_1, scene.body, scene.punches, level=FINE, coarser=COARSE).touches[0])
+            TABLE_1, scene.body, scene.punches, level=FINER, coarser=DEFAULT).touches[0])
 
 
 def main() -> None:

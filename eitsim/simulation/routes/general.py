@@ -24,6 +24,7 @@ from touchcal.choice import Choice
 _MESH_SHARE = 0.9  # Part of the requested signal error that the mechanics may use up.
 # Part of it that edges outside the mesh may use up, unless the mesh goes as far as so many thicknesses.
 _OUTSIDE_SHARE, _FARTHEST = 0.2, 5.0
+_MARGIN = 0.5  # Distance from the mesh's end, thicknesses, within which an edge counts as outside.
 _CLEAR = 0.1  # Gap to an edge, thicknesses, below which it states as much as the changes of axisymmetric touches.
 # CPU time of a usual touch (benchmarks/results/general_touches.csv), and of one that is solved on the FINE level too.
 _ONE_S, _FINE_S = 15.0, 50.0
@@ -74,7 +75,7 @@ class General(Route):
         return next((reach for reach in tried if self._outside(case, reach) <= allowed), tried[-1])
 
     def _outside(self, case: Case, reach: float) -> float:
-        return max(far_edges_effect(case.scene, punch, reach) for punch in case.punches)
+        return max(far_edges_effect(case.scene, punch, reach - _MARGIN) for punch in case.punches)
 
     def _requested(self, case: Case) -> Array:
         """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, without what
