@@ -13,10 +13,11 @@ from conditions import quick, shown, written
 
 from surrogate.forward_map.inversion.invert import invert
 from surrogate.forward_map.load_coordinates import to_unknown
+from surrogate.forward_map.scattering import unit_V
 from surrogate.learners.forward import TouchInversion
 from surrogate.model.model import load_of_sweep
+from surrogate.single_frame.several_at_once import number, read_several
 from surrogate.single_frame.simulator_likelihood import simulator_of, solved
-from surrogate.single_frame.two_touches import read_pair
 
 GAPS_MM, NOISES_V = quick((5.0, 10.0, 20.0, 30.0, 45.0, 60.0), (20.0, 45.0)), (2e-5, 2e-4)
 
@@ -39,13 +40,14 @@ def main() -> None:
         clean = solved(simulator, touches).signal_V
         for noise in NOISES_V:
             frame = clean + noise * rng.normal(size=clean.size)
-            found = read_pair(forward, frame, noise, to_unknown(invert(forward, frame[None], noise).touch,
-                                                                forward.p0)[0])
+            alone = to_unknown(invert(forward, frame[None], noise).touch, forward.p0)[0]
+            each = read_several(forward, frame, noise, alone, 2, unit_V(forward.ring, model.baseline_V))
+            one, found = each
             off = found.touch - touches if len(touches) == 2 else np.full((2, 4), np.nan)
-            rows.append({"gap_mm": gap, "noise_V": noise, "two": found.two, "too_near": found.too_near,
+            rows.append({"gap_mm": gap, "noise_V": noise, "two": number(each) == 2, "too_near": found.too_near,
                          "place_1_mm": np.hypot(*off[0, :2]), "place_2_mm": np.hypot(*off[-1, :2]),
-                         "F_1_N": off[0, 3], "F_2_N": off[-1, 3], "gain": found.gain, "misfit": found.misfit,
-                         "misfit_of_one": found.misfit_of_one})
+                         "F_1_N": off[0, 3], "F_2_N": off[-1, 3], "gain": one.score - found.score,
+                         "misfit": found.misfit, "misfit_of_one": one.misfit})
     shown(written(rows, "two_touches"))
 
 

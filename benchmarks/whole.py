@@ -27,7 +27,8 @@ RAW = HERE.parent / "data_raw"
 # what each benchmark is given, of the short chain's files
 GIVEN = {"frame_drift": ("sweep",), "inversion_limit": ("forward", "sweep", "card.json"),
          "live_page": ("forward", "card.json"), "sensor_design": ("card.json", "sweep"), "streaming": ("ridge",),
-         "surrogate_noise": ("sweep",), "two_touches": ("forward", "sweep", "card.json"),
+         "surrogate_noise": ("sweep",), "three_touches": ("forward", "sweep", "card.json"),
+         "two_touches": ("forward", "sweep", "card.json"),
          "variants": ("card.json",)}
 # what needs the paper's sweep of 4,000 scenes, or a GPU, or measures nothing, and is run by hand
 APART = ("carry_over", "contacts", "faithful", "gpu", "mutants", "paced_stream", "ridge", "silent_answers",

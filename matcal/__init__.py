@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matcal.record.calibration import Calibration, fit
     from matcal.record.exporters.deck import export
     from matcal.record.importers.read_deck import import_deck
+    from matcal.record.next_test.next_tests import next_tests
     from matcal.record.predict import check, follow_path, predict
     from matcal.reduction.experiment import Experiment
     from matcal.reduction.inspect import inspect

@@ -42,10 +42,12 @@ def bordered(solve: Solve, border: Array, corner: float) -> Solve:
     return both
 
 
-def conjugate_gradients(product: Solve, precondition: Solve, b: Array, tolerance: float, limit: int = 1000) -> Array:
+def conjugate_gradients(product: Solve, precondition: Solve, b: Array, tolerance: float, limit: int = 1000,
+                        cost: float = PRODUCT) -> Array:
     """Solution of A x = b, A symmetric positive definite given by its product with vectors. Stops where r' P r, r the
     residual and P the preconditioner, is tolerance^2 of what it was, or after `limit` products, with the best x so far.
-    Indefinite is raised where A is not positive along a direction."""
+    cost: work of a product over that of a factorisation. Indefinite is raised where A is not positive along a
+    direction."""
     x, r = np.zeros_like(b), b
     z = precondition(r)
     p, now = z, float(r @ z)
@@ -53,7 +55,7 @@ def conjugate_gradients(product: Solve, precondition: Solve, b: Array, tolerance
     for _ in range(limit):
         if now <= tolerance**2 * first:
             break
-        charge(PRODUCT * len(b))
+        charge(cost * len(b))
         ap = product(p)
         curvature = float(p @ ap)
         if curvature <= 0:

@@ -173,6 +173,7 @@ class Touch:
     cpu_s: float  # CPU time spent, s
     sigma_max_error: float | None = None  # estimated relative error of sigma_max_Pa; None where it is not estimated
     contact_area_error: float | None = None  # estimated relative error of contact_area_m2; None where not estimated
+    contact_end_error: float | None = None  # estimated relative error of contact_radius_m; None where not estimated
     # (3,) estimated relative errors of the strains that may drive the skin, L2 over the surface, by scene.STRAINS; None
     # where they are not estimated
     strain_errors: Array | None = None

@@ -31,6 +31,7 @@ from touchcal.jit import cpu_s
 
 TABLE_SHARE = 0.25  # Part of the requested signal error that a table's own may use up.
 _NEIGHBOUR_SHARE = 0.5  # Part of the requested signal error that solving touches separately may use up.
+_DEARER = 5.0  # CPU time over that of the cheapest way that is spent on the requested error.
 # Prescribed depth over the thickness up to which equilibria are found in seconds.
 _DEEPEST = 0.97
 
@@ -172,9 +173,10 @@ def _stored(table: Table | None, law: Law, scene: Scene,
 
 
 def _way(case: Case) -> Way:
-    """The cheapest route that serves and meets the requested error, in an exact run the one for these; where none does
-    with what electrodes and ends of contacts may cost, the one of those that do without that omits least; else the
-    first that meets it and is refused, of several touches the last, or that of those that leave out least."""
+    """The cheapest route that serves and leaves out no more than it may, in an exact run the one for these; one that is
+    expected to meet the requested error where that one is not, and pays. Where none does with what electrodes and ends
+    of contacts may cost, the one of those that do without that omits least; else the first that meets it and is
+    refused, of several touches the last, or that of those that leave out least."""
     ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
             for route in known_routes.ROUTES if (case.exact or not route.for_exact) and (
                 route.leaning or not any(punch.tilt_rad for punch in case.punches)) and not (
@@ -183,12 +185,20 @@ def _way(case: Case) -> Way:
     fine = [way for way in ways if way.route.leaves_out(case) <= case.allowed]
     serving = [way for way in fine if way.why is None]
     if whole := [way for way in serving if _omitted(way) <= case.allowed]:
-        return min(whole, key=lambda way: (not way.route.for_exact, way.cost_s))
+        cheapest = min(whole, key=lambda way: (not way.route.for_exact, way.cost_s))
+        return min((way for way in whole if _better(way, cheapest)), key=lambda way: way.cost_s, default=cheapest)
     if serving:
         return min(serving, key=lambda way: (_omitted(way), way.cost_s))
     if fine:
         return fine[0 if len(case.touches) == 1 else -1]
     return min(reversed(ways), key=lambda way: way.route.leaves_out(case))
+
+
+def _better(way: Way, cheapest: Way) -> bool:
+    """Whether a way is expected to meet the requested error where the cheapest one is not, at a cost that pays."""
+    case, asked = way.case, way.case.scene.accuracy.signal
+    return case.bodies and not case.exact and way.cost_s <= _DEARER * cheapest.cost_s and (
+        way.route.expected(case) <= asked < cheapest.route.expected(case))
 
 
 def _omitted(way: Way) -> float:

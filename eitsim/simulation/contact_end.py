@@ -15,9 +15,9 @@ from touchcal.arrays import Array
 
 Touches = tuple[tuple[Punch, Touch], ...]
 
-# Relative error of a contact's radius where its touch has none of the contact's area; the least that is taken, since
-# two meshes may agree by chance, and the largest step by which dV is differentiated.
-_UNKNOWN, _LEAST, _STEP = 0.01, 2e-3, 0.02
+# Relative error of a contact's radius where its touch states neither that nor the area's, and the largest step by which
+# dV is differentiated.
+_UNKNOWN, _STEP = 0.01, 0.02
 
 
 def variants(touches: Touches) -> list[Touches]:
@@ -44,8 +44,10 @@ def _step(touch: Touch) -> float:
 
 
 def _radius_error(touch: Touch) -> float:
-    """Relative error of the contact's radius, half that of its area."""
-    return max(_UNKNOWN if touch.contact_area_error is None else touch.contact_area_error / 2, _LEAST)
+    """Relative error of the contact's radius; half that of its area where that is all that is known."""
+    if touch.contact_end_error is not None:
+        return touch.contact_end_error
+    return _UNKNOWN if touch.contact_area_error is None else touch.contact_area_error / 2
 
 
 def _size(readings: Readings) -> float:

@@ -1,4 +1,4 @@
-"""Command line of `matcal`: inspect, fit, predict, check, export, import, compare, report."""
+"""Command line of `matcal`: inspect, fit, predict, next, check, export, import, compare, report."""
 
 import sys
 import warnings
@@ -182,6 +182,33 @@ def predict_command(
         print_columns(columns, f"{mode}, {card.name}")
         if "moduli" in columns and read.prony is not None:
             print(f"instantaneous over long-term stress: {1 / read.prony.g_infinity:.6g}")
+
+
+@app.command("next")
+def next_command(
+        card: CardFile,
+        quantity: Annotated[str, typer.Option("--for", metavar="QUANTITY", help=(
+            "What is to be narrowed: mu_0, E_0, plateau, g_infinity, mu_0_instantaneous, nu, or "
+            "stress:MODE:STRAIN."))] = "mu_0",
+        minutes: Annotated[list[str] | None, typer.Option(metavar="KIND=MIN,...", help=(
+            "What a test of a kind takes; tests are then in the order of what they narrow a minute, and other kinds "
+            "are left out."))] = None,
+        as_json: JsonOption = False) -> None:
+    """Say which further test would narrow a quantity most, by what the card leaves open.
+
+    Example: matcal next card.json --for stress:biaxial:0.5 --minutes uniaxial=15,biaxial=60
+    """
+    from matcal.card import read_card
+    from matcal.cli import next_command as shown
+    from matcal.cli.summary import print_table
+    from matcal.record.next_test.next_tests import next_tests
+
+    read = read_card(card)
+    found = next_tests(read, quantity, minutes=shown.minutes_of(minutes))
+    if as_json:
+        print_json(shown.as_json(found))
+    else:
+        print_table(shown.table(found, read))
 
 
 @app.command("check")

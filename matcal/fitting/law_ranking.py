@@ -54,10 +54,14 @@ def ranked(curves: Sequence[Curve], given: dict[str, float]) -> tuple[Ranked, ..
              for row in _tried(tuple(curves), law_type(name), given)]
     usable = [row for row in tried if not row.lost and not row.left_open] or [r for r in tried if not r.lost] or tried
     least = min(row.predicted for row in usable)
-    weight = [float(np.exp((least**2 - row.predicted**2) / (2 * (least**2 + _OTHERWISE**2)))) if row in usable else 0.0
-              for row in tried]
+    weight = [support(row.predicted, least) if row in usable else 0.0 for row in tried]
     rows = [replace(row, weight=w / sum(weight)) for row, w in zip(tried, weight, strict=True)]
     return tuple(sorted(rows, key=lambda row: (-row.weight, row.predicted)))
+
+
+def support(error: float, least: float) -> float:
+    """Weight of a law that predicts with an error, over that of the law that does with the least one."""
+    return float(np.exp((least**2 - error**2) / (2 * (least**2 + _OTHERWISE**2))))
 
 
 def band_over(laws: Sequence[Ranked], mode: str, strain: Array) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import OF_ONE_FORM, OF_THIS_LAW, Uncertainty
 from matcal.fitting.uncertainty.standard_errors import standard_errors
+from matcal.laws.law import values_of
 from matcal.record.bands import share_inside
 from matcal.reduction.experiment import Experiment
 
@@ -48,6 +49,10 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
             out["nu"] |= {"by_lateral_strain": list(found.two_nu.lateral), "without": list(found.two_nu.other),
                           "contradicted": found.two_nu.contradict}
         out["not_determined"] = list(found.uncertainty.not_determined)
+        out["effective_points"] = found.uncertainty.effective_points
+        if not found.uncertainty.ridges:  # about a fitted nu nothing is linear
+            out |= {"covariance": found.uncertainty.covariance,
+                    "neighbours": [values_of(law) for law in found.uncertainty.neighbours]}
         out |= _choice_part(found.choice) if found.choice else {}
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
@@ -94,6 +99,18 @@ def curve_of(found: FittedLaws, label: str) -> Curve:
     """The weighed curve of a test; the fit may have moved its strain zero."""
     assert found.fit is not None
     return next(c for c in found.fit.curves if c.label == label)
+
+
+def _record_errors(curve: Curve) -> dict[str, float]:
+    """What a record states of its own errors, those of the load as stress, and how long it took where its rate counts.
+    """
+    facts, out = curve.experiment.facts, {}
+    area_m2 = facts.get("area_mm2", np.inf) * 1e-6
+    known = {"strain_zero_sd": facts.get("strain_zero_sd", 0.0), "zero_sd_Pa": facts.get("zero_sd_N", 0.0) / area_m2,
+             "drift_sd_Pa_per_s": facts.get("drift_sd_N_per_s", 0.0) / area_m2}
+    if curve.kernel is not None and curve.experiment.time_s is not None:
+        out["duration_s"] = float(np.ptp(curve.experiment.time_s))
+    return out | {name: float(value) for name, value in known.items() if value > 0}
 
 
 def _law_part(fit: Fit) -> dict[str, Any]:
@@ -180,7 +197,7 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
     if is_curve(experiment) and found.fit:
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))
-        row |= {"weight": curve.weight}
+        row |= {"weight": curve.weight, "record": _record_errors(curve)}
         if found.prony:
             row |= {"rate_corrected": curve.kernel is not None}
         if curve.factor != 1:

@@ -38,11 +38,11 @@ def write(model_dir: Path, out: Path) -> None:
 def report(model_dir: Path) -> Report:
     """Everything that the template of a model shows."""
     from reports.surrogate import reader_report
-    from surrogate.model.model import load
+    from surrogate.model.model import load_single
     from surrogate.model.recorded.press_model import PressModel
-    from surrogate.model.store import histories, of_presses, read_evaluation
+    from surrogate.model.store import histories, of_recording, read_evaluation
 
-    if of_presses(model_dir) and isinstance(found := load(model_dir), PressModel):
+    if of_recording(model_dir) and isinstance(found := load_single(model_dir), PressModel):
         return reader_report.report(found, model_dir)
     model, evaluation, predictions = read_evaluation(model_dir)
     sources = [provenance.source(model_dir / name) for name in (DESCRIPTION, EVALUATION, PREDICTIONS)]

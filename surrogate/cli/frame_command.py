@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 DIRECT_HELP = "Invert the simulator itself, from the learned answer on; needs --card."
 POSTERIOR_HELP = ("Sample the posterior of each frame with emcee, on the learned map, or with --card by the simulator; "
                   "so without another way.")
-TOUCHES_HELP = "2 reads two touches from each frame, and says where one explains it as well."
+TOUCHES_HELP = "Most touches that a frame may have, 2 to 4: they are counted and each is read."
 CARD_HELP = "Card of foam and skin, for --direct, and for --posterior by the simulator."
 
 
@@ -42,7 +42,7 @@ def frame(model_folder: ModelFolder,
           scale_baseline: Scaling = "auto",
           posterior: Annotated[bool, typer.Option("--posterior", help=POSTERIOR_HELP)] = False,
           direct: Annotated[bool, typer.Option("--direct", help=DIRECT_HELP)] = False,
-          touches: Annotated[int, typer.Option(min=1, max=2, help=TOUCHES_HELP)] = 1,
+          touches: Annotated[int, typer.Option(min=1, max=4, help=TOUCHES_HELP)] = 1,
           card: Annotated[Path | None, typer.Option(help=CARD_HELP)] = None,
           data: Annotated[Path | None, typer.Option(help="Data set whose design describes the sensor of "
                                                          "--card.")] = None,
@@ -63,38 +63,38 @@ def frame(model_folder: ModelFolder,
         raise ValueError("frames of - or a serial port are answered as they come by `surrogate predict`; give a file.")
     check_written(out, [frames, baseline, card, scene])
     check_noise(noise_v)
-    if direct + posterior + (touches == 2) > 1:
-        raise ValueError("give one of --direct, --posterior and --touches 2: each reads a frame in its own way.")
+    if direct + posterior + (touches > 1) > 1:
+        raise ValueError("give one of --direct, --posterior and --touches: each reads a frame in its own way.")
     if direct and card is None:
         raise ValueError("--direct inverts the simulator, which needs the material; give --card CARD, and --data DIR "
                          "or --scene FILE for the sensor.")
-    if card is not None and touches == 2:
+    if card is not None and touches > 1:
         raise ValueError("--card describes the simulator of --direct or --posterior. Leave it out.")
     if card is None and (data or scene) is not None:
         raise ValueError("--data and --scene describe the sensor of the simulator, which needs --card CARD too.")
     model = of_trained_profile(load_of_sweep(model_folder))
     read = compared_frames(model, Path(frames), baseline, noise_v, scale_baseline)
     say_assumed(model)
-    if touches == 2:
-        table = _pairs(model, read)
+    if touches > 1:
+        table = _several(model, read, touches)
     else:
         simulator = None if card is None else _simulator(model, card, data, scene, read.untouched_V)
         table = _in_depth(model, simulator, read, None if direct else seed)
     write_rows(table, model_folder, out, as_json, {"assumes": assumed_punch(model)})
 
 
-def _pairs(model: SweepModel, frames: ComparedFrames) -> pd.DataFrame:
+def _several(model: SweepModel, frames: ComparedFrames, most: int) -> pd.DataFrame:
     import pandas as pd
 
     from surrogate.model.missing_channels import silent
-    from surrogate.single_frame.rows import check_whole, pair_row, whole
+    from surrogate.single_frame.rows import check_whole, several_row, whole
 
     check_whole(frames.dead | silent(frames.untouched_V[None], model.baseline_V)[0])
     lines, noise = whole(frames.lines, model), frames.noise.rms_V
     each = zip(lines.line.tolist(), lines.volts - frames.untouched_V, lines.problem, strict=True)
-    rows = [{"line": line, "flag": problem} if problem else pair_row(model, line, signal, noise)
+    rows = [{"line": line, "flag": problem} if problem else several_row(model, line, signal, noise, most)
             for line, signal, problem in counted("frames")(each)]
-    names = max((list(row) for row in rows), key=len)
+    names = max((list(row) for row in rows), key=len, default=["line", "flag"])
     return pd.DataFrame(rows, columns=names)
 
 

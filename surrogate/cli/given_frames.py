@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from surrogate.data.frame_rows import Lines
     from surrogate.data.reading_noise import ReadingNoise
     from surrogate.model.recorded.press_model import PressModel
+    from surrogate.model.recorded.set_model import SetModel
     from surrogate.model.sweep_model import SweepModel
     from touchcal.arrays import Array, Mask
 
@@ -74,7 +75,7 @@ def compared_frames(model: SweepModel, path: Path, baseline: Path | None, noise_
                           noise.scaled(found.gain))
 
 
-def recorded(model: PressModel, path: Path) -> Recording:
+def recorded(model: PressModel | SetModel, path: Path) -> Recording:
     """A recording of the readings that a model knows."""
     from eitsim.sensors.formats.open_file import open_recording
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from surrogate.recordings.suggestion.next_presses import NextPresses
 
 LABELS_HELP = ("CSV of what is known of a recording's touches: touch and any of x_mm, y_mm, d_mm, F_N, depth_mm, "
-               "z_mm; press where several touches are frames of one press.")
+               "z_mm; press where several touches are frames of one press. Several touches a frame: several rows of "
+               "one touch with place (or x_mm, y_mm), or a column of 0 and 1 a place.")
 SENSOR_HELP = ("Sensor of a recording: a sensor file (TOML), or the JSON that `eitsim sensor fit` wrote. Without it "
                "readings are plain channels, taken as signed voltages.")
 SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrodes and drive: what its touches say of a "
@@ -54,6 +55,8 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
     import surrogate
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.labels import read_labels
+    from eitsim.sensors.touch_sets import holds_several
+    from surrogate.cli.several_command import check_alone, learn_several
     from surrogate.data.skin_from_above import skin_of
     from surrogate.model.store import check_own
     from surrogate.recordings.signals import FEWEST
@@ -61,6 +64,11 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
 
     check_out(out, folder=True)
     check_own(out)
+    if labels is not None and holds_several(labels):
+        check_alone(labels, {"--simulated": simulated, "--suggest": suggest,
+                             "--method": None if method == "families" else method})
+        learn_several(recording, labels, sensor, out, as_json)
+        return
     if labels is None and suggest is None:
         raise ValueError(f"{recording} is a recording, which needs its labels: give --labels touches.csv, and --sensor "
                          "sensor.toml where it has one. Where nothing is pressed yet, give --sensor and --suggest 20, "

@@ -47,9 +47,9 @@ def live(model_folder: ModelFolder,
 
     Example: surrogate live forward --simulate card.json
     """
-    import surrogate
     from surrogate.live.export_page import export_page
     from surrogate.live.serve import check_installed, serve
+    from surrogate.model.model import load_single
     from surrogate.model.recorded.press_model import PressModel
 
     _check_choice(frames, replay, simulate, data or scene)
@@ -61,7 +61,7 @@ def live(model_folder: ModelFolder,
                          "the page have their own. Leave it out.")
     elif rate is not None and replay is None:
         raise ValueError("--rate is that of a recording (--replay). Leave it out.")
-    model = surrogate.load(model_folder)
+    model = load_single(model_folder)
     if isinstance(model, PressModel):
         if frames is None and replay is None:
             raise ValueError(f"{model_folder} was trained on a recording: its skin cannot be simulated or exported. "

@@ -16,6 +16,7 @@ from surrogate.cli.limit_command import limit
 from surrogate.cli.live_command import live
 from surrogate.cli.predict_command import predict
 from surrogate.cli.printed_scores import collapses, print_next, print_scores, print_transfer
+from surrogate.cli.several_command import evaluate_several
 from surrogate.learners.registry import METHODS, method_of
 from touchcal.terminal import JsonOption, SeedOption, application, check_out, counted, numbers, print_json, run, waiting
 
@@ -123,8 +124,12 @@ def evaluate(model_folder: ModelFolder,
     from surrogate.bounds.bound_files import read_limits, with_limits
     from surrogate.model.evaluate import transfer
     from surrogate.model.recorded.press_model import PressModel
+    from surrogate.model.recorded.set_model import SetModel
 
     levels, model, limits = _levels(noise_db), surrogate.load(model_folder), read_limits(model_folder)
+    if isinstance(model, SetModel):
+        evaluate_several(model, folders, labels or [], as_json)
+        return
     if isinstance(model, PressModel):
         if levels or noise_reference != "baseline":
             raise ValueError(f"{model_folder} was trained on a recording, which has its own noise. Leave out "

@@ -53,7 +53,7 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
             rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help=RATE_HELP)] = RATE_HZ,
             posterior: Annotated[bool, typer.Option("--posterior", hidden=True)] = False,
             direct: Annotated[bool, typer.Option("--direct", hidden=True)] = False,
-            touches: Annotated[int, typer.Option(min=1, max=2, hidden=True)] = 1,
+            touches: Annotated[int, typer.Option(min=1, max=4, hidden=True)] = 1,
             card: Annotated[Path | None, typer.Option(hidden=True)] = None, seed: SeedOption = 0,
             out: Annotated[Path | None, typer.Option(help="CSV to write; else standard output.")] = None,
             as_json: JsonOption = False) -> None:
@@ -80,13 +80,14 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     from surrogate.learners.registry import METHODS
     from surrogate.model.assumed_punch import assumed_punch
     from surrogate.model.recorded.press_model import PressModel
+    from surrogate.model.recorded.set_model import SetModel
 
     check_no_port(frames)
     live = comes_live(frames)
-    if posterior or direct or touches == 2:  # as `surrogate frame`, by the words of an earlier version
+    if posterior or direct or touches > 1:  # as `surrogate frame`, by the words of an earlier version
         if (held, drift) != (None, ""):
             raise ValueError("--held and --drift are for plain predictions; leave them out with --posterior, --direct "
-                             "and --touches 2.")
+                             "and --touches.")
         frame(model_folder, frames, baseline, noise_v, scale_baseline, posterior, direct, touches, card, data, scene,
               seed, out, as_json)
         return
@@ -101,15 +102,18 @@ def predict(model_folder: ModelFolder, frames: Annotated[str, typer.Argument(met
     if not changes.get("contact") and (data or scene) is not None:
         raise ValueError("--data and --scene describe the sensor of --drift contact=SD. Add it, or leave them out.")
     model = surrogate.load(model_folder)
-    if isinstance(model, PressModel):
+    if isinstance(model, PressModel | SetModel):
         given = {"--data": data, "--scene": scene, "--held": held, "--drift": drift or None,
                  "--scale-baseline": None if scale_baseline == "auto" else scale_baseline}
-        if not live:
+        if not live or isinstance(model, SetModel):
             given |= {"--baseline": baseline, "--noise-V": noise_v, "--rate": None if rate == RATE_HZ else rate}
         if odd := [flag for flag, value in given.items() if value is not None]:
             raise ValueError(f"{model_folder} was trained on a recording: it reads a CSV of frames, whose untouched "
                              f"rows are the baseline, or a stream. Leave out {', '.join(odd)}.")
-        if live:
+        if isinstance(model, SetModel) and live:
+            raise ValueError(f"{model_folder} reads several touches at once, from recordings and not from streams: "
+                             "give a CSV of frames whose untouched rows have an empty touch.")
+        if live and not isinstance(model, SetModel):
             track_stream(model, frames, baseline, noise_v, out, rate)
             return
         with waiting("reading frames"):

@@ -55,7 +55,8 @@ class Estimate:
                 np.maximum(self.above * factor, self.past_above * of_normal))
 
     def ends(self, factor: Array, of_normal: Array | float) -> tuple[Array, Array]:
-        """As `of_profile`, where each of the profiles is as likely as any other."""
+        """As `of_profile`, where each of the profiles is as likely as any other; what the signal allows of punches
+        outside the training range stays in the interval, whatever the others."""
         below, above = self.of_profile(factor, of_normal)
         open_ = np.any(self.ratio != 1, axis=(0, 2))
         if not open_.any():
@@ -65,7 +66,7 @@ class Estimate:
         short, far = (np.hypot(side[..., open_, None] * self.ratio[:, open_], own) for side in (below, above))
         low, high = interval(mode, short, far, ndtr(-np.asarray(of_normal)))
         below[..., open_], above[..., open_] = self.value[:, open_] - low, high - self.value[:, open_]
-        return below, above
+        return np.maximum(below, self.past_below * of_normal), np.maximum(above, self.past_above * of_normal)
 
 
 @dataclass(frozen=True)

@@ -65,5 +65,5 @@ def _numbers(values: np.ndarray) -> dict[str, float]:
 
 def _state(found: Tracked) -> str:
     if found.state == CALIBRATING:
-        return f"calibrating: {found.left} untouched frames more"
+        return f"calibrating: {found.left} more untouched frame{'s' * (found.left != 1)}"
     return "no value for this touch" if found.state == TOUCH and not np.isfinite(found.value[0]) else found.state

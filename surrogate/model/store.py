@@ -16,6 +16,7 @@ from touchcal.json_file import digest, file_digest, read_json, write_json
 from touchcal.whole_file import written
 
 SCHEMA = 14
+RECORDED = ("presses", "sets")  # kinds of models that are learnt from a recording
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
 # What ties both files: the key of model.json with the hash of arrays.npz, and the array with the hash of the other keys
@@ -149,10 +150,10 @@ def read(folder: Path, kinds: Sequence[type[Stored]], methods: Sequence[str]) ->
                                      f"({error}). Train the model again.") from None
 
 
-def of_presses(folder: Path) -> bool:
-    """Whether a folder holds a model of recorded presses, whole or not."""
+def of_recording(folder: Path) -> bool:
+    """Whether a folder holds a model that was learnt from a recording, whole or not."""
     path = folder / DESCRIPTION
-    return path.is_file() and _today(read_json(path, "a model", _RETRAIN)).get("learnt_from") == "presses"
+    return path.is_file() and _today(read_json(path, "a model", _RETRAIN)).get("learnt_from") in RECORDED
 
 
 def _today(text: dict[str, Any]) -> dict[str, Any]:

@@ -58,6 +58,16 @@ def presses_of(recording: Recording) -> Presses:
                    time[pressed], recording.time_s is not None)
 
 
+def presses_in_time_of(recording: Recording, clocked: bool) -> Presses:
+    """The presses of a recording with times as a model knows them, in seconds or in frames; ValueError where it knows
+    them in seconds and the recording has no clock."""
+    if clocked and recording.time_s is None and recording.kind != "difference":
+        raise ValueError(f"{recording.source}: it has no column time_s, and the model was trained on a recording "
+                         "with one, so that the ages of untouched frames cannot be compared. Add time_s, or train "
+                         "on a recording without it.")
+    return presses_of(recording if clocked else replace(recording, time_s=None))
+
+
 def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, Labels]:
     """The presses that have labels, and their labels in the same order; ValueError where the labels name no touch of
     the recording."""

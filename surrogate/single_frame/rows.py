@@ -14,15 +14,17 @@ from surrogate.forward_map.forward_map import ForwardMap
 from surrogate.forward_map.inversion import mechanical_response
 from surrogate.forward_map.inversion.invert import Inversion, invert
 from surrogate.forward_map.load_coordinates import to_unknown
+from surrogate.forward_map.scattering import scatters, unit_V
 from surrogate.learners.forward import TouchInversion
 from surrogate.model.missing_channels import named, silent
 from surrogate.model.predict import WEAK, Predictions, Predictor, read_touches
+from surrogate.model.sweep_model import SweepModel
 from surrogate.model.trained import TrainedModel
 from surrogate.single_frame.posterior import Posterior, posterior_of
+from surrogate.single_frame.several_at_once import number, read_several
 from surrogate.single_frame.simulated_posterior import simulated_posterior
 from surrogate.single_frame.simulator_inversion import Direct, direct, relative_curvature
 from surrogate.single_frame.simulator_likelihood import Simulator
-from surrogate.single_frame.two_touches import read_pair
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask
 from touchcal.errors import NotConverged
@@ -69,7 +71,7 @@ def learner_of(model: TrainedModel) -> TouchInversion:
 def whole(lines: Lines, model: TrainedModel) -> Lines:
     """Lines with a problem for each frame that lacks a channel, which these ways of reading do not leave out."""
     dead = silent(lines.volts, model.baseline_V)
-    problem = [known or (f"{named(mask)}; --direct, --posterior and --touches 2 need all" if mask.any() else "")
+    problem = [known or (f"{named(mask)}; --direct, --posterior and --touches need all" if mask.any() else "")
                for known, mask in zip(lines.problem, dead, strict=True)]
     return replace(lines, problem=problem)
 
@@ -161,23 +163,24 @@ def _why_learned(own: Direct, broad: str, learned_sd: Array, sure: bool) -> str:
     return ""
 
 
-def pair_row(model: TrainedModel, line: int, signal_V: Array, noise_V: float) -> Row:
-    """Two touches of a signal (readings,), V, with standard deviations, and whether it needs two."""
+def several_row(model: SweepModel, line: int, signal_V: Array, noise_V: float, most: int) -> Row:
+    """The touches of a signal (readings,), V, at most so many, in the order of x, with standard deviations."""
     forward = learner_of(model).forward
     if np.linalg.norm(signal_V) < WEAK * model.trained.weakest_V:
-        return {"line": line, "flag": WORDS[Flag.NO_TOUCH]}
+        return {"line": line, "touches": 0, "flag": WORDS[Flag.NO_TOUCH]}
+    one_V = unit_V(forward.ring, model.baseline_V) if scatters(forward.ring) else None
     alone = invert(forward, signal_V[None], noise_V).touch
-    found = read_pair(forward, signal_V, noise_V, to_unknown(alone, forward.p0)[0])
-    row: Row = {"line": line, "touches": 2 if found.two else 1}
-    sd = np.sqrt(np.diag(found.covariance)).reshape(2, 4)
-    for k in range(2):
-        for name, value, spread in zip(outputs.NAMES, found.touch[k], sd[k], strict=False):
+    each = read_several(forward, signal_V, noise_V, to_unknown(alone, forward.p0)[0], most, one_V)
+    count = number(each)
+    found = each[count - 1]
+    row: Row = {"line": line, "touches": count}
+    for k, (touch, sd) in enumerate(zip(found.touch, np.sqrt(np.diag(found.covariance)).reshape(-1, 4), strict=True)):
+        for name, value, spread in zip(outputs.NAMES, touch, sd, strict=False):
             unit = outputs.of(name).unit
             row |= {f"{name}_{k + 1}_{unit}": value, f"{name}_{k + 1}_sd_{unit}": spread}
-    flag = _joined("" if found.two else "one touch explains this frame as well",
-                   "the two are too near each other to be distinguished" if found.too_near else "",
+    flag = _joined("the touches are too near each other to be distinguished" if found.too_near else "",
                    WORDS[Flag.MISFIT] if found.misfit > UNEXPLAINED else "")
-    return row | {"gain": found.gain, "misfit": found.misfit, "misfit_of_one": found.misfit_of_one, "flag": flag}
+    return row | {"misfit": found.misfit, "misfit_of_one": each[0].misfit, "flag": flag}
 
 
 def _direct_row(one: One, value: Array, half: Array, taken: str, own: Direct | None, flag: str) -> Row:

@@ -23,8 +23,8 @@ from touchcal.errors import NotConverged
 DATA = Path(__file__).parents[2] / "data_raw"
 CURVES = [DATA / "uniaxial.csv", DATA / "shear.csv"]
 PUBLIC = {"Calibration", "Conductivity", "Damage", "Experiment", "FitOptions", "Hyperfoam", "MaterialCard", "Prony",
-          "check", "export", "fit", "follow_path", "import_deck", "inspect", "nominal_stress", "predict", "read_card",
-          "read_test", "stability", "write_card"}
+          "check", "export", "fit", "follow_path", "import_deck", "inspect", "next_tests", "nominal_stress", "predict",
+          "read_card", "read_test", "stability", "write_card"}
 
 
 def parts(card: Path) -> str:
@@ -43,7 +43,7 @@ def fitted() -> matcal.Calibration:
 def test_the_public_names_are_these_and_each_has_an_example(monkeypatch: pytest.MonkeyPatch) -> None:
     assert set(matcal.__all__) == set(dir(matcal)) == PUBLIC
     functions = [thing for name in PUBLIC if inspect.isfunction(thing := getattr(matcal, name))]
-    assert len(functions) == 12
+    assert len(functions) == 13
     monkeypatch.chdir(DATA.parent)
     for function in functions:
         tests = doctest.DocTestFinder().find(function, function.__name__, globs={})

@@ -12,7 +12,8 @@ two facets, it was up to 17 % low. With friction it is loaded in increments
 Two meshes of one contact stiffness do not show what the stiffness leaves in the contact area and in the strain: what a
 quarter of it changes on the coarser mesh adds to their errors. Where the contact ends is known to the distance between
 points of contact, and the area to the ring between the outermost that touches and the next; by chance two meshes agree
-better than that. On 104 random profiles see benchmarks/touch_errors.py.
+better than that. On 104 random profiles see benchmarks/touch_errors.py. The radius where the contact ends is
+interpolated between points, and moves by chance within the facet in which it ends (`surface.END`).
 """
 
 import itertools
@@ -236,6 +237,7 @@ def touch_of(law: Law, body: Body, levels: list[IndentationProblem], states: lis
         sigma_max_error=max(abs(rough.pressure.max() / contact.pressure.max() - 1), _PEAK_FLOOR),
         contact_area_error=soft_area + max(abs(rough.area / contact.area - 1), contact.area / area - 1,
                                            contact.ring / area, _AREA_FLOOR),
+        contact_end_error=contact.end_error,
         strain_errors=strain_changes(finest, coarser) + soft_strain,
         fraction_non_elliptic=indentation.fraction_non_elliptic(model, state.x),
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,

@@ -124,8 +124,8 @@ class MovedTable:
             "force_N": force, "depth_m": depth, "contact_area_m2": area, "sigma_ave_Pa": force / area,
             "wall_contact_m2": max(cap.wall_contact_m2 + float(at(self.wall)) * unit**2, 0.0),
             "depth_error": cap.depth_error + errors[0], "signal_errors": cap.signal_errors + errors[1:],
-            "sigma_max_error": None, "contact_area_error": None, "strain_errors": None, "surface": moved,
-            "cpu_s": cpu_s() - started, "iterations": 0}), moved
+            "sigma_max_error": None, "contact_area_error": None, "contact_end_error": None, "strain_errors": None,
+            "surface": moved, "cpu_s": cpu_s() - started, "iterations": 0}), moved
 
 
 @dataclass(frozen=True, eq=False)

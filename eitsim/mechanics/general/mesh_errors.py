@@ -110,7 +110,8 @@ def corrected(solved: Solved, lone: tuple[LoneTouch, ...], level: Level) -> Corr
         whole = layer_surface.contact_integrals(model, solved.x, solved.field)[k]
         area = min(exact.area, np.pi * press.rigid.profile.radius**2)
         contacts.append(PunchContact(whole.largest * float(exact.pressure.max()) / mine.largest,
-                                     whole.area + area - mine.area, max(whole.wall + exact.wall - mine.wall, 0.0)))
+                                     whole.area + area - mine.area, max(whole.wall + exact.wall - mine.wall, 0.0),
+                                     exact.end_error))
         curves.append(_moved_out(solved.field.contact_curves_m[k], own.field.contact_curves_m[0],
                                  press.axis * solved.field.thickness_m, exact.radius * solved.field.thickness_m))
     axes = np.array([press.axis for press in model.presses]) * solved.field.thickness_m

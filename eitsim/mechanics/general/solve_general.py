@@ -39,14 +39,14 @@ SIGNAL_FLOOR, _OF_CHANGE = 1e-2, 0.06
 _WAY = 0.1
 # Predicted CPU time, s, up to which touches are solved on the FINE level for the requested errors.
 _MOST_S = 100.0
-# Factorisations on the finer mesh whose work the touches may take: usual ones take 20 to 40.
+# Factorisations on the finer mesh whose work the touches may take: usual ones take 5 to 20.
 _FACTORISATIONS = 100
 # Bytes of a number of the factors and of an element's matrix, with what is kept of both at a time; and what the program
 # takes itself.
 _BYTES_ENTRY, _BYTES_ELEMENT, _BYTES_BASE = 12, 60_000, 300e6
-# Operations per second, iterations of a usual touch with edges and others, from a coarser mesh of the FINE one, and of
-# each punch alone, and CPU time of an element in one of them, s.
-_PER_SECOND, _ITERATIONS, _CARRIED, _ALONE, _ELEMENT_S = 3e10, 14, 7, 7, 1e-4
+# Operations per second, factorisations and iterations of a usual touch with edges and others, CPU time of an element in
+# an iteration, s, and the part of all this that each punch alone takes.
+_PER_SECOND, _FACTORED, _ITERATIONS, _ELEMENT_S, _ALONE = 4e10, 5, 12, 2e-4, 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +121,12 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
         rough = better(first, None, coarser)
         fine = better(model, rough, level)
     errors = _errors(rough, fine, punches, lone)
+    finest = replace(FINE, reach=max(FINE.reach, level.reach))
     if requested is not None and errors.missed(requested) and (
-            _cost([model := on(FINE)], [FINE], lone, _CARRIED).cpu_s < _MOST_S):
+            _cost([model := on(finest)], [finest], lone).cpu_s < _MOST_S):
         with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
-            rough, fine = fine, better(model, fine, FINE)
-            errors = _errors(rough, fine, punches, lone, FINE.element / level.element)
+            rough, fine = fine, better(model, fine, finest)
+            errors = _errors(rough, fine, punches, lone, finest.element / level.element)
     spent = cpu_s() - started
     touches = [replace(touch_about(k, fine, rough, law, body), signal_errors=errors.signals, depth_error=float(error),
                        strain_errors=errors.strains, cpu_s=spent / len(punches),
@@ -141,17 +142,17 @@ def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Lev
     return _cost([problem(law, body, punches, lone, each, layout=layout) for each in levels], levels, lone)
 
 
-def _cost(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch],
-          iterations: int = _ITERATIONS) -> Cost:
+def _cost(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch]) -> Cost:
     """Of problems on meshes of these levels, the last one the finest."""
     alone = [problem_alone(model, k, each, one.curvature) for model, each in zip(whole, levels, strict=True)
              for k, one in enumerate(lone)]
     fine = whole[-1]
     memory = _BYTES_BASE + _BYTES_ENTRY * fine.tree.entries + _BYTES_ELEMENT * len(fine.mesh.elements)
-    together, each = (sum(model.tree.operations / _PER_SECOND + _ELEMENT_S * len(model.mesh.elements) for model in some)
+    together, each = (sum(_FACTORED * model.tree.operations / _PER_SECOND
+                          + _ITERATIONS * _ELEMENT_S * len(model.mesh.elements) for model in some)
                       for some in (whole, alone))
     unknowns = fine.mesh.unknowns + sum(model.mesh.unknowns for model in alone[-len(lone):])
-    return Cost(unknowns, memory, iterations * together + _ALONE * each)
+    return Cost(unknowns, memory, together + _ALONE * each)
 
 
 def _changed(fine: Corrected) -> Array:

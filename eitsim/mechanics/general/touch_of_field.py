@@ -31,6 +31,7 @@ def touch_about(k: int, fine: Corrected, rough: Corrected, law: Law, body: Body)
     reach = float(ends.max(initial=0.0))
     average = force_N / (area * unit**2)
     residuals = rough.solved.residuals + fine.solved.residuals
+    changed = abs(coarse.area / contact.area - 1)
     return Touch(
         radius_m=means.radius_m, u_r_m=means.u_r_m, u_z_m=means.u_z_m, stretch_meridian=means.meridian,
         stretch_hoop=means.hoop, stretch_normal=means.normal,
@@ -41,7 +42,8 @@ def touch_about(k: int, fine: Corrected, rough: Corrected, law: Law, body: Body)
         signal_errors=np.zeros(len(STRAINS)), fraction_non_elliptic=_non_elliptic(fine.solved),
         iterations=len(residuals), residuals=residuals, cpu_s=0.0,
         sigma_max_error=max(abs(coarse.largest / contact.largest - 1), _PEAK_FLOOR),
-        contact_area_error=max(abs(coarse.area / contact.area - 1), contact.area / area - 1, _AREA_FLOOR))
+        contact_area_error=max(changed, contact.area / area - 1, _AREA_FLOOR),
+        contact_end_error=contact.end_error + changed / 2)
 
 
 class Means(NamedTuple):

@@ -83,7 +83,7 @@ def _fresh(shape: DimensionlessProblem, depths: Array, diameter: float) -> list[
 
 
 def tabulated(nodes: list[Node], depths: Array) -> tuple[Array, Array, Array]:
-    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and ERRORS (k, 10) there;
+    """Values and slopes (k, 6 r + 6) at depths near those of the nodes, by the path's cubics, and ERRORS (k, 11) there;
     NotConverged where these are too few."""
     if len(nodes) < _FEWEST:
         raise NotConverged(f"a load path was found at {len(nodes)} depths only, too few for a table.", estimate=depths)

@@ -30,7 +30,8 @@ FIELDS = ("u_r", "u_z", "stretch_meridian", "stretch_hoop", "stretch_normal", "p
 NUMBERS = ("mean_pressure", "corrected_share", "contact_end", "contact_area", "wall_contact", "sigma_max")
 # What the solution reports of itself; errors as logarithms.
 ERRORS = ("log_depth_error", "log_sigma_max_error", "log_contact_area_error", "fraction_non_elliptic",
-          *(f"log_signal_error_{name}" for name in STRAINS), *(f"log_strain_error_{name}" for name in STRAINS))
+          *(f"log_signal_error_{name}" for name in STRAINS), *(f"log_strain_error_{name}" for name in STRAINS),
+          "log_contact_end_error")
 # Feature lengths outside the punch's edge over which elements keep their size: shallow contacts end there, once the
 # foam has climbed the fillet. Where elements widen from the edge on, two meshes differ by up to 2.4 % in a dipole
 # response, here by 1 %, for one seventh more unknowns.
@@ -71,7 +72,7 @@ class Node:
     fields: Array
     slopes: Array
     numbers: Array  # (6,) NUMBERS; the corrected depth is corrected_share times the depth before
-    error_estimate: Array  # (10,) ERRORS
+    error_estimate: Array  # (11,) ERRORS
     stiffness: float  # derivative of the mean pressure by the depth
     states: tuple[Equilibrium, ...]  # equilibria on all levels; empty where they are no longer needed
 
@@ -256,8 +257,9 @@ def _kept(course: LoadPath, states: list[Equilibrium]) -> Node:
                         touch.sigma_max_Pa])
     errors: list[Any] = [touch.depth_error, touch.sigma_max_error, touch.contact_area_error]
     assert touch.strain_errors is not None
+    assert touch.contact_end_error is not None
     error_estimate = np.array([*np.log(errors), touch.fraction_non_elliptic, *np.log(touch.signal_errors),
-                               *np.log(touch.strain_errors)])
+                               *np.log(touch.strain_errors), np.log(touch.contact_end_error)])
     stiffness = 1 / float(state.by_force[-1]) / course.face
     return Node(depth, fields, (ahead - behind) / (2 * step), numbers, error_estimate, stiffness, tuple(states))
 

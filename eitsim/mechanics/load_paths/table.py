@@ -193,7 +193,7 @@ def touch_from(table: Table, law: Law, body: Body, punch: Punch) -> Touch | None
         depth_error=math.exp(value["log_depth_error"]), signal_errors=_errors_of(value, "signal"),
         sigma_max_error=math.exp(value["log_sigma_max_error"]),
         contact_area_error=math.exp(value["log_contact_area_error"]),
-        strain_errors=_errors_of(value, "strain"),
+        contact_end_error=math.exp(value["log_contact_end_error"]), strain_errors=_errors_of(value, "strain"),
         fraction_non_elliptic=value["fraction_non_elliptic"], iterations=0, residuals=(),
         cpu_s=cpu_s() - started)
 

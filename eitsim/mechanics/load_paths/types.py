@@ -90,7 +90,7 @@ class Table:
     # (diameters, k, 6 r + 6) FIELDS and NUMBERS, and their derivatives by the depth
     values: Array
     slopes: Array
-    error_estimate: Array  # (diameters, k, 10) ERRORS
+    error_estimate: Array  # (diameters, k, 11) ERRORS
     error: Deviation  # largest deviation from touches solved anew at held-out depths and diameters
     checks: int  # how many those were
     cpu_s: float  # CPU time that it took, s

@@ -70,6 +70,7 @@ def with_error(touch: Touch, rough: RimCorrection, change: RimCorrection, body: 
         out, depth_error=float(touch.depth_error + off),
         sigma_max_error=_added(touch.sigma_max_error, rough.pressure, change.pressure),
         contact_area_error=_added(touch.contact_area_error, rough.area, change.area),
+        contact_end_error=_added(touch.contact_end_error, math.sqrt(rough.area), math.sqrt(change.area)),
         iterations=touch.iterations + len(change.residuals), residuals=touch.residuals + change.residuals), punch)
     return TwoMeshes(done, touch, body, punch, rough.field, change.field, edges, left)
 

@@ -10,7 +10,15 @@ from eitsim.scene.results import Touch
 from eitsim.simulation.edge_effects import other_edges_effect
 from eitsim.simulation.kept_touches import kept_touch
 from eitsim.simulation.near_edges import solve_near_rim
-from eitsim.simulation.routes.nearest_alone import CHANGE, ERROR, RIM_SHARE, TABLED, edge_problem, within_error
+from eitsim.simulation.routes.nearest_alone import (
+    CHANGE,
+    ERROR,
+    OF_CHANGE,
+    RIM_SHARE,
+    TABLED,
+    edge_problem,
+    within_error,
+)
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words, from_edge
 from matcal.laws.law import Law
 from touchcal.choice import Choice
@@ -23,10 +31,13 @@ class AllEdges(Route):
     locking = True
 
     def serves(self, case: Case) -> float | Choice:
-        return edge_problem(case) or 12.0 if case.scene.body.has_outline else NOT_MEANT
+        return edge_problem(case) or 6.0 if case.scene.body.has_outline else NOT_MEANT
 
     def leaves_out(self, case: Case) -> float:
         return other_edges_effect(case.scene, case.punch, FINE.out_to)
+
+    def expected(self, case: Case) -> float:
+        return OF_CHANGE * case.by_edges
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         solve, at = partial(solve_near_rim, whole=case.exact, all_edges=True), (law, case.scene.body, case.punch)

@@ -10,19 +10,24 @@ import numpy as np
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
 from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general
-from eitsim.mechanics.rim.interaction import edge_gap_m
+from eitsim.mechanics.rim.interaction import edge_gap_m, expected
 from eitsim.scene.choices import Why
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS
 from eitsim.simulation.edge_effects import far_edges_effect
+from eitsim.simulation.routes.nearest_alone import OF_CHANGE
 from eitsim.simulation.routes.route import Case, Route, Values, Words, from_edge, off_skin
 from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.choice import Choice
 
 _MESH_SHARE = 0.9  # Part of the requested signal error that the mechanics may use up.
+# Part of it that edges outside the mesh may use up, unless the mesh goes as far as so many thicknesses.
+_OUTSIDE_SHARE, _FARTHEST = 0.2, 5.0
+_MARGIN = 0.5  # Distance from the mesh's end, thicknesses, within which an edge counts as outside.
+_CLEAR = 0.1  # Gap to an edge, thicknesses, below which it states as much as the changes of axisymmetric touches.
 # CPU time of a usual touch (benchmarks/results/general_touches.csv), and of one that is solved on the FINE level too.
-_ONE_S, _FINE_S = 20.0, 80.0
+_ONE_S, _FINE_S = 15.0, 50.0
 
 
 class General(Route):
@@ -43,15 +48,18 @@ class General(Route):
         fine = case.exact or _MESH_SHARE * case.scene.accuracy.signal < SIGNAL_FLOOR
         return (_FINE_S if fine else _ONE_S) * len(case.punches)
 
+    def expected(self, case: Case) -> float:
+        return OF_CHANGE * case.by_edges if case.gap_m < _CLEAR * case.scene.body.thickness_m else 0.0
+
     def outside(self, case: Case) -> float:
-        reach = (FINE if case.exact else COARSE).reach
-        return max(far_edges_effect(case.scene, punch, reach) for punch in case.punches)
+        return self._outside(case, self._reach(case))
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         return self.solve_together(case, law, keep, ())[0]
 
     def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
-        level, coarser = (FINE, COARSE) if case.exact else (COARSE, ROUGH)
+        level, coarser = (replace(each, reach=self._reach(case)) for each in (
+            (FINE, COARSE) if case.exact else (COARSE, ROUGH)))
         body, places = case.scene.body, np.array([(punch.x_m, punch.y_m) for punch in case.punches])
         least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
         bodies = bodies_of(body, case.scene.electrodes, places, least)
@@ -59,10 +67,21 @@ class General(Route):
                                 requested=None if case.exact else self._requested(case)).touches
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
 
+    def _reach(self, case: Case) -> float:
+        """How far, thicknesses, the mesh goes: until edges outside cost little of the requested error."""
+        least = (FINE if case.exact else COARSE).reach
+        tried = np.arange(least, _FARTHEST + 0.25, 0.5).tolist()
+        allowed = _OUTSIDE_SHARE * case.scene.accuracy.signal
+        return next((reach for reach in tried if self._outside(case, reach) <= allowed), tried[-1])
+
+    def _outside(self, case: Case, reach: float) -> float:
+        return max(far_edges_effect(case.scene, punch, reach - _MARGIN) for punch in case.punches)
+
     def _requested(self, case: Case) -> Array:
-        """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, of the driving
-        strain alone."""
-        left = _MESH_SHARE * case.scene.accuracy.signal - self.outside(case)
+        """(3,) What the mesh may leave of the signals, by scene.STRAINS: most of the requested error, without what
+        edges and touches outside it take of that, of the driving strain alone."""
+        others = expected(case.scene.body, case.scene.punches, (case.touches,))
+        left = _MESH_SHARE * case.scene.accuracy.signal - self.outside(case) - others
         return np.where(np.array(STRAINS) == case.scene.skin.strain, left, np.inf)
 
     def words(self, of: Values) -> Words:

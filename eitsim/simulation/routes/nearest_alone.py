@@ -16,6 +16,8 @@ from eitsim.simulation.routes.route import NOT_MEANT, Case, Route, Values, Words
 from matcal.laws.law import Law
 from touchcal.choice import Choice
 
+# Error of a touch near an edge over what all edges change (benchmarks/general_errors.py).
+OF_CHANGE = 0.3
 RIM_SHARE = 1.0  # Part of the requested signal error that a table of changes may use up in addition to the paths.
 # Parts of lines of a plan.
 CHANGE = ", as a change of the axisymmetric touch"
@@ -30,10 +32,13 @@ class NearestAlone(Route):
     locking = True
 
     def serves(self, case: Case) -> float | Choice:
-        return edge_problem(case) or (6.0 if case.scene.body.has_outline else 1.9)
+        return edge_problem(case) or (6.0 if case.scene.body.has_outline else 3.1)
 
     def leaves_out(self, case: Case) -> float:
         return case.by_other_edges
+
+    def expected(self, case: Case) -> float:
+        return OF_CHANGE * case.by_edges
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         solve, at = partial(solve_near_rim, whole=case.exact), (law, case.scene.body, case.punch)

@@ -36,7 +36,7 @@ class Pair(Route):
             return Choice(Why.PAIR_FRICTION)
         least, thickness_m = LEAST_GAP, case.scene.body.thickness_m
         return Choice(Why.PAIR_GAP, {"least_m": least * thickness_m}) if (
-            edge_gap_m(*case.punches) < (least - _NEAR) * thickness_m) else 30.0
+            edge_gap_m(*case.punches) < (least - _NEAR) * thickness_m) else 15.0
 
     def leaves_out(self, case: Case) -> float:
         return max(self.of_touch(case).leaves_out(one) for one in case.each)

@@ -1,7 +1,7 @@
 """A trained model of recorded presses as users have it: it reads recordings and is kept in a folder."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self, get_type_hints
 
@@ -16,7 +16,7 @@ from surrogate.model import store
 from surrogate.model.recorded.plain_reader import PlainReader
 from surrogate.model.recorded.reader_scores import Tested
 from surrogate.recordings.press_reader import PressReader, read
-from surrogate.recordings.presses import Presses, presses_of
+from surrogate.recordings.presses import Presses, presses_in_time_of
 from touchcal.array_store import Arrays, flat, rebuilt
 from touchcal.arrays import Array
 from touchcal.document import Keys, Number
@@ -90,12 +90,7 @@ class PressModel:
 
     def presses_of(self, recording: Recording) -> Presses:
         """The presses of a recording with ages as the model knows them; ValueError as of `predict`."""
-        clocked = self.reader.signals.clocked
-        if clocked and recording.time_s is None and recording.kind != "difference":
-            raise ValueError(f"{recording.source}: it has no column time_s, and the model was trained on a recording "
-                             "with one, so that the ages of untouched frames cannot be compared. Add time_s, or train "
-                             "on a recording without it.")
-        return presses_of(recording if clocked else replace(recording, time_s=None))
+        return presses_in_time_of(recording, self.reader.signals.clocked)
 
     def save(self, folder: Path | str) -> None:
         """Write the model as a folder that `load` reads; nothing in it is ever executed."""

@@ -49,7 +49,7 @@ def test_the_stated_error_holds_where_skin_and_conductor_nearly_cancel(punch: di
 def test_the_parts_of_skin_and_conductor_are_those_of_two_solutions() -> None:
     """dV = skin - conductor a^2: with a contact of radius 1 both parts and the slope by the radius are known."""
     touch = simulate(scene_from({"punch": {"force_N": 0.1}}), CARD).touches[0]
-    touch = replace(touch, contact_radius_m=1.0, contact_area_error=0.02)
+    touch = replace(touch, contact_radius_m=1.0, contact_end_error=0.01)
     (punch,) = scene_from({"punch": {"conductor": True}}).punches
 
     def solved(touches: tuple) -> Readings:

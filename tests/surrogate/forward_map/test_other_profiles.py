@@ -103,3 +103,14 @@ def test_intervals_of_the_force_hold_as_often_as_they_state_where_each_profile_i
     assert held.mean(axis=(1, 2)) == pytest.approx(coverage, abs=0.02)
     alone = held[1, which == 0, 0].mean()
     assert 0.85 < alone < 0.95
+
+
+def test_other_profiles_take_no_smaller_punch_from_an_interval_of_the_force() -> None:
+    """Where profiles need more force for one signal, the tail of a mixture is a smaller tail of the trained profile."""
+    one = np.ones((1, 1))
+    found = replace(regression(one, 0.01 * one), ratio=np.array([[[1.0, 1.2, 1.3]]]), ratio_sd=np.zeros((1, 1, 3)))
+    z = float(ndtri(0.95))
+    wide = replace(found, past_below=0.2 * one, past_above=0.1 * one)
+    assert found.ends(z * one, z)[0] < 0.1 * z
+    assert wide.ends(z * one, z)[0] == pytest.approx(0.2 * z)
+    assert wide.ends(z * one, z)[1] > 0.3

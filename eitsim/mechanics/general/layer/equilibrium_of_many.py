@@ -2,6 +2,7 @@
 
 Unknowns x are the free displacements and, last, the punches' depths. Lengths are in thicknesses, stresses in mu_0,
 forces in mu_0 H^2. A punch whose force is given has its depth as an unknown; one whose depth is given keeps it.
+Newton's steps are found by conjugate gradients, preconditioned by the factors of an earlier step while these serve.
 """
 
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ from eitsim.mechanics.general.layer import solid_assembly
 from eitsim.mechanics.general.layer.grips import Grip, springs_on
 from eitsim.mechanics.general.meshing.wedge import Facets
 from eitsim.mechanics.general.meshing.wedge_mesh import WedgeMesh
-from eitsim.numerics.linear_solvers import Solve, bordered
+from eitsim.numerics.linear_solvers import Solve, bordered, conjugate_gradients
 from eitsim.numerics.multifrontal import Tree, factorise, tree
 from eitsim.numerics.newton import Minimum, System, minimise
 from matcal.laws.law import Law
@@ -30,6 +31,9 @@ _REACH = 1.0
 # Norm of the gradient over the forces' at which a solution is accepted.
 TOLERANCE = 1e-6
 _AROUND = np.arange(8) * np.pi / 8
+# Relative residual of the linear solves, at least and at most, and the operations of a factorisation that take the time
+# of a product, for each number in the factors.
+_LEAST, _MOST, _OPERATIONS = 1e-3, 0.03, 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +116,11 @@ class LayerProblem:
         return tree(points, np.vstack([level, steep]), self.mesh.elements, self.mesh.unknown)
 
     @property
+    def products(self) -> int:
+        """Products with the matrix, each with a solution by its factors, that take about as long as a factorisation."""
+        return max(int(self.tree.operations / (_OPERATIONS * self.tree.entries)), 4)
+
+    @property
     def scale(self) -> float:
         return float(np.linalg.norm([p.scale for p in self.presses]))
 
@@ -158,8 +167,11 @@ def energy(model: LayerProblem, x: Array) -> float:
                         if p.force is not None)
 
 
-def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0) -> System:
-    """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled."""
+def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0, earlier: list[Solve] | None = None
+           ) -> System:
+    """Gradient of the energy at x and a function that solves with its Hessian, negative parts scaled: by its factors,
+    or by conjugate gradients with `earlier` ones, which are dropped where they no longer serve, and not used where the
+    gradient vanishes."""
     moved, depths = split(model, x)
     push, matrices = solid_assembly.forces_and_matrices(model.law, model.mesh, moved, negative_curvature_scale)
     count = len(model.presses)
@@ -176,14 +188,44 @@ def system(model: LayerProblem, x: Array, negative_curvature_scale: float = 1.0)
     force = np.array([p.force or 0.0 for p in model.presses])
     free = model.mesh.unknown >= 0
 
+    gradient, edges = np.append(push[free], np.where(kept, 0.0, reaction - force)), border[:, free] * ~kept[:, None]
+    corner, factors = np.where(kept, 1.0, corner), [] if earlier is None else earlier
+    size = float(np.linalg.norm(gradient)) / model.scale
+
     def factorised() -> Solve:
+        if factors and size > TOLERANCE:
+            step = _approached(model, matrices, edges, corner, factors, gradient, min(max(size, _LEAST), _MOST))
+            return lambda _: step
+        factors.clear()
         solve = factorise(model.tree, matrices)
         for k in range(count):
-            edge = np.append(border[k][free] * (not kept[k]), np.zeros(k))
-            solve = bordered(solve, edge, 1.0 if kept[k] else corner[k])
+            solve = bordered(solve, np.append(edges[k], np.zeros(k)), corner[k])
+        factors.append(solve)
         return solve
 
-    return np.append(push[free], np.where(kept, 0.0, reaction - force)), factorised
+    return gradient, factorised
+
+
+def _approached(model: LayerProblem, matrices: Array, edges: Array, corner: Array, factors: list[Solve], b: Array,
+                tolerance: float) -> Array:
+    """About the solution of the bordered system by earlier factors, which are dropped where it takes as long as new
+    ones."""
+    where, unknowns, most = model.mesh.unknown[model.mesh.elements], model.mesh.unknowns, model.products
+    where = np.where(where < 0, unknowns, where).reshape(len(matrices), -1)
+    made = 0
+
+    def product(y: Array) -> Array:
+        nonlocal made
+        made += 1
+        along, depths = np.append(y[:unknowns], 0.0), y[unknowns:]
+        each = (matrices @ along[where][..., None])[..., 0]
+        out = np.bincount(where.ravel(), each.ravel(), unknowns + 1)[:unknowns]
+        return np.append(out + depths @ edges, edges @ along[:unknowns] + corner * depths)
+
+    step = conjugate_gradients(product, factors[0], b, tolerance, most, 1 / most)
+    if made == most:
+        factors.clear()
+    return step
 
 
 def _loads(model: LayerProblem, moved: Array, depths: Array, negative_curvature_scale: float
@@ -208,8 +250,9 @@ def _pull(faces: Facets, springs: StickSprings, seen: Array, *, elastic: bool = 
 
 def solve(model: LayerProblem, start: Array, tolerance: float = TOLERANCE) -> Minimum:
     """The equilibrium from a start x; NotConverged as `minimise`."""
-    return minimise(lambda x: energy(model, x), lambda x, scale: system(model, x, scale), start, scale=model.scale,
-                    tolerance=tolerance)
+    factors: list[Solve] = []
+    return minimise(lambda x: energy(model, x), lambda x, scale: system(model, x, scale, factors), start,
+                    scale=model.scale, tolerance=tolerance)
 
 
 def reactions(model: LayerProblem, x: Array) -> Array:

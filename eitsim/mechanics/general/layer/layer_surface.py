@@ -28,6 +28,7 @@ class PunchContact:
     largest: float  # contact pressure on the deformed surface, average over a facet
     area: float  # current area seen along the axis inside the curve where contact ends
     wall: float  # current area of the side wall that is touched
+    end_error: float = 0.0  # relative error of the radius at which the touch that corrects the mesh ends
 
 
 def contact_integrals(model: LayerProblem, x: Array, field: LayerField) -> tuple[PunchContact, ...]:

@@ -45,6 +45,18 @@ def test_gradient_and_hessian_are_derivatives_of_the_energy(layer: LayerProblem)
     assert factorised()(change) == pytest.approx(way, abs=2e-3 * np.abs(way).max())
 
 
+def test_factors_of_another_state_give_newtons_step_until_they_no_longer_serve(layer: LayerProblem) -> None:
+    x, factors = _state(layer), []
+    many.system(layer, 0.9 * x, 1.0, factors)[1]()
+    gradient, factorised = many.system(layer, x)
+    exact, near = factorised()(gradient), many.system(layer, x, 1.0, factors)[1]()(gradient)
+    assert len(factors) == 1
+    assert np.abs(near - exact).max() < 0.03 * np.abs(exact).max()
+    poor = [lambda b: b]
+    many.system(layer, x, 1.0, poor)[1]()
+    assert poor == []
+
+
 def test_a_uniform_deformation_is_held_exactly(layer: LayerProblem) -> None:
     f = np.array([[1.1, 0.05, 0.1], [-0.05, 0.95, 0.0], [0.02, 0.1, 0.8]])
     moved = layer.mesh.nodes @ (f - np.eye(3)).T

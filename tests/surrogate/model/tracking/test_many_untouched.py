@@ -1,8 +1,10 @@
-"""Ten thousand untouched frames whose noise grows with the reading are no touch, with a baseline file and without."""
+"""Ten thousand untouched frames whose noise grows with the reading are no touch, with a baseline file and without, and
+where readings share it."""
 
 import numpy as np
 import pytest
 
+from surrogate.data.samples import SweepSamples
 from surrogate.model.model import Model
 from surrogate.model.tracking.tracked import CALIBRATING, UNTOUCHED
 from surrogate.model.tracking.tracker import Tracker
@@ -30,3 +32,33 @@ def test_white_noise_alone_is_no_drift(forward_model: Model, untouched_V: Array,
     frames = untouched_V + 1e-4 * np.sqrt(np.mean(untouched_V**2)) * rng.normal(size=(300, len(untouched_V)))
     tracker = Tracker(forward_model, frames[:given] if given else None)
     assert {tracker.update(frame).flag for frame in frames[given:]} == {""}
+
+
+def shared(kind: str, rng: np.random.Generator, frames: int, readings: int) -> Array:
+    """(frames, readings) noise of variance 1, most of it shared."""
+    own = rng.standard_normal((frames, readings))
+    if kind == "current":
+        return 0.8 * np.repeat(rng.standard_normal((frames, 16)), readings // 16, axis=1) + 0.6 * own
+    if kind == "all":
+        return 0.8 * rng.standard_normal((frames, 1)) + 0.6 * own
+    for frame in range(1, frames):  # time
+        own[frame] = 0.9 * own[frame - 1] + np.sqrt(1 - 0.9**2) * own[frame]
+    return own
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["current", "all", "time"])
+def test_shared_noise_makes_no_touch_and_hides_none(forward_model: Model, samples: SweepSamples, untouched_V: Array,
+                                                    kind: str) -> None:
+    """Noise of 0.05 % of each reading."""
+    rng = np.random.default_rng(11)
+    tracker = Tracker(forward_model)
+
+    def states(volts: Array, frames: int) -> set[str]:
+        noise = 5e-4 * shared(kind, rng, frames, len(volts))
+        return {tracker.update(frame).state for frame in volts * (1 + noise)}
+
+    assert states(untouched_V, FRAMES) == {CALIBRATING, UNTOUCHED}
+    for signal in samples.signal_V[::20]:
+        assert states(untouched_V + signal, 15) - {UNTOUCHED}
+        states(untouched_V, 40)

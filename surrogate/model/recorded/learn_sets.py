@@ -1,0 +1,90 @@
+"""A model of several touches at once learnt from a recording and the places that its touches press."""
+
+import time
+
+import numpy as np
+
+from eitsim.sensors.recording import Recording
+from eitsim.sensors.touch_sets import TouchSets
+from surrogate.data.dead_readings import too_many
+from surrogate.model.recorded.set_model import SetModel, SetScore, labelled_rows, set_score
+from surrogate.recordings.presses import Presses, presses_of, taken
+from surrogate.recordings.several import set_reader
+from surrogate.recordings.several.superposition import pairs_together
+from touchcal.arrays import Array, Index, Mask
+
+FEWEST = 2  # presses of each place
+ALONE = ("No labelled touch presses two places: superposition is assumed, and probabilities of several touches are "
+         "untested.")
+
+
+def learn_sets(recording: Recording, sets: TouchSets) -> SetModel:
+    """Learn the pattern of each place, and how pairs of them interact, from presses of one place or several; test on
+    held-out blocks in time and, trained on the others, on the presses of most places at once.
+
+    ValueError where there are more than MOST_PLACES places, a place is pressed fewer than FEWEST times, or two places
+    are never pressed without each other.
+
+    >>> sets = surrogate.read_touch_sets("touches.csv")                                    # doctest: +SKIP
+    >>> model = surrogate.learn_sets(eitsim.read_recording("frames.csv"), sets)            # doctest: +SKIP
+    >>> model.predict(eitsim.read_recording("new.csv"))[["count", "places"]]               # doctest: +SKIP
+    """
+    every = presses_of(recording)
+    rows, of = labelled_rows(every, sets)
+    whole = np.array([not too_many(one) for one in np.isnan(every.signal[rows])])
+    used = ~np.isnan(every.signal[rows[whole]]).all(axis=0)
+    sound = whole & ~np.isnan(every.signal[rows][:, used]).any(axis=1)
+    presses, down = taken(every, rows[sound]), sets.down[of[sound]]
+    left_out = [f"{np.sum(~sound)} labelled frames with dead readings are left out."] * bool((~sound).any())
+    press = _first_seen(presses)
+    _check(sets.places, down, press)
+    begun = time.process_time()
+    amount, mean_force_N = down.astype(float), None
+    if sets.force_N is not None:
+        force_N = sets.force_N[of[sound]]
+        mean_force_N = force_N.sum(axis=0) / down.sum(axis=0)
+        amount = force_N / mean_force_N
+    reader, held = set_reader.fit(presses, amount, press)
+    fit_s = time.process_time() - begun
+    scores = (set_score("held-out blocks in time", len(down), held, down), *_of_most(presses, amount, press))
+    if not len(pairs_together(down)):
+        left_out.append(ALONE)
+    return SetModel(reader, sets.places, sets.at_mm, recording.kind, int(press.max()) + 1, len(down), every.clocked,
+                    fit_s, scores, mean_force_N, tuple(left_out))
+
+
+def _of_most(presses: Presses, amount: Array, press: Index) -> tuple[SetScore, ...]:
+    """The score on frames of most places at once of a reader of the others; none where these lack a place."""
+    down = amount > 0
+    count = down.sum(axis=1)
+    fewer = np.flatnonzero(count < count.max())
+    most = np.flatnonzero(count == count.max())
+    try:
+        _check(tuple(map(str, range(down.shape[1]))), down[fewer], press[fewer])
+    except ValueError:
+        return ()
+    reader, _ = set_reader.fit(taken(presses, fewer), amount[fewer], press[fewer])
+    found = set_reader.read(reader, taken(presses, most))
+    return (set_score(f"{count.max()} at once, trained on fewer", len(fewer), found, down[most]),)
+
+
+def _first_seen(presses: Presses) -> Index:
+    """(n,) number of the press that each frame shows, by its name, in the order of their first frames."""
+    _, first, inverse = np.unique(presses.name, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[inverse].astype(np.intp)
+
+
+def _check(places: tuple[str, ...], down: Mask, press: Index) -> None:
+    """ValueError where presses do not say what each place does."""
+    if len(places) > set_reader.MOST_PLACES:
+        raise ValueError(f"{len(places)} places are labelled, and sets of at most {set_reader.MOST_PLACES} are read. "
+                         "Label touches at random places with one row a touch; where a touch stands in two rows by "
+                         "mistake, leave one out.")
+    often = np.array([len(np.unique(press[column])) for column in down.T])
+    if (often < FEWEST).any():
+        rare = int(often.argmin())
+        raise ValueError(f"the place {places[rare]} is pressed {often[rare]} times; press each place {FEWEST} times or "
+                         "more.")
+    if np.linalg.matrix_rank(down.astype(float)) < len(places):
+        raise ValueError(f"the places {', '.join(places)} are pressed in too few different sets to say what each adds. "
+                         "Press each of them alone as well.")

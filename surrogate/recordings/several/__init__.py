@@ -1,0 +1,1 @@
+"""Several touches at once, at known places, by superposition of measured patterns."""
