@@ -43,11 +43,12 @@ GROWTH = ("note: the signal need not grow with the force here, as strain = \"nor
 @app.command()
 def plan(scene: SceneOrDesign, card: CardOption = None,
          verbose: Annotated[bool, typer.Option("--verbose", help="Also print the reason of each choice.")] = False,
+         scenes: Annotated[int | None, typer.Option(help="Of a design: number of rows in place of its own.")] = None,
          workers: Annotated[int | None, typer.Option(min=1, help="Of a design: processes of the sweep; by default one "
                                                                  "for every processor.")] = None,
          as_json: JsonOption = False) -> None:
     """Print what a scene needs and the error each omission may cost; nothing is solved. Of a design: rows, time,
-    memory, disk and tables of its sweep on this machine, by four of its rows, which are solved.
+    memory, disk and tables of its sweep on this machine, by up to 12 of its rows, which are solved.
 
     Example: eitsim plan scene.toml --card card.json
 
@@ -56,9 +57,10 @@ def plan(scene: SceneOrDesign, card: CardOption = None,
     from eitsim.cli.display import show_plan
     from eitsim.simulation.result_json import decisions
     from eitsim.simulation.simulate import plan as planned
+    from eitsim.sweeps.design.design import is_design
 
-    if "scenes" in read_toml(scene):
-        _plan_design(scene, card, workers, as_json)
+    if is_design(read_toml(scene)):
+        _plan_design(scene, card, scenes, workers, as_json)
         return
     parsed = read_any_scene(scene)
     made = planned(parsed, _card_path(scene, parsed, card))
@@ -72,17 +74,17 @@ def plan(scene: SceneOrDesign, card: CardOption = None,
         raise ValueError(f"{scene}: {made.refusal}")
 
 
-def _plan_design(path: Path, card: Path | None, workers: int | None, as_json: bool) -> None:
+def _plan_design(path: Path, card: Path | None, scenes: int | None, workers: int | None, as_json: bool) -> None:
     from eitsim.sweeps.design.design import read_design
     from eitsim.sweeps.run.forecast import forecast, lines
 
     if card is None:
         raise ValueError(f"{path}: no card. Give --card card.json.")
-    found = forecast(read_design(path), read_card(card), workers or os.cpu_count() or 1)
+    expected = forecast(read_design(path, scenes), read_card(card), workers or os.cpu_count() or 1)
     if as_json:
-        print_json(asdict(found) | {"wall_s": found.wall_s})
+        print_json(asdict(expected) | {"wall_s": expected.wall_s})
     else:
-        print(*lines(found), sep="\n")
+        print(*lines(expected), sep="\n")
 
 
 @app.command(name="run")

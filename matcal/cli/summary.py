@@ -173,7 +173,8 @@ def _title(card: MaterialCard) -> str:
 def _posterior(card: MaterialCard, verbose: bool) -> str:
     checks = card.posterior["checks"]
     state = "converged" if checks.get("converged", True) else "did NOT converge"
-    words = f"{card.posterior['n']} draws, {state}: R-hat {checks['rhat']:.3f}, effective sample size {checks['ess']:.0f}"
+    words = (f"{card.posterior['n']} draws, {state}: R-hat {checks['rhat']:.3f}, effective sample size "
+             f"{checks['ess']:.0f}")
     return words if not verbose else (
         f"{words}, autocorrelation time {checks['autocorrelation_steps']:.0f} of {checks['steps_kept']:.0f} steps. "
         f"Prior: {card.posterior['prior']}")

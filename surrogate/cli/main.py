@@ -151,12 +151,15 @@ def evaluate(model_folder: ModelFolder,
                                                                 METHODS[model.method].most_scored).scores, limits)
                     for folder in folders}
     if not as_json:
+        compared = transfer(sets) if len(sets) > 1 else {}
         for name, scores in sets.items():
             if len(sets) > 1:
                 print(f"{name}:")
-            print_scores(scores, verbose=verbose)
-        if len(sets) > 1:
-            print_transfer(transfer(sets))
+            print_scores(scores, verbose=verbose, over_first={
+                output: row["rmse_over_first"] for output, rows in compared.items() for row in rows
+                if row["set"] == name})
+        if verbose and compared:
+            print_transfer(compared)
     elif len(sets) == 1:
         print_json({"model": model_folder, **next(iter(sets.values()))})
     else:

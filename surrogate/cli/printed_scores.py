@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,16 +11,16 @@ from touchcal.terminal import foremost, print_table
 if TYPE_CHECKING:
     from surrogate.model.sweep_model import SweepModel
 
-UNSEEN = ("test", "new", "all")  # parts of rows that taught nothing, the first that there is being shown
 
-
-def print_scores(result: Mapping[str, Any], *, verbose: bool = False, more: Iterator[str] = iter(())) -> None:
+def print_scores(result: Mapping[str, Any], *, verbose: bool = False, more: Iterable[str] = (),
+                 over_first: Mapping[str, float | None] | None = None) -> None:
     """Errors of unseen rows, without noise and with, at most three cautions, `more` of them last; verbose: also
-    training rows, shares that intervals hold, what errors come from and the range of the training."""
+    training rows, shares that intervals hold, what errors come from and the range of the training. over_first: output
+    -> RMSE over that of the first of several sets."""
     if verbose:
         _print_all(result)
     else:
-        _print_unseen(result)
+        _print_unseen(result, over_first or {})
     shown, rest = foremost([*_cautions(result), *more], verbose)
     for words in shown:
         print(f"caution: {words}")
@@ -44,14 +44,16 @@ def collapses(model: SweepModel) -> Iterator[str]:
             yield f"{name}: the evidence collapsed in every start; this network says little more than the mean."
 
 
-def _print_unseen(result: Mapping[str, Any]) -> None:
+def _print_unseen(result: Mapping[str, Any], over_first: Mapping[str, float | None]) -> None:
     """One row an output: its error without noise and at each level, and how many of its 90 % intervals hold."""
     from rich import box
     from rich.table import Table
 
+    from surrogate.model.evaluate import UNSEEN
+
     levels = result["noise"]
     table = Table("output", "unit", "RMSE", *(f"{one['db_below_baseline']:.4g} dB" for one in levels), "R2", "+-90 %",
-                  "in 90 %", "n", box=box.SIMPLE_HEAD, show_edge=False)
+                  "in 90 %", "n", *(["over first"] if over_first else []), box=box.SIMPLE_HEAD, show_edge=False)
     for name, parts in result["outputs"].items():
         part = next((one for one in UNSEEN if one in parts), "train")
         s = parts[part]
@@ -59,7 +61,8 @@ def _print_unseen(result: Mapping[str, Any]) -> None:
         table.add_row(name, s["unit"], f"{s['rmse']:.3g}", *("-" if one is None else f"{one['rmse']:.3g}"
                                                              for one in noisy),
                       "constant" if s["r2"] is None else f"{s['r2']:.4f}", f"{s['half_width_90']:.3g}",
-                      "-" if s["coverage_90"] is None else f"{100 * s['coverage_90']:.0f} %", str(s["n"]))
+                      "-" if s["coverage_90"] is None else f"{100 * s['coverage_90']:.0f} %", str(s["n"]),
+                      *(["-" if (over := over_first.get(name)) is None else f"{over:.3g}"] if over_first else []))
     print_table(table)
     if levels:
         print("dB: noise so far below the r.m.s. of the untouched readings.")
@@ -86,10 +89,10 @@ def _cautions(result: Mapping[str, Any]) -> Iterator[str]:
 
     if result.get("interval_caution"):
         yield result["interval_caution"]
-    for name, parts in result["outputs"].items():
-        worst = min((s["r2"] for part, s in parts.items() if part != "train" and s["r2"] is not None), default=1.0)
-        if worst <= 0:
-            yield f"{name} is read no better than by its mean, R2 {worst:.3g}: do not use this output."
+    worst = {name: min((s["r2"] for part, s in parts.items() if part != "train" and s["r2"] is not None), default=1.0)
+             for name, parts in result["outputs"].items()}
+    if useless := [f"{name} (R2 {r2:.3g})" for name, r2 in worst.items() if r2 <= 0]:
+        yield f"read no better than by the mean, not to be used: {', '.join(useless)}."
     if "intervals" in result:
         yield from _off_nominal(result)
         if result["few_interval_rows"]:
