@@ -1,8 +1,7 @@
 """What a row of a data set tells of its scene: the names of its columns and their values."""
 
-import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from eitsim.scene.curved.curved_scene import is_curved
@@ -33,7 +32,8 @@ def blank_keys(design: Design) -> dict[str, Any]:
     """Every column that tells of a scene or its touches, empty: NaN of numbers, "" of words, no touches."""
     each = (*EACH_TOUCH, SPACE[2]) if is_curved(design.tables) else EACH_TOUCH
     columns = {numbered(name, k): math.nan for k in range(most_touches(design)) for name in each}
-    drawn = {key_column(table, key, k): "" if words else math.nan for (table, k, key), words in _drawn(design).items()}
+    drawn = {name: "" if isinstance(cell, str) else math.nan for (table, k, key), values in _drawn(design).items()
+             for value in values for name, cell in _cells(key_column(table, key, k), value)}
     return {"touches": 0, **columns, **drawn}
 
 
@@ -46,29 +46,32 @@ def keys_of(design: Design, tables: Mapping[str, Any]) -> dict[str, Any]:
         defaults = {"x_mm": 0.0, "y_mm": 0.0, "diameter_mm": Punch().diameter_m * 1e3, "force_N": force}
         row |= {numbered(column, k): float(punch.get(key, defaults[key])) for key, column in OWN.items()}
         row |= {numbered(column, k): part for column, part in zip(SPACE, punch.get("at_mm", ()), strict=False)}
-    for (table, k, key), words in _drawn(design).items():
+    for table, k, key in _drawn(design):
         if table != "punch" or k < len(punches):
             held = punches[k] if table == "punch" else tables[table]
             if key in held:
-                row[key_column(table, key, k)] = _cell(held[key], words)
+                row |= _cells(key_column(table, key, k), held[key])
     return row
 
 
-def _drawn(design: Design) -> dict[tuple[str, int, str], bool]:
-    """(table, touch, key) of every key that is drawn and has no column of its own, and whether it holds words.
+def _drawn(design: Design) -> dict[tuple[str, int, str], tuple[Any, ...]]:
+    """(table, touch, key) of every key that is drawn and has no column of its own, and values that have its columns.
 
     The time of a hold has a column though it be fixed, and so has a force that is drawn: F_N is then that at this time.
     """
-    drawn = {(v.table, v.touch, v.key): any(isinstance(value, str | list) for value in v.distribution.values)
-            for v in varied_keys(design)}
+    drawn = {(v.table, v.touch, v.key): tuple(value for value in v.distribution.values if value is not None)
+             or (math.nan,) for v in varied_keys(design)}
     held = "time_s" in design.tables.get("hold", {})
     if held:
-        drawn["hold", 0, "time_s"] = False
+        drawn["hold", 0, "time_s"] = (math.nan,)
     own = {"touches", "place", "u", "v", "at_mm", *OWN} - ({"force_N"} if held else set())
-    return {where: words for where, words in drawn.items() if where[0] not in ("", "punch") or where[2] not in own}
+    return {where: values for where, values in drawn.items() if where[0] not in ("", "punch") or where[2] not in own}
 
 
-def _cell(value: Any, words: bool) -> Any:
-    if not words:
-        return float(value)
-    return value if isinstance(value, str) else json.dumps(value)
+def _cells(column: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """The column of a number or a word, and of a list one for every number, which ends in its index."""
+    if isinstance(value, list | tuple):
+        for index, part in enumerate(value):
+            yield from _cells(f"{column}_{index}", part)
+    else:
+        yield column, value if isinstance(value, str) else float(value)
