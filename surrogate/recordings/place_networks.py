@@ -1,5 +1,6 @@
 """Three families of networks that read places: of the readings alone, of these and of the places by templates, and of
-what templates miss."""
+what templates miss. To networks a place is itself and waves over the plane: random Fourier features of two Gaussian
+kernels (Rahimi and Recht, Random features for large-scale kernel machines, NIPS 2007)."""
 
 from dataclasses import dataclass
 
@@ -8,10 +9,27 @@ import numpy as np
 from surrogate.recordings import networks
 from surrogate.recordings.networks import Networks
 from surrogate.recordings.patterns import Features, learn_features
-from surrogate.recordings.waves import Waves, draw_waves
 from touchcal.arrays import Array, Index
 
+LENGTHS = (0.5, 0.2)  # of the kernels, over the spread of the training places
+EACH = 64  # waves a kernel
+NEAR = 3.0  # factor of the place itself, over the spread: it counts as several inputs
 FAMILIES = ("networks", "networks on templates", "corrected templates")
+
+
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """sqrt(2) cos(p . frequency + phase) of places p about a middle, over their spread."""
+
+    middle: Array  # (2,) mm
+    spread: float  # mm
+    frequency: Array  # (2, q)
+    phase: Array  # (q,)
+
+    def of(self, place: Array) -> Array:
+        """(n, 2 + q) the places (n, 2) in mm over the spread, times NEAR, and the waves there."""
+        scaled = (place - self.middle) / self.spread
+        return np.concatenate([NEAR * scaled, np.sqrt(2) * np.cos(scaled @ self.frequency + self.phase)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,3 +69,11 @@ def fit(signal: Array, place: Array, direction: Array, compressed: Array, blocks
     refined, of_refined = networks.fit(further, place, blocks, seed + 1)
     correction, missing = networks.fit(further, place - compressed, blocks, seed + 2)
     return (PlaceNetworks(features, waves, alone, refined, correction), [of_alone, of_refined, compressed + missing])
+
+
+def draw_waves(place: Array, seed: int) -> Waves:
+    """Waves for places (n, 2) in mm."""
+    rng = np.random.default_rng(seed)
+    frequency = np.concatenate([rng.standard_normal((2, EACH)) / length for length in LENGTHS], axis=1)
+    spread = max(float(place.std(axis=0).mean()), np.finfo(float).tiny)
+    return Waves(place.mean(axis=0), spread, frequency, rng.uniform(0, 2 * np.pi, frequency.shape[1]))
