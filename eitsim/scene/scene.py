@@ -386,6 +386,7 @@ def _electrodes(raw: Any) -> Electrodes:
 def _check_thickness(scene: Scene, raw: Mapping[str, Any]) -> None:
     """ValueError where a scene's tables give a thickness by the key of another kind of skin, or two of one body."""
     skin, body, fills = raw.get("skin", {}), raw.get("body", {}), scene.skin.fills
+    require(scene.skin.kind in SKINS, "kind in [skin]", f"must be one of {', '.join(SKINS)}", f"'{scene.skin.kind}'")
     key, other = ("thickness_mm", "thickness_um") if fills else ("thickness_um", "thickness_mm")
     require(other not in skin, f"{other} in [skin]", f"is not of a {scene.skin.kind}; give {key}", skin.get(other))
     require(not fills or key in skin, "thickness_mm in [skin]", "must be given with kind = \"layer\"", "none")
