@@ -9,7 +9,7 @@ import re
 import select
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -179,6 +179,17 @@ def check_apart(outs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None
         if place.resolve() in taken:
             raise ValueError(f"{flag} {place} would be overwritten: {taken[place.resolve()]}. Choose another name.")
         taken[place.resolve()] = f"{flag} {place} is written"
+
+
+def foremost(cautions: Sequence[str], verbose: bool, most: int = 3) -> tuple[Sequence[str], str]:
+    """The cautions that one screen has room for, the gravest first, all where verbose; and how many more there are, in
+    words, empty where there are none.
+
+    >>> foremost(["a", "b", "c", "d", "e"], False)
+    (['a', 'b', 'c'], '2 more cautions')
+    """
+    left = 0 if verbose else max(len(cautions) - most, 0)
+    return cautions[:len(cautions) - left], f"{left} more caution{'s' * (left != 1)}" if left else ""
 
 
 def print_table(table: Table) -> None:

@@ -27,15 +27,17 @@ _MOST_NUMBERS = 4  # of parameters that are named one by one
 _MOST_NOTES = 8  # of images, one a line
 
 
-def show_plan(made: Plan) -> None:
-    """Every decision of a plan, why, and what it may cost of the signal."""
-    table = Table("may cost", "decision", "reason", box=box.SIMPLE_HEAD, title_justify="left",
+def show_plan(made: Plan, *, reasons: bool = True) -> None:
+    """Every decision of a plan, what it may cost of the signal, and why."""
+    table = Table("may cost", "decision", *(["reason"] if reasons else []), box=box.SIMPLE_HEAD, title_justify="left",
                   title="plan: each choice, and what it may cost of the signal (readings touched less untouched)")
     for d in made.decisions:
-        table.add_row(_cost(d), escape(d.decision), escape(d.reason))
+        table.add_row(_cost(d), escape(d.decision), *([escape(d.reason)] if reasons else []))
     table.add_section()
-    table.add_row(_percent(made.error_bound), "all known costs together", "")
+    table.add_row(_percent(made.error_bound), "all known costs together")
     _console().print(table)
+    if not reasons:
+        print("with --verbose: the reason of each choice")
 
 
 def _cost(d: Decision) -> str:
@@ -51,7 +53,7 @@ def _plan_in_a_line(made: Plan, scene: Path) -> str:
     unknown = dict.fromkeys(d.decision for d in made.decisions if d.unbounded)
     return (f"plan: what is left out may cost {_percent(made.error_bound)} of the signal, most of it by "
             f"\"{largest.decision}\". Not in any error, since the cost is unknown: "
-            f"{'; '.join(unknown) or 'nothing'}. `eitsim plan {scene}` lists all with their reasons.")
+            f"{'; '.join(unknown) or 'nothing'}. `eitsim plan {scene} --verbose` lists all with their reasons.")
 
 
 def _console() -> Console:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,6 +22,7 @@ from touchcal.errors import InputFileError, NotConverged
 from touchcal.json_file import write_json
 from touchcal.lazy import needed
 from touchcal.terminal import JsonOption, application, check_apart, check_out, numbers, print_json, run
+from touchcal.toml_file import read_toml
 
 if TYPE_CHECKING:
     from eitsim.cli.output_files import OutputFiles
@@ -29,33 +31,60 @@ if TYPE_CHECKING:
 app = application("Touch foam with a conductive skin: contact mechanics, skin conductance, electrode voltages.")
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
+SceneOrDesign = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file, or design of a sweep (TOML).")]
 CardOption = Annotated[Path | None, typer.Option("--card", help="Material card; else the scene's own `card` key.")]
 
+LISTED = 30  # tables of the cache that fit one screen
 GROWTH = ("note: the signal need not grow with the force here, as strain = \"normal\" drives the skin or a punch "
           "conducts: two forces may give one amplitude. `surrogate evaluate` of a model of a sweep over forces shows "
           "where.")
 
 
 @app.command()
-def plan(scene: SceneFile, card: CardOption = None, as_json: JsonOption = False) -> None:
-    """Print what a scene needs, why, and the error each omission may cost; nothing is solved.
+def plan(scene: SceneOrDesign, card: CardOption = None,
+         verbose: Annotated[bool, typer.Option("--verbose", help="Also print the reason of each choice.")] = False,
+         scenes: Annotated[int | None, typer.Option(help="Of a design: number of rows in place of its own.")] = None,
+         workers: Annotated[int | None, typer.Option(min=1, help="Of a design: processes of the sweep; by default one "
+                                                                 "for every processor.")] = None,
+         as_json: JsonOption = False) -> None:
+    """Print what a scene needs and the error each omission may cost; nothing is solved. Of a design: rows, time,
+    memory, disk and tables of its sweep on this machine, by up to 12 of its rows, which are solved.
 
     Example: eitsim plan scene.toml --card card.json
+
+    Example: eitsim plan examples/design.toml --card card.json
     """
     from eitsim.cli.display import show_plan
     from eitsim.simulation.result_json import decisions
     from eitsim.simulation.simulate import plan as planned
+    from eitsim.sweeps.design.design import is_design
 
+    if is_design(read_toml(scene)):
+        _plan_design(scene, card, scenes, workers, as_json)
+        return
     parsed = read_any_scene(scene)
     made = planned(parsed, _card_path(scene, parsed, card))
     if as_json:
         print_json({"plan": decisions(made), "error_bound": made.error_bound, "refusal": made.refusal})
     else:
-        show_plan(made)
+        show_plan(made, reasons=verbose)
         if parsed.skin.strain == "normal" or any(punch.conductor for punch in parsed.punches):
             print(GROWTH)
     if made.refusal:
         raise ValueError(f"{scene}: {made.refusal}")
+
+
+def _plan_design(path: Path, card: Path | None, scenes: int | None, workers: int | None, as_json: bool) -> None:
+    from eitsim.sweeps.design.design import read_design
+    from eitsim.sweeps.run.forecast import forecast, lines
+
+    if card is None:
+        raise ValueError(f"{path}: no card. Give --card card.json.")
+    expected = forecast(read_design(path, scenes), read_card(card), workers or os.cpu_count() or 1)
+    if as_json:
+        print_json(asdict(expected) | {"wall_s": expected.wall_s})
+    else:
+        print(*lines(expected), sep="\n")
 
 
 @app.command(name="run")
@@ -287,8 +316,9 @@ def reconstruct(frames: Annotated[Path, typer.Argument(metavar="FRAMES", help="C
 
 
 @app.command()
-def cache(clear: Annotated[bool, typer.Option("--clear", help="Remove the stored tables.")] = False) -> None:
-    """List the stored tables of load paths, the last used first.
+def cache(clear: Annotated[bool, typer.Option("--clear", help="Remove the stored tables.")] = False,
+          verbose: Annotated[bool, typer.Option("--verbose", help="List all.")] = False) -> None:
+    """List the stored tables of load paths, the last used first, with --verbose all.
 
     Example: eitsim cache --clear
     """
@@ -299,7 +329,7 @@ def cache(clear: Annotated[bool, typer.Option("--clear", help="Remove the stored
         print(f"{stored.folder()}: removed {stored.clear()} tables, {sum(e.size_bytes for e in entries) / 1e6:.1f} MB")
         return
     print(f"{stored.folder()}: {len(entries)} tables, {sum(e.size_bytes for e in entries) / 1e6:.1f} MB")
-    for entry in entries:
+    for entry in entries[:None if verbose else LISTED]:
         used = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.used_s))
         print(f"{entry.path.stem[:12]}  {entry.size_bytes / 1e6:.1f} MB  last used {used}")
 

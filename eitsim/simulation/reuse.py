@@ -26,17 +26,25 @@ _CHANGES = ("diameters", "gaps", "depths", "radius", "share", "fields", "numbers
 def table_for(shape: DimensionlessProblem, run: Run = map, *, rim: bool = False) -> tuple[Table, str]:
     """The table of a shape, with what the rim changes where that is asked for, from the cache or solved and put there,
     and a note where the cache cannot be used."""
-    key = {"shape": asdict(shape), "depths": DEPTHS, "arrays": _PATHS}
-    arrays, note = cache.kept(cache.key_of(key, MECHANICS), lambda: _arrays(build(shape, run, DEPTHS)))
+    arrays, note = cache.kept(_key(shape), lambda: _arrays(build(shape, run, DEPTHS)))
     part = {name: np.asarray(arrays[name]) for name in _PATHS}
     table = Table(shape, part["depths"], part["radius"], part["values"], part["slopes"], part["error_estimate"],
                   deviation_of(arrays["error"]), int(arrays["checks"]), float(arrays["cpu_s"]))
     if not rim:
         return table, note
-    key |= {"rim": asdict(GRID), "arrays": _CHANGES}
-    arrays, words = cache.kept(cache.key_of(key, MECHANICS), lambda: _kept(build_rim(table, run, GRID), _CHANGES))
+    arrays, words = cache.kept(_key(shape, rim=True), lambda: _kept(build_rim(table, run, GRID), _CHANGES))
     part = {name: np.asarray(arrays[name]) for name in _CHANGES}
     return replace(table, rim=RimTable(**part, cpu_s=float(arrays["cpu_s"]))), note or words
+
+
+def is_stored(shape: DimensionlessProblem, *, rim: bool) -> bool:
+    """Whether the cache has the table of a shape, or what the rim changes."""
+    return cache.stored(_key(shape, rim=rim)) is not None
+
+
+def _key(shape: DimensionlessProblem, *, rim: bool = False) -> str:
+    key = {"shape": asdict(shape), "depths": DEPTHS, "arrays": _PATHS}
+    return cache.key_of(key | ({"rim": asdict(GRID), "arrays": _CHANGES} if rim else {}), MECHANICS)
 
 
 def _arrays(table: Table) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from matcal.record.cautions import cautions, tests
 from matcal.record.exporters.programs import targets
 from touchcal.errors import InputFileError
 from touchcal.number_words import counted
-from touchcal.terminal import print_json
+from touchcal.terminal import foremost, print_json
 
 # columns of a table in a pipe, where nothing says how wide the reader's page is
 _PIPE = 120
@@ -67,30 +67,32 @@ def print_fit(card: MaterialCard, out: Path, *, verbose: bool = False) -> None:
     what was decided as well."""
     console = _console()
     _say(console, _title(card))
-    for table in _results(card):
+    for table in _results(card, verbose):
         _print_table(console, table)
-    if warned := cautions(card):
+    shown, more = foremost(cautions(card), verbose)
+    if shown:
         _heading(console, "Mind")
-        for sentence in warned:
+        for sentence in shown:
             _item(console, "!", sentence)
     quality = list(_quality(card))
     for table in quality if verbose else quality[:1]:
         _print_table(console, table)
     if card.posterior:
-        _heading(console, "Posterior")
-        _say(console, _posterior(card))
+        _say(console, f"\nPosterior: {_posterior(card, verbose)}")
     if verbose:
         _heading(console, "Decisions")
         _decisions(console, card)
-    else:
-        decisions = sum(len(sentences) for _, sentences in grouped(card))
-        _say(console, f"\n{counted(decisions, 'decision')} and {counted(len(quality[1:]), 'more table')} on the fit: "
-                      f"in {out} and its report, or printed with --verbose.")
     _heading(console, "Next")
     for command, purpose in _next(card, out):
-        _say(console, f"  {command}\n      {purpose}")
-    spent = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in card.provenance["cpu_s"].items())
-    _say(console, f"\nCPU: {spent}.")
+        _say(console, f"  {command}   {purpose}")
+    if verbose:
+        spent = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in card.provenance["cpu_s"].items())
+        _say(console, f"\nCPU: {spent}.")
+    else:
+        decisions = sum(len(sentences) for _, sentences in grouped(card))
+        tables_left = len(quality[1:]) + len([*_results(card, True)]) - len([*_results(card, False)])
+        left = ", ".join(filter(None, (more, counted(decisions, "decision"), counted(tables_left, "more table"))))
+        _say(console, f"\n{left}: with --verbose, or in the card and its report")
     _say(console, f"card: {out} (file sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]}), "
                   f"data: {out.with_suffix('.d')}")
 
@@ -114,18 +116,21 @@ def print_imported(card: MaterialCard, out: Path) -> None:
     _say(console, f"\ncard: {out}")
 
 
-def _results(card: MaterialCard) -> Iterator[tables.Printed]:
+def _results(card: MaterialCard, verbose: bool = True) -> Iterator[tables.Printed]:
+    """Tables of results; what the first one says already, and single terms that compensate each other, where
+    verbose."""
+    several = "derived" in card.fit and (card.prony is not None or card.conductivity is not None)
     if "derived" in card.fit or card.posterior.get("derived"):
         yield tables.derived(card)
-    if card.law is not None and "parameters" in card.fit:
+    if card.law is not None and "parameters" in card.fit and (verbose or not several or card.hyperfoam is None):
         yield tables.law(card)
     if card.softening is not None:
         yield tables.softening(card)
     if card.fit.get("laws"):
         yield tables.laws(card)
-    if card.prony is not None:
+    if card.prony is not None and (verbose or not several):
         yield tables.series(card)
-    if card.conductivity is not None:
+    if card.conductivity is not None and (verbose or not several):
         yield tables.skin(card)
 
 
@@ -165,12 +170,14 @@ def _title(card: MaterialCard) -> str:
             f"file{'s' * (files != 1)}{of}")
 
 
-def _posterior(card: MaterialCard) -> str:
+def _posterior(card: MaterialCard, verbose: bool) -> str:
     checks = card.posterior["checks"]
     state = "converged" if checks.get("converged", True) else "did NOT converge"
-    return (f"{card.posterior['n']} draws, {state}: R-hat {checks['rhat']:.3f}, effective sample size "
-            f"{checks['ess']:.0f}, autocorrelation time {checks['autocorrelation_steps']:.0f} of "
-            f"{checks['steps_kept']:.0f} steps. Prior: {card.posterior['prior']}")
+    words = (f"{card.posterior['n']} draws, {state}: R-hat {checks['rhat']:.3f}, effective sample size "
+             f"{checks['ess']:.0f}")
+    return words if not verbose else (
+        f"{words}, autocorrelation time {checks['autocorrelation_steps']:.0f} of {checks['steps_kept']:.0f} steps. "
+        f"Prior: {card.posterior['prior']}")
 
 
 def _decisions(console: Console, card: MaterialCard) -> None:

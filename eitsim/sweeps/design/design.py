@@ -47,6 +47,13 @@ class Design:
     source: Mapping[str, str] | None = None
 
 
+def is_design(raw: Mapping[str, Any]) -> bool:
+    """Whether tables are those of a design and not of a scene: they say how many rows there are, or hold a list."""
+    tables = [table for value in raw.values() for table in (value if isinstance(value, list) else [value])]
+    return "scenes" in raw or any(isinstance(drawn, Mapping) and "list" in drawn for table in tables
+                                  if isinstance(table, Mapping) for drawn in table.values())
+
+
 def read_design(path: Path | str, scenes: int | None = None) -> Design:
     """Read a design file; `scenes` overrides its count. InputFileError names the file and the key."""
     path = Path(path)

@@ -85,6 +85,11 @@ def table_of(design: Design, cards: Cards, pool: WorkerPool,
     return fine, "; ".join(part for part in (before["note"], note, rough) if part)
 
 
+def shape_of_design(design: Design, cards: Cards) -> DimensionlessProblem | None:
+    """The shape of a design's load paths; None on a curved body, where tables are of another kind."""
+    return None if is_curved(design.tables) else _shape_of(design, cards)
+
+
 def _shape_of(design: Design, cards: Cards) -> DimensionlessProblem:
     if foam_varies(cards):
         raise ValueError("[material] draws a law of the foam for each row, and a table of load paths holds one.")

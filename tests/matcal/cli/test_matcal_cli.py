@@ -51,7 +51,7 @@ def test_fit_leaves_a_card_and_its_data(matcal, tmp_path: Path) -> None:
     out = tmp_path / "foam.json"
     (tmp_path / "foam.d").mkdir()
     (tmp_path / "foam.d" / "old.parquet").write_text("from an earlier fit")
-    status, text, _ = matcal("fit", DATA / "uniaxial.csv", DATA / "shear.csv", "--order", 3, "--out", out)
+    status, text, _ = matcal("fit", DATA / "uniaxial.csv", DATA / "shear.csv", "--order", 3, "--out", out, "--verbose")
     assert status == 0
     assert "mu_0_Pa" in text
     assert "not corrected for" in text

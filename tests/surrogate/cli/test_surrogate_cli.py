@@ -119,17 +119,21 @@ def test_report_writes_a_pdf(call: Call, inner: Path, tmp_path: Path, monkeypatc
 
 
 def test_evaluate_prints_a_table(call: Call, ridge: Path, few: Path) -> None:
-    status, out, _ = call("evaluate", ridge, few, "--noise-db", "90")
+    status, out, _ = call("evaluate", ridge, few, "--noise-db", "100,90")
+    assert status == 0
+    assert len(out.splitlines()) <= 40
+    for words in ("100 dB", "90 dB", "delta_max", "+-90 %", "caution: 30 calibrating rows are few"):
+        assert words in out, words
+    status, out, _ = call("evaluate", ridge, few, "--noise-db", "90", "--verbose")
     assert status == 0
     assert "90.0 dB below the baseline" in out
-    assert "delta_max" in out
     assert "30 rows calibrate the 90 % intervals" in out
     assert "caution: 30 calibrating rows are few" in out
     assert "+-90 %" in out
 
 
 def test_evaluate_prints_the_signal_over_force(call: Call, inner: Path, few: Path) -> None:
-    status, out, _ = call("evaluate", inner, few)
+    status, out, _ = call("evaluate", inner, few, "--verbose")
     assert status == 0
     assert "signal over force" in out
     stored = json.loads((inner / "evaluation.json").read_text())["amplitude"]
@@ -144,13 +148,16 @@ def test_least_errors_stand_beside_those_of_their_data_set_alone(call: Call, rid
                   "limit": [0.0123, 0.0456]}).to_csv(model / "limits.csv", index=False)
     (level,) = json.loads(call("evaluate", model, few, "--noise-db", "80", "--json")[1])["noise"]
     assert level["limits"] == {"known": {"F": 0.0123}, "posterior": {"F": 0.0456}}
-    assert "0.0456" in call("evaluate", model, few, "--noise-db", "80")[1]
+    assert "0.0456" in call("evaluate", model, few, "--noise-db", "80", "--verbose")[1]
     assert json.loads(call("evaluate", model, sweep, "--noise-db", "80", "--json")[1])["noise"][0]["limits"] == {}
 
 
 def test_several_sets_are_compared(call: Call, ridge: Path, few: Path, make_dataset: Callable[..., Path],
                                    tmp_path: Path) -> None:
     other = make_dataset(tmp_path / "other", 12, 9)
+    printed = call("evaluate", ridge, few, other, "--noise-db", "80,60")[1]
+    assert "over first" in printed
+    assert len(printed.splitlines()) <= 40
     status, out, _ = call("evaluate", ridge, few, other, "--json")
     result = json.loads(out)
     assert status == 0
