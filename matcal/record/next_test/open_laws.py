@@ -64,8 +64,8 @@ def open_laws(card: MaterialCard) -> tuple[OpenLaw, ...]:
         return tuple(_around(_law(row), row["covariance"], row["weight"]) for row in rows)
     if "covariance" not in card.fit:
         raise ValueError(f"card '{card.name}' does not say what is open: it has no posterior, and its fit no "
-                         "covariance, as where nu was fitted or the card was not fitted by this version. Fit it again with "
-                         "`matcal fit --posterior`.")
+                         "covariance, as where nu was fitted or the card was not fitted by this version. Fit it again "
+                         "with `matcal fit --posterior`.")
     others = [law_of(law.name, values) for values in card.fit.get("neighbours", ())]
     return (_around(law, card.fit["covariance"], 1.0, others),)
 
