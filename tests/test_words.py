@@ -11,7 +11,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("touchcal", "matcal", "eitsim", "surrogate", "reports")
 RETIRED = re.compile(r"\b(told|besides?|beyond|apart|afresh|alike|wanted|mend(s|ed)?)\b", re.IGNORECASE)
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("[he]*/*.md")),
-         *sorted((ROOT / "docs").glob("[tg]*/**/*.py")), *sorted((ROOT / "examples").iterdir())]
+         *sorted((ROOT / "docs").glob("[tg]*/**/*.py")),
+         *sorted(path for path in (ROOT / "examples").rglob("*") if path.suffix in (".py", ".sh", ".toml"))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

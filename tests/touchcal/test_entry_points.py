@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -11,17 +12,15 @@ import pytest
 
 from touchcal.entry_points import KINDS, added
 
-PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write-your-own.md"
+ROOT = Path(__file__).parents[2]
+PAGE, PACKAGE = ROOT / "docs" / "how-to" / "write-your-own.md", ROOT / "examples" / "my_parts"
 
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
-    """A folder that holds what installing the page's package leaves there."""
-    text = PAGE.read_text(encoding="utf-8")
-    blocks = {word: "\n\n".join(re.findall(rf"```{word}\n(.*?)```", text, flags=re.DOTALL))
-              for word in ("toml", "python")}
-    (tmp_path / "my_parts.py").write_text(blocks["python"], encoding="utf-8")
-    project = tomllib.loads(blocks["toml"])["project"]
+    """A folder that holds what installing the example package leaves there, and an entry point of nothing."""
+    shutil.copytree(PACKAGE / "my_parts", tmp_path / "my_parts")
+    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     folder = tmp_path / "my_parts-1.dist-info"
     folder.mkdir()
     (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 1\n", encoding="utf-8")
@@ -33,7 +32,13 @@ def installed(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_parts_of_the_page_serve(installed: Path) -> None:
+def test_the_page_shows_the_package() -> None:
+    blocks = re.findall(r"```(?:python|toml)\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+    files = [file.read_text(encoding="utf-8") for file in PACKAGE.rglob("*") if file.suffix in (".py", ".toml")]
+    assert set(blocks) == {text for text in files if not text.startswith('"""')}
+
+
+def test_the_parts_of_the_package_serve(installed: Path) -> None:
     used = """
 import sys; sys.path.insert(0, sys.argv[1])
 import numpy as np, matcal, eitsim
