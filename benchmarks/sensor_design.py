@@ -43,7 +43,7 @@ from surrogate.data.samples import SweepSamples, read_samples, split, take
 from surrogate.recordings import kernel_ridge
 from surrogate.recordings.blocks import time_blocks
 from surrogate.recordings.patterns import compressed, compression_scale, direction
-from surrogate.recordings.waves import EACH, draw_waves
+from surrogate.recordings.place_networks import EACH, draw_waves
 from touchcal.arrays import Array, Index
 
 PARTS = ("bounds", "drives", "retrained", "skins", "presses")

@@ -53,7 +53,7 @@ def main(folder: Path) -> None:
             found = templates.fit(signal[train], place[train], time_blocks(labels), compress=False,
                                   priors=priors).templates
             errors.append(np.linalg.norm(found.read(signal[test])[0] - place[test], axis=1).mean())
-            used.append(found.prior)
+            used.append(found.weights[1:].sum())
         rows.append({"labels": labels, "prior": name, "repeats": REPEATS, "used": np.mean(used),
                      "error_mm": np.mean(errors), "se_mm": np.std(errors, ddof=1) / np.sqrt(REPEATS),
                      "cpu_s": (time.process_time() - begun) / REPEATS})

@@ -60,6 +60,9 @@ def check_output_files(scene: AnyScene, files: OutputFiles, outs: Mapping[str, P
     if files.skin is not None:
         from eitsim.electrics.forward.sheet_fields import driven_currents
 
+        if scene.skin.fills:
+            raise ValueError("--skin writes the fields of a coating, and this layer conducts in its volume; leave it "
+                             "out (--fields writes what is inside the layer).")
         driven_currents(scene, files.patterns)
     if files.sensitivity is not None:
         from eitsim.simulation.derivatives.readings import check_differentiable

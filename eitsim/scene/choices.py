@@ -15,7 +15,8 @@ Kind = StrEnum("Kind", (
     # laws
     "OUTSIDE_FITS", "POSITIVE_IN_PART", "STRAIN", "ONE_CARD", "DRAWN_CARDS",
     # skin and electrodes
-    "FIXED_CHOICES", "NO_LOAD_IN_SKIN", "SHEET", "STIFF_ELECTRODES", "SOFT_ELECTRODES", "YIELDING_ELECTRODES", "MESH",
+    "FIXED_CHOICES", "NO_LOAD_IN_SKIN", "SHEET", "LAYER", "LAYER_TOUCH", "LAYER_ELECTRODES",
+    "STIFF_ELECTRODES", "SOFT_ELECTRODES", "YIELDING_ELECTRODES", "MESH",
     "RINGS", "UNTOUCHED_TRIANGLES", "PATCH_AREA", "EVEN_SHEET", "SHEET_CONDUCTANCE", "SCATTER", "CHANNELS", "MISSING",
     "ONE_MATRIX",
     # exact runs
@@ -28,4 +29,6 @@ Why = StrEnum("Why", (
     # of neighbours
     "OVERLAP", "MORE_THAN_TWO", "PAIR_FRICTION", "PAIR_GAP",
     # of what is solved in three dimensions, and on curved bodies
-    "TOUCHING", "UNFIT"))
+    "TOUCHING", "UNFIT",
+    # of layers that conduct in their volume
+    "LAYER_EDGE", "LAYER_TILT", "LAYER_TOGETHER"))

@@ -44,6 +44,7 @@ KINDS = {
         "shares": "shares"})}
 IMPEDANCES = tuple(dict.fromkeys(kind.impedance_key for kind in KINDS.values()))
 SHAPES = ("disc", "rectangle", "sector")  # of electrodes on the surface
+SIDES = ("top", "bottom")  # of a layer that conducts in its volume
 FEWEST, MOST = 4, 64
 # Places that an outline's electrodes are given by.
 PLACES = ("positions_m", "shares", "x_m", "y_m")
@@ -77,6 +78,11 @@ class Electrodes:
     turn_rad: PerElectrode = 0.0  # angle of an electrode on the surface from +x, rad
     opening_rad: float = math.pi / 2  # angle that a sector spans about its tip, rad
     soft: bool = False  # whether they give way with the foam, as paint, foil and thin wires do
+    # of a layer that conducts in its volume: the side that patches lie on, one of SIDES; and the heights above its base
+    # between which lines cover the rim, m, both 0 where they cover all of it
+    side: str = "top"
+    low_m: float = 0.0
+    high_m: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("width_m", "length_m", "angles_rad", "contact_impedance_Ohm_m", "contact_impedance_Ohm_m2",
@@ -102,6 +108,11 @@ class Electrodes:
     def anywhere(self) -> bool:
         """Whether they are patches anywhere on the surface."""
         return self.place is Place.SURFACE
+
+    @property
+    def over_thickness(self) -> bool:
+        """Whether they are lines that cover the whole height of the rim."""
+        return self.along_edge and self.low_m == self.high_m == 0
 
     @property
     def impedance_key(self) -> str:

@@ -7,6 +7,9 @@ from eitsim.scene.scene_limits import require
 
 FRICTIONS = ("none", "stick", "coulomb")
 STRAINS = ("normal", "principal", "areal")
+# What a layer's conductivity follows in its volume, and the kinds of skins.
+LAYER_STRAINS = ("principal", "volume", "piezoresistive")
+SKINS = ("coating", "layer")
 CONTROLS = ("force", "depth")
 MODULI = ("card", "instantaneous", "longterm")
 
@@ -42,10 +45,37 @@ class Punch:
 
 @dataclass(frozen=True)
 class Skin:
-    """Conductive coating of the top surface."""
+    """Conductive coating of the top surface, or a layer that conducts in its volume."""
 
-    thickness_m: float = 20e-6  # of the coating, m
-    strain: str = "principal"  # the strain that drives its conductivity, one of STRAINS
+    thickness_m: float = 20e-6  # of the coating or the layer, m
+    strain: str = "principal"  # what drives its conductivity, one of STRAINS, of a layer one of LAYER_STRAINS
+    # "coating", a sheet on foam; or "layer", which conducts in its volume and is itself the body, on a rigid plate:
+    # the body's thickness is then this one
+    kind: str = "coating"
+    # change of the logarithm of a piezoresistive layer's resistivity by logarithmic strain along the current and across
+    along: float = 0.0
+    across: float = 0.0
+
+    @property
+    def fills(self) -> bool:
+        """Whether it conducts in its volume."""
+        return self.kind == "layer"
+
+    @property
+    def surface_strain(self) -> str:
+        """The strain, one of STRAINS, by which tabulated effects on dV count; of a layer the one that edges change
+        most."""
+        return "areal" if self.fills else self.strain
+
+
+def check_skin(skin: Skin) -> None:
+    """ValueError where a skin's strain is none of its kind, or a coefficient has no effect."""
+    known = LAYER_STRAINS if skin.fills else STRAINS
+    require(skin.strain in known, "strain in [skin]", f"of a {skin.kind} must be one of {', '.join(known)}",
+            f"'{skin.strain}'")
+    for name in ("along", "across"):
+        require(skin.strain == "piezoresistive" or getattr(skin, name) == 0, f"{name} in [skin]",
+                'has no effect without strain = "piezoresistive", which layers have; leave it out', getattr(skin, name))
 
 
 @dataclass(frozen=True)

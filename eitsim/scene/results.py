@@ -87,6 +87,14 @@ class SurfaceField(Protocol):
         ...
 
 
+class Scatterer(Protocol):
+    """What a touch of a layer scatters, solved in its volume."""
+
+    def scattering(self, reach_m: float, orders: int) -> Array:
+        """(orders,) as of `electrics.cem.ring_scattering.scattering`."""
+        ...
+
+
 class SpaceField(Protocol):
     """What touches make of a curved body, at places of its untouched outer surface."""
 
@@ -191,6 +199,8 @@ class Touch:
     surface: SurfaceField | None = None
     # (k,) reference radii, m, at which contact ends in k even directions from +x; None where it is round
     contact_ends_m: Array | None = None
+    # what it scatters in place of what its stretches do; None where these say all
+    scatterer: Scatterer | None = None
 
     @property
     def axisymmetric(self) -> bool:
@@ -269,5 +279,5 @@ class Result:
 
 
 def of_strain(errors: Array, strain: str) -> float:
-    """Of errors (3,) by scene.STRAINS, that of a skin driven by this one."""
-    return float(errors[STRAINS.index(strain)])
+    """Of errors (3,) by scene.STRAINS, that of a skin driven by this one; of a layer's, the largest."""
+    return float(errors[STRAINS.index(strain)] if strain in STRAINS else np.max(errors))

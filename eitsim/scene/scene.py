@@ -13,10 +13,23 @@ from eitsim.scene.drive import MATRICES, MOST_WEIGHT, Drive, protocol
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.edge import Edge
 from eitsim.scene.edges.outline import Loop, Outline, Point, check_keys
-from eitsim.scene.electrodes import IMPEDANCES, Electrodes, unread
+from eitsim.scene.electrodes import IMPEDANCES, SIDES, Electrodes, unread
 from eitsim.scene.electrodes import KINDS as ELECTRODE_KINDS
 from eitsim.scene.polygons import KINDS
-from eitsim.scene.pressing import CONTROLS, FRICTIONS, MODULI, STRAINS, Accuracy, Hold, Punch, Skin, check_punch
+from eitsim.scene.pressing import (
+    CONTROLS,
+    FRICTIONS,
+    LAYER_STRAINS,
+    MODULI,
+    SKINS,
+    STRAINS,
+    Accuracy,
+    Hold,
+    Punch,
+    Skin,
+    check_punch,
+    check_skin,
+)
 from eitsim.scene.profiles.profile import Profile
 from eitsim.scene.profiles.registry import profiles
 from eitsim.scene.scene_files import with_files
@@ -84,6 +97,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "punches", tuple(self.punches))
+        if self.skin.fills:
+            object.__setattr__(self, "body", replace(self.body, thickness_m=self.skin.thickness_m))
         object.__setattr__(self, "electrodes", self.body.edge.placed(self.electrodes))
 
 
@@ -125,7 +140,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
               "tilt_deg": ("tilt_rad", 180 / math.pi), "tilt_direction_deg": ("tilt_direction_rad", 180 / math.pi),
               "friction": ("friction", None), "friction_coefficient": ("friction_coefficient", 1.0),
               "conductor": ("conductor", None), "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
-    "skin": {"thickness_um": ("thickness_m", 1e6), "strain": ("strain", None)},
+    "skin": {"kind": ("kind", None), "thickness_um": ("thickness_m", 1e6), "thickness_mm": ("thickness_m", 1e3),
+             "strain": ("strain", None), "along": ("along", 1.0), "across": ("across", 1.0)},
     "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
                    "length_mm": ("length_m", 1e3), "first_angle_deg": ("first_angle_rad", 180 / math.pi),
                    "clockwise": ("clockwise", None), "angles_deg": ("angles_rad", 180 / math.pi),
@@ -134,7 +150,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
                    "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0),
                    "positions_mm": ("positions_m", 1e3), "shares": ("shares", None), "x_mm": ("x_m", 1e3),
                    "y_mm": ("y_m", 1e3), "shape": ("shape", None), "turn_deg": ("turn_rad", 180 / math.pi),
-                   "opening_deg": ("opening_rad", 180 / math.pi), "soft": ("soft", None)},
+                   "opening_deg": ("opening_rad", 180 / math.pi), "soft": ("soft", None), "side": ("side", None),
+                   "low_mm": ("low_m", 1e3), "high_mm": ("high_m", 1e3)},
     "drive": {"current_mA": ("current_A", 1e3), "pattern": ("pattern", None), "reading": ("reading", None),
               **{key: (key, None) for key in MATRICES}},
     "channels": {"gains": ("gains", 1.0), "current_factors": ("current_factors", 1.0), "leaks_uS": ("leaks_S", 1e6),
@@ -156,7 +173,8 @@ _CLASSES = {"body": _BodyKeys, "punch": Punch, "skin": Skin, "electrodes": Elect
 def _words() -> dict[tuple[str, str], Collection[str]]:
     """The keys that hold one of a few words."""
     return {("body", "outline"): ("disc", *KINDS), ("punch", "profile"): profiles(), ("punch", "friction"): FRICTIONS,
-            ("skin", "strain"): STRAINS, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
+            ("skin", "kind"): SKINS, ("skin", "strain"): dict.fromkeys((*STRAINS, *LAYER_STRAINS)),
+            ("electrodes", "side"): SIDES, ("hold", "control"): CONTROLS, ("hold", "moduli"): MODULI}
 
 
 def is_list(table: str, key: str, value: Any) -> bool:
@@ -231,6 +249,16 @@ def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
     for punch, table in zip(scene.punches, tables["punch"], strict=True):
         if punch.tilt_rad == 0:
             del table["tilt_deg"], table["tilt_direction_deg"]
+    skin, electrodes = tables["skin"], tables["electrodes"]
+    del skin["thickness_um" if scene.skin.fills else "thickness_mm"]
+    if scene.skin.strain != "piezoresistive":
+        del skin["along"], skin["across"]
+    if not scene.skin.fills:
+        del skin["kind"]
+    if not scene.skin.fills or scene.electrodes.along_edge:
+        del electrodes["side"]
+    if not scene.skin.fills or scene.electrodes.over_thickness or not scene.electrodes.along_edge:
+        del electrodes["low_mm"], electrodes["high_mm"]
     outlined = not scene.body.edge.is_round
     kept = ("clockwise", *IMPEDANCES, *(() if outlined else ("length_mm",)))
     idle = [key for key in ELECTRODE_KINDS[scene.electrodes.kind].idle if key not in kept]
@@ -299,6 +327,7 @@ def scene_from(raw: Mapping[str, Any]) -> Scene:
     if not isinstance(raw.get("card", ""), str):
         raise ValueError(f"card must be the name of a file, got {raw['card']!r:.80}.")
     scene = Scene(**parts, card=raw.get("card"))
+    _check_thickness(scene, raw)
     _check(scene)
     return scene
 
@@ -354,14 +383,51 @@ def _electrodes(raw: Any) -> Electrodes:
     return replace(given, **values, missing=tuple(sorted(open_ends.union(int(k) for k in given.missing))))
 
 
+def _check_thickness(scene: Scene, raw: Mapping[str, Any]) -> None:
+    """ValueError where a scene's tables give a thickness by the key of another kind of skin, or two of one body."""
+    skin, body, fills = raw.get("skin", {}), raw.get("body", {}), scene.skin.fills
+    require(scene.skin.kind in SKINS, "kind in [skin]", f"must be one of {', '.join(SKINS)}", f"'{scene.skin.kind}'")
+    key, other = ("thickness_mm", "thickness_um") if fills else ("thickness_um", "thickness_mm")
+    require(other not in skin, f"{other} in [skin]", f"is not of a {scene.skin.kind}; give {key}", skin.get(other))
+    require(not fills or key in skin, "thickness_mm in [skin]", "must be given with kind = \"layer\"", "none")
+    require(not fills or body.get(key, skin.get(key)) == skin.get(key), "thickness_mm in [body]",
+            f"must be left out, or that of the layer in [skin], {skin.get(key)}: the layer is the body, on a rigid "
+            "plate (a soft base under it is not built)", body.get(key))
+
+
+def _check_layer(scene: Scene) -> None:
+    """ValueError where what layers alone have is given of a coating, or electrodes reach outside a layer."""
+    check_skin(scene.skin)
+    electrodes, thickness_m = scene.electrodes, scene.skin.thickness_m
+    if not scene.skin.fills:
+        for key, given in (("side", electrodes.side != "top"), ("low_mm", electrodes.low_m),
+                           ("high_mm", electrodes.high_m)):
+            require(not given, f"{key} in [electrodes]", 'has no effect without kind = "layer" in [skin]; leave it out',
+                    getattr(electrodes, key.replace("_mm", "_m")))
+        return
+    require(electrodes.along_edge or electrodes.low_m == electrodes.high_m == 0, "low_mm and high_mm in [electrodes]",
+            'are of kind = "line", on the rim; leave them out', electrodes.low_m)
+    require(not electrodes.along_edge or electrodes.side == "top", "side in [electrodes]",
+            'has no effect with kind = "line", whose electrodes lie on the rim; leave it out', electrodes.side)
+    require(electrodes.over_thickness or electrodes.low_m < electrodes.high_m <= thickness_m * (1 + 1e-9) or
+            not electrodes.along_edge, "high_mm in [electrodes]",
+            f"must lie above low_mm, up to the layer's thickness, {thickness_m * 1e3:g}", electrodes.high_m * 1e3)
+    if any(punch.conductor for punch in scene.punches):
+        raise ValueError("conductor in [punch]: what a conducting punch shunts is not built on a layer that conducts "
+                         "in its volume, where the current into it depends on the height; leave it out.")
+
+
 def _check(scene: Scene) -> None:
     body, electrodes = scene.body, scene.electrodes
+    _check_layer(scene)
     for punch in scene.punches:
         check_punch(punch, body.thickness_m)
+    idle = ("skin", "thickness_um" if scene.skin.fills else "thickness_mm")
     for table, keys in _KEYS.items():
         for part in _parts(scene, table):
             for key, (name, per) in keys.items():
-                check_limits(table, key, getattr(part, name), per)
+                if (table, key) != idle:
+                    check_limits(table, key, getattr(part, name), per)
     for (table, key), words in _words().items():
         for part in _parts(scene, table) if table != "body" else ():
             one_of(f"{key} in [{table}]", getattr(part, key), words)

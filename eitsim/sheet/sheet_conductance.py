@@ -61,7 +61,7 @@ def _current_sheet(law: Conductivity, skin: Skin, stretch_1: Array, stretch_2: A
 
 def untouched_conductance(law: Conductivity, skin: Skin) -> float:
     """Sheet conductance, S, of the skin at rest."""
-    return float(principal_conductances(law, skin, 1.0, 1.0, 1.0)[0])
+    return law.c0_S_per_m * skin.thickness_m
 
 
 def sheet_conductance(points_m: Array, punch: Punch, touch: Touch, skin: Skin, law: Conductivity) -> Array:

@@ -11,6 +11,7 @@ from eitsim.scene.drive import protocol
 from eitsim.scene.results import Touch, of_strain
 from eitsim.scene.scene import Hold, Scene
 from eitsim.simulation.choose import Chosen, Way
+from eitsim.simulation.layers.layer_readings import PLANE
 from eitsim.simulation.routes.route import Route
 from eitsim.simulation.validity import positive_from
 from matcal.laws.law import Law
@@ -27,6 +28,9 @@ _SAFETY = 2.0
 # (benchmarks/elastic_holds.py).
 _ELASTIC_HOLD = {"force": {"normal": (0.045, 0.085), "principal": (0.036, 0.092), "areal": (0.031, 0.212)},
                  "depth": {"normal": (0.015, 0.031), "principal": (0.0065, 0.034), "areal": (0.011, 0.053)}}
+
+# Largest errors of dV of a layer's sheet of resultants on random touches, by the law (benchmarks/layers.py).
+SHEET_ERROR = {"principal": 0.03, "volume": 0.3, "piezoresistive": 0.7}
 
 
 def choices(chosen: Chosen) -> Iterator[Choice]:
@@ -55,25 +59,36 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
             yield Choice(Kind.FROM_REST)
         yield from _conductor(way, solving.route, i in paired)
     yield from _neighbours(chosen)
-    yield from hold_choices(scene.hold, scene.skin.strain, law, elastic=chosen.elastic) if scene.hold.time_s else (
-        moduli_choice(scene.hold, law, card.prony),)
+    yield from hold_choices(scene.hold, scene.skin.surface_strain, law, elastic=chosen.elastic) if (
+        scene.hold.time_s) else (moduli_choice(scene.hold, law, card.prony),)
     yield Choice(Kind.OUTSIDE_FITS, cost=None)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
         yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
-    yield Choice(Kind.STRAIN, {"strain": scene.skin.strain, "conducts": any(p.conductor for p in scene.punches)}, None)
+    yield from _layer(scene) if scene.skin.fills else (Choice(Kind.STRAIN, {
+        "strain": scene.skin.strain, "conducts": any(p.conductor for p in scene.punches)}, None),)
     yield Choice(Kind.ONE_CARD, cost=None)
     for i, way in enumerate(chosen.ways):
         yield Choice(Kind.NO_FRICTION, cost=None) if way.case.punch.friction == "none" else Choice(
             Kind.FRICTION, {"near": way.case.near or chosen.way_of(i).route.spatial})
-    yield Choice(Kind.FIXED_CHOICES, cost=None)
+    if not scene.skin.fills:
+        yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
     if not scene.electrodes.soft:
         yield from _bodies(chosen)
-    yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
-    over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)
-    yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
+    if not scene.skin.fills:
+        yield Choice(Kind.NO_LOAD_IN_SKIN, cost=None)
+        over_fillet = scene.skin.thickness_m / min(p.fillet_m for p in scene.punches)
+        yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
     yield from _electrodes(scene)
     yield Choice(Kind.ONE_MATRIX, {"patterns": protocol(scene.drive, scene.electrodes.count).shape[0]})
+
+
+def _layer(scene: Scene) -> Iterator[Choice]:
+    """Of a layer that conducts in its volume."""
+    skin = scene.skin
+    yield Choice(Kind.LAYER, {"strain": skin.strain, "along": skin.along, "across": skin.across}, None)
+    yield Choice(Kind.LAYER_TOUCH, {"sheet": SHEET_ERROR[scene.skin.strain]}) if scene.electrodes.over_thickness else (
+        Choice(Kind.LAYER_ELECTRODES, {"plane": PLANE}))
 
 
 def stored_choice(table: Table, touch: Touch, scene: Scene) -> Choice:
@@ -148,11 +163,13 @@ def hold_choices(hold: Hold, strain: str, law: Law, *, elastic: bool) -> Iterato
 
 def _electrodes(scene: Scene) -> Iterator[Choice]:
     outline, patches = scene.body.has_outline, not scene.electrodes.along_edge
-    if patches:
-        yield Choice(Kind.MESH, {"outline": outline})
-    if outline:
-        yield Choice(Kind.UNTOUCHED_TRIANGLES, {"readings": READINGS})
-    yield Choice(Kind.PATCH_AREA, cost=None) if patches else Choice(Kind.RINGS, {"outline": outline})
+    if not scene.skin.fills or scene.electrodes.over_thickness:
+        if patches:
+            yield Choice(Kind.MESH, {"outline": outline})
+        if outline:
+            yield Choice(Kind.UNTOUCHED_TRIANGLES, {"readings": READINGS})
+        if not scene.skin.fills:
+            yield Choice(Kind.PATCH_AREA, cost=None) if patches else Choice(Kind.RINGS, {"outline": outline})
     yield from _channels(scene)
     if scene.electrodes.missing:
         yield Choice(Kind.MISSING, {"electrodes": scene.electrodes.missing})

@@ -134,7 +134,8 @@ def choose(scene: Scene, material: Material, *, exact: bool = False, bodies: boo
 def _creeps_otherwise(ways: Sequence[Way]) -> bool:
     """Whether touches creep that no route steps in time: but an axisymmetric one alone, without friction."""
     case = ways[0].case
-    return case.creeps and (len(ways) > 1 or ways[0].route is not AXISYMMETRIC or case.punch.friction != "none")
+    return case.creeps and (len(ways) > 1 or ways[0].route is not AXISYMMETRIC or case.punch.friction != "none"
+                            or case.scene.skin.fills)
 
 
 def _loaded(scene: Scene) -> Scene:
@@ -166,7 +167,7 @@ def served(table: Table | None, law: Law, scene: Scene) -> tuple[Touch | None, .
 def _stored(table: Table | None, law: Law, scene: Scene,
             ways: Sequence[tuple[Route, Case]]) -> tuple[Touch | None, ...]:
     """One a touch, by the route that solves it where the table does not hold it."""
-    if table is None or scene.hold.time_s or (
+    if table is None or scene.hold.time_s or scene.skin.fills or (
             table.error.signal(scene.skin.strain) > TABLE_SHARE * scene.accuracy.signal):
         return (None,) * len(ways)
     return tuple(route.stored(case, law, table) for route, case in ways)
@@ -177,6 +178,8 @@ def _way(case: Case) -> Way:
     expected to meet the requested error where that one is not, and pays. Where none does with what electrodes and ends
     of contacts may cost, the one of those that do without that omits least; else the first that meets it and is
     refused, of several touches the last, or that of those that leave out least."""
+    if case.scene.skin.fills:
+        return Way(case, AXISYMMETRIC, layer_problem(case), cost_s=0.3)
     ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
             for route in known_routes.ROUTES if (case.exact or not route.for_exact) and (
                 route.leaning or not any(punch.tilt_rad for punch in case.punches)) and not (
@@ -199,6 +202,18 @@ def _better(way: Way, cheapest: Way) -> bool:
     case, asked = way.case, way.case.scene.accuracy.signal
     return case.bodies and not case.exact and way.cost_s <= _DEARER * cheapest.cost_s and (
         way.route.expected(case) <= asked < cheapest.route.expected(case))
+
+
+def layer_problem(case: Case) -> Choice | None:
+    """Why touches of a layer that conducts in its volume cannot be solved: its inside is known where they are
+    axisymmetric alone. None where they can."""
+    thickness_m = case.scene.body.thickness_m
+    if len(case.touches) > 1:
+        return Choice(Why.LAYER_TOGETHER)
+    if case.punch.tilt_rad:
+        return Choice(Why.LAYER_TILT)
+    return Choice(Why.LAYER_EDGE, {"gap_m": case.gap_m, "thickness_m": thickness_m}) if (
+        case.gap_m < thickness_m) else None
 
 
 def _omitted(way: Way) -> float:
@@ -268,7 +283,7 @@ def _why_alone(way: Way) -> Choice | None:
     case, scene = way.case, way.case.scene
     if (why := _too_deep(case.punch, scene.body.thickness_m)) is not None:
         return why
-    if way.why is None or way.why.kind is Why.OFF_SKIN:
+    if way.why is None or way.why.kind is Why.OFF_SKIN or scene.skin.fills:
         return way.why
     return replace(way.why, values={
         "gap_m": case.gap_m, "outline": scene.body.has_outline, "cost": case.by_edges, "allowed": case.allowed,

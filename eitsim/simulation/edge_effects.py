@@ -47,13 +47,13 @@ def effect_of_edges(scene: Scene, punch: Punch) -> float:
     """What neglecting the rim, or all edges and holes of an outline, may cost: the sum of what the rim of a disc would,
     as near as the nearest part of them in each quarter about the punch."""
     gaps = scene.body.edge.quarters_m((punch.x_m, punch.y_m)) - punch.diameter_m / 2
-    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps.tolist())
+    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.surface_strain) for gap in gaps.tolist())
 
 
 def far_edges_effect(scene: Scene, punch: Punch, outside: float) -> float:
     """What the edges further from its edge than so many thicknesses may cost, as `effect_of_edges`."""
     gaps = scene.body.edge.quarters_m((punch.x_m, punch.y_m)) - punch.diameter_m / 2
-    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in gaps.tolist()
+    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.surface_strain) for gap in gaps.tolist()
                if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
 
 
@@ -61,14 +61,14 @@ def other_edges_effect(scene: Scene, punch: Punch, outside: float = -math.inf) -
     """What the edges but the nearest may cost: the sum of what the rim of a disc would, as near as the nearest of them
     in each quarter about the punch; outside: of those further from its edge than so many thicknesses."""
     others = scene.body.edge.nearest((punch.x_m, punch.y_m)).others_m - punch.diameter_m / 2
-    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in others.tolist()
+    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.surface_strain) for gap in others.tolist()
                if math.isfinite(gap) and gap > outside * scene.body.thickness_m)
 
 
 def added_edges_cost(scene: Scene, punch: Punch, reach: float) -> float:
     """What adding up the changes by several edges, each found by itself, may cost of the signal: products of two of
     them, and those of edges further from the punch's edge than a reach, thicknesses."""
-    effects = [rim_effect(gap, scene.body.thickness_m, scene.skin.strain) for gap in (
+    effects = [rim_effect(gap, scene.body.thickness_m, scene.skin.surface_strain) for gap in (
         scene.body.edge.quarters_m((punch.x_m, punch.y_m)) - punch.diameter_m / 2).tolist()]
     products = sum(one * other for one, other in itertools.combinations(effects, 2))
     return _INTERPLAY * products + other_edges_effect(scene, punch, reach)
@@ -79,7 +79,7 @@ def effect_of_electrodes(scene: Scene, punch: Punch) -> float:
     smaller and give way more, count as plates at their place do."""
     if scene.electrodes.soft:
         return 0.0
-    unit, (size, *rates) = scene.body.thickness_m, _ELECTRODE_EFFECT[scene.skin.strain]
+    unit, (size, *rates) = scene.body.thickness_m, _ELECTRODE_EFFECT[scene.skin.surface_strain]
     gap = max(electrode_gap_m(scene, punch), 0.0) / unit
     edge = rim_gap_m(scene.body, punch) / unit if scene.electrodes.along_edge else gap
     return size * math.exp(-float(np.dot(rates, [gap, edge, punch.diameter_m / unit])))
@@ -94,7 +94,7 @@ def electrode_gap_m(scene: Scene, punch: Punch) -> float:
 def least_gap_m(scene: Scene) -> float:
     """Least distance, m, of a punch's edge to the rim, or to both edges of a right-angled corner, at which neglecting
     them costs no more than its share of the requested error; infinite beyond ten thicknesses."""
-    return clear_gap_m(scene.body.thickness_m, scene.skin.strain, scene.accuracy.signal, scene.body.edge.corner)
+    return clear_gap_m(scene.body.thickness_m, scene.skin.surface_strain, scene.accuracy.signal, scene.body.edge.corner)
 
 
 def clear_gap_m(thickness_m: float, strain: str, signal: float, ways: Sequence[float] = (1.0,)) -> float:

@@ -10,8 +10,8 @@ import numpy as np
 from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, curved_tables
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
 from eitsim.scene.scene import scene_tables
-from eitsim.sheet.sheet_conductance import extrapolated_share
 from eitsim.simulation.error_budget import error_budget, numerical_errors
+from eitsim.simulation.layers.layer_readings import share_extrapolated
 from matcal.card import MaterialCard, as_card, card_identity
 from touchcal.provenance import versions
 
@@ -111,7 +111,7 @@ def fitted_ranges(result: Result, scene: AnyScene, card: MaterialCard) -> dict[s
     skin = card.conductivity.strain_range if card.conductivity else None
     return {"least_strain": least, "fitted_foam_strain": list(foam) if foam else None,
             "fitted_skin_strain": list(skin) if skin else None,
-            **({"signal_share_extrapolated": extrapolated_share(result.touches, scene.skin, card.conductivity)}
+            **({"signal_share_extrapolated": share_extrapolated(scene, result.touches, card.conductivity)}
                if card.conductivity else {})}
 
 

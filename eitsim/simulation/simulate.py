@@ -20,6 +20,7 @@ from eitsim.simulation.contact_end import variants, with_conductors
 from eitsim.simulation.curved.curved_plan import curved_plan
 from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
 from eitsim.simulation.error_budget import error_budget, explain_excess, numerical_errors
+from eitsim.simulation.layers.layer_readings import layer_readings
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.plan import make_plan, plan_of
 from eitsim.simulation.reuse import scene_shape, table_for
@@ -82,6 +83,9 @@ def simulate(scene: AnyScene | Path | str, card: MaterialCard | Path | str, *, e
             raise ValueError("reuse: load paths are those of flat layers; leave it out on a curved body.")
         return solve_curved_scene(scene, card, exact=exact)
     if reuse:
+        if scene.skin.fills:
+            raise ValueError("reuse: load paths hold the surface of touches, and a layer that conducts in its volume "
+                             "needs the inside; leave it out.")
         table, note = table_for(scene_shape(scene, card))
         if note:
             logging.getLogger(__name__).warning("load path: %s", note)
@@ -202,6 +206,8 @@ def readings_of(scene: Scene, touches: tuple[Touch, ...], skin_law: Conductivity
                      channels=scene.channels, signal=ELECTRICS_SHARE * worst, method="mesh" if exact else "auto")
     pressed = tuple(zip(scene.punches, touches, strict=True))
     try:
+        if scene.skin.fills:
+            return layer_readings(scene, touches, skin_law, ELECTRICS_SHARE * worst, exact=exact)
         check_positive(skin_law, scene.skin.strain, touches)
         return with_conductors(solver(pressed), pressed, [solver(one) for one in variants(pressed)])
     except FoldedSkin as error:

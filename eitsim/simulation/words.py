@@ -91,6 +91,15 @@ _LINES: dict[Kind, Words] = {
     Kind.SHEET: (
         "the skin is a sheet, solved on the surface", "its thickness is {over_fillet:.2f} of the punch's fillet, the "
         "shortest length over which it changes; the cost is of second order in that"),
+    Kind.LAYER_TOUCH: (
+        "the touched layer is a sheet of its resultants, or solved in its volume", "without current across the layer "
+        "it conducts as a sheet; of random touches that was up to {sheet:.0%} off in dV. The first harmonics of each "
+        "touch, solved in the volume, show the error: it counts in the result's own, and where it is more than a tenth "
+        "of the requested one the volume's harmonics take the sheet's place. The untouched layer is the sheet"),
+    Kind.LAYER_ELECTRODES: (
+        "the layer is solved in three dimensions", "electrodes do not cover the whole height of the rim; untouched and "
+        "touched on one mesh. Fewer layers of it show the error, with {plane:.1%} for the mesh of the plane, and count "
+        "in the result's own"),
     Kind.UNTOUCHED_TRIANGLES: (
         "untouched readings by triangles that their own solution refines", "until halving them once more would change "
         "the readings by less than {readings:g}; the signal does not hold that error"),
@@ -164,6 +173,14 @@ def _strain(of: Values) -> Words:
             f"{sizes[own]}; {others}{shunted} (Table 1); the cost is unknown and not in the bound")
 
 
+def _layer(of: Values) -> Words:
+    by = {"principal": "the largest principal strain at every place", "volume": "the change of volume at every place",
+          "piezoresistive": f"strain along the current ({of['along']:g}) and across it ({of['across']:g}), as changes "
+          "of the logarithm of the resistivity by logarithmic strain"}
+    return (f"the layer conducts in its volume and follows {by[of['strain']]}", "the layer is the body, bonded to a "
+            "rigid plate; what of a measured law holds under compression is unknown, and not in the bound")
+
+
 def _friction(of: Values) -> Words:
     near = ("; what edges and other punches change is taken at the end of that way alone, with what sticks stuck and "
             "what slips under its largest shear. In 16 or 8 increments of it, at three touches that stick, the added "
@@ -210,7 +227,7 @@ _MADE: dict[str, Callable[[Values], Words]] = {
     Kind.STORED: _stored, Kind.ALONE: _alone,
     Kind.NO_VISCOELASTICITY: _no_viscoelasticity, Kind.STRAIN: _strain, Kind.FRICTION: _friction,
     Kind.SOFT_ELECTRODES: _soft_electrodes, Kind.STIFF_ELECTRODES: _stiff_electrodes, Kind.MESH: _mesh,
-    Kind.RINGS: _rings, Kind.MISSING: _missing}
+    Kind.RINGS: _rings, Kind.MISSING: _missing, Kind.LAYER: _layer}
 
 
 def decision(choice: Choice) -> Decision:
@@ -231,6 +248,16 @@ def _in_mm(values: Values) -> dict[str, Any]:
 _REFUSALS = {
     Why.ELECTRODES: "{problem}",
     Why.UNFIT: "{problem}",
+    Why.LAYER_EDGE: (
+        "the punch's edge is {gap_mm:.1f} mm from the nearest edge of a layer that conducts in its volume; its inside "
+        "is known where a touch is axisymmetric, from a gap of one thickness on: {thickness_mm:g} mm. Move the punch "
+        "inwards."),
+    Why.LAYER_TILT: (
+        "tilt_deg in [punch]: the inside of a layer that conducts in its volume is known where a touch is "
+        "axisymmetric; leave it out."),
+    Why.LAYER_TOGETHER: (
+        "touches this close change each other, and the inside of a layer that conducts in its volume is known where "
+        "each is axisymmetric; move them from each other, or ask for less accuracy (a larger signal in [accuracy])."),
     Why.CONDUCTIVITY_UNIT: (
         "c0_S_per_m = {c0_S_per_m:g} in the conductivity of card '{card}': {least:g} to {most:g} S/m is solved; check "
         "its unit, or fit the conductivity again."),

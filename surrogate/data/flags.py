@@ -35,7 +35,7 @@ WORDS = {
     Flag.OLD: "the untouched frame is older than any in training, and the intervals are wider for it",
     Flag.TOO_OLD: "the untouched frame is older than any in training, and so much that the intervals may not hold",
     Flag.OTHER_PATTERN: "a pattern unlike those of the training presses", Flag.WEAK: "weaker than any training press",
-    Flag.STRONG: "stronger than nearly all training presses: what it says of depth or force may be too little",
+    Flag.STRONG: "stronger than the training presses: what it says of depth or force may be too little",
     Flag.OTHER_SESSION: "the untouched frame is unlike those of training, as in another session: the intervals may not "
     "hold",
     Flag.DRIFTED: "off the untouched frame by more than is known of its drift, and unlike a touch: taken for drift"}

@@ -8,27 +8,32 @@ from surrogate.statistics import left_out
 from surrogate.statistics.gaussian_process import squared_distance
 from touchcal.arrays import Array, Index
 
-# Of the smoother: its length over the spread of the places, and the variance of noise over that of the process.
-LENGTH, NOISE = 0.25, 0.05
-SURE = 2.0  # times 1 / sqrt(presses): how much more of a reading places must explain a frame later
-LEAST = 3  # readings that are late where any is: a scan that runs on leaves several, and chance one or two of hundreds
-FEWEST = 40  # presses whose following frame is there, from which late readings are sought
+# Of the smoother: its length over the spread of the places, times the root of the presses and at least; and the
+# variance of noise over that of the process.
+LENGTH, SHORTEST, NOISE = 3.0, 0.25, 0.05
+FEWEST = 10  # presses whose following frame is there, from which late readings are sought
+LEAST = 3  # readings that are late where any is: a scan that runs on leaves several
+# Readings' worth of variance that the run must explain more a frame later: of fewer than ENOUGH presses chance reaches
+# more.
+MORE, ENOUGH = 2.0, 20
 
 
 def late_readings(signal: Array, following: Array, place: Array, press: Index | None = None) -> Index:
-    """Numbers of the readings of signals (n, m) that places (n, 2) explain better in the frames that follow (n, m),
-    NaN where these are not there: R^2 of a smoother that leaves the press (n,) of a row out, or the row alone where
-    that is None."""
+    """The readings, a run from the first on, of signals (n, m) that places (n, 2) explain better in the frames that
+    follow (n, m), NaN where these are not there: the run of the largest sum of differences of R^2, at least 0 each, of
+    a smoother that leaves the press (n,) of a row out, or the row alone where that is None."""
     there = np.flatnonzero(np.isfinite(following).all(axis=1) & np.isfinite(signal).all(axis=1))
     kept = there if press is None else press[there]
     count = len(np.unique(kept))
     if count < FEWEST:
         return np.zeros(0, np.intp)
-    square = squared_distance(place[there], place[there]) / (LENGTH * place[there].std(axis=0).mean()) ** 2
-    held_out = np.linalg.inv(np.exp(-square / 2) + NOISE * np.eye(len(there)))
-    own, later = (_explained(held_out, frames[there], kept) for frames in (signal, following))
-    late = np.flatnonzero((later > own + SURE / np.sqrt(count)) & (later > 0))
-    return late if len(late) >= LEAST else late[:0]
+    length = max(LENGTH / np.sqrt(count), SHORTEST) * place[there].std(axis=0).mean()
+    held_out = np.linalg.inv(np.exp(-squared_distance(place[there], place[there]) / (2 * length**2))
+                             + NOISE * np.eye(len(there)))
+    own, later = (np.maximum(_explained(held_out, frames[there], kept), 0) for frames in (signal, following))
+    more = np.cumsum(later - own)
+    run = int(more.argmax()) + 1
+    return np.arange(run if run >= LEAST and more[run - 1] > MORE * max(ENOUGH / count, 1) else 0)
 
 
 def with_late(signal: Array, following: Array, late: Index) -> Array:

@@ -31,6 +31,23 @@ def compression_scale(signal: Array) -> float:
     return LINEAR * max(float(np.median(np.abs(signal))), np.finfo(float).tiny)
 
 
+@dataclass(frozen=True)
+class View:
+    """How a signal is seen: its readings compressed, or those of its direction."""
+
+    directed: bool
+    scale: float  # of `compressed`
+
+    def of(self, signal: Array) -> Array:
+        """(n, m) patterns of signals (n, m)."""
+        return compressed(direction(signal) if self.directed else signal, self.scale)
+
+
+def view_of(signal: Array, readings: bool) -> View:
+    """The view of readings, or of directions, whose scale signals (n, m) give."""
+    return View(not readings, compression_scale(signal if readings else direction(signal)))
+
+
 @dataclass(frozen=True, eq=False)
 class Features:
     """Both views of a signal, each entry standardised over the training rows."""

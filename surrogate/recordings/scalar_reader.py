@@ -74,7 +74,7 @@ def fit(name: str, label: Array, press: Index, known: Known, lacking: Array, tak
     ensemble, of_networks = networks.fit(_inputs(features, signal, near), target, blocks, seed, EPOCHS)
     each = np.stack([kernel_ridge.held_out(ridge, signal, target, blocks),
                      kernel_ridge.held_out(sized, near, target, blocks), of_networks])
-    value, of_each = stacking.combined(each, target, blocks, press)
+    value, of_each = stacking.combined(each, target, np.ones(len(each)), blocks, press)
     apart = kernel_ridge.nearest_held_out(ridge, blocks)
     unlikeness = learn_unlikeness(apart)
     wider = place.widening if place else unlikeness.widening(apart)
@@ -87,8 +87,8 @@ def fit(name: str, label: Array, press: Index, known: Known, lacking: Array, tak
     old = kernel_ridge.fit(spared, target, press) if len(drift.root) else sized
     fresh, *seen = ((kernel_ridge.held_out(old, spared, target, blocks, one) for one in (spared, *views))
                     if len(drift.root) else each[1:2])
-    return ScalarReader(name, context, features, ridge, sized, ensemble, old, stacking.weights(each, target, count),
-                        unlikeness,
+    return ScalarReader(name, context, features, ridge, sized, ensemble, old,
+                        stacking.weights(each, target, np.ones(len(each)), count), unlikeness,
                         calibrated((value - target) / wider[:, None], _spread(of_each, each, value), none[:, 0], count),
                         calibrated(of_cut - target, none, none[:, 0], count),
                         calibrated_by_age(known.aged, target, (fresh, none), tuple((one, none) for one in seen), press),

@@ -19,6 +19,7 @@ FEWEST = 10  # presses to learn from
 OLD = 2.0  # times the greatest age of an untouched frame in training: one that is older is read by what drift spares
 WEAK = 0.3  # of the weakest training signal
 UNUSED = 0.01  # part of the training signals that is stronger than what a signal may be without a flag
+STRONGER = 1.1  # times the strongest training signal but these: a signal is stronger than those of training
 REACH = 3.0  # times how far an untouched frame of training is from their mean at most, and once a usual signal: moved
 
 
@@ -103,7 +104,7 @@ def flags(signals: Signals, presses: Presses, strange: Mask) -> tuple[NDArray[np
     beyond = old & (presses.age > signals.oldest)
     masks = {Flag.DEAD_FILLED: dead.any(axis=1), Flag.NOTHING_FOLLOWS: signals.cut(presses), Flag.OLD: old & ~beyond,
              Flag.TOO_OLD: beyond, Flag.OTHER_PATTERN: strange, Flag.WEAK: size < WEAK * signals.weakest,
-             Flag.STRONG: size > signals.strongest, Flag.OTHER_SESSION: signals.elsewhere(presses)}
+             Flag.STRONG: size > STRONGER * signals.strongest, Flag.OTHER_SESSION: signals.elsewhere(presses)}
     kinds = sum((int(kind) * mask for kind, mask in masks.items()), np.zeros(len(dead), np.int64))
     words = [too_many(row) or in_words(kind, {Flag.DEAD_FILLED: f"{row.sum()} {WORDS[Flag.DEAD_FILLED]}"})
              for kind, row in zip(kinds.tolist(), dead, strict=True)]

@@ -6,30 +6,33 @@ from scipy.optimize import nnls
 from touchcal.arrays import Array, Index
 
 # Rows' worth of evidence that all families are as good as each other: few held-out rows do not choose alone.
-PRIOR_ROWS = 5.0
+PRIOR_ROWS = 20.0
 LEAST = 0.02  # a smaller weight is none: a family that costs time and adds nothing is left out
 
 
-def weights(held_out: Array, target: Array, presses: int | None = None) -> Array:
+def weights(held_out: Array, target: Array, prior: Array, presses: int | None = None) -> Array:
     """(families,) weights of held-out values (families, n, k) of targets (n, k), of so many presses.
 
-    The prior is a press on which all families err by their own root mean square, independently of each other.
+    prior: (families,) weights, up to a factor, of PRIOR_ROWS presses on which families err independently of each other,
+    each by its own root mean square where all weigh the same, and less where it weighs more.
     """
     error = (held_out - target).reshape(len(held_out), -1)
     second = error @ error.T / len(target)
-    second += np.diag(np.diag(second)) * PRIOR_ROWS / (len(target) if presses is None else presses)
+    own = np.diag(second) * prior.mean() / prior
+    second += np.diag(own) * PRIOR_ROWS / (len(target) if presses is None else presses)
     found = _on_simplex(second)
     found[found < LEAST] = 0
     return found / found.sum()
 
 
-def combined(held_out: Array, target: Array, blocks: Index, press: Index | None = None) -> tuple[Array, Array]:
+def combined(held_out: Array, target: Array, prior: Array, blocks: Index,
+             press: Index | None = None) -> tuple[Array, Array]:
     """Held-out values combined, (n, k), each block by the weights of the others, and these weights (n, families): what
     a combination does on rows that did not choose it."""
     each = np.empty((len(target), len(held_out)))
     for block in np.unique(blocks):
         gone = blocks == block
-        each[gone] = weights(held_out[:, ~gone], target[~gone],
+        each[gone] = weights(held_out[:, ~gone], target[~gone], prior,
                              None if press is None else len(np.unique(press[~gone])))
     return np.einsum("nf,fnk->nk", each, held_out), each
 

@@ -2,36 +2,38 @@
 of a grid, and a new pattern is read by the places whose templates explain it.
 
 Patterns of n presses at places p_i follow the process of `pattern_process`, their noise of covariance R over the
-readings. R comes from leave-one-out residuals, which hold the noise and the error of the map; it is shrunk towards a
-multiple of the unit matrix, and the log likelihood is tempered, since residuals are not quite normal: both are chosen
-by reading held-out blocks. Whether the process goes on from what physics expects is chosen by the patterns of held-out
-blocks, which say so more surely than places do. Places are read no finer than the grid, an eightieth of the disc of the
-training places, whose spacing the standard deviation includes.
+readings. R comes from leave-one-out residuals, which hold the noise and the error of the map; it is shrunk towards its
+diagonal as if that were PRIOR_PRESSES presses, and the log likelihood is tempered, since residuals are not quite
+normal. Both numbers served other skins; none is chosen on the presses at hand, for which few of them are too few.
+Templates are the mean over what may be expected of patterns, nothing or what physics says, weighted by the predictive
+density of held-out blocks. Places are read no finer than the grid, an eightieth of the disc of the training places,
+whose spacing the standard deviation includes.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from surrogate.recordings.disc_grid import disc_grid
-from surrogate.recordings.pattern_process import MOST_SEARCHED, choose, mapped
-from surrogate.recordings.patterns import compressed, compression_scale, direction
+from surrogate.recordings.pattern_process import MOST_SEARCHED, Process, choose, mapped
+from surrogate.recordings.patterns import View, view_of
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Index
 
-SHRINKS = (0.02, 0.1, 0.3, 0.9)  # parts of R that are a multiple of the unit matrix
-TEMPERS = (1.0, 0.3, 0.1, 0.03)  # factors of the log likelihood
+PRIOR_PRESSES = 80  # presses that the diagonal of R is worth
+TEMPER = 0.3  # factor of the log likelihood
 MOST_ROWS = 2000  # rows that are kept, the latest
 ACROSS, MARGIN = 80, 1.05  # points of the grid across the disc about the places, and its radius over theirs
 ALONG, MOST_ALONG = 0.99, 30  # part of the variance of templates that the directions of touches hold, and most of them
-WORTH = 0.95  # part of what the first prior misses: another one that misses more is not worth its gains
+SMALLEST = 1e-6  # of the mean variance: no reading is taken as surer
+LEAST = 0.03  # a smaller weight of what is expected is none: it costs time and changes nothing
 PRIOR_FOLDS = 5  # runs of blocks that what is expected is learnt without, each in turn
 
 # What is expected of patterns, learnt from patterns (n, m) at places (n, 2), mm: a function from places (g, 2) to
-# patterns (g, m), known up to a gain of each reading.
+# patterns (g, m), known up to a gain of each reading and compressed as patterns are.
 Prior = Callable[[Array, Array], Callable[[Array], Array]]
 
 
@@ -44,12 +46,11 @@ def nothing(pattern: Array, _: Array) -> Callable[[Array], Array]:
 class Templates:
     """The templates of a grid of places and how a pattern is compared with them."""
 
-    scale: float  # of the compressed pattern; 0: the pattern is the direction
+    view: View
     places: Array  # (g, 2) mm
     pattern: Array  # (g, m) templates
     covariance: Array  # (m, m) R, shrunk
-    temper: float
-    prior: int  # number of the prior that they go on from
+    weights: Array  # (priors,) of what is expected
 
     @cached_property
     def factor(self) -> Array:
@@ -84,14 +85,14 @@ class Templates:
         distance of each from the nearest template, in all and along the directions of touches."""
         seen = self.seen(signal)
         misfit = self.misfit(seen)
-        value, sd = _moments(self.places, misfit * self.temper)
+        value, sd = _moments(self.places, misfit * TEMPER)
         left = (seen - self.whitened[misfit.argmin(axis=1)]) @ self.touching
         return (value, np.hypot(sd, self.spacing / np.sqrt(12)),
                 np.stack([misfit.min(axis=1), np.sum(left**2, axis=1)], axis=1))
 
     def seen(self, signal: Array) -> Array:
         """(n, m) patterns of signals (n, m), whitened."""
-        return _whitened(self.factor, _pattern(self.scale, signal))
+        return _whitened(self.factor, self.view.of(signal))
 
     def misfit(self, seen: Array) -> Array:
         """(n, g) squared distance of whitened patterns (n, m) from each template."""
@@ -112,34 +113,31 @@ class Fitted:
 def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, seen: tuple[Array, ...] = (),
         priors: Sequence[Prior] = (nothing,), press: Index | None = None) -> Fitted:
     """Templates of the compressed readings or of the direction of signals (n, m) at places (n, 2), mm; what they read
-    of held-out rows, and of these as seen in other signals, (n, m) each. They go on from the first prior unless another
-    leaves less than WORTH times as much of the patterns of held-out blocks. press: (n,) of each row, which no block
+    of held-out rows, and of these as seen in other signals, (n, m) each. press: (n,) of each row, which no block
     splits; each row is its own where that is None."""
     last = slice(max(len(signal) - MOST_ROWS, 0), None)
-    scale = compression_scale(signal[last]) if compress else 0.0
-    pattern, at, grid = _pattern(scale, signal[last]), place[last], places_about(place[last])
+    view = view_of(signal[last], compress)
+    pattern, at, grid = view.of(signal[last]), place[last], places_about(place[last])
     own = np.arange(len(pattern)) if press is None else press[last]
-    number = 0 if len(priors) == 1 else _chosen(pattern, at, blocks[last], priors, own)
-    learnt = priors[number](pattern, at)
-    process = choose(pattern, at, learnt(at), own)
-    parts = [(block, *mapped(process, pattern[kept], at[kept], part(at[kept]), grid, part(grid), own[kept]))
-             for kept, block, part in _parts(pattern, at, blocks[last], priors[number])]
-    tried = []
-    for shrink in SHRINKS:
-        misfit = np.empty((len(pattern), len(grid)))
-        for gone, mean, residual in parts:
-            part = Templates(scale, grid, mean, _shrunk(residual, shrink), 1.0, number)
-            misfit[gone] = part.misfit(part.seen(signal[last][gone]))
-        for temper in TEMPERS:
-            value, _ = _moments(grid, misfit * temper)
-            tried.append((float(np.linalg.norm(value - at, axis=1).mean()), shrink, -temper))
-    _, shrink, temper = min(tried)
-    mean, residual = mapped(process, pattern, at, learnt(at), grid, learnt(grid), own)
-    templates = Templates(scale, grid, mean, _shrunk(residual, shrink), -temper, number)
-    without = [(last.start + block, replace(templates, pattern=mean, covariance=_shrunk(residual, shrink)))
-               for block, mean, residual in parts]
-    return Fitted(templates, *_held_out(templates, without, signal),
-                  tuple(_held_out(templates, without, one)[:2] for one in seen))
+    learnt = [prior(pattern, at) for prior in priors]
+    processes = [choose(pattern, at, one(at), own) for one in learnt]
+    weights = _weights(pattern, at, blocks[last], priors, processes, own)
+    used = [(process, prior, one)
+            for process, prior, one, weight in zip(processes, priors, learnt, weights, strict=True) if weight]
+    shares, shrink = weights[weights > 0], PRIOR_PRESSES / (PRIOR_PRESSES + len(np.unique(own)))
+
+    def templates(each: Iterable[tuple[Array, Array]]) -> Templates:
+        mean, residual = (np.tensordot(shares, np.stack(parts), 1) for parts in zip(*each, strict=True))
+        return Templates(view, grid, mean, _shrunk(residual, shrink), weights)
+
+    whole = templates(mapped(process, pattern, at, one(at), grid, one(grid), own) for process, _, one in used)
+    without = []
+    for parts in zip(*(_parts(pattern, at, blocks[last], prior) for _, prior, _ in used), strict=True):
+        kept, block, _ = parts[0]
+        without.append((last.start + block, templates(
+            mapped(process, pattern[kept], at[kept], part(at[kept]), grid, part(grid), own[kept])
+            for (process, _, _), (_, _, part) in zip(used, parts, strict=True))))
+    return Fitted(whole, *_held_out(whole, without, signal), tuple(_held_out(whole, without, one)[:2] for one in seen))
 
 
 def _held_out(templates: Templates, without: list[tuple[Index, Templates]],
@@ -151,18 +149,21 @@ def _held_out(templates: Templates, without: list[tuple[Index, Templates]],
     return value, sd, nearest
 
 
-def _chosen(pattern: Array, place: Array, blocks: Index, priors: Sequence[Prior], press: Index) -> int:
-    """Number of the prior whose processes miss the patterns of held-out blocks least, in the mean square, the first
-    one's square counted WORTH times."""
+def _weights(pattern: Array, place: Array, blocks: Index, priors: Sequence[Prior], processes: Sequence[Process],
+             press: Index) -> Array:
+    """(priors,) weights by the predictive density of the patterns of held-out blocks: the mean square that a prior's
+    process misses of them, to the power of minus half the presses, as if all readings were one."""
+    if len(priors) == 1:
+        return np.ones(1)
     rows = spread_evenly(len(pattern), MOST_SEARCHED)
     pattern, place, blocks, press = pattern[rows], place[rows], blocks[rows], press[rows]
-    missed = []
-    for prior in priors:
-        process = choose(pattern, place, prior(pattern, place)(place), press)
-        missed.append(sum(float(np.sum((mapped(process, pattern[kept], place[kept], part(place[kept]), place[block],
-                                               part(place[block]))[0] - pattern[block])**2))
-                          for kept, block, part in _parts(pattern, place, blocks, prior)))
-    return int(np.argmin([WORTH * missed[0], *missed[1:]]))
+    missed = np.array([sum(float(np.sum((mapped(process, pattern[kept], place[kept], part(place[kept]), place[block],
+                                                part(place[block]))[0] - pattern[block])**2))
+                           for kept, block, part in _parts(pattern, place, blocks, prior))
+                       for prior, process in zip(priors, processes, strict=True)])
+    weights = (missed.min() / np.maximum(missed, np.finfo(float).tiny)) ** (len(np.unique(press)) / 2)
+    weights = np.where(weights < LEAST * weights.sum(), 0.0, weights)
+    return weights / weights.sum()
 
 
 def _parts(pattern: Array, place: Array, blocks: Index,
@@ -183,14 +184,11 @@ def places_about(place: Array) -> Array:
     return disc_grid(middle, radius, ACROSS)
 
 
-def _pattern(scale: float, signal: Array) -> Array:
-    return compressed(signal, scale) if scale else direction(signal)
-
-
 def _shrunk(residual: Array, shrink: float) -> Array:
     covariance = residual.T @ residual / len(residual)
-    mean = np.trace(covariance) / len(covariance)
-    return (1 - shrink) * covariance + shrink * max(mean, np.finfo(float).tiny) * np.eye(len(covariance))
+    variance = np.diag(covariance)
+    least = max(SMALLEST * float(variance.mean()), np.finfo(float).tiny)
+    return (1 - shrink) * covariance + np.diag(shrink * variance + least)
 
 
 def _whitened(factor: Array, pattern: Array) -> Array:

@@ -4,25 +4,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surrogate.recordings import kernel_ridge, networks, stacking, templates
+from surrogate.recordings import kernel_ridge, place_networks, stacking, templates
 from surrogate.recordings.ageing import HeldOut, Known, OldReadings, calibrated_by_age
 from surrogate.recordings.baselines import without
 from surrogate.recordings.blocks import press_blocks
 from surrogate.recordings.kernel_ridge import KernelRidge
-from surrogate.recordings.networks import Networks
-from surrogate.recordings.patterns import Features, learn_features
 from surrogate.recordings.physics.expectation import Expectation
+from surrogate.recordings.place_networks import PlaceNetworks
 from surrogate.recordings.presses import Presses, cut
 from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Fitted, Templates
-from surrogate.recordings.waves import Waves, draw_waves
 from surrogate.recordings.worth import check_worth, distance
-from surrogate.statistics.conformal import Bounds, Intervals, calibrated, chosen, widened
+from surrogate.statistics.conformal import FEW, Bounds, Intervals, calibrated, chosen, widened
 from surrogate.statistics.unlikeness import Unlikeness, learn_unlikeness
 from touchcal.arrays import Array, Index, Mask
 
-FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", "networks", "networks on templates",
-            "corrected templates")
+FAMILIES = ("kernel ridge", "templates of direction", "templates of readings", *place_networks.FAMILIES)
+PRIOR = np.array([0.15, 0.5, 0.3, 0.15, 0.15, 0.15])  # weights before any press is held out, up to a factor
 PROJECTED = (0, 3, 6)  # directions of drift that may be projected out of signals
 
 
@@ -36,15 +34,11 @@ class TouchReader:
     ridge: KernelRidge
     direction: Templates
     compressed: Templates
-    features: Features  # inputs of networks
-    waves: Waves  # of the places by both templates: further inputs of the networks on templates
-    networks: Networks
-    on_templates: Networks
-    correction: Networks  # of the place by the templates of readings
+    networks: PlaceNetworks | None  # None of fewer than FEW presses, of which they learn less than the others
     old: Templates  # of signals where the untouched frame is old
     weights: Array  # (families,) in the order of FAMILIES
     intervals: Intervals
-    of_cut: Intervals  # of frames whose late readings are not there, by the networks
+    of_cut: Intervals  # of frames whose late readings are not there
     of_old: OldReadings  # of frames whose untouched frame is old, by the old templates
     whole: Unlikeness  # by the squared distances from the templates of direction and of readings
     along: Unlikeness  # likewise, along the directions of touches, which move the place
@@ -81,27 +75,25 @@ def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
     if expectation:
         direction = templates.fit(kept, place, blocks, compress=False, priors=priors, press=press)
     ridge = kernel_ridge.fit(kept, place, press)
-    compressed = templates.fit(kept, place, blocks, compress=True, priors=priors, press=press)
-    features, waves = learn_features(kept), draw_waves(place, seed)
-    inputs = features.of(kept)
-    ensemble, of_networks = networks.fit(inputs, place, blocks, seed)
-    further = np.hstack([inputs, waves.of(direction.place), waves.of(compressed.place)])
-    on_templates, refined = networks.fit(further, place, blocks, seed + 1)
-    correction, missing = networks.fit(further, place - compressed.place, blocks, seed + 2)
+    gone = without(drift, signals.whole(cut(presses)), projected)
+    compressed = templates.fit(kept, place, blocks, compress=True, priors=priors, press=press, seen=(gone,))
+    learnt, of_networks = (place_networks.fit(kept, place, direction.place, compressed.place, blocks, seed)
+                           if count >= FEW else (None, []))
     each = np.stack([kernel_ridge.held_out(ridge, kept, place, blocks), direction.place, compressed.place,
-                     of_networks, refined, compressed.place + missing])
-    weights = stacking.weights(each, place, count)
-    value, of_each = stacking.combined(each, place, blocks, press)
+                     *of_networks])
+    prior = PRIOR[:len(each)]
+    weights = stacking.weights(each, place, prior, count)
+    value, of_each = stacking.combined(each, place, prior, blocks, press)
     spread = _spread(of_each, each, value, direction.sd, compressed.sd)
     cross = _cross(of_each, each, value)
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
     check_worth(value, mean, place, press, "the place", "mm")
     whole, along = (np.stack([direction.misfit[:, k], compressed.misfit[:, k]], axis=1) for k in (0, 1))
     wider = learn_unlikeness(along).widening(along)
-    of_cut = networks.held_out(ensemble, features.of(without(drift, signals.whole(cut(presses)), projected)), blocks)
+    of_cut = learnt.held_out(gone, blocks) if learnt else compressed.seen[0][0]
     of_old = calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen, press)
-    reader = TouchReader(signals, projected, spared, ridge, direction.templates, compressed.templates, features, waves,
-                         ensemble, on_templates, correction, old.templates, weights,
+    reader = TouchReader(signals, projected, spared, ridge, direction.templates, compressed.templates, learnt,
+                         old.templates, weights,
                          calibrated((value - place) / wider[:, None], spread, cross, count),
                          calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place)), count),
                          of_old, learn_unlikeness(whole), learn_unlikeness(along),
@@ -114,22 +106,18 @@ def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
 def read(reader: TouchReader, presses: Presses) -> Reading:
     """Places of presses with their intervals and flags.
 
-    Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks
-    on presses that lack it. Intervals are wider where patterns fit the templates less well than in training, frame by
-    frame and, of frames that are read together, all in all. Where the untouched frame is far older than in training,
-    templates of the signal without the main directions of drift read the place; intervals are those of presses against
-    frames as old, as far as training could show them.
+    Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks,
+    or of the templates of readings, on presses that lack it. Intervals are wider where patterns fit the templates less
+    well than in training, frame by frame and, of frames that are read together, all in all. Where the untouched frame
+    is far older than in training, templates of the signal without the main directions of drift read the place;
+    intervals are those of presses against frames as old, as far as training could show them.
     """
     signals = reader.signals
     signal, old = signals.whole(presses), signals.spared(presses)
     kept = without(signals.drift, signal, reader.projected)
     direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
-    inputs = reader.features.of(kept)
-    further = np.hstack([inputs, reader.waves.of(direction[0]), reader.waves.of(compressed[0])])
     each = np.stack([reader.ridge.read(kept), direction[0], compressed[0],
-                     reader.networks.read_each(inputs).mean(axis=0),
-                     reader.on_templates.read_each(further).mean(axis=0),
-                     compressed[0] + reader.correction.read_each(further).mean(axis=0)])
+                     *(reader.networks.read(kept, direction[0], compressed[0]) if reader.networks else ())])
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
     whole, along = (np.stack([direction[2][:, k], compressed[2][:, k]], axis=1) for k in (0, 1))

@@ -4,9 +4,9 @@ import numpy as np
 
 from touchcal.arrays import Array, Index
 
-# Standard errors by which the mean square of held-out errors must lie below that from the mean; chance alone reaches it
-# once in 20 times.
-SURE = 1.65
+# Standard errors by which the mean of held-out errors must lie below that from the mean; chance alone reaches it once
+# in 20 times. Of fewer than ENOUGH presses, which show little surely, so many times less: the scores say the rest.
+SURE, ENOUGH = 1.65, 50
 
 
 class NothingToRead(ValueError):
@@ -20,10 +20,10 @@ def distance(value: Array, target: Array) -> float:
 
 def check_worth(value: Array, mean: Array, target: Array, press: Index, name: str, unit: str) -> None:
     """NothingToRead where held-out values (n, k) of targets (n, k), of presses (n,), are no better than their mean."""
-    of_frames = np.sum((mean - target) ** 2 - (value - target) ** 2, axis=1)
+    of_frames = np.linalg.norm(mean - target, axis=1) - np.linalg.norm(value - target, axis=1)
     gain = np.bincount(press, of_frames) / np.bincount(press)
-    if gain.mean() <= SURE * gain.std() / np.sqrt(len(gain)):
+    if gain.mean() <= SURE * min(len(gain) / ENOUGH, 1.0) * gain.std() / np.sqrt(len(gain)):
         raise NothingToRead(f"nothing to read here of {name}: held-out presses are read to "
-                            f"{distance(value, target):.3g} {unit}, and the mean is as near, "
+                            f"{distance(value, target):.3g} {unit}, not surely nearer than by their mean, "
                             f"{distance(mean, target):.3g} {unit}. Check that the labels belong to this recording, and "
                             "that touches change the readings by more than noise.")

@@ -10,11 +10,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from touchcal.arrays import Array, Mask
 
 USUAL, SELDOM = 0.9, 0.0125  # part of held-out rows that is usual, and part that is odder than what is not flagged
 MARGIN = 1.25  # times what these have at most: the largest misfit of few held-out rows is a noisy bound
+# Of rows too few for that part, the bound is no lower than where a new one of log-normal misfits lies as seldom.
 TOGETHER, SURE = 10, 1.65  # rows from which on they are compared as a whole, and standard errors that this must exceed
 
 
@@ -52,8 +54,13 @@ def learn_unlikeness(misfit: Array) -> Unlikeness:
     """What misfits (n, k) of held-out rows say of new ones."""
     tiny = np.finfo(float).tiny
     usual = np.maximum(_order(misfit, USUAL), tiny)
-    most = np.maximum(MARGIN * _order(misfit, 1 - SELDOM / misfit.shape[1]), tiny)
-    middle, spread = np.median(misfit, axis=0), np.log(np.maximum(misfit, tiny)).std(axis=0)
+    rows, seldom = len(misfit), SELDOM / misfit.shape[1]
+    most = np.maximum(MARGIN * _order(misfit, 1 - seldom), tiny)
+    logs = np.log(np.maximum(misfit, tiny))
+    middle, spread = np.median(misfit, axis=0), logs.std(axis=0)
+    if (rows + 1) * seldom < 1:
+        wide = stdtrit(rows - 1, 1 - seldom) * math.sqrt((rows + 1) / (rows - 1))
+        most = np.maximum(most, np.exp(logs.mean(axis=0) + wide * spread))
     return Unlikeness(usual, most, np.maximum(middle, tiny), spread)
 
 

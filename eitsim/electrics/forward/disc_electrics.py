@@ -114,11 +114,11 @@ class DiscSkin:
         return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, self.electrodes.count,
                          covered=len(patches) - 1)
 
-    def touched_mesh(self, touches: Touches) -> SkinMesh:
-        """The mesh of a touched skin's fields."""
+    def touched_mesh(self, touches: Touches, level: int = _FIELDS_LEVEL) -> SkinMesh:
+        """The mesh of a touched skin's fields, or one as fine as its level."""
         if self.on_patches(touches):
             return patched_disc_mesh(self.body, self.electrodes, touches)
-        return following_mesh(self.body, self.electrodes, touches, _FIELDS_LEVEL)
+        return following_mesh(self.body, self.electrodes, touches, level)
 
     def needs_mesh(self, touches: Touches) -> bool:
         """Whether circles cannot hold what touches scatter: on a disc where the rim or a neighbour changes them."""

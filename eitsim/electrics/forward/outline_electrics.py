@@ -75,7 +75,7 @@ class OutlinedSkin:
         """Of so many triangles or more."""
         return fields_mesh(self.body, self.electrodes, self.conductance_S, self.body.edge.area_m2 / triangles)
 
-    def touched_mesh(self, touches: Touches) -> SkinMesh:
+    def touched_mesh(self, touches: Touches, level: int = 1) -> SkinMesh:
         return touch_mesh(self.body, self.electrodes, self.conductance_S, touches)
 
     def needs_mesh(self, touches: Touches) -> bool:

@@ -172,7 +172,7 @@ class _Circles:
     reach_m: Sequence[float]
     coupling: Coupling
     varied: Sequence[tuple[Coupling, float]]  # more roughly, and what is left over the change by it
-    coupled: Sequence[Array | None]  # what touches that edges change scatter; None of others
+    coupled: Sequence[Array | None]  # what touches scatter that edges change, or layers in their volume; None of others
     sign: float  # 1 where their change counts, -1 where it is taken away
 
 
@@ -250,8 +250,15 @@ def _circles(sensor: _Sensor, touches: Touches, rooms: Sequence[float]) -> list[
             found += [((touch,), [room], 1.0), ((touch,), [own], -1.0)]
     return [_Circles(some, reach, *sensor.solver.couplings(
         [(position(punch), radius) for (punch, _), radius in zip(some, reach, strict=True)], ORDERS), [
-        None if touch.rim is None else coupled_scattering(punch, touch, sensor.skin, sensor.law, own, ORDERS)
-        for (punch, touch), own in zip(some, reach, strict=True)], sign) for some, reach, sign in found]
+        _known(sensor, punch, touch, own) for (punch, touch), own in zip(some, reach, strict=True)], sign)
+            for some, reach, sign in found]
+
+
+def _known(sensor: _Sensor, punch: Punch, touch: Touch, reach_m: float) -> Array | None:
+    """What a touch scatters that edges change, or that is solved in a layer's volume; None of others."""
+    if touch.scatterer is not None:
+        return touch.scatterer.scattering(reach_m, ORDERS)
+    return None if touch.rim is None else coupled_scattering(punch, touch, sensor.skin, sensor.law, reach_m, ORDERS)
 
 
 def _changed(sensor: _Sensor, circles: Sequence[_Circles], scatterings: Sequence[Array],

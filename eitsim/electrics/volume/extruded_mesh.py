@@ -49,8 +49,10 @@ def extruded(mesh: SkinMesh, heights_m: Array, place: str = "rim", between_m: tu
                       f"{mesh.element}x{line}", face)
 
 
-def graded_heights(thickness_m: float, layers: int, *, towards: str = "both") -> Array:
-    """(layers + 1,) heights, m, of a layer whose top is at 0, finer towards its top, its bottom or both."""
-    t = np.linspace(0, 1, layers + 1)
-    share = {"both": (1 - np.cos(np.pi * t)) / 2, "top": np.sin(np.pi * t / 2), "bottom": 1 - np.cos(np.pi * t / 2)}
-    return -thickness_m * (1 - share[towards])
+def graded_heights(thickness_m: float, layers: int, between_m: tuple[float, float] | None = None) -> Array:
+    """Heights (n,), m, of a layer whose top is at 0, finer towards its faces, and towards two heights where they are
+    given."""
+    stops = np.unique([-thickness_m, 0.0, *(between_m or ())])
+    counts = [max(1, round(layers * part / thickness_m)) for part in np.diff(stops)]
+    return np.concatenate([stops[:1], *(a + (b - a) * (1 - np.cos(np.pi * np.arange(1, n + 1) / n)) / 2
+                                        for a, b, n in zip(stops[:-1], stops[1:], counts, strict=True))])

@@ -14,6 +14,7 @@ from eitsim.scene.curved_skin import CurvedSkin, drive_of, electrodes_of
 from eitsim.scene.drive import Drive, with_matrices
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Accuracy, Hold, Punch, Scene, Skin, read_scene, scene_from, scene_tables
+from eitsim.scene.scene_limits import require
 from touchcal.arrays import Array
 from touchcal.document import is_number
 from touchcal.errors import InputFileError, unknown_key
@@ -100,6 +101,8 @@ def curved_scene(raw: Mapping[str, Any], folder: Path) -> CurvedScene:
     electrodes = _on_surface(electrodes_of(raw.get("electrodes", {})), body)
     places = np.array([_place(table, body) for table in touches])
     punches = tuple(_punch(table, body) for table in touches)
+    require(not flat.skin.fills, "kind in [skin]", "is not built on curved bodies, whose skin is a sheet in space; "
+            "leave it out", flat.skin.kind)
     scene = CurvedScene(body, punches, places, electrodes, flat.skin, drive_of(raw.get("drive", {}), electrodes),
                         flat.hold, flat.accuracy, flat.card)
     _check_apart(scene.sheet(1.0))

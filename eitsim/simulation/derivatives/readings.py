@@ -118,6 +118,9 @@ def check_differentiable(scene: Scene) -> None:
 
 
 def _problem(scene: Scene) -> str:
+    if scene.skin.fills:
+        return ("a layer that conducts in its volume, whose readings depend on strain inside it; give "
+                "kind = \"coating\" in [skin], or differences of two runs.")
     ways, clusters = choose_ways(scene, bodies=False)
     if scene.body.has_outline and any(way.case.near for way in ways):
         return ("a touch near the edge of an outline, where their meshes do not resolve what the edge changes: of a "

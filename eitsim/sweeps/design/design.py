@@ -92,6 +92,9 @@ def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
         _check_nested(count, material, layout)
     measurement = as_table(measurement_from(raw["measurement"])) if "measurement" in raw else {}
     stored = fields_from(raw["fields"]) if "fields" in raw else None
+    if stored is not None and isinstance(raw.get("skin"), Mapping) and "layer" in str(raw["skin"].get("kind")):
+        raise ValueError("[fields]: a grid of fields is that of a coating's surface, and a layer conducts in its "
+                         "volume; leave it out.")
     design = Design(count, seed, sampler, tables, material, measurement, stored, touches)
     if stored is not None:
         check_one_grid(drawn_keys(design))

@@ -144,6 +144,9 @@ def design_shape(design: Design, card: MaterialCard) -> DimensionlessProblem:
     if spans and diameters[0] == diameters[-1]:
         diameters, spans = diameters[:1], False
     first = flat_scene(design)
+    if first.skin.fills:
+        raise ValueError("a layer that conducts in its volume needs the inside of every touch, and a table of load "
+                         "paths holds the surface.")
     ends = diameters if not spans else [diameters[0], diameters[-1]]
     return shape_for(first, material_of(first, card).law, ends, spans)
 

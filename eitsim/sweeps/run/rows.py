@@ -13,8 +13,8 @@ from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, any_scene, e
 from eitsim.scene.drive import protocol, voltage_columns
 from eitsim.scene.results import Result, Touch
 from eitsim.scene.scene import Scene
-from eitsim.sheet.sheet_conductance import extrapolated_share
 from eitsim.simulation.curved.solve_curved_scene import solve_curved_scene
+from eitsim.simulation.layers.layer_readings import share_extrapolated
 from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.result_json import mechanical
 from eitsim.simulation.routes.known_routes import ROUTES
@@ -60,7 +60,7 @@ def _row(design: Design, cards: Cards, index: int, exact: bool, table: AnyTable 
     result = _solved(scene, material, exact, table)
     row: dict[str, Any] = keys | {"outcome": result.outcome, "message": result.message} | _values(result)
     if result.readings is not None:
-        row[parquet.EXTRAPOLATED] = extrapolated_share(result.touches, scene.skin, material.skin)
+        row[parquet.EXTRAPOLATED] = share_extrapolated(scene, result.touches, material.skin)
     if design.fields is not None and result.readings is not None and isinstance(scene, Scene):
         begun = cpu_s()
         row["fields"] = values(design.fields, scene, result.touches, material.skin)

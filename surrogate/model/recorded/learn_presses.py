@@ -91,9 +91,9 @@ def choice(reader: PressReader | PlainReader) -> tuple[str, ...]:
     if reader.place:
         taken_out = (f"; {reader.place.projected} directions of drift are projected out" if reader.place.projected
                      else "")
-        informed = [name for name, one in (("direction", reader.place.direction), ("readings", reader.place.compressed))
-                   if one.prior]
-        expected = f"; templates of {' and of '.join(informed)} go on from the model of the sensor" if informed else ""
+        views = (("direction", reader.place.direction), ("readings", reader.place.compressed))
+        expected = "".join(f"; templates of {name} go on from the model of the sensor by {one.weights[-1]:.2f}"
+                           for name, one in views if len(one.weights) > 1)
         said.append("place: " + _families(touch_reader.FAMILIES, reader.place.weights, reader.place.held_out,
                                           "distance", "mm") + taken_out + expected)
     said += [f"{one.name}: " + _families(scalar_reader.FAMILIES, one.weights, one.held_out, "error", unit_of(one.name))
@@ -103,6 +103,7 @@ def choice(reader: PressReader | PlainReader) -> tuple[str, ...]:
 
 def _families(names: tuple[str, ...], weights: Array, held_out: Array, measure: str, unit: str) -> str:
     used = [f"{names[i]} {weights[i]:.2f}" for i in np.argsort(-weights) if weights[i] > 0]
-    alone = [f"{name} {value:.3g}" for name, value in zip((*names, "combined", "the mean"), held_out, strict=True)]
+    tried = (*names[:len(weights)], "combined", "the mean")
+    alone = [f"{name} {value:.3g}" for name, value in zip(tried, held_out, strict=True)]
     return (f"weights that make the held-out error least: {', '.join(used)}. Mean {measure} on held-out blocks in "
             f"time, {unit}: {', '.join(alone)}")

@@ -1,5 +1,6 @@
-"""Patterns that a model of the sensor expects at places of a recording: the model knows them on the disc of radius 1,
-up to a gain of each reading; how the sensor lies in the coordinates of the labels is found from labelled presses.
+"""Patterns that a model of the sensor expects at places of a recording, compressed as recorded ones are: the model
+knows them on the disc of radius 1, up to a gain of each reading; how the sensor lies in the coordinates of the labels
+is found from labelled presses.
 
 A pose is scored by the part of the patterns' variance that gains times the model's patterns, and a constant of each
 reading, leave unexplained. Turn and direction of counting are searched over the whole circle, the middle at the origin
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from eitsim.sensors.sensor_file import Sensor
-from surrogate.recordings.patterns import centred
+from surrogate.recordings.patterns import centred, compressed, compression_scale
 from surrogate.recordings.physics.disc_sensitivity import DiscSensitivity
 from surrogate.recordings.physics.simulated_patterns import read_simulated
 from surrogate.statistics.gaussian_process import spread_evenly
@@ -65,7 +66,8 @@ class Expectation:
         (n, 2), mm."""
         rows = spread_evenly(len(place), MOST_ROWS)
         pose = self.pose(pattern[rows], place[rows])
-        return lambda there: self.patterns(pose, there)
+        scale = compression_scale(self.patterns(pose, place[rows]))
+        return lambda there: compressed(self.patterns(pose, there), scale)
 
     def patterns(self, pose: Pose, place: Array) -> Array:
         """(n, m) patterns at places (n, 2), mm."""
@@ -79,7 +81,8 @@ class Expectation:
         middles = 0j, complex(*((place.min(axis=0) + place.max(axis=0)) / 2))
 
         def missed(pose: Pose) -> Array:
-            basis = centred(self.patterns(pose, place))
+            expected = self.patterns(pose, place)
+            basis = centred(compressed(expected, compression_scale(expected)))
             information = np.sum(basis**2, axis=0)
             return left - np.sum(left * basis, axis=0) / (information + PRIOR * information.mean()) * basis
 

@@ -237,7 +237,7 @@ def _amounts(reader: SetReader, signal: Array, numbers: Index) -> tuple[Array, A
 
 def _log_posterior(score: Array) -> Array:
     """(n, s) logarithms of posteriors, all sets being as likely before."""
-    return score - logsumexp(score, axis=1, keepdims=True)
+    return score - np.asarray(logsumexp(score, axis=1, keepdims=True))
 
 
 def _cholesky(covariance: Array) -> Array:

@@ -25,7 +25,7 @@ from eitsim.simulation.near_edges import solve_near_rim
 from eitsim.simulation.plan import make_plan
 from eitsim.simulation.result_json import result_document
 from eitsim.simulation.routes.route import Case
-from eitsim.simulation.simulate import simulate
+from eitsim.simulation.simulate import simulate, solve_scene
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -75,7 +75,7 @@ def test_a_touch_near_a_corner_or_a_hole_is_solved_with_all_edges(x_m, y_m):
     """The depth differs from that with the nearest edge alone by more than it is off, and the readings follow."""
     scene = replace(at(x_m, y_m), electrodes=replace(SCENE.electrodes, soft=True))
     assert rim_gap_m(SKIN, scene.punches[0]) < least_gap_m(SCENE)
-    found = simulate(scene, CARD)
+    found = solve_scene(scene, CARD, bodies=False)
     assert found.outcome == "ok", found.message
     made = next(d for d in found.plan.decisions if "near several edges" in d.decision)
     assert made.error_bound < 0.01
@@ -90,7 +90,7 @@ def test_a_touch_near_a_corner_or_a_hole_is_solved_with_all_edges(x_m, y_m):
 @pytest.mark.slow
 def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
     scene = at(0.01, 0.03, SOFT)
-    found = simulate(scene, CARD)
+    found = solve_scene(scene, CARD, bodies=False)
     assert found.outcome == "ok", found.message
     edge = next(d for d in found.plan.decisions if d.decision.startswith("mechanics in three dimensions near one edge"))
     assert "5.0 mm from the nearest edge or hole of the skin, 1.0 thicknesses, taken as a straight one" in edge.reason
@@ -112,7 +112,7 @@ def test_a_touch_near_one_straight_edge_is_solved_in_three_dimensions():
 def test_fields_near_edges_are_those_that_the_electrics_sampled(x_m, y_m, tmp_path):
     """On the skin to rounding, in the foam to what its coarser mesh costs; and foam fills the skin up to the edge."""
     scene = at(x_m, y_m, SOFT)
-    found = simulate(scene, CARD)
+    found = solve_scene(scene, CARD, bodies=False)
     pairs = tuple(zip(scene.punches, found.touches, strict=True))
     check_output_files(scene, OutputFiles(fields=tmp_path / "fields.vtu", skin=tmp_path / "skin.vtu"))
     write_vtu(found.touches[0], tmp_path / "fields.vtu")

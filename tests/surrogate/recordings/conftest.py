@@ -19,12 +19,12 @@ RADIUS_MM = 100.0
 
 @contextmanager
 def short_networks() -> Iterator[None]:
-    """Few, short networks, and templates on a grid of half as many points across: for what does not depend on how well
-    they learn."""
+    """Few, short networks, and templates on a grid of three quarters as many points across: for what does not depend on
+    how well they learn."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(networks, "MOST_STEPS", 40)
         patch.setattr(networks, "HIDDEN", (32,))
-        patch.setattr(templates, "ACROSS", 40)
+        patch.setattr(templates, "ACROSS", 60)
         yield
 
 

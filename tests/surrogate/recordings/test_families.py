@@ -75,15 +75,24 @@ def test_networks_are_the_same_for_the_same_seed(presses: Pressed) -> None:
 def test_weights_are_the_inverse_variances_of_independent_errors() -> None:
     rng = np.random.default_rng(0)
     target, size = np.zeros((20000, 2)), np.array([1.0, 2.0, 4.0])
-    found = stacking.weights(size[:, None, None] * rng.standard_normal((3, 20000, 2)), target)
+    found = stacking.weights(size[:, None, None] * rng.standard_normal((3, 20000, 2)), target, np.ones(3))
     np.testing.assert_allclose(found, size**-2 / np.sum(size**-2), atol=0.02)
 
 
 def test_a_family_whose_error_is_another_ones_and_more_has_no_weight() -> None:
     rng = np.random.default_rng(0)
     good = rng.standard_normal((500, 2))
-    found = stacking.weights(np.stack([good, 2 * good + 0.1 * rng.standard_normal((500, 2))]), np.zeros((500, 2)))
+    found = stacking.weights(np.stack([good, 2 * good + 0.1 * rng.standard_normal((500, 2))]), np.zeros((500, 2)),
+                             np.ones(2))
     np.testing.assert_array_equal(found, [1, 0])
+
+
+def test_few_presses_weigh_families_as_other_skins_did_and_many_by_their_errors() -> None:
+    rng, size, prior = np.random.default_rng(0), np.array([1.0, 0.8]), np.array([0.8, 0.2])
+    few, many = (stacking.weights(size[:, None, None] * rng.standard_normal((2, count, 2)), np.zeros((count, 2)), prior)
+                 for count in (5, 5000))
+    assert few[0] > 0.6
+    assert many[0] == pytest.approx(0.64 / 1.64, abs=0.03)
 
 
 def drawn(seed: int, count: int, correlation: float = 0.0) -> tuple[Array, Array, Array]:

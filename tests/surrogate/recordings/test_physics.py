@@ -69,19 +69,21 @@ def test_templates_go_on_from_physics_and_read_better_from_few_presses(
     new, there = labelled_presses(synthetic, 100, 3)
     blind, informed = (templates.fit(signal, place, time_blocks(15), compress=False, priors=priors).templates
                        for priors in ((templates.nothing,), (templates.nothing, expectation_of(SENSOR).learn)))
-    assert (blind.prior, informed.prior) == (0, 1)
+    assert informed.weights[1] > 0.5
     miss = [np.linalg.norm(one.read(new)[0] - there, axis=1).mean() for one in (blind, informed)]
     assert miss[1] < 0.8 * miss[0]
 
 
 @pytest.mark.slow
-def test_physics_that_does_not_explain_the_presses_is_not_used(synthetic: Callable[..., tuple[Array, Array]]) -> None:
+def test_physics_that_does_not_explain_the_presses_does_no_harm(synthetic: Callable[..., tuple[Array, Array]]) -> None:
     signal, place = labelled_presses(synthetic, 15, 2)
     other = Expectation(DiscSensitivity(SENSOR.protocol), 100.0, np.random.default_rng(4).permutation(signal.shape[1]))
+    new, there = labelled_presses(synthetic, 100, 3)
     blind, tried = (templates.fit(signal, place, time_blocks(15), compress=False, priors=priors).templates
                     for priors in ((templates.nothing,), (templates.nothing, other.learn)))
-    assert tried.prior == 0
-    np.testing.assert_array_equal(tried.pattern, blind.pattern)
+    miss = [np.linalg.norm(one.read(new)[0] - there, axis=1).mean() for one in (blind, tried)]
+    assert tried.weights[1] < 0.5
+    assert miss[1] < 1.05 * miss[0]
 
 
 def test_a_sweep_gives_the_patterns_of_its_touches(sweep: Path, synthetic: Callable[..., tuple[Array, Array]]) -> None:
