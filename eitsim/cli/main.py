@@ -59,9 +59,11 @@ def plan(scene: SceneOrDesign, card: CardOption = None,
     from eitsim.simulation.simulate import plan as planned
     from eitsim.sweeps.design.design import is_design
 
-    if is_design(read_toml(scene)):
+    if scenes is not None or is_design(read_toml(scene)):
         _plan_design(scene, card, scenes, workers, as_json)
         return
+    if workers is not None:
+        raise ValueError(f"{scene} is a scene, and --workers is of designs. Leave it out, or give --scenes.")
     parsed = read_any_scene(scene)
     made = planned(parsed, _card_path(scene, parsed, card))
     if as_json:

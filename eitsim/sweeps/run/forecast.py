@@ -116,7 +116,7 @@ def lines(expected: Forecast) -> list[str]:
               f"tables    {tables}", f"a row     {s.row_cpu_s:.2g} CPU s",
               f"time      {_time(s.wall_s)} on {s.workers} idle processor{'s' * (s.workers != 1)}",
               f"memory    {s.worker_MB * s.workers / 1e3:.1f} GB, {s.worker_MB:.0f} MB a worker",
-              f"disk      {s.disk_MB:.3g} MB",
+              f"disk      {s.disk_MB / 1e3:.3g} GB" if s.disk_MB >= 1e3 else f"disk      {s.disk_MB:.3g} MB",
               f"Estimates for this machine, by {s.sampled} of the rows; those near edges may cost more."]
     return result + ([f"caution: one of them was {s.failure}"] if s.failure else [])
 

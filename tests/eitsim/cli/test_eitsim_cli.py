@@ -77,6 +77,7 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "scene.toml", "--out", "r.mat"], "--out r.mat: the result is JSON (jsondecode reads it in MATLAB)"),
     (["plan", "sensor.toml"], "[readings] makes it a sensor file, which `eitsim sensor` and `eitsim reconstruct` take"),
     (["run", "design.toml"], "scenes makes it a design, which `eitsim sweep` takes"),
+    (["plan", "scene.toml", "--workers", "3"], "scene.toml is a scene, and --workers is of designs"),
     (["plan", "design.toml"], "design.toml: no card. Give --card card.json"),
     (["run", "/dev/zero"], "/dev/zero: this is a pipe or a device"),
     (["run", "scene.toml", "--out", "/dev/full"], "--out /dev/full is a pipe or a device"),
