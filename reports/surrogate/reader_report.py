@@ -102,9 +102,9 @@ def _of_families(rows: list[list[str]]) -> Table:
 
 def _family_rows(output: str, names: Sequence[str], weights: Array, held_out: Array, unit: str) -> list[list[str]]:
     words = [number(weight, 2) if weight > 0 else "-" for weight in weights]
+    tried = zip((*names[:len(words)], "combined", "the mean"), (*words, "", ""), held_out, strict=True)
     return [[output if not k else "", name, word, f"{number(error)} {unit}"]
-            for k, (name, word, error) in enumerate(zip((*names, "combined", "the mean"), (*words, "", ""), held_out,
-                                                        strict=True))]
+            for k, (name, word, error) in enumerate(tried)]
 
 
 def _map(tested: Sequence[Tested]) -> ReportFigure:
