@@ -11,7 +11,6 @@ from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, curved_table
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
 from eitsim.scene.scene import scene_tables
 from eitsim.simulation.error_budget import error_budget, numerical_errors
-from eitsim.simulation.layers.layer_readings import share_extrapolated
 from matcal.card import MaterialCard, as_card, card_identity
 from touchcal.provenance import versions
 
@@ -106,6 +105,8 @@ def fitted_ranges(result: Result, scene: AnyScene, card: MaterialCard) -> dict[s
 
     Where the least strain lies below them the laws are extrapolated, at a cost that no error estimate here counts.
     """
+    from eitsim.simulation.layers.layer_readings import share_extrapolated  # reports need no finite elements
+
     least = min(float(np.min(touch.stretch_normal)) for touch in result.touches) - 1
     foam = card.law.strain_range.get("uniaxial") if card.law else None
     skin = card.conductivity.strain_range if card.conductivity else None
