@@ -42,8 +42,8 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
     parts = (_origin, _units, _undecided, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge,
-             _assumed, _set, _held, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions,
-             _coverage, _rate, _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
+             _assumed, _set, _held, _rate, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions,
+             _coverage, _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 

@@ -222,7 +222,7 @@ def test_presses_kept_back_are_scored_as_predict_reads_them_and_trained_ones_sep
             assert one["r2"] == pytest.approx(1 - np.mean(error**2) / target.var())
     assert scores["predict_ms"] > 0
     assert "does not read: d_mm" in scores["scored"]
-    shown = run.invoke(app, ["evaluate", model, frames, "--labels", labels])
+    shown = run.invoke(app, ["evaluate", model, frames, "--labels", labels, "--verbose"])
     cells = [row_of(line.split("│")[1:-1]) for line in shown.stdout.splitlines()]
     one = scores["outputs"]["x0"]["new"]
     assert ["x0", "new", f"{one['rmse']:.4g} mm", f"{one['r2']:.4f}", f"-/{100 * one['coverage_90']:.0f}/-",
