@@ -138,15 +138,15 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
 
 
 def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
-    """Rows that set the least strain against the fitted ones of the foam, and what the skin's law extrapolates."""
+    """Rows that set the least strain against the fitted ones of the law, and what the skin's law extrapolates."""
     table.add_row("Least strain of the surface", f"{stability['least_strain']:.3f}")
-    for part in ("foam", "skin"):
+    for part, name in (("law", stability["law"]), ("skin", "Skin law")):
         fitted = stability[f"fitted_{part}_strain"]
         words = "not stated by the card"
         if fitted is not None:
             words = " to ".join(f"{round(end, 3) + 0.0:g}" for end in fitted)
-            words += ", extrapolated" if part == "foam" and stability["least_strain"] < fitted[0] else ""
-        table.add_row(f"{part.capitalize()} law fitted over strains", words)
+            words += ", extrapolated" if part == "law" and stability["least_strain"] < fitted[0] else ""
+        table.add_row(f"{name} fitted over strains", words)
     share = stability.get("signal_share_extrapolated")
     table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of it"
                   + ("" if share is None else f", {share:.0%} of the signal"))

@@ -20,6 +20,9 @@ _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another
 # standard errors from which on an error is said, and error up to which a zero is known
 _ZERO, _ZERO_SHARE, _CLEAR, _SMALL = 0.003, 0.01, 2.5, 3e-4
 _FAR = 1e-3  # error of a zero from which on it is said
+# standard deviation of the zero of a table's load, share of the largest: a cell of class 1 of ISO 7500-1, whose zero is
+# within 0.1 % of its range, of which the test takes a twentieth
+_LOAD_ZERO = 0.02
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
 
 
@@ -196,8 +199,8 @@ def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | N
 
 
 def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[str]) -> dict[str, float]:
-    """The standard deviation of the strain's zero, which the fit refines like that of a contact, where the noise of
-    the table leaves it open or its curve contradicts it."""
+    """The standard deviations of the zeros of strain and load, which the fit refines like those of a load frame, where
+    the noise of the table leaves them open or its curve contradicts them."""
     found = zero_of(kind, strain, stress)
     if found is None or max(abs(found[0]), found[1]) < _SMALL:
         return {}
@@ -206,8 +209,10 @@ def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[st
         ahead = bool(off * strain[int(np.argmax(np.abs(strain)))] > 0)  # as a relaxation after the start leaves it
         cautions.append(f"The zero of the strain of {label} looks off{', or it relaxes as its loading begins' * ahead}"
                         f": its curve has no stress at a strain of {-off:.2g} ± {sd:.2g}. Count the strain from "
-                        f"contact. The fit moves it, and the intervals hold an error of {_ZERO:g}.")
-    return {"strain_zero_sd": min(_ZERO, _ZERO_SHARE * float(np.abs(strain).max())), "strain_zero_assumed": 1.0}
+                        f"contact and the load from rest. The fit moves both zeros, and the intervals hold an error "
+                        f"of {_ZERO:g} of strain and {_LOAD_ZERO:.0%} of the largest stress.")
+    return {"strain_zero_sd": min(_ZERO, _ZERO_SHARE * float(np.abs(strain).max())), "strain_zero_assumed": 1.0,
+            "zero_sd_Pa": _LOAD_ZERO * float(np.abs(stress).max())}
 
 
 def _deviation(recording: Recording) -> Array | None:
