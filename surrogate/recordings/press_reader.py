@@ -217,7 +217,9 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
         bounds = chosen(signals.spared(presses), of_old, bounds)
         value = np.where(signals.spared(presses), old, value) + (0.0 if one.shift is None else one.shift)
         scalars.append(ScalarReading(one.name, value, bounds.half_width[:, 0]))
-    place = place if place is None or reader.motion is None else reader.motion.reading(place)
+    if place and reader.motion:
+        place = replace(place, value=reader.motion.of(place.value),
+                        bounds=reader.motion.bounds(place.value, place.bounds))
     return PressReading(place, tuple(scalars), *flags(reader.signals, presses, strange))
 
 

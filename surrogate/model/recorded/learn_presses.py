@@ -10,6 +10,7 @@ from eitsim.sensors.labels import Labels, labels_of, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.data.dead_readings import too_many
 from surrogate.model.recorded import plain_reader
+from surrogate.model.recorded.continued import continued
 from surrogate.model.recorded.plain_reader import PlainReader
 from surrogate.model.recorded.press_model import BY_FAMILIES, PressModel
 from surrogate.model.recorded.reader_scores import SPLITS, TESTED, Tested, read_split
@@ -18,7 +19,6 @@ from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import counted, press_of_frames, with_presses
 from surrogate.recordings.press_reader import PressReader, Reader
 from surrogate.recordings.presses import Presses, labelled, presses_of, taken
-from surrogate.recordings.session.continued import continued
 from surrogate.recordings.signals import FEWEST
 from touchcal.arrays import Array
 from touchcal.parallel.pool import Failed, answers

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from surrogate.recordings.disc_grid import disc_grid
-from surrogate.recordings.touch_reader import Reading
-from surrogate.statistics.conformal import COVERAGE, normal
+from surrogate.statistics.conformal import COVERAGE, Bounds, normal
 from touchcal.arrays import Array
 
 TURNS, ACROSS = 72, 21  # turns tried, and shifts across a disc about the one that fits best
@@ -49,17 +48,16 @@ class Motion:
         """(n, 2) the inverse of `of`."""
         return self.middle + (place - self.middle - self.shift) @ self.matrix
 
-    def reading(self, found: Reading) -> Reading:
-        """What is read, in the coordinates of the second session."""
-        half, turned = found.bounds.half_width, self.matrix
-        across = found.bounds.correlation * half.prod(axis=1)
+    def bounds(self, place: Array, bounds: Bounds) -> Bounds:
+        """Bounds of places (n, 2) of the first session, in the coordinates of the second."""
+        half, turned = bounds.half_width, self.matrix
+        across = bounds.correlation * half.prod(axis=1)
         covariance = turned @ np.stack([np.stack([half[:, 0] ** 2, across], axis=1),
                                         np.stack([across, half[:, 1] ** 2], axis=1)], axis=1) @ turned.T
-        unsure = self.shift_sd**2 + self.turn_sd**2 * np.sum((found.value - self.middle) ** 2, axis=1)
+        unsure = self.shift_sd**2 + self.turn_sd**2 * np.sum((place - self.middle) ** 2, axis=1)
         covariance += normal(COVERAGE) ** 2 * unsure[:, None, None] * np.eye(2)
         wide = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        bounds = replace(found.bounds, half_width=wide, correlation=covariance[:, 0, 1] / wide.prod(axis=1))
-        return replace(found, value=self.of(found.value), bounds=bounds)
+        return replace(bounds, half_width=wide, correlation=covariance[:, 0, 1] / wide.prod(axis=1))
 
 
 def find_motion(read: Array, labelled: Array, radius: float, error: float) -> tuple[Motion | None, float]:

@@ -11,11 +11,11 @@ import eitsim
 import surrogate
 from eitsim.sensors.labels import Labels, labels_of
 from surrogate.cli.main import app
+from surrogate.model.recorded.continued import continued
 from surrogate.model.recorded.press_model import PressModel
 from surrogate.recordings import press_reader
 from surrogate.recordings.press_reader import PressReader, read
 from surrogate.recordings.presses import Presses, taken
-from surrogate.recordings.session.continued import continued
 from surrogate.recordings.session.motion import Motion, find_motion
 from surrogate.recordings.worth import distance
 from touchcal.arrays import Array
@@ -81,10 +81,10 @@ def test_a_motion_is_undone_and_turns_intervals(reader: PressReader) -> None:
     presses, _ = against_rest(5, 20, *session(0, 0.0))
     found, motion = read(reader, presses).place, Motion(np.array([3.0, 4.0]), np.pi / 2, np.array([10.0, 0.0]))
     assert found
-    turned = motion.reading(found)
-    np.testing.assert_allclose(motion.back(turned.value), found.value)
-    np.testing.assert_allclose(turned.bounds.half_width, found.bounds.half_width[:, ::-1])
-    np.testing.assert_allclose(turned.bounds.correlation, -found.bounds.correlation)
+    turned = motion.bounds(found.value, found.bounds)
+    np.testing.assert_allclose(motion.back(motion.of(found.value)), found.value)
+    np.testing.assert_allclose(turned.half_width, found.bounds.half_width[:, ::-1])
+    np.testing.assert_allclose(turned.correlation, -found.bounds.correlation)
 
 
 def test_too_few_presses_are_refused(reader: PressReader) -> None:

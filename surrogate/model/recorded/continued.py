@@ -64,8 +64,7 @@ def continued(reader: PressReader, presses: Presses, labels: Labels) -> Continue
         one, direction, compressed = _families(part, press)
         each[:, row] = one[:, 0] if part.motion is None else part.motion.of(one[:, 0])
         along[row] = np.concatenate(touch_reader.misfits(direction, compressed))
-    prior = (PRIOR / np.square(reader.place.held_out[:len(PRIOR)]))[:len(each)]
-    weights = stacking.weights(each, place, prior, len(place))
+    weights = stacking.weights(each, place, _prior(reader.place), len(place))
     unlike = [_rescaled(one, along[:, which]) for which, one in enumerate((reader.place.whole, reader.place.along))]
     others = [_with(part, weights=weights, whole=unlike[0], along=unlike[1]) for part in others]
     found = [press_reader.read(part, press) for part, press in zip(others, alone, strict=True)]
@@ -83,6 +82,12 @@ def continued(reader: PressReader, presses: Presses, labels: Labels) -> Continue
     before = press_reader.read(reader, presses).place
     assert before
     return Continued(replace(made, scalars=scalars), distance(before.value, place), distance(value, place), factor)
+
+
+def _prior(touch: TouchReader) -> Array:
+    """(families,) weights in another session before any of its presses, up to a factor."""
+    families = len(touch.weights)
+    return PRIOR[:families] / np.square(touch.held_out[:families])
 
 
 def _families(reader: PressReader, presses: Presses) -> tuple[Array, tuple[Array, ...], tuple[Array, ...]]:
@@ -134,9 +139,10 @@ def _amplified(signals: Signals, gain: Array | float) -> Signals:
 
 def _moved(touch: TouchReader, signals: Signals, presses: Presses,
            place: Array) -> tuple[Signals, Motion | None, float]:
-    """How the skin lies, by the mean place of both templates, and how likely."""
+    """How the skin lies, by the places of all families, and how likely."""
     kept = without(signals.drift, signals.whole(presses), touch.projected)
-    read = (touch.direction.read(kept)[0] + touch.compressed.read(kept)[0]) / 2
+    prior = _prior(touch)
+    read = np.tensordot(prior / prior.sum(), touch_reader.each_family(touch, kept)[0], 1)
     grid = touch.direction.places
     radius = float(np.linalg.norm(grid - grid.mean(axis=0), axis=1).max())
     motion, score = find_motion(read, place, radius, float(touch.held_out[1:3].mean()) / np.sqrt(2))
