@@ -17,6 +17,7 @@ from rich.table import Table
 
 from eitsim.scene.results import Decision, Plan, Result
 from eitsim.simulation.result_json import ERRORS, MECHANICS
+from touchcal.number_words import counted
 
 if TYPE_CHECKING:
     from eitsim.sensors.inspection import Inspection
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 _FLAT = ("force_N", "delta_max_mm", "A_c_mm2")  # Outputs that are compared with those of a flat layer.
 _MOST_NUMBERS = 4  # of parameters that are named one by one
-_MOST_NOTES = 8  # of images, one a line
+_MOST_IMAGES, _MOST_NOTES = 16, 8  # one a line
 
 
 def show_plan(made: Plan, *, reasons: bool = True) -> None:
@@ -119,14 +120,15 @@ def show_solved(document: dict[str, Any], out: Path | None) -> None:
 def show_images(document: dict[str, Any], out: Path | None) -> None:
     keys = ("line", "x_mm", "y_mm", "area_mm2", "peak")
     table = Table(*keys, title="images: quarter-amplitude area, its centre, largest relative change of conductance")
-    for image in document["frames"]:
+    for image in document["frames"][:_MOST_IMAGES]:
         table.add_row(*("-" if image[key] is None else f"{image[key]:.4g}" for key in keys))
     _console().print(table)
     noted = [image for image in document["frames"] if "note" in image]
     for image in noted[:_MOST_NOTES]:
         print(f"line {image['line']}: {image['note']}")
-    if (left := len(noted) - _MOST_NOTES) > 0:
-        print(f"{left} more lines have a note: --json holds all.")
+    hidden, unsaid = (max(len(of) - most, 0) for of, most in ((document["frames"], _MOST_IMAGES), (noted, _MOST_NOTES)))
+    if hidden or unsaid:
+        print(f"{counted(hidden, 'more line')} and {counted(unsaid, 'more note')}: --json holds all.")
     untouched = "" if document["misfit"] is None else (
         f"untouched: {document['conductance_S']:.4g} S a square, misfit {document['misfit']:.2%}; ")
     print(f"{untouched}{document['differences']} differences, prior {document['prior']}, noise figure "

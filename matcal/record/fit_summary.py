@@ -198,7 +198,7 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))
         row |= {"weight": curve.weight, "record": _record_errors(curve)}
-        if found.prony:
+        if found.series:
             row |= {"rate_corrected": curve.kernel is not None}
         if curve.factor != 1:
             row |= {"specimen_factor": curve.factor, "relative_rms_of_specimen": relative_rms(found.fit.law, curve)}

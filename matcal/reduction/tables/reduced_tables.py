@@ -38,7 +38,7 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None, 
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation", "conductivity"):
         strain, value = _compression_negative(kind, recording, strain, value, direction, notes, cautions)
-    _check_range(kind, recording, strain)
+    _check_range(kind, recording, strain, direction)
     if one_loading:
         cautions += loading_doubts(recording.label, strain, value)
         most = int(np.argmax(np.abs(strain))) + 1
@@ -136,11 +136,14 @@ def _check(kind: str, recording: Recording, strain: Array, value: Array) -> None
         raise _error(recording, f"a conductivity of {value.min():g} S/m is not possible. Are two columns swapped?")
 
 
-def _check_range(kind: str, recording: Recording, strain: Array) -> None:
+def _check_range(kind: str, recording: Recording, strain: Array, direction: str | None) -> None:
     what = {"shear": "gamma", "volumetric": "J"}.get(kind, "strain")
     lowest = {"shear": -np.inf, "volumetric": 0.0}.get(kind, -1.0)
     if strain.min() <= lowest or np.abs(strain).max() > _LARGEST_STRAIN:
         worst = strain[int(np.argmax(np.abs(strain)))] if strain.min() > lowest else strain.min()
+        if direction == "compression" and worst <= lowest:
+            raise _error(recording, f"strain = {worst:g} is not possible in compression, as the specimen's file says. "
+                                    f"Write direction = \"tension\" below [{kind}] of that file, or leave it out.")
         share = "" if "strain" not in recording.names or recording.units.get("strain") == "%" else (
             f" In per cent it is given with --columns strain={recording.names['strain']}:%")
         raise _error(recording, f"{what} = {worst:g} is not possible. Are two columns swapped, or is it a percentage?"
