@@ -8,7 +8,7 @@ from eitsim.sweeps.measurement.instrument import below, level_db
 from surrogate.data import outputs
 from surrogate.data.samples import split
 from surrogate.model.evaluate import material_told, transfer
-from surrogate.model.predict import _widened
+from surrogate.model.predict import SLACK, _outside, _widened
 from surrogate.statistics.conformal import conformal_scale, few, normal, sure_coverage
 from surrogate.statistics.metrics import score
 
@@ -133,3 +133,12 @@ def test_what_intervals_hold_of_the_material_follows_the_cards(cards: int | None
     assert said in found
     assert ("train on a sweep" in found) == (here > 1 and cards == 1)
     assert bool(found) == bool(said)
+
+
+def test_values_are_outside_from_a_part_of_the_trained_range_past_its_ends() -> None:
+    trained: Any = SimpleNamespace(lowest=np.array([100.0]), highest=np.array([110.0]))
+    model: Any = SimpleNamespace(trained=trained, names=["A_c"], method="ridge")
+    slack = SLACK * 10.0
+    found: Any = SimpleNamespace(value=np.array([[100 - 2 * slack], [100 - slack / 2], [110 + slack / 2],
+                                                 [110 + 2 * slack]]))
+    assert _outside(model, found)[:, 0].tolist() == [True, False, False, True]
