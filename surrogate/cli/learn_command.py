@@ -118,7 +118,7 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
     _print_trained(model)
     if known is not None:
         print(f"sensor: {sensor}, a {file_kind}")
-    print(f"model: {out}")
+    print(f"model: {out}\nnext: surrogate predict {out} new.csv --out predictions.csv")
     _print_suggested(ahead)
 
 
@@ -227,6 +227,7 @@ def _described(model: PressModel) -> dict[str, Any]:
 
 
 def _print_trained(model: PressModel) -> None:
+    from rich import box
     from rich.table import Table
 
     from surrogate.model.recorded.learn_presses import choice
@@ -234,9 +235,7 @@ def _print_trained(model: PressModel) -> None:
     from surrogate.recordings.press_frames import counted
 
     table = Table("split", "trained", "tested", "output", "error", "kernel ridge", "mean", "in 90 %", "+-90 %",
-                  "in ellipse of 90 %",
-                  title="mean error on presses that were not trained on, which trained and tested count; of a place, "
-                        "the distance; in 90 % of x, y")
+                  "in ellipse", box=box.SIMPLE_HEAD, show_edge=False)
     for one in (tested.score for tested in model.tested):
         table.add_row(one.split, str(one.trained), str(one.tested), one.output, f"{one.error:.3g} {one.unit}",
                       f"{one.ridge_error:.3g}", f"{one.mean_error:.3g}",
@@ -244,6 +243,8 @@ def _print_trained(model: PressModel) -> None:
                       ", ".join(f"{half:.3g}" for half in one.half_width),
                       "-" if one.in_ellipse is None else f"{100 * one.in_ellipse:.0f}")
     print_table(table)
+    print("mean error on presses that were not trained on; of a place, the distance, and x, y of its intervals\n"
+          "in 90 %: presses that the 90 % intervals hold; +-90 %: their half width; in ellipse: of the 90 % ellipses")
     for line in (*model.left_out, *choice(model.reader)):
         print(line)
     print(f"fit {model.fit_s:.1f} CPU s on {counted(model.presses, model.frames)}, without the scores")

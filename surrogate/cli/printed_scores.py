@@ -95,6 +95,7 @@ def _print_unseen(result: Mapping[str, Any], over_first: Mapping[str, float | No
     print_table(table)
     if levels:
         print("dB: noise so far below the r.m.s. of the untouched readings.")
+    print("in 90 %: rows that the 90 % intervals hold; +-90 %: their median half width.")
     print(f"{result['method']}: fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame")
 
 
