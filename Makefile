@@ -4,7 +4,8 @@
 # make docs   the site of docs/: pages, reference from the code, examples run; reports/out/docs/site.html
 # make paper  the source paper walked through: seven CPU minutes, within five minutes on two idle cores;
 #             make paper FULL=1 with 4,000 scenes, up to two hours
-.PHONY: demo test test-slow lint bench docs paper clean install
+# make dist   wheel and source archive in reports/out/dist, checked
+.PHONY: demo test test-slow lint bench docs paper dist clean install
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -53,6 +54,11 @@ docs: install
 paper: install
 	@mkdir -p reports/out
 	$(BIN)/python -m reports paper --out reports/out/paper$(if $(FULL),_full --full) --workers $(WORKERS)
+
+dist: install
+	rm -rf reports/out/dist
+	$(BIN)/python -m build --outdir reports/out/dist .
+	$(BIN)/twine check --strict reports/out/dist/*
 
 clean:
 	rm -rf .venv reports/out

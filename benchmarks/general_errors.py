@@ -18,10 +18,11 @@ from dataclasses import replace
 import numpy as np
 import stiff_electrodes
 from conditions import quick, written
+from general_touches import predicted_s
 from materials import TABLE_1
 
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH
-from eitsim.mechanics.general.solve_general import predicted_cost, solve_general
+from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import STRAINS, Scene, rim_gap_m
 from eitsim.simulation.choose import choose_ways
@@ -57,7 +58,7 @@ def on_default(k: int, scene: Scene) -> tuple[Touch, dict[str, object]]:
     return touch, {
         "touch": k, "reach": REACH, "gap": rim_gap_m(scene.body, punch) / scene.body.thickness_m,
         **stated(touch, "estimate"), "cpu_s": time.process_time() - begun,
-        "predicted_cpu_s": predicted_cost(TABLE_1, scene.body, scene.punches, level=DEFAULT, coarser=ROUGHER).cpu_s}
+        "predicted_cpu_s": predicted_s(scene.body, scene.punches, DEFAULT, ROUGHER)}
 
 
 def rows(k: int) -> Iterator[dict[str, object]]:
@@ -65,7 +66,7 @@ def rows(k: int) -> Iterator[dict[str, object]]:
     touch, default = on_default(k, scene)
     ((way,), _) = choose_ways(scene, bodies=False)
     yield row("fast", way.route.kind, default, scene, touch, lambda: way.route.solve(way.case, TABLE_1, False))
-    if predicted_cost(TABLE_1, scene.body, scene.punches, level=FINER, coarser=DEFAULT).cpu_s < MOST_S:
+    if predicted_s(scene.body, scene.punches, FINER, DEFAULT) < MOST_S:
         yield row("finer", "general", default, scene, touch, lambda: solve_general(
             TABLE_1, scene.body, scene.punches, level=FINER, coarser=DEFAULT).touches[0])
 

@@ -18,7 +18,9 @@ from conditions import earlier, quick, shown, written
 from materials import TABLE_1
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.general.solve_general import GeneralSolution, predicted_cost, solve_general
+from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH, Level
+from eitsim.mechanics.general.solve_general import GeneralSolution, predicted_cpu_s, solve_general
+from eitsim.mechanics.general.solved_layer import lone_touches, problem
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.edges.outline import Outline
@@ -46,7 +48,13 @@ def row(what: str, found: GeneralSolution, k: int, expected_m: float, predicted_
 
 
 def solved(body: Body, punches: Sequence[Punch]) -> tuple[GeneralSolution, float]:
-    return solve_general(TABLE_1, body, punches), predicted_cost(TABLE_1, body, punches).cpu_s
+    return solve_general(TABLE_1, body, punches), predicted_s(body, punches, COARSE, ROUGH)
+
+
+def predicted_s(body: Body, punches: Sequence[Punch], level: Level, coarser: Level) -> float:
+    """CPU time that `solve_general` is predicted to take, without solving."""
+    lone, levels = lone_touches(TABLE_1, body, punches), (coarser, level)
+    return predicted_cpu_s([problem(TABLE_1, body, punches, lone, each) for each in levels], levels, lone)
 
 
 def alone() -> Iterator[dict[str, Any]]:

@@ -28,7 +28,7 @@ from eitsim.sweeps.measurement.instrument import below
 from matcal.card import MaterialCard, read_card
 from surrogate.bounds.dataset_bound import example_of, least_rms, prior_of
 from surrogate.bounds.derivative_table import Nodes, SlopeTable, table_for
-from surrogate.bounds.fisher_information import Prior, local_covariance
+from surrogate.bounds.fisher_information import Prior, information
 from surrogate.bounds.material_spread import known_material
 from surrogate.bounds.reading_derivatives import derivatives_of, slopes_of
 from surrogate.data.samples import PARTS, read_samples
@@ -79,7 +79,17 @@ def solved(scene: Scene, card: MaterialCard, touch: Array, prior: Prior, noise_V
     for k, (x, y, d, force) in enumerate(touch.tolist()):
         punch = replace(scene.punches[0], x_m=x / 1e3, y_m=y / 1e3, diameter_m=d / 1e3, force_N=force, depth_m=None)
         slopes = slopes_of(derivatives_of(replace(scene, punches=(punch,)), card), known_material())
-        out[:, k] = [np.diag(local_covariance(slopes, noise, prior)) for noise in noise_V]
+        out[:, k] = [local_variances(information(slopes, noise), prior) for noise in noise_V]
+    return out
+
+
+def local_variances(known: Array, prior: Prior) -> Array:
+    """(4,) variances of the best estimate of (x, y, d, F) where readings of an information (4, 4) are linear in them,
+    with a Gaussian prior of the prior's variances; 0 where the prior has none."""
+    out, open_ = np.zeros(4), np.flatnonzero(prior.variances > 0)
+    scale = np.sqrt(prior.variances[open_])
+    scaled = known[np.ix_(open_, open_)] * np.outer(scale, scale) + np.eye(len(open_))
+    out[open_] = np.diag(np.linalg.inv(scaled)) * scale**2
     return out
 
 

@@ -12,11 +12,11 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 from conditions import quick, written
+from figures_of_merit import figures_of_merit
 from materials import SKIN_LAW, TABLE_1
 
 from eitsim.electrics.forward.solve_forward import solve
 from eitsim.electrics.imaging.gauss_newton import PRIORS, fitted, imager, on_grid
-from eitsim.electrics.imaging.greit_figures import figures_of_merit
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Electrodes, Punch, Skin

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 RAW = ROOT / "data_raw"
 FIT = [RAW / "mts_uniaxial.txt", RAW / "mts_shear.txt", RAW / "mts_relaxation.txt",
        f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",
-       "--seed", "1", "--out", "card.json"]
+       "--posterior", "--seed", "1", "--out", "card.json"]
 AFTER = [("matcal", "check", "card.json"), ("matcal", "inspect", RAW / "mts_uniaxial.txt"),
          ("matcal", "predict", "card.json", "uniaxial", "--strain=-0.4"), ("matcal", "predict", "card.json", "shear"),
          ("matcal", "export", "card.json", "--to", "abaqus", "--out", "card.inp"),

@@ -34,6 +34,10 @@ def readme_commands() -> list[list[str]]:
     return commands(block)
 
 
+def test_the_first_page_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
+
+
 def skeleton(command: list[str]) -> list[str]:
     """A command without the folders and numbers that the demo sets itself."""
     return [Path(word).name for word in command if (not word.isdigit() and "$" not in word) or "/" in word]

@@ -44,7 +44,7 @@ def check_commas(path: Path, rows: Sequence[tuple[int, list[str]]]) -> None:
         raise InputFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and "
                                    "points in numbers.", line=rows[0][0])
     if rows and len(rows[0][1]) == 1 and len(parts := rows[0][1][0].split()) > 1 and all(
-            _number(part) is not None for part in parts):
+            map(is_numeric, parts)):
         raise InputFileError(path, "its cells are separated by spaces. Use commas between cells; in Python "
                                    "numpy.savetxt(..., delimiter=\",\").", line=rows[0][0])
 
@@ -52,7 +52,7 @@ def check_commas(path: Path, rows: Sequence[tuple[int, list[str]]]) -> None:
 def without_last_commas(rows: list[tuple[int, list[str]]], width: int | None = None) -> list[tuple[int, list[str]]]:
     """Rows without the comma that each of them ends with, as loops that print `v,` write them: a last cell that is
     empty in every row and that no header names. Rows of `width` cells are left as they are."""
-    named = bool(rows) and bool(rows[0][1]) and _number(rows[0][1][0]) is None
+    named = bool(rows) and bool(rows[0][1]) and not is_numeric(rows[0][1][0])
     body = rows[1:] if named else rows
     if not body or any(len(cells) < 2 or cells[-1] for _, cells in body) or len(body[0][1]) == width:
         return rows
@@ -85,7 +85,7 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
             raise InputFileError(path, f"{len(cells)} columns, expected {width} {what} a row."
                                        f"{too_wide(len(cells), width)}{_turned(len(rows), columns)}", line=number)
     names: tuple[str, ...] = ()
-    if rows and _number(rows[0][1][0]) is None:
+    if rows and not is_numeric(rows[0][1][0]):
         names, rows = tuple(rows[0][1]), rows[1:]
     if not rows:
         raise InputFileError(path, f"it holds no rows of {what}.")
@@ -116,6 +116,19 @@ def write_numbers(path: Path | str, names: Sequence[str], values: Array) -> None
 def cells(values: Array) -> list[list[float | str]]:
     """Rows of numbers as a CSV holds them: NaN is an empty cell."""
     return [["" if math.isnan(value) else value for value in row] for row in np.asarray(values, dtype=float).tolist()]
+
+
+def is_numeric(cell: str) -> bool:
+    """Whether a cell holds a number."""
+    return _number(cell) is not None
+
+
+def finite(path: Path, line: int, name: str, cell: str, fix: str = "leave the row out") -> float:
+    """The finite number of a cell of a column; InputFileError where it holds none."""
+    value = _number(cell)
+    if value is None or not math.isfinite(value):
+        raise InputFileError(path, f"{name} is '{cell[:20]}', no finite number. Correct it, or {fix}.", line=line)
+    return value
 
 
 def _number(cell: str) -> float | None:

@@ -45,6 +45,8 @@ def column_order(names: Sequence[str], readings: int) -> NDArray[np.intp]:
     requested = voltage_columns(readings)
     place = {name: column for column, name in enumerate(names)}
     fix = f"Name the columns {requested[0]} to {requested[-1]}, or leave the header out where they are in that order."
+    if names[0].startswith("{"):
+        raise ValueError("this is JSON; frames are rows of a CSV, as `eitsim run SCENE --frames FILE` writes them.")
     if foreign := [name for name in place if name not in (*requested, *LEADING)]:
         raise ValueError(f"the header names '{foreign[0][:20]}' in column {place[foreign[0]] + 1}, which is no "
                          f"reading. {fix}")

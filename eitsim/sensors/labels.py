@@ -1,7 +1,6 @@
 """Labels of recorded presses: a CSV with `touch` and any of x_mm, y_mm, d_mm, F_N, depth_mm, z_mm; where frames of one
 press have names of their own, `press` names that."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from eitsim.sensors.recording import touch_name
 from touchcal.arrays import Array, Index
-from touchcal.csv_numbers import csv_rows, too_wide
+from touchcal.csv_numbers import csv_rows, finite, too_wide
 from touchcal.errors import InputFileError, unknown_key
 
 NAMES = ("x_mm", "y_mm", "d_mm", "F_N", "depth_mm", "z_mm")
@@ -69,23 +68,35 @@ def read_labels(path: Path | str) -> Labels:
     _check_header(path, rows[0][0], header)
     if len(rows) < 2:
         raise InputFileError(path, "a header without touches; give one row a touch below it.")
-    seen: dict[str, int] = {}
-    for line, cells in rows[1:]:
+    touches = named_once(path, header, checked(path, header, rows[1:]))
+    names = tuple(name for name in NAMES if name in header)
+    values = [[finite(path, line, name, cells[header.index(name)]) for name in names] for line, cells in rows[1:]]
+    press = [cells[header.index(PRESS)] for _, cells in rows[1:]] if PRESS in header else None
+    return Labels(touches, names, np.array(values),
+                  None if press is None else _presses(path, [line for line, _ in rows[1:]], press))
+
+
+def checked(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """Rows of as many cells as the header, each with the name of a touch; InputFileError where one is not."""
+    for line, cells in rows:
         if len(cells) != len(header):
             raise InputFileError(path, f"{len(cells)} columns, expected {len(header)} as in the header."
                                        f"{too_wide(len(cells), len(header))}", line=line)
-        name = touch_name(cells[header.index(TOUCH)])
-        if not name:
+        if not cells[header.index(TOUCH)]:
             raise InputFileError(path, "touch is empty; name each touch as the recording does.", line=line)
+    return rows
+
+
+def named_once(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -> NDArray[np.str_]:
+    """(n,) names of touches; InputFileError where one stands twice."""
+    seen: dict[str, int] = {}
+    for line, cells in rows:
+        name = touch_name(cells[header.index(TOUCH)])
         if name in seen:
             raise InputFileError(path, f"touch '{name[:20]}' stands in line {seen[name]} too; label a touch once.",
                                  line=line)
         seen[name] = line
-    names = tuple(name for name in NAMES if name in header)
-    values = [[_value(path, line, name, cells[header.index(name)]) for name in names] for line, cells in rows[1:]]
-    press = [cells[header.index(PRESS)] for _, cells in rows[1:]] if PRESS in header else None
-    return Labels(np.array([*seen], dtype=np.str_), names, np.array(values),
-                  None if press is None else _presses(path, [line for line, _ in rows[1:]], press))
+    return np.array([*seen], np.str_)
 
 
 def _check_header(path: Path, line: int, header: list[str]) -> None:
@@ -105,14 +116,3 @@ def _presses(path: Path, lines: list[int], names: list[str]) -> NDArray[np.str_]
             raise InputFileError(path, "press is empty; name the press of each touch, or leave the column out.",
                                  line=line)
     return np.array([touch_name(name) for name in names], dtype=np.str_)
-
-
-def _value(path: Path, line: int, name: str, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputFileError(path, f"{name} is '{cell[:20]}', no finite number. Correct it, or leave the row out.",
-                             line=line)
-    return value

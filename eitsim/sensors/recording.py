@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.frames import LEADING
-from touchcal import csv_numbers
 from touchcal.arrays import Array, Complex, Mask
+from touchcal.csv_numbers import cells as written_cells
+from touchcal.csv_numbers import check_commas, finite, is_numeric, without_last_commas
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 from touchcal.whole_file import written
@@ -24,6 +25,7 @@ from touchcal.whole_file import written
 # What a reading is: a signed voltage, its size alone, or a touched voltage less the untouched one.
 KINDS = ("voltage", "magnitude", "difference")
 _READING = "v_"  # what the names of the readings begin with
+_DEAD = "leave the cell empty where it is dead"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,7 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     check_kind(kind, "kind")
     path = Path(path)
     rows = _rows(path, readings)
-    names = rows[0][1] if not _is_number(rows[0][1][0]) else []
+    names = rows[0][1] if not is_numeric(rows[0][1][0]) else []
     leading = _leading(path, rows[0][0], names)
     body = rows[1:] if names else rows
     if not body:
@@ -82,7 +84,7 @@ def write_recording(recording: Recording, path: Path | str) -> None:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow([*leading, *voltage_columns(readings.shape[1])])
-    table.writerows([*first, *row] for *first, row in zip(*leading.values(), csv_numbers.cells(readings), strict=True))
+    table.writerows([*first, *row] for *first, row in zip(*leading.values(), written_cells(readings), strict=True))
     with written(Path(path)) as file:
         file.write(text.getvalue().encode())
 
@@ -121,9 +123,9 @@ def _rows(path: Path, readings: int | None) -> list[tuple[int, list[str]]]:
         raise InputFileError(path, f"not a text file ({error}). Expected a CSV of one row a frame.") from None
     if not rows:
         raise InputFileError(path, "the file is empty. Expected a CSV of one row a frame.")
-    csv_numbers.check_commas(path, rows)
+    check_commas(path, rows)
     leading = sum(cell in LEADING for cell in rows[0][1])
-    rows = csv_numbers.without_last_commas(rows, None if readings is None else readings + leading)
+    rows = without_last_commas(rows, None if readings is None else readings + leading)
     for line, cells in rows:
         if len(cells) != len(rows[0][1]):
             raise InputFileError(path, f"{len(cells)} columns, expected {len(rows[0][1])} as in line {rows[0][0]}. "
@@ -156,7 +158,7 @@ def _leading(path: Path, line: int, names: Sequence[str]) -> list[str]:
 
 def _column(path: Path, body: Sequence[tuple[int, list[str]]], place: int, name: str) -> Array:
     """Column index or time_s (frames,), which never goes back."""
-    values = np.array([_value(path, line, name, cells[place]) for line, cells in body])
+    values = np.array([finite(path, line, name, cells[place]) for line, cells in body])
     if len(back := np.flatnonzero(np.diff(values) < 0)):
         raise InputFileError(path, f"{name} goes back to {values[back[0] + 1]:g}; sort the rows in time, or give each "
                                    "recording a file of its own.", line=body[back[0] + 1][0])
@@ -169,22 +171,6 @@ def _readings(path: Path, body: Sequence[tuple[int, list[str]]], first: int) -> 
     except ValueError:
         values = np.array([np.nan])
     if np.isinf(values).any() or np.isnan(values).any():  # look at each cell for what is wrong; empty ones are not
-        return np.array([[_value(path, line, f"reading {k}", cell) if cell else np.nan
+        return np.array([[finite(path, line, f"reading {k}", cell, _DEAD) if cell else np.nan
                           for k, cell in enumerate(cells[first:])] for line, cells in body])
     return values
-
-
-def _value(path: Path, line: int, name: str, cell: str) -> float:
-    if not _is_number(cell) or not np.isfinite(float(cell)):
-        raise InputFileError(path, f"{name} is '{cell[:20]}', no finite number. Correct it, or leave "
-                                   f"{'the row out' if name in LEADING else 'the cell empty where it is dead'}.",
-                             line=line)
-    return float(cell)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.sensors.labels import NAMES, PLACE, PRESS, TOUCH
+from eitsim.sensors.labels import NAMES, PLACE, PRESS, TOUCH, checked, named_once
 from eitsim.sensors.recording import touch_name
 from touchcal.arrays import Array, Mask
-from touchcal.csv_numbers import csv_rows, too_wide
+from touchcal.csv_numbers import csv_rows, finite
 from touchcal.errors import InputFileError
 
 NAMED, POINTS, FORCE = "place", "points", "F_N"
@@ -60,13 +60,8 @@ def read_touch_sets(path: Path | str) -> TouchSets:
     if TOUCH not in header or len({*header}) < len(header) or len(rows) < 2:
         raise InputFileError(path, f"the header names {', '.join(header) or 'nothing'}, with {max(len(rows) - 1, 0)} "
                                    f"rows below it. {_FORMS}")
-    for line, cells in rows[1:]:
-        if len(cells) != len(header):
-            raise InputFileError(path, f"{len(cells)} columns, expected {len(header)} as in the header."
-                                       f"{too_wide(len(cells), len(header))}", line=line)
-        if not cells[header.index(TOUCH)]:
-            raise InputFileError(path, "touch is empty; name each touch as the recording does.", line=line)
-    return _of_columns(path, header, rows[1:]) if _columns(header) else _of_rows(path, header, rows[1:])
+    rows = checked(path, header, rows[1:])
+    return _of_columns(path, header, rows) if _columns(header) else _of_rows(path, header, rows)
 
 
 def _columns(header: list[str]) -> list[str]:
@@ -78,7 +73,7 @@ def _columns(header: list[str]) -> list[str]:
 def _of_columns(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -> TouchSets:
     """Labels of a row a frame."""
     places = _columns(header)
-    down = np.array([[_number(path, line, name, cells[header.index(name)]) for name in places] for line, cells in rows])
+    down = np.array([[finite(path, line, name, cells[header.index(name)]) for name in places] for line, cells in rows])
     for (line, _), row in zip(rows, down, strict=True):
         if odd := [name for name, value in zip(places, row, strict=True) if value not in (0, 1)]:
             raise InputFileError(path, f"{odd[0]} is {row[places.index(odd[0])]:g}, and a column that names a place "
@@ -86,10 +81,10 @@ def _of_columns(path: Path, header: list[str], rows: list[tuple[int, list[str]]]
         _check_any(path, line, row)
     if POINTS in header:
         for (line, cells), row in zip(rows, down, strict=True):
-            if _number(path, line, POINTS, cells[header.index(POINTS)]) != row.sum():
+            if finite(path, line, POINTS, cells[header.index(POINTS)]) != row.sum():
                 raise InputFileError(path, f"{POINTS} is {cells[header.index(POINTS)]}, and {row.sum():.0f} places are "
                                            "1. Correct one of them.", line=line)
-    return TouchSets(_once(path, header, rows), tuple(places), down == 1)
+    return TouchSets(named_once(path, header, rows), tuple(places), down == 1)
 
 
 def _of_rows(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -> TouchSets:
@@ -104,7 +99,7 @@ def _of_rows(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -
     at: dict[int, list[float]] = {}
     cell: dict[tuple[int, int], float] = {}
     for line, cells in rows:
-        place = [_number(path, line, name, cells[header.index(name)]) for name in PLACE if name in header]
+        place = [finite(path, line, name, cells[header.index(name)]) for name in PLACE if name in header]
         key = (cells[header.index(NAMED)],) if NAMED in header else tuple(f"{value:g}" for value in place)
         if not key[0]:
             raise InputFileError(path, f"{NAMED} is empty; name the place that is pressed.", line=line)
@@ -116,7 +111,7 @@ def _of_rows(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -
         if (row, column) in cell:
             raise InputFileError(path, f"touch '{touches[row][:20]}' presses the place {' '.join(key)} twice; label "
                                        "each place of a touch once.", line=line)
-        force = _number(path, line, FORCE, cells[header.index(FORCE)]) if FORCE in header else 1.0
+        force = finite(path, line, FORCE, cells[header.index(FORCE)]) if FORCE in header else 1.0
         if force <= 0:
             raise InputFileError(path, f"{FORCE} is {force:g}; a place that is pressed has a force above 0.", line=line)
         cell[row, column] = force
@@ -128,30 +123,7 @@ def _of_rows(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -
                      force_N if FORCE in header else None)
 
 
-def _once(path: Path, header: list[str], rows: list[tuple[int, list[str]]]) -> NDArray[np.str_]:
-    """(n,) names of touches; InputFileError where one stands twice."""
-    seen: dict[str, int] = {}
-    for line, cells in rows:
-        name = touch_name(cells[header.index(TOUCH)])
-        if name in seen:
-            raise InputFileError(path, f"touch '{name[:20]}' stands in line {seen[name]} too; label a touch once.",
-                                 line=line)
-        seen[name] = line
-    return np.array([*seen], np.str_)
-
-
 def _check_any(path: Path, line: int, row: Array) -> None:
     if not row.any():
         raise InputFileError(path, "no place is 1; leave untouched frames out of the labels, their touch empty in the "
                                    "recording.", line=line)
-
-
-def _number(path: Path, line: int, name: str, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputFileError(path, f"{name} is '{cell[:20]}', no finite number. Correct it, or leave the row out.",
-                             line=line)
-    return value

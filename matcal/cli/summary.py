@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -216,14 +216,25 @@ def print_table(printed: tables.Printed) -> None:
 
 def _print_table(console: Console, printed: tables.Printed) -> None:
     _heading(console, printed.title)
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1), header_style="")
-    for head, align in zip(printed.head, printed.align, strict=True):
-        table.add_column(head, justify="right" if align == ">" else "left", no_wrap=align != "w", overflow="fold")
-    for row in printed.rows:
-        table.add_row(*(Text(cell) for cell in row))
-    console.print(table)
+    wide, without = console.options.update(width=1000), 0
+    while without < len(printed.spare) and console.measure(
+            _table(printed, printed.spare[:without]), options=wide).maximum > console.width:
+        without += 1
+    console.print(_table(printed, printed.spare[:without]))
     for note in printed.notes:
         _say(console, f" {note}")
+
+
+def _table(printed: tables.Printed, without: Sequence[str]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1), header_style="")
+    kept = [k for k, head in enumerate(printed.head) if head not in without]
+    for k in kept:
+        align = printed.align[k]
+        table.add_column(printed.head[k], justify="right" if align == ">" else "left", no_wrap=align != "w",
+                         overflow="fold")
+    for row in printed.rows:
+        table.add_row(*(Text(row[k]) for k in kept))
+    return table
 
 
 def _heading(console: Console, words: str) -> None:

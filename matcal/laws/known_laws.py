@@ -29,11 +29,6 @@ def law_type(name: str) -> type[Law]:
     return added("laws")[name]
 
 
-def all_laws() -> dict[str, type[Law]]:
-    """Every law by its name."""
-    return {name: law_type(name) for name in (*LAWS, *added("laws"))}
-
-
 def law_of(name: str, values: Sequence[Sequence[float]], moduli: str = "longterm",
            strain_range: Ranges | None = None) -> Law:
     """The law of a name from plain numbers, as those of `matcal.laws.law.values_of`."""

@@ -32,6 +32,8 @@ class Printed:
     align: str
     # sentences below it
     notes: Sequence[str] = ()
+    # heads of columns that are left out, the first one first, where the line is too short
+    spare: Sequence[str] = ()
 
 
 def derived(card: MaterialCard) -> Printed:
@@ -50,7 +52,7 @@ def derived(card: MaterialCard) -> Printed:
     head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
     title = f"Results: {card.law.moduli} moduli" if card.law else "Results"
     return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w",
-                   [card.fit["intervals"]] if "intervals" in card.fit else ())
+                   [card.fit["intervals"]] if "intervals" in card.fit else (), () if left else ("what it is",))
 
 
 def _nu_rows(card: MaterialCard, drawn: Mapping[str, Any]) -> list[list[str]]:
@@ -183,7 +185,7 @@ def errors(card: MaterialCard) -> Printed:
                      *([significant(row.get("specimen_factor", 1.0)), percent(own_rms(row))] if factors else [])])
     head = ["test", "points", "strain", "rms", "relative", "R2", "in band", *(["weight"] if weighted else []),
             *(["factor", "after it"] if factors else [])]
-    return Printed("Errors of the fit", head, rows, "<" + ">" * (len(head) - 1))
+    return Printed("Errors of the fit", head, rows, "<" + ">" * (len(head) - 1), (), ("points", "R2", "in band"))
 
 
 def _weighted(rows: Iterable[Mapping[str, Any]]) -> bool:

@@ -54,25 +54,6 @@ def information(slopes: Slopes, noise_V: float) -> Array:
     return whole / noise_V**2
 
 
-def local_covariance(slopes: Slopes, noise_V: float, prior: Prior) -> Array:
-    """(..., 4, 4) covariance of the best estimate of (x, y, d, F) where readings are linear in them, with a Gaussian
-    prior of the prior's variances.
-
-    It is exact for that, and no bound otherwise: where a standard deviation comes near to the prior's, a uniform prior
-    and readings that bend can only be counted over the whole prior (`van_trees`).
-    """
-    given = np.where(prior.variances > 0, prior.variances, 1.0)
-    scale = np.sqrt(given)
-    known = np.flatnonzero(prior.variances == 0)
-    scaled = information(slopes, noise_V) * np.outer(scale, scale) + np.eye(4)
-    scaled[..., known, :] = 0.0
-    scaled[..., :, known] = 0.0
-    scaled[..., known, known] = 1.0
-    found = np.asarray(np.linalg.inv(scaled) * np.outer(scale, scale), np.float64)
-    found[..., known, known] = 0.0
-    return found
-
-
 @dataclass(frozen=True, eq=False)
 class Split:
     """An information of (x, y, d, F) as that of the place where the punch is known, and that of the punch alone."""

@@ -16,6 +16,7 @@ from eitsim.sensors.formats.open_file import is_board_file, open_recording
 from eitsim.sensors.formats.serial_magnitudes import labelled
 from eitsim.sensors.recording import in_phase
 from touchcal.arrays import Array, Index
+from touchcal.csv_numbers import is_numeric
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 
@@ -104,13 +105,13 @@ def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines
 def _is_frame(text: str, readings: int) -> bool:
     """Whether a line holds as many numbers as there are readings, labelled or not."""
     cells = (labelled(text) or text).split(",")
-    return len(cells) == readings and all(is_number(cell) for cell in cells)
+    return len(cells) == readings and all(is_numeric(cell) for cell in cells)
 
 
 def _is_banner(text: str, readings: int) -> bool:
     """Whether a line holds words that are no header: too few to name all readings, and none of a reading first."""
     first, *others = (cell.strip().strip('"') for cell in text.split(","))
-    return len(others) + 1 < readings and bool(first) and not is_number(first) and not first.startswith("v_")
+    return len(others) + 1 < readings and bool(first) and not is_numeric(first) and not first.startswith("v_")
 
 
 def text_of(line: bytes) -> str:
@@ -123,16 +124,7 @@ def header_of(text: str, readings: int) -> Columns | None:
     line is no header, as one that holds a number, of which the beginning may be cut. ValueError for a header of other
     names."""
     names = [cell.strip().strip('"') for cell in text.split(",")]
-    return None if not names[0] or any(map(is_number, names)) else Columns(column_order(names, readings), len(names))
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell holds a number."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+    return None if not names[0] or any(map(is_numeric, names)) else Columns(column_order(names, readings), len(names))
 
 
 def frame_of(text: str, columns: Columns) -> Array:

@@ -11,7 +11,8 @@ from io import BufferedIOBase
 from typing import TYPE_CHECKING
 
 from eitsim.sensors.formats.serial_magnitudes import labelled
-from surrogate.data.frame_rows import CHUNK, is_number, text_of
+from surrogate.data.frame_rows import CHUNK, text_of
+from touchcal.csv_numbers import is_numeric
 from touchcal.lazy import needed
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ class SerialLines(BufferedIOBase):
                                  f"{self.device.baudrate} bits a second? Give serial:PORT@BAUD, and let the board end "
                                  "lines with a line feed.")
             line = self._line(LONGEST_START - seen)
-            seen, begun = seen + len(line), _is_named(line) or _is_numbers(line)
+            seen, begun = seen + len(line), _is_named(line) or _is_numerics(line)
         self.begun = True
         return line
 
@@ -121,9 +122,9 @@ def _is_named(line: bytes) -> bool:
     return labelled(text) is not None or text.startswith(("v_", '"v_'))
 
 
-def _is_numbers(line: bytes) -> bool:
+def _is_numerics(line: bytes) -> bool:
     first, comma, _ = text_of(line).partition(",")
-    return bool(comma) and is_number(first)
+    return bool(comma) and is_numeric(first)
 
 
 def widen_pipe(descriptor: int) -> None:

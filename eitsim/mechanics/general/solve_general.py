@@ -41,9 +41,6 @@ _WAY = 0.1
 _MOST_S = 100.0
 # Factorisations on the finer mesh whose work the touches may take: usual ones take 5 to 20.
 _FACTORISATIONS = 100
-# Bytes of a number of the factors and of an element's matrix, with what is kept of both at a time; and what the program
-# takes itself.
-_BYTES_ENTRY, _BYTES_ELEMENT, _BYTES_BASE = 12, 60_000, 300e6
 # Operations per second, factorisations and iterations of a usual touch with edges and others, CPU time of an element in
 # an iteration, s, and the part of all this that each punch alone takes.
 _PER_SECOND, _FACTORED, _ITERATIONS, _ELEMENT_S, _ALONE = 4e10, 5, 12, 2e-4, 0.45
@@ -87,15 +84,6 @@ class _Errors:
         return bool(np.any((self.signals > requested) & (self.mesh / 2 + self.friction <= requested)))
 
 
-@dataclass(frozen=True)
-class Cost:
-    """What a solution takes, predicted from its meshes."""
-
-    unknowns: int
-    memory_bytes: float
-    cpu_s: float
-
-
 def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
                   bonded: bool = False, bodies: Bodies = NO_BODIES, layout: Layout = FLAT,
                   shapes: Sequence[PunchShape | None] = (), requested: Array | None = None) -> GeneralSolution:
@@ -123,7 +111,7 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     errors = _errors(rough, fine, punches, lone)
     finest = replace(FINE, reach=max(FINE.reach, level.reach))
     if requested is not None and errors.missed(requested) and (
-            _cost([model := on(finest)], [finest], lone).cpu_s < _MOST_S):
+            predicted_cpu_s([model := on(finest)], [finest], lone) < _MOST_S):
         with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
             rough, fine = fine, better(model, fine, finest)
             errors = _errors(rough, fine, punches, lone, finest.element / level.element)
@@ -135,24 +123,15 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     return GeneralSolution(tuple(touches), fine, rough, spent)
 
 
-def predicted_cost(law: Law, body: Body, punches: Sequence[Punch], *, level: Level = COARSE, coarser: Level = ROUGH,
-                   layout: Layout = FLAT) -> Cost:
-    """What `solve_general` takes, from the lone touches and the order of elimination, without solving."""
-    lone, levels = lone_touches(law, body, punches, layout), (coarser, level)
-    return _cost([problem(law, body, punches, lone, each, layout=layout) for each in levels], levels, lone)
-
-
-def _cost(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch]) -> Cost:
-    """Of problems on meshes of these levels, the last one the finest."""
+def predicted_cpu_s(whole: Sequence[LayerProblem], levels: Sequence[Level], lone: Sequence[LoneTouch]) -> float:
+    """CPU seconds that problems on meshes of these levels take, with each punch alone on them, by the order of
+    elimination."""
     alone = [problem_alone(model, k, each, one.curvature) for model, each in zip(whole, levels, strict=True)
              for k, one in enumerate(lone)]
-    fine = whole[-1]
-    memory = _BYTES_BASE + _BYTES_ENTRY * fine.tree.entries + _BYTES_ELEMENT * len(fine.mesh.elements)
     together, each = (sum(_FACTORED * model.tree.operations / _PER_SECOND
                           + _ITERATIONS * _ELEMENT_S * len(model.mesh.elements) for model in some)
                       for some in (whole, alone))
-    unknowns = fine.mesh.unknowns + sum(model.mesh.unknowns for model in alone[-len(lone):])
-    return Cost(unknowns, memory, together + _ALONE * each)
+    return together + _ALONE * each
 
 
 def _changed(fine: Corrected) -> Array:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.mechanics.curved.moved_touches import MovedTable
+from eitsim.mechanics.curved.moved_touches import MovedShape, MovedTable
 from eitsim.mechanics.load_paths.rim_table import changed_diameters, within
 from eitsim.mechanics.load_paths.table import with_diameters
 from eitsim.mechanics.load_paths.types import DimensionlessProblem, Table
@@ -21,7 +21,7 @@ from eitsim.simulation.routes.nearest_alone import RIM_SHARE
 from eitsim.sweeps.design.card_draws import Cards, foam_varies
 from eitsim.sweeps.design.design import Design, drawn_keys, flat_scene, representative_scene, valid_scenes
 from eitsim.sweeps.design.distributions import distribution_of
-from eitsim.sweeps.run.moved_table_choice import curved_method, curved_table, described
+from eitsim.sweeps.run.moved_table_choice import WHAT, curved_table, described, moved_repays, moved_shape
 from matcal.card import MaterialCard
 from matcal.laws.known_laws import law_of
 from touchcal.errors import NotConverged
@@ -48,20 +48,20 @@ def method_for(design: Design, cards: Cards, reuse: bool | None, exact: bool) ->
     """
     if exact or reuse is False:
         return {"exact": exact, "reuse": False, "rim": False, "reason": "as asked for"}
-    if is_curved(design.tables):
-        return curved_method(design, cards, reuse)
+    shape: MovedShape | DimensionlessProblem
     try:
-        shape = _shape_of(design, cards)
+        shape = moved_shape(design, cards) if is_curved(design.tables) else _shape_of(design, cards)
     except ValueError as error:
         if reuse:
             raise ValueError(f"{error} Leave out --reuse: every touch is then solved directly.") from None
         return {"exact": False, "reuse": False, "rim": False, "reason": str(error)}
-    repaid = repays(design, shape)
+    moved = isinstance(shape, MovedShape)
+    what, repaid = (WHAT, moved_repays(design, shape)) if moved else ("a table of load paths", repays(design, shape))
     used = bool(reuse or repaid)
-    why = ("as asked for" if reuse else "a table of load paths repays its cost" if repaid else
-           "a table of load paths costs more than so few touches (--reuse makes one)")
-    found = {"exact": False, "reuse": used, "rim": used and rim_repays(design, shape), "reason": why}
-    return found | ({"shape": diameters_of(shape)} if used else {})
+    why = ("as asked for" if reuse else f"{what} repays its cost" if repaid else
+           f"{what} costs more than so few touches (--reuse makes one)")
+    found = {"exact": False, "reuse": used, "rim": not moved and used and rim_repays(design, shape), "reason": why}
+    return found | ({"shape": diameters_of(shape)} if used and not moved else {})
 
 
 def table_of(design: Design, cards: Cards, pool: WorkerPool,
@@ -73,7 +73,7 @@ def table_of(design: Design, cards: Cards, pool: WorkerPool,
         return None, before["note"]
     checkpointed = CheckpointedMap(pool)
     if is_curved(design.tables):
-        curved, note = curved_table(design, cards, checkpointed, method)
+        curved, note = curved_table(design, cards, checkpointed)
         checkpointed.forget()
         return curved, note
     shape = as_kept(_shape_of(design, cards), method.get("shape"))

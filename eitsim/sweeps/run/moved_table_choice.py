@@ -1,8 +1,5 @@
 """When the touches of a sweep on a cylinder are moved to their places from a table, and which."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from eitsim.mechanics.curved.moved_touches import MovedShape, MovedTable, Run
@@ -21,24 +18,18 @@ _SERVED = {("punch", key) for key in ("u", "v", "at_mm", "force_N", "depth_mm", 
 _LOADS = {"force_N": 1.0, "depth_mm": 1e-3}
 
 
-def curved_method(design: Design, cards: Cards, reuse: bool | None) -> dict[str, Any]:
-    """How a new folder's touches on a curved skin are to be solved, as `method_for`."""
-    try:
-        shape = _shape_of(design, cards)
-    except ValueError as error:
-        if reuse:
-            raise ValueError(f"{error} Leave out --reuse: every touch is then solved directly.") from None
-        return {"exact": False, "reuse": False, "rim": False, "reason": str(error)}
-    repaid = design.scenes >= len(shape.load_nodes) * len(shape.diameter_nodes)
-    why = ("as asked for" if reuse else "a table of touches to be moved repays its cost" if repaid else
-           "a table of touches to be moved costs more than so few touches (--reuse makes one)")
-    return {"exact": False, "reuse": bool(reuse or repaid), "rim": False, "reason": why}
+WHAT = "a table of touches to be moved"
 
 
-def curved_table(design: Design, cards: Cards, run: Run, method: Mapping[str, Any]) -> tuple[MovedTable | None, str]:
+def moved_repays(design: Design, shape: MovedShape) -> bool:
+    """Whether solving a design's touches directly costs more than the table."""
+    return design.scenes >= len(shape.load_nodes) * len(shape.diameter_nodes)
+
+
+def curved_table(design: Design, cards: Cards, run: Run) -> tuple[MovedTable | None, str]:
     """The table of a design on a cylinder, and a note; none where a touch of it has no equilibrium."""
     try:
-        return moved_table(_shape_of(design, cards), run)
+        return moved_table(moved_shape(design, cards), run)
     except NotConverged as error:
         return None, f"no table: {error}"
 
@@ -51,7 +42,7 @@ def described(table: MovedTable, strain: str) -> str:
             "loads; those near ends or outside the table directly")
 
 
-def _shape_of(design: Design, cards: Cards) -> MovedShape:
+def moved_shape(design: Design, cards: Cards) -> MovedShape:
     """What serves every row of a design; ValueError where nothing does."""
     first = representative_scene(design)
     assert isinstance(first, CurvedScene), "only curved designs come here"

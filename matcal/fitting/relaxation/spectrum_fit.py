@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 
 from matcal.fitting.relaxation.sweep_shift import ShiftFit, shifted
 from matcal.laws.histories.creep_series import relaxation_of
-from matcal.laws.prony import Prony, dynamic
+from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment, Sweep
 from matcal.statistics.residual_correlation import correlated_errors
 from touchcal.arrays import Array
@@ -213,9 +213,3 @@ def _sentences(experiment: Experiment, prony: Prony, rms: Sequence[float], ends:
                        f"{t - 273.15:.3g} C {a:.3f} ± {sd:.2g}" for t, a, sd in zip(
                            shift.temperature_K, shift.log10_a, shift.sd, strict=True)) + ".")
     return tuple(out)
-
-
-def dynamic_moduli(fit: SpectrumFit, frequency_Hz: Array) -> tuple[Array, Array]:
-    """Storage and loss modulus, Pa, of a series at frequencies (n,)."""
-    found = fit.modulus_Pa * dynamic(fit.prony, 2 * np.pi * np.asarray(frequency_Hz))
-    return found.real, found.imag

@@ -41,7 +41,7 @@ class Isochoric(Law):
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
         cls.energy_at, cls.stress_at, cls.tangent_at, cls.difference_at = map(
-            staticmethod, _assembled(cls.of_invariants, cls.of_stretch, cls.of_two_stretches))
+            staticmethod, _assembled(cls.__qualname__, cls.of_invariants, cls.of_stretch, cls.of_two_stretches))
 
     @property
     def mu_0_Pa(self) -> float:
@@ -55,8 +55,10 @@ class Isochoric(Law):
         return np.inf if self.incompressible else float(bulk_modulus(self.mu_0_Pa, self.nu))
 
 
-def _assembled(of_invariants: Callable[..., Any], of_stretch: Callable[..., Any], of_two_stretches: Callable[..., Any]
-               ) -> tuple[Callable[..., Any], ...]:
+def _assembled(law: str, of_invariants: Callable[..., Any], of_stretch: Callable[..., Any],
+               of_two_stretches: Callable[..., Any]) -> tuple[Callable[..., Any], ...]:
+    """The four functions of a law. They and what they call are named after it: compiled code that was kept on disk by
+    different processes is told apart by names alone."""
     def bulk(p):
         """kappa, Pa; mu_0 = 2 (W_1 + W_2) + w''/2 at rest."""
         rest = of_invariants(p, 0.0, 0.0)
@@ -111,4 +113,6 @@ def _assembled(of_invariants: Callable[..., Any], of_stretch: Callable[..., Any]
         ratio = sinh_ratio(2 * half)
         return 4 * ratio * (w[1] * np.exp(2 * m) + w[2] * np.exp(-2 * m)) + of_two_stretches(p, m, half)
 
+    for function in (bulk, invariants, row, energy_at, stress_at, tangent_at, difference_at):
+        function.__qualname__ = f"{law}.{function.__name__}"
     return energy_at, stress_at, tangent_at, difference_at

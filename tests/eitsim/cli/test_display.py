@@ -12,7 +12,7 @@ from matcal.laws.hyperfoam import Hyperfoam
 
 CARD = MaterialCard("foam", Hyperfoam([9530.0], [8.0], [0.0], "longterm"),
                     conductivity=Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
-DESIGN = "[punch]\nplace = { within_mm = 40 }\nforce_N = { list = [0.1, 0.2, 0.3] }\n[accuracy]\nsignal = 0.05\n"
+DESIGN = "[punch]\nplace = { within_mm = 40 }\nforce_N = 0.2\n[accuracy]\nsignal = 0.05\n"
 
 
 def test_a_cache_of_many_tables_fits_a_screen(command: Callable, tmp_path: Path,
@@ -26,6 +26,7 @@ def test_a_cache_of_many_tables_fits_a_screen(command: Callable, tmp_path: Path,
     assert len(command("eitsim", "cache", "--verbose").stdout.splitlines()) > 50
 
 
+@pytest.mark.usefixtures("solved_once")
 def test_the_forecast_of_a_sweep_is_what_the_sweep_takes(command: Callable, tmp_path: Path) -> None:
     write_card(CARD, tmp_path / "card.json")
     (tmp_path / "design.toml").write_text(DESIGN)

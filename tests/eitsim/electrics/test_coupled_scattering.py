@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eitsim.electrics.cem.assembly import SkinMesh, dissection, impedance, quadrature_points
-from eitsim.electrics.cem.coupled_scattering import coupled_scattering
+from eitsim.electrics.cem.coupled_scattering import _joined, coupled_scattering
 from eitsim.electrics.cem.floating_electrodes import Touches, floating
 from eitsim.electrics.cem.ring_scattering import scattering
 from eitsim.electrics.forward.solve_forward import solve
@@ -155,3 +155,26 @@ def test_a_contact_that_reaches_the_edge_takes_a_mesh():
     assert solve(BODY, SKIN, LINES, Drive(), ((punch, touch),), LAW, signal=0.02).method == "mesh"
     with pytest.raises(ValueError, match="'multipole' needs a contact that ends before the edge"):
         solve(BODY, SKIN, LINES, Drive(), ((punch, touch),), LAW, method="multipole")
+
+
+@pytest.mark.parametrize("punch", [False, True])
+def test_joined_elements_have_the_admittance_of_one_dense_network(punch: bool) -> None:
+    """All nodes but those of the outer end, and the punch, which draws no current, are eliminated at once."""
+    rng, count, held = np.random.default_rng(1), 4, 0.7
+    size = 3 * count + punch
+    roots = rng.normal(size=(5, size, size))
+    elements, core = roots @ roots.swapaxes(1, 2) + np.eye(size), rng.uniform(1, 2, count)
+    whole = np.zeros((11 * count + punch,) * 2)
+    for k, element in enumerate(elements):
+        nodes = np.r_[2 * k * count + np.arange(3 * count), [11 * count] * punch].astype(int)
+        whole[np.ix_(nodes, nodes)] += element
+    whole[np.arange(count), np.arange(count)] += core
+    if punch:
+        ends = np.ix_([0, 11 * count], [0, 11 * count])
+        whole[ends] += held * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    kept = np.arange(10 * count, 11 * count)
+    rest = np.setdiff1d(np.arange(len(whole)), kept)
+    expected = whole[np.ix_(kept, kept)] - whole[np.ix_(kept, rest)] @ np.linalg.solve(
+        whole[np.ix_(rest, rest)], whole[np.ix_(rest, kept)])
+    found = _joined(elements, core, held)
+    assert np.triu(found) == pytest.approx(np.triu(expected), rel=1e-9)

@@ -91,8 +91,7 @@ def test_what_is_kept_between_calls_cannot_be_overwritten(kind: str):
 
 
 @pytest.mark.parametrize("electrodes", [
-    Electrodes(), Electrodes(count=4, width_m=0.15), Electrodes(width_m=0.038), Electrodes(width_m=FULL_M / 16),
-    Electrodes(count=64, width_m=0.0005), Electrodes(count=64, width_m=0.005)])
+    Electrodes(), Electrodes(count=4, width_m=0.15), Electrodes(width_m=0.038), Electrodes(count=64, width_m=0.0005)])
 def test_modes_around_the_ring_and_one_dense_system_agree(electrodes):
     modes, dense = solve_rim(Body(), electrodes, 6e-4), solve_rim(Body(), unlike(electrodes), 6e-4)
     for name in ("impedance_Ohm", "driven", "same", "crossed"):

@@ -10,11 +10,12 @@ from scipy.interpolate import CubicSpline
 from eitsim.electrics.cem.assembly import SkinMesh, impedance, quadrature_points
 from eitsim.mechanics.harmonics.arcs import OffsetDisc
 from eitsim.scene.results import RimField, Touch
-from eitsim.scene.scene import Body, Punch, Skin
+from eitsim.scene.scene import STRAINS, Body, Punch, Skin
 from eitsim.sheet.sheet_conductance import (
     FoldedSkin,
     areal_stretch,
     changes,
+    conductance_of,
     driving_strain,
     extrapolated_fraction,
     extrapolated_share,
@@ -204,3 +205,14 @@ def test_a_surface_that_turns_over_is_refused_by_name():
     folded = np.array([[0.93, 0.43], [0.43, 0.17]])[None]
     with pytest.raises(FoldedSkin, match=r"folds at 1 of 2 points.*Move the punch inwards"):
         areal_stretch(np.concatenate([stretched, folded]))
+
+
+@pytest.mark.parametrize("strain", STRAINS)
+def test_a_metric_conducts_by_the_stretches_along_its_axes(strain: str) -> None:
+    """Along each axis of C_s = l_1^2 a a' + l_2^2 b b' what `principal_conductances` says of l_1 and l_2."""
+    rng = np.random.default_rng(0)
+    stretch, normal, skin = rng.uniform(0.7, 1.4, (6, 2)), rng.uniform(0.6, 1.1, 6), Skin(strain=strain)
+    axes = np.array([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in rng.uniform(0, np.pi, 6)])
+    found = conductance_of(np.einsum("nik,nk,njk->nij", axes, stretch**2, axes), normal, skin, LAW)
+    expected = np.stack(principal_conductances(LAW, skin, *stretch.T, normal), axis=-1)
+    assert found == pytest.approx(np.einsum("nik,nk,njk->nij", axes, expected, axes), rel=1e-12)

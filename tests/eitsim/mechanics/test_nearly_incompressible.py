@@ -40,7 +40,7 @@ def test_one_element_in_uniaxial_compression_is_the_closed_form():
     assert pulled == pytest.approx(float(nominal_stress(law, "uniaxial", strain)), rel=1e-6)
 
 
-@pytest.mark.parametrize(("radius_mm", "depth_mm"), [(20.0, 0.1), (10.0, 0.05), (15.0, 0.15)])
+@pytest.mark.parametrize(("radius_mm", "depth_mm"), [(20.0, 0.1), (10.0, 0.05)])
 def test_a_sphere_on_a_thin_bonded_layer_follows_dimitriadis(radius_mm, depth_mm):
     """Biophys. J. 82 (2002) 2798, DOI 10.1016/S0006-3495(02)75620-8, nu = 0.5, bonded: a series for small chi, 2 % low
     at chi = 0.28."""

@@ -10,7 +10,7 @@ from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.imaging.images import images_of
 from eitsim.scene.drive import read_out
 from eitsim.scene.electrodes import Electrodes, among_all, present
-from eitsim.scene.frames import read_frames, write_frames
+from eitsim.scene.frames import column_order, read_frames, write_frames
 from eitsim.scene.results import Readings
 from eitsim.scene.scene import Scene
 from touchcal.errors import InputFileError
@@ -85,3 +85,8 @@ def test_frames_of_a_ring_with_a_missing_electrode_are_imaged(tmp_path: Path) ->
     assert not images.cautions
     left_out, _ = images_of(tmp_path / "frames.csv", Scene())
     assert "of 208 readings are empty in a frame" in left_out.cautions[0]
+
+
+def test_a_result_is_no_table_of_frames() -> None:
+    with pytest.raises(ValueError, match=r"JSON; frames are rows of a CSV.*--frames FILE"):
+        column_order(["{"], 208)

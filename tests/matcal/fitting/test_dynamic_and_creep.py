@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import simpson
+from scipy.optimize import least_squares
 
 from matcal.fitting.calibrate import calibrate
 from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.relaxation.spectrum_fit import fit_spectrum
+from matcal.fitting.relaxation.sweep_shift import _by_degree
 from matcal.laws.histories.creep_series import relaxation_of
 from matcal.laws.histories.time_temperature import Arrhenius, Shift, Wlf, decades
 from matcal.laws.prony import Prony, convolve, dynamic, relaxation
@@ -159,3 +161,52 @@ def test_the_sweeps_of_pyvisco_shift_as_published_where_they_flow() -> None:
     by_sweep = dict(zip(np.round(shift.temperature_K - 273.15).astype(int), shift.log10_a, strict=True))
     for celsius, decade in published.items():
         assert min(abs(v - decade) for t, v in by_sweep.items() if abs(t - celsius) <= 1) < 0.055
+
+
+@pytest.mark.parametrize("outlier", [0.0, 8.0])
+def test_a_shift_is_that_of_weighted_least_squares_with_its_variance(outlier: float) -> None:
+    """Two sweeps on a line of slope b with residuals of one size, whose weights are 1; a residual beyond 1.5 of 1.4826
+    times the median counts by what it exceeds that. Variance: square / (n - 3) over the curvature by the shift."""
+    rng, shift, (a, b) = np.random.default_rng(2), 0.7, (3.0, 0.5)
+    x = np.linspace(0.0, 3.0, 12)
+    off = 0.01 * rng.permutation(np.resize([1.0, -1.0], 24))
+    off[5] *= 1 + outlier
+    y = np.split(np.r_[a + b * x, a + b * (x + shift)] + off, 2)
+    _, by, variance = _by_degree([x, x], y, np.array([9.0]), 1, shift)
+
+    def left(p: np.ndarray) -> np.ndarray:
+        return np.r_[y[0] - p[0] - p[1] * x, y[1] - p[0] - p[1] * (x + p[2])]
+
+    weight, p = np.ones(24), np.array([a, b, shift])
+    for _ in range(60):
+        p = least_squares(lambda q, w=weight: np.sqrt(w) * left(q), p, xtol=1e-14, ftol=1e-14).x
+        size = np.abs(left(p))
+        weight = 1 / np.maximum(1.0, size / (1.5 * 1.4826 * np.median(size)))
+    slope = np.sqrt(weight)[:, None] * np.array([np.ones(24), np.r_[x, x + p[2]], np.repeat([0.0, p[1]], 12)]).T
+    expected = weight @ left(p) ** 2 / 21 * np.linalg.inv(slope.T @ slope)[2, 2]
+    assert (weight < 1).any() == (outlier > 0)
+    assert by == pytest.approx(p[2], abs=1e-6)
+    assert variance == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_series_without_given_times_has_the_terms_that_are_seen_alone() -> None:
+    """Of a standard solid, whose other times have no share; given times are all kept, 0 among their shares."""
+    time = np.geomspace(1.0, 1e4, 80)
+    test = Experiment("creep", np.zeros(80), 2e-6 - 1e-6 * np.expm1(-time / 100.0), time, source=("creep",))
+    found = fit_spectrum(test)
+    assert (found.prony.g > 0).all()
+    assert found.covariance.shape == (2 * found.prony.g.size,) * 2
+    assert found.modulus_Pa == pytest.approx(5e5, rel=1e-3)
+    assert found.prony.g.sum() == pytest.approx(1 / 3, rel=1e-3)
+
+
+def test_a_material_that_flows_keeps_the_least_share_at_rest() -> None:
+    """Of a Maxwell fluid of two terms shares of the whole modulus, with a thousandth of a millionth left."""
+    omega, m, tau = 2 * np.pi * np.geomspace(1e-3, 1e2, 60), np.array([3e5, 1e5]), np.array([0.1, 10.0])
+    turn = 1j * omega[:, None] * tau
+    z = (turn / (1 + turn)) @ m
+    test = Experiment("dma", np.zeros(60), z.real, source=("flows",), facts={"table_of_E": 1.0},
+                      sweep=Sweep(omega / (2 * np.pi), z.imag, np.zeros(60, dtype=int), np.array([293.15])))
+    found = fit_spectrum(test, times_s=(0.1, 10.0))
+    assert 1 - found.prony.g.sum() == pytest.approx(1e-9, rel=1e-3)
+    assert found.prony.g == pytest.approx([0.75, 0.25], rel=1e-6)

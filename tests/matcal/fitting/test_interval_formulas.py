@@ -9,6 +9,7 @@ from scipy.stats import norm, t
 
 from matcal.fitting.hyperfoam.curves import weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents, fit
+from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
 from matcal.fitting.uncertainty.intervals import (
     Uncertainty,
     derived_quantities,
@@ -17,12 +18,15 @@ from matcal.fitting.uncertainty.intervals import (
     measured_quantities,
     plateau_reached,
 )
+from matcal.fitting.uncertainty.linear_response import prior_precision
+from matcal.fitting.uncertainty.nu_ridge import RESOLVED, _direction
 from matcal.fitting.uncertainty.nuisance import nuisance, refined_records, surprise, with_drift
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.prony import Prony
 from matcal.reduction.experiment import Experiment
+from matcal.statistics.residual_correlation import Errors
 
 MU, ALPHA, NOISE_Pa = 12e3, 3.0, 50.0
 
@@ -312,3 +316,31 @@ def test_the_interval_of_a_stress_whose_slopes_overflow_when_squared_is_finite()
     about = Uncertainty({}, np.diag([100.0, 1.0, 1e-4, 1e-4]) ** 2, 50.0, law, (), 2.0, {}, ())
     found = intervals(about, lambda law: {"stress": float(nominal_stress(law, "volumetric", np.array([0.35]))[0])})
     assert 1e160 < found["stress"].sd < np.inf
+
+
+def test_the_wide_prior_is_ten_exponents_a_hundred_moduli_and_a_uniform_nu(white: Fit) -> None:
+    found = prior_precision(replace(white, nu_how="fit"))
+    mu_0, width = float(white.law.mu_Pa.sum()), NU_BOUNDS[1] - NU_BOUNDS[0]
+    assert found == pytest.approx(np.diag([(100 * mu_0) ** -2, 0.01, 12 / width**2]), rel=1e-12)
+    assert prior_precision(white) == pytest.approx(found[:2, :2])
+    two = replace(white, law=Hyperfoam([8e3, 4e3], [-2.0, 6.0], [0.1, 0.1]), nu_how="fit")
+    along = [(100 * 12e3) ** -2] * 2 + [0.02, 0.01]  # the first exponent takes the second along
+    assert np.diag(prior_precision(two)) == pytest.approx([*along, 12 / width**2], rel=1e-12)
+    assert np.diag(prior_precision(replace(two, nu_how="fit-each"))) == pytest.approx([*along, *[12 / width**2] * 2])
+
+
+@pytest.mark.parametrize("noise", [0.2, 1e-9])
+def test_the_cost_of_one_standard_deviation_is_that_of_the_parameter_next_to_the_others(noise: float) -> None:
+    """Var(x) |what no other slope follows|^2 with white errors, nuisances of unit prior; at least RESOLVED^2/n."""
+    rng, n = np.random.default_rng(3), 40
+    own, slopes, effect = rng.normal(size=n), rng.normal(size=(n, 2)), rng.normal(size=(n, 3))
+    errors = [Errors(noise**2 * np.eye(n), np.arange(n), float(n), n)]
+    cost = _direction(own, slopes, effect, errors, noise**2)
+    every = np.column_stack([own, slopes, effect])
+    prior = noise**2 * np.diag(np.r_[np.zeros(3), np.ones(3)])
+    variance = noise**2 * np.linalg.inv(every.T @ every + prior)[0, 0]
+    alone = own - slopes @ np.linalg.lstsq(slopes, own, rcond=None)[0]
+    along, doubt, spread, unit = cost
+    assert along @ along + doubt @ doubt == pytest.approx(1.0)
+    assert spread == pytest.approx(noise**2, rel=1e-9)
+    assert unit == pytest.approx(max(variance * alone @ alone, RESOLVED**2 / n), rel=1e-9)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import matcal
-from matcal.fitting.uncertainty.two_nu import TwoNu
+from matcal.fitting.hyperfoam.curves import weigh
+from matcal.fitting.uncertainty.two_nu import TwoNu, _by_lateral
 from matcal.record.cautions import cautions
+from matcal.reduction.experiment import Experiment
 
 STRAIN, VOLUME = np.linspace(-0.6, -0.02, 30), np.linspace(0.98, 0.6, 30)
 
@@ -45,3 +47,15 @@ def test_lateral_strains_that_contradict_the_volume_are_to_be_minded(seed: int) 
         low, high = card.fit["nu"]["without"]
         assert low - 0.01 < by_stress < high + 0.01
     assert not said(two(0.25, 0.25, seed, poisson="fit", order=2))
+
+
+def test_the_interval_of_lateral_strains_is_two_standard_deviations_of_one_common_error() -> None:
+    """Readings off by d along +1, -1, ... leave nu; its sd is |d| over the norm of the slopes by nu, and one factor of
+    all readings cancels."""
+    nu, off = 0.2, 0.004 * np.resize([1.0, -1.0], STRAIN.size)
+    slope = -(1 + STRAIN) ** -nu * np.log1p(STRAIN)
+    off -= slope * (slope @ off) / (slope @ slope)
+    test = Experiment("uniaxial", STRAIN, 1e4 * STRAIN, lateral=(1 + STRAIN) ** -nu - 1 + off)
+    low, high = _by_lateral(weigh([test]))
+    assert (low + high) / 2 == pytest.approx(nu, abs=2e-4)
+    assert (high - low) / 4 == pytest.approx(np.linalg.norm(off) / np.linalg.norm(slope), rel=2e-3)

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -107,3 +112,22 @@ def test_blatz_ko_is_a_hyperfoam(share) -> None:
     expected = mu / 2 * (share * (squares.sum(axis=1) - 3 + (j ** (-2 * beta) - 1) / beta)
                          + (1 - share) * ((1 / squares).sum(axis=1) - 3 + (j ** (2 * beta) - 1) / beta))
     np.testing.assert_allclose(law.energy(x), expected, rtol=1e-9)
+
+
+ENERGY = """
+import sys
+from matcal.laws.compiled_response import energies
+from matcal.laws.known_laws import law_of
+for name, values in (("gent", [[1.0], [20.0], [0.4995]]), ("yeoh", [[0.5], [0.1], [0.01], [0.4995]])):
+    if name in sys.argv:
+        law, x = law_of(name, values), [[0.1, -0.05, -0.04]]
+        import numpy
+        assert numpy.allclose(energies(law, numpy.array(x)), law.energy(x), rtol=1e-12), name
+"""
+
+
+def test_laws_that_were_compiled_by_different_processes_serve_one(tmp_path: Path) -> None:
+    """Numba links kept code by names, and functions of one name from two files would be taken for one another."""
+    for names in (["gent"], ["yeoh"], ["gent", "yeoh"]):
+        subprocess.run([sys.executable, "-c", ENERGY, *names], check=True,
+                       env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)})

@@ -190,3 +190,12 @@ def test_zones_of_outlines_are_those_of_the_disc_in_proportion() -> None:
     half = rim_zone.zones_from(0.7)
     assert half.learned == pytest.approx((0.665, 0.7))
     assert half.high_end == pytest.approx((0.75, 0.85))
+
+
+def test_learned_modes_weigh_large_and_small_signals_in_the_same_way(ring: Ring, synthetic: Synthetic) -> None:
+    touch, signal = synthetic(40, 3)
+    z, size = (touch[:, 0] + 1j * touch[:, 1]) / 100, np.geomspace(1e-3, 1e3, 40)[:, None]
+    noisy = signal + 0.02 * np.abs(signal).mean() * np.random.default_rng(0).normal(size=signal.shape)
+    whole, scaled = (multipole_series._learned(ring, z, values) for values in (noisy, noisy * size))
+    assert np.abs(whole - ring.modes).max() > 1e-3
+    np.testing.assert_allclose(scaled, whole, rtol=1e-9)

@@ -6,6 +6,7 @@ from scipy.stats import binom, norm
 
 from surrogate.statistics.conformal import (
     PRIOR_PRESSES,
+    Intervals,
     IntervalScale,
     _steadied,
     at_least,
@@ -147,3 +148,23 @@ def test_factors_are_at_least_those_of_another_scale_whatever_its_edge() -> None
 def test_a_steadied_scale_goes_from_the_steady_one_to_that_of_the_order_as_presses_grow() -> None:
     found = [_steadied(1.0, 4.0, presses) for presses in (0, PRIOR_PRESSES, 10**9)]
     assert found == pytest.approx([4.0, 2.0, 1.0], rel=1e-6)
+
+
+def test_each_part_of_the_rows_has_the_order_statistic_of_its_own_count() -> None:
+    """145 rows in doubt: the 132nd of theirs; 290 sure ones: the 262nd; ratios are whole numbers."""
+    rng = np.random.default_rng(4)
+    sd = np.repeat([1.0, 2.0], [290, 145])[:, None]
+    ratio = np.concatenate([rng.permutation(np.arange(1.0, 291)), rng.permutation(np.arange(1.0, 146))])[:, None]
+    (found,) = conformal_scales(ratio * sd, sd, sd, 435)
+    assert 1.0 <= found.edge[0] < 2.0
+    assert found.factor[:, 0].tolist() == [262.0, 132.0, 262.0]
+
+
+def test_half_widths_and_correlations_by_hand() -> None:
+    """Spreads 4 and 12 with floors 3 and 5; covariances over the product of both."""
+    assert Intervals(3.0, 2.0, 0.0, 1.0).half_width(np.array([[4.0]])) == pytest.approx(10.0)
+    found = Intervals(5.0, 2.0, 0.25, 1.5).bounds(np.array([[12.0, 12.0], [12.0, 0.0]]), np.array([0.0, 13.0]))
+    assert found.half_width == pytest.approx(np.array([[26.0, 26.0], [26.0, 10.0]]))
+    assert found.correlation == pytest.approx([0.25, 0.45])
+    assert found.ellipse.tolist() == [1.5, 1.5]
+    assert Intervals(5.0, 2.0, -0.9, 1.5).bounds(np.zeros((1, 2)), np.array([-25.0])).correlation == [-0.95]
