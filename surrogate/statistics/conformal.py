@@ -139,7 +139,7 @@ def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages
             some = kept[:, k]
             errors, side = error[:, k][some][:, None], sides[:, k][some][:, None]
             found[k] = conformal_scale(errors, side, max(round(rows * some.mean()), 1), coverage,
-                                       None if branched is None else branched[k].any(keepdims=True))
+                                       None if branched is None else np.array([branched[k].any()]))
         return found
 
     usual = np.ones(len(error), bool)

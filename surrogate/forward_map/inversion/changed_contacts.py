@@ -19,7 +19,8 @@ from surrogate.forward_map.inversion.reading_covariance import Uncertainty, whit
 from surrogate.statistics.levenberg_marquardt import inverse
 from touchcal.arrays import Array
 
-CHANGED = 4.0  # standard deviation of a change along its direction, in those of the noise: more is seen, and flagged
+CHANGED = 4.0  # standard deviation of a change along its direction, in those of the noise
+FAR = 2.0  # times that from which a residual is no contact's: the map does not explain the frame, which is flagged
 
 
 def directions(ring: Ring) -> Array:
@@ -52,6 +53,7 @@ def moved(forward: ForwardMap, sd: Uncertainty, residual: Array, jacobian: Array
     most = np.maximum(log_odds.max(axis=1, keepdims=True), 0.0)
     odds = np.exp(log_odds - most)
     weight = odds / (odds.sum(axis=1, keepdims=True) + np.exp(-most))
+    weight *= np.abs(size) < FAR * CHANGED
     size *= part
     shift = -np.einsum("nk,npk->np", weight * size, gain)
     second = np.einsum("nk,npk,nqk->npq", weight * (CHANGED**2 / widened + size**2), gain, gain)
