@@ -80,8 +80,8 @@ def read_curved_skin(path: Path | str) -> CurvedSkin:
 def _skin(tables: Mapping[str, Any], folder: Path) -> CurvedSkin:
     for table in ("punch", "hold"):
         if table in tables:
-            raise ValueError(f"[{table}]: a sheet has no foam to press; give a touch as a [[patch]] of conductance, or "
-                             "surface and thickness_mm in [body], which `eitsim run` solves.")
+            raise ValueError(f"[{table}]: a sheet has no layer to press; give a touch as a [[patch]] of conductance, "
+                             "or surface and thickness_mm in [body], which `eitsim run` solves.")
     check_keys(tables, _KEYS)
     parts = {name: _table(name, tables.get(name, {})) for name in ("body", "skin")}
     body = parts["body"]
