@@ -46,11 +46,9 @@ def test_places_hold_where_one_contact_changed(inner_model: surrogate.SweepModel
         return float(np.mean(off < normal(COVERAGE))), float(np.median(found.sd[:, k]))
 
     (with_one, _), (without, wide) = held(changed), held(clean)
-    before, changed_contacts.CHANGED = changed_contacts.CHANGED, 1e-6
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(changed_contacts, "CHANGED", 1e-6)
         (blind, _), (_, narrow) = held(changed), held(clean)
-    finally:
-        changed_contacts.CHANGED = before
     assert blind < 0.82
     assert with_one > blind + 0.06
     assert with_one > 0.85
