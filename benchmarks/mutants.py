@@ -1,11 +1,12 @@
 """Mutation test of the numerical core: one wrong operator, constant or term at a time, and whether quick tests see it.
 
-    python benchmarks/mutants.py [--count N] [--seed S] [--again] [MODULE or FOLDER ...]
+    python benchmarks/mutants.py [--count N | --total N] [--seed S] [--again] [MODULE or FOLDER ...]
 
-Of each module N mutants are drawn at random, the same at one seed; each is run in a copy of the tree by the tests that
-TESTS names, until one fails. Left alone are texts, messages, types, counters of loops, and tolerances. `--again` runs
-those that survived in the table. Writes results/mutants.csv: outcome `killed`, `survived` or `timeout`, which counts as
-killed. A survivor may be equivalent: the mutant may change no number.
+Of each module, or of all of them together, N mutants are drawn at random, the same at one seed; each is run in a copy
+of the tree until a test fails: of the quick ones that TESTS names, and in ROOMS of those that import the module. Left
+alone are texts, messages, types, counters of loops, and tolerances. `--again` runs those that survived in the table.
+Writes results/mutants.csv: outcome `killed`, `survived` or `timeout`, which counts as killed. A survivor may be
+equivalent: the mutant may change no number.
 """
 
 import argparse
@@ -33,9 +34,9 @@ ROOT = Path(__file__).parents[1]
 TESTS = {
     "matcal/laws": ["tests/matcal/laws"],
     "matcal/statistics": ["tests/matcal/statistics"],
-    "matcal/fitting/uncertainty": ["tests/matcal/fitting/test_interval_formulas.py"],
+    "matcal/fitting/uncertainty": [f"tests/matcal/fitting/test_{name}.py" for name in ("interval_formulas", "two_nu")],
     "matcal/fitting/relaxation": [f"tests/matcal/fitting/test_{name}.py" for name in (
-        "relaxation_formulas", "relaxation_fit", "rates")],
+        "relaxation_formulas", "relaxation_fit", "rates", "dynamic_and_creep")],
     **{f"matcal/reduction/{name}.py": [f"tests/matcal/reduction/test_{one}.py" for one in (
         "reduction_formulas", "known_answers", "geometry", "reductions", "settling", "protocols")] for name in (
             "reduce", "load_frame", "specimen", "strip_conductivity", "stress_relaxation")},
@@ -49,6 +50,10 @@ TESTS = {
     "surrogate/statistics": ["tests/surrogate/statistics"],
     "surrogate/forward_map/multipole_series.py": ["tests/surrogate/forward_map/test_multipole.py"],
 }
+# rooms whose modules are tested by the files that import them
+ROOMS = ("matcal/fitting/hyperfoam", "eitsim/electrics/forward", "eitsim/electrics/outline", "eitsim/electrics/curved",
+         "eitsim/mechanics/axisymmetric", "eitsim/mechanics/harmonics", "eitsim/mechanics/rim",
+         "eitsim/mechanics/load_paths", "eitsim/mechanics/general", "surrogate/model")
 COPIED = ("touchcal", "matcal", "eitsim", "surrogate", "reports", "tests", "benchmarks", "examples", "data_raw",
           "docs", "pyproject.toml", "README.md")
 OTHER = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult,
@@ -126,13 +131,22 @@ def mutants(module: str) -> list[Mutant]:
     return found
 
 
+def importing(module: str) -> list[str]:
+    """Files of tests that import a module by its name."""
+    folder, _, name = module.removesuffix(".py").replace("/", ".").rpartition(".")
+    words = (f"from {folder}.{name} import", f"from {folder} import {name}", f"{folder}.{name} as ")
+    return [path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "tests").rglob("test_*.py"))
+            if any(word in path.read_text(encoding="utf-8") for word in words)]
+
+
 def modules(names: list[str]) -> dict[str, list[str]]:
-    """Modules of the core at or below these names, all without a name -> their tests."""
+    """Modules of the core at or below these names, all without a name -> their tests; of ROOMS those that have any."""
     found = {}
-    for room, tests in TESTS.items():
+    for room in (*TESTS, *ROOMS):
         paths = [ROOT / room] if room.endswith(".py") else sorted((ROOT / room).rglob("*.py"))
         for module in (path.relative_to(ROOT).as_posix() for path in paths if path.name != "__init__.py"):
-            if not names or any(module.startswith(name.rstrip("/")) for name in names):
+            if (not names or any(module.startswith(name.rstrip("/")) for name in names)) and (
+                    tests := TESTS.get(room) or importing(module)):
                 found[module] = tests
     if not found:
         raise SystemExit(f"no module of the core at {', '.join(names)}; known: {', '.join(TESTS)}.")
@@ -198,6 +212,7 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("modules", nargs="*")
     asked.add_argument("--count", type=int, default=quick(12, 1))
+    asked.add_argument("--total", type=int, default=0)
     asked.add_argument("--seed", type=int, default=1)
     asked.add_argument("--again", action="store_true")
     given = asked.parse_args()
@@ -213,6 +228,10 @@ def main() -> None:
             chosen[module] = [m for m in every if (m.line, m.mutation) in again]
         else:
             chosen[module] = random.Random(f"{given.seed} {module}").sample(every, min(given.count, len(every)))
+    if given.total:
+        every = [mutant for module in tests for mutant in mutants(module)]
+        drawn = random.Random(given.seed).sample(every, min(given.total, len(every)))
+        chosen = {module: [m for m in drawn if m.module == module] for module in tests}
     with tempfile.TemporaryDirectory() as place:
         for name in COPIED:
             copied = shutil.copytree if (ROOT / name).is_dir() else shutil.copy

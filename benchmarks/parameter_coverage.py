@@ -1,22 +1,30 @@
-"""Do 95 % intervals of fitted numbers hold? nu and moduli with nu fitted, c_0 and a_i of a conductivity; fresh noise.
+"""Do 95 % intervals of fitted numbers hold? Moduli of foams (with nu fitted) and of rubbers (and stress in a mode that
+was not tested), c_0 and a_i of a conductivity; fresh noise.
 
 Run by `make bench`, or by hand with REPLICAS [CASE ...]; writes results/parameter_coverage.csv next to this file, where
 cases that were not run keep their earlier rows. Noise is a share of the rms stress, or 0.03 S/m, white or correlated
 from point to point (ar), or grows with the value (proportional); zero: the strain's zero of each test but a volumetric
-one is off by a normal error of this standard deviation. Per case, method and quantity: replicas, share of them
+one is off by a normal error of this standard deviation; offset: the load's zero, by one of 2 % of the rms stress; zeros
+known: the fit takes both as exact. Per case, method and quantity: replicas, share of them
 whose interval holds the truth, and half its width in per cent of the truth (of 1 for nu).
 """
 
 import argparse
+import itertools
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from conditions import earlier, quick, shown, written
 
 import matcal
+from matcal.fitting.calibrate import calibrate
+from matcal.fitting.fit_options import FitOptions
+from matcal.fitting.uncertainty.intervals import intervals
+from matcal.laws.known_laws import law_of
+from matcal.laws.law import Law, has_terms
 
 STRAINS = {"uniaxial": np.linspace(0, -0.5, 50), "shear": np.linspace(0, 0.7, 50),
            "volumetric": np.linspace(1, 0.6, 40), "planar": np.linspace(0, 0.5, 40)}
@@ -37,6 +45,18 @@ class Foam:
 
 
 @dataclass(frozen=True)
+class Rubber:
+    """A uniaxial and a biaxial test of a rubber."""
+
+    law: str
+    values: Sequence[Sequence[float]]
+    noise: float = 0.01
+    ar: float = 0.0
+    offset: float = 0.0
+    known: bool = False
+
+
+@dataclass(frozen=True)
 class Skin:
     """A conductivity test."""
 
@@ -47,7 +67,12 @@ class Skin:
 
 
 TWO = ([18e3, 2e3], [8.0, -1.8])
-CASES: dict[str, Foam | Skin] = {
+STRETCHED = {"uniaxial": np.linspace(0.02, 2.5, 80), "biaxial": np.linspace(0.02, 1.2, 60)}
+RUBBERS = {"mooney_rivlin": [[9e4], [2e4]], "yeoh": [[1e5], [-1e3], [60.0]], "ogden": [[1.5e5, 4e3], [1.7, 5.0]],
+           "gent": [[2e5], [40.0]], "arruda_boyce": [[2e5], [3.0]], "extended_tube": [[1e5], [0.15], [1e5], [0.4]]}
+OF_RUBBERS = {"white": {}, "white, zeros known": {"known": True}, "correlated": {"ar": 0.85},
+              "offset": {"offset": 0.02}}
+CASES: dict[str, Foam | Rubber | Skin] = {
     "uniaxial, shear, nu 0.2": Foam(*TWO, 0.2, ("uniaxial", "shear")),
     "uniaxial, shear, nu 0.1": Foam(*TWO, 0.1, ("uniaxial", "shear")),
     "uniaxial, shear, nu 0.4": Foam(*TWO, 0.4, ("uniaxial", "shear")),
@@ -60,7 +85,9 @@ CASES: dict[str, Foam | Skin] = {
     "uniaxial, planar, nu 0.4, 1 %": Foam(*TWO, 0.4, ("uniaxial", "planar"), 0.01),
     "skin": Skin(), "skin, ar 0.5": Skin(ar=0.5), "skin, ar 0.9": Skin(ar=0.9), "skin, 12 points": Skin(12),
     "skin, proportional": Skin(proportional=True), "skin, posterior": Skin(posterior=True),
-    "skin, ar 0.5, posterior": Skin(ar=0.5, posterior=True), "skin, ar 0.9, posterior": Skin(ar=0.9, posterior=True)}
+    "skin, ar 0.5, posterior": Skin(ar=0.5, posterior=True), "skin, ar 0.9, posterior": Skin(ar=0.9, posterior=True),
+    **{f"{law}, {kind}": Rubber(law, values, **how)
+       for (law, values), (kind, how) in itertools.product(RUBBERS.items(), OF_RUBBERS.items())}}
 
 
 def errors(count: int, ar: float, rng: np.random.Generator) -> np.ndarray:
@@ -88,6 +115,26 @@ def foam_rows(case: Foam, rng: np.random.Generator) -> dict[str, tuple[float, fl
         name: (truth[name], row["lo"], row["hi"]) for name, row in found["derived"].items()}
 
 
+def rubber_rows(case: Rubber, rng: np.random.Generator) -> dict[str, tuple[float, float, float]]:
+    """Quantity -> (truth, ends of its interval)."""
+    law = law_of(case.law, [*case.values, [0.5]])
+    tests = []
+    for mode, strain in STRETCHED.items():
+        stress = matcal.nominal_stress(law, mode, strain)
+        size = np.sqrt(np.mean(stress**2))
+        off = size * (case.noise * errors(strain.size, case.ar, rng) + case.offset * rng.normal())
+        test = matcal.read_test({mode: (strain, stress + off)})
+        tests.append(replace(test, facts={}) if case.known else test)
+    terms = len(case.values[0]) if has_terms(type(law)) else "auto"
+    about = calibrate(tests, FitOptions(law=case.law, order=terms)).uncertainty
+
+    def watched(one: Law) -> dict[str, float]:
+        return {"mu_0_Pa": one.mu_0_Pa, "planar_Pa": float(matcal.nominal_stress(one, "planar", 1.0))}
+
+    return {name: (truth, found.lo, found.hi) for (name, truth), found in zip(
+        watched(law).items(), intervals(about, watched).values(), strict=True)}
+
+
 def skin_rows(case: Skin, rng: np.random.Generator) -> dict[str, tuple[float, float, float]]:
     """Quantity -> (truth, ends of its interval)."""
     e = np.linspace(0, STRETCH, case.points)
@@ -106,8 +153,8 @@ def skin_rows(case: Skin, rng: np.random.Generator) -> dict[str, tuple[float, fl
 def run(name: str, replicas: int, seed: int = 0) -> list[dict]:
     """Rows of one case."""
     case, begun = CASES[name], time.process_time()
-    each = [(foam_rows if isinstance(case, Foam) else skin_rows)(case, np.random.default_rng([seed, k]))
-            for k in range(replicas)]
+    rows = {Foam: foam_rows, Rubber: rubber_rows, Skin: skin_rows}[type(case)]
+    each = [rows(case, np.random.default_rng([seed, k])) for k in range(replicas)]
     spent = (time.process_time() - begun) / replicas
     out = []
     for quantity in each[0]:

@@ -4,6 +4,7 @@ import dataclasses
 import importlib
 import io
 import json
+import math
 import re
 import tokenize
 import types
@@ -14,7 +15,7 @@ from typing import Any
 import typer
 
 from eitsim.scene.electrodes import KINDS, SHAPES
-from touchcal.json_schema import schema
+from touchcal.document import Keys, Number
 
 COMMANDS = ("matcal", "eitsim", "surrogate")
 # name of a schema -> what it describes, and the module whose _SHAPE it is
@@ -39,6 +40,8 @@ SHORT = {"body": {"outline": "or a CSV, DXF, SVG or mesh file of the outer edge 
                         "calibrated": "`sensor.json` of `eitsim sensor fit`: its electrodes and channels, without any "
                                       "other key"},
          "drive": {"currents": "or a CSV of them", "measurements": "or a CSV of them"}}
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_TYPES = {str: "string", bool: "boolean", dict: "object", list: "array", None: "null"}
 _SCENE = """card = "card.json"
 
 [punch]
@@ -112,6 +115,32 @@ def schemas(folder: Path) -> str:
     return "\n".join(["# Schemas of files\n", "JSON Schemas (draft 2020-12) made from the shapes that the programs "
                       "check when they read a file. How numbers go together is checked by the programs alone.\n",
                       *_table(("schema", "of"), rows)])
+
+
+def schema(shape: Any, title: str) -> dict[str, Any]:
+    """The JSON Schema (draft 2020-12) of a whole document of this shape."""
+    return {"$schema": _DIALECT, "title": title} | part_of(shape)
+
+
+def part_of(shape: Any) -> dict[str, Any]:
+    """The JSON Schema of one part."""
+    if isinstance(shape, Number):
+        ends = {"minimum": shape.least, "maximum": shape.most}
+        return {"type": "integer" if shape.whole else "number"} | {key: end for key, end in ends.items()
+                                                                   if math.isfinite(end)}
+    if isinstance(shape, tuple):
+        return {"anyOf": [part_of(one) for one in shape]}
+    if isinstance(shape, list):
+        if len(shape) == 1:
+            return {"type": "array", "items": part_of(shape[0])}
+        return {"type": "array", "prefixItems": [part_of(one) for one in shape], "minItems": len(shape),
+                "maxItems": len(shape)}
+    if isinstance(shape, Keys):
+        return {"type": "object", "required": list(shape.needed), "additionalProperties": shape.further,
+                "properties": {key: part_of(one) for key, one in {**shape.needed, **shape.allowed}.items()}}
+    if isinstance(shape, dict):
+        return {"type": "object", "additionalProperties": part_of(shape[str])}
+    return {} if shape is object else {"type": _TYPES[shape]}
 
 
 def scene_keys() -> str:

@@ -50,8 +50,8 @@ _SHAPE = Keys({"schema": Number()}, {
                                 "decisions": [str], "decisions_of": {str: Number(0, whole=True)}, "cautions": [str],
                                 "cpu_s": {str: Number(0)}})}, further=False)
 # what a stage of `matcal.fitting.calibrate.Calibration` is called
-STAGES = {"records": "all records", "relaxation": "relaxation", "law": "hyperfoam law", "checks": "checks of the law",
-          "skin": "conductivity"}
+STAGES = {"records": "all records", "relaxation": "relaxation", "law": "hyperelastic law",
+          "checks": "checks of the law", "skin": "conductivity"}
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def lacking(card: MaterialCard, part: str, purpose: str) -> str:
     needs = {"law": "a uniaxial or shear file", "prony": "a relaxation, creep or dma file",
              "shift": "a dma file of several temperatures", "softening": "a cyclic file and --unloading",
              "conductivity": "a conductivity file, or by hand in Python with matcal.Conductivity"}[part]
-    what = "law of the foam" if part == "law" else part
+    what = "hyperelastic law" if part == "law" else part
     return f"card '{card.name}' has no {what}, which {purpose} needs. Add it with `matcal fit` and {needs}."
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from surrogate.model.model import Model as Model
     from surrogate.model.model import load as load
     from surrogate.model.recorded.learn_presses import learn as learn
+    from surrogate.model.recorded.learn_presses import learn_session as learn_session
     from surrogate.model.recorded.learn_sets import learn_sets as learn_sets
     from surrogate.model.recorded.press_model import PressModel as PressModel
     from surrogate.model.recorded.set_model import SetModel as SetModel

@@ -4,6 +4,7 @@ tests."""
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 SCREEN = 40
@@ -27,3 +28,32 @@ def test_default_outputs_fit_a_screen(command: Callable, tmp_path: Path, monkeyp
         done = command(program, *words, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         assert len((done.stdout + done.stderr).splitlines()) <= SCREEN, f"{program} {words[0]}: {done.stdout}"
+
+
+def test_eight_laws_of_a_silicone_fit_a_screen_and_its_table_without_a_clock_is_named(
+        command: Callable, tmp_path: Path) -> None:
+    """A dynamic test gives the series here, which corrects no curve without a clock."""
+    stretch, pulse = np.linspace(1, 4, 40), np.geomspace(0.1, 100, 16) * 2 * np.pi
+    stress = 25e3 * (stretch - stretch**-2) + 40 * (stretch**4 - stretch**-3)
+    storage, loss = 0.12e6 - 0.02e6 / (1 + (0.1 * pulse)**2), 0.002e6 * pulse / (1 + (0.1 * pulse)**2)
+    np.savetxt(tmp_path / "tension.csv", np.c_[stretch, stress], "%.7g", ",", comments="",
+               header="stretch (-),stress (Pa)")
+    np.savetxt(tmp_path / "dma.csv", np.c_[pulse / (2 * np.pi), storage, loss], "%.7g", ",", comments="",
+               header="Frequency (Hz),Storage modulus (Pa),Loss modulus (Pa)")
+    done = command("matcal", "fit", "tension.csv", "dma=dma.csv", "--law", "auto", "--out", "card.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) <= SCREEN, done.stdout
+    assert "uniaxial_1 has no clock" in done.stdout
+    assert "5 laws of less weight left out" in done.stdout
+
+
+def test_images_of_a_recording_fit_a_screen(capsys: pytest.CaptureFixture[str]) -> None:
+    from eitsim.cli.display import show_images
+
+    images = [{"line": n, "x_mm": None, "y_mm": None, "area_mm2": 1.0, "peak": 2.0, "note": "no place"}
+              for n in range(2, 102)]
+    show_images({"frames": images, "misfit": None, "differences": "given", "prior": "laplace", "noise_figure": 0.5,
+                 "cautions": ["a", "b"]}, None)
+    printed = capsys.readouterr().out
+    assert len(printed.splitlines()) <= SCREEN
+    assert "84 more lines and 92 more notes: --json holds all." in printed

@@ -4,14 +4,21 @@ import importlib.util
 import re
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+import jsonschema
 import pytest
 
 import eitsim
+import matcal
 from eitsim.sweeps.dataset.parquet import MANIFEST
+from matcal import card as card_module
 from surrogate.model import store
+from touchcal.document import Keys, Number, check
 
 ROOT = Path(__file__).parents[1]
+SHAPE = Keys({"count": Number(0, 5, whole=True)}, {"name": (str, None), "pair": [Number(), Number(-1, 1)],
+                                                   "each": {str: [bool]}, "any": object}, further=False)
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +77,27 @@ def test_the_scene_on_the_page_of_keys_is_read(reference: ModuleType, tmp_path: 
     (tmp_path / "scene.toml").write_text(block, encoding="utf-8")
     scene = eitsim.read_scene(tmp_path / "scene.toml")
     assert (scene.card, scene.punches[0].x_m, scene.electrodes.count) == ("card.json", 0.02, 16)
+
+
+@pytest.mark.parametrize("document", [
+    {"count": 3}, {"count": 3, "name": None, "pair": [7, 0.5], "each": {"a": [True]}, "any": [1, "x"]},
+    {}, {"count": -1}, {"count": 2.5}, {"count": 3, "name": 4}, {"count": 3, "pair": [1]}, {"count": 3, "pair": [1, 2]},
+    {"count": 3, "each": {"a": [1]}}, {"count": 3, "other": 1}, {"count": True}, []])
+def test_a_shape_and_its_schema_say_the_same(reference: ModuleType, document: Any) -> None:
+    try:
+        check(document, SHAPE if isinstance(document, dict) else dict)
+        sound = isinstance(document, dict)
+    except ValueError:
+        sound = False
+    assert jsonschema.Draft202012Validator(reference.part_of(SHAPE)).is_valid(document) == sound
+
+
+def test_a_card_fits_its_schema_and_a_broken_one_does_not(reference: ModuleType) -> None:
+    card = matcal.MaterialCard("foam", matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm"),
+                               conductivity=matcal.Conductivity(30.0, [-2.0, 2.0, -1.0], (0.0, 0.4)))
+    document, validator = card_module.as_json(card), jsonschema.Draft202012Validator(
+        reference.schema(card_module._SHAPE, "a material card"))
+    validator.check_schema(validator.schema)
+    assert [error.message for error in validator.iter_errors(document)] == []
+    document["hyperfoam"]["nu"] = [0.7]
+    assert not validator.is_valid(document)

@@ -6,7 +6,7 @@ list of any length) or of several (one value for each), a dictionary {str: shape
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -76,6 +76,14 @@ def check(value: Any, shape: Any, where: str = "") -> None:
     elif isinstance(shape, list):
         for k, each in enumerate(value):
             check(each, shape[k] if len(shape) > 1 else shape[0], f"{where}[{k}]")
+
+
+def check_keys(raw: Any, known: Collection[str], table: str = "") -> None:
+    """ValueError where a table of a file, or the file, holds another key than those known, or is no table."""
+    if not isinstance(raw, Mapping):
+        raise ValueError(f"[{table}] must be a table of keys, got {raw!r:.80}.")
+    if unknown := [key for key in raw if key not in known]:
+        raise ValueError(unknown_key(unknown[0], known, table))
 
 
 def _of_kind(value: Any, shape: Any) -> bool:

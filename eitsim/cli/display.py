@@ -17,6 +17,7 @@ from rich.table import Table
 
 from eitsim.scene.results import Decision, Plan, Result
 from eitsim.simulation.result_json import ERRORS, MECHANICS
+from touchcal.number_words import counted
 
 if TYPE_CHECKING:
     from eitsim.sensors.inspection import Inspection
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 _FLAT = ("force_N", "delta_max_mm", "A_c_mm2")  # Outputs that are compared with those of a flat layer.
 _MOST_NUMBERS = 4  # of parameters that are named one by one
-_MOST_NOTES = 8  # of images, one a line
+_MOST_IMAGES, _MOST_NOTES = 16, 8  # one a line
 
 
 def show_plan(made: Plan, *, reasons: bool = True) -> None:
@@ -119,14 +120,15 @@ def show_solved(document: dict[str, Any], out: Path | None) -> None:
 def show_images(document: dict[str, Any], out: Path | None) -> None:
     keys = ("line", "x_mm", "y_mm", "area_mm2", "peak")
     table = Table(*keys, title="images: quarter-amplitude area, its centre, largest relative change of conductance")
-    for image in document["frames"]:
+    for image in document["frames"][:_MOST_IMAGES]:
         table.add_row(*("-" if image[key] is None else f"{image[key]:.4g}" for key in keys))
     _console().print(table)
     noted = [image for image in document["frames"] if "note" in image]
     for image in noted[:_MOST_NOTES]:
         print(f"line {image['line']}: {image['note']}")
-    if (left := len(noted) - _MOST_NOTES) > 0:
-        print(f"{left} more lines have a note: --json holds all.")
+    hidden, unsaid = (max(len(of) - most, 0) for of, most in ((document["frames"], _MOST_IMAGES), (noted, _MOST_NOTES)))
+    if hidden or unsaid:
+        print(f"{counted(hidden, 'more line')} and {counted(unsaid, 'more note')}: --json holds all.")
     untouched = "" if document["misfit"] is None else (
         f"untouched: {document['conductance_S']:.4g} S a square, misfit {document['misfit']:.2%}; ")
     print(f"{untouched}{document['differences']} differences, prior {document['prior']}, noise figure "
@@ -138,15 +140,15 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
 
 
 def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
-    """Rows that set the least strain against the fitted ones of the foam, and what the skin's law extrapolates."""
+    """Rows that set the least strain against the fitted ones of the law, and what the skin's law extrapolates."""
     table.add_row("Least strain of the surface", f"{stability['least_strain']:.3f}")
-    for part in ("foam", "skin"):
+    for part, name in (("law", stability["law"]), ("skin", "Skin law")):
         fitted = stability[f"fitted_{part}_strain"]
         words = "not stated by the card"
         if fitted is not None:
             words = " to ".join(f"{round(end, 3) + 0.0:g}" for end in fitted)
-            words += ", extrapolated" if part == "foam" and stability["least_strain"] < fitted[0] else ""
-        table.add_row(f"{part.capitalize()} law fitted over strains", words)
+            words += ", extrapolated" if part == "law" and stability["least_strain"] < fitted[0] else ""
+        table.add_row(f"{name} fitted over strains", words)
     share = stability.get("signal_share_extrapolated")
     table.add_row("Skin outside its fit", f"{stability['skin_fraction_extrapolated']:.2%} of it"
                   + ("" if share is None else f", {share:.0%} of the signal"))

@@ -47,6 +47,8 @@ def plan(scene: SceneOrDesign, card: CardOption = None,
          scenes: Annotated[int | None, typer.Option(help="Of a design: number of rows in place of its own.")] = None,
          workers: Annotated[int | None, typer.Option(min=1, help="Of a design: processes of the sweep; by default one "
                                                                  "for every processor.")] = None,
+         reuse: Annotated[bool | None, typer.Option("--reuse/--no-reuse", help="Of a design: the option of the "
+                                                    "sweep.")] = None,
          as_json: JsonOption = False) -> None:
     """Print what a scene needs and the error each omission may cost; nothing is solved. Of a design: rows, time,
     memory, disk and tables of its sweep on this machine, by up to 12 of its rows, which are solved.
@@ -61,10 +63,11 @@ def plan(scene: SceneOrDesign, card: CardOption = None,
     from eitsim.sweeps.design.design import is_design
 
     if scenes is not None or is_design(read_toml(scene)):
-        _plan_design(scene, card, scenes, workers, as_json)
+        _plan_design(scene, card, scenes, workers, reuse, as_json)
         return
-    if workers is not None:
-        raise ValueError(f"{scene} is a scene, and --workers is of designs. Leave it out, or give --scenes.")
+    if workers is not None or reuse is not None:
+        option = "--reuse" if workers is None else "--workers"
+        raise ValueError(f"{scene} is a scene, and {option} is of designs. Leave it out, or give --scenes.")
     parsed = read_any_scene(scene)
     made = planned(parsed, _card_path(scene, parsed, card))
     if as_json:
@@ -77,13 +80,14 @@ def plan(scene: SceneOrDesign, card: CardOption = None,
         raise ValueError(f"{scene}: {made.refusal}")
 
 
-def _plan_design(path: Path, card: Path | None, scenes: int | None, workers: int | None, as_json: bool) -> None:
+def _plan_design(path: Path, card: Path | None, scenes: int | None, workers: int | None, reuse: bool | None,
+                 as_json: bool) -> None:
     from eitsim.sweeps.design.design import read_design
     from eitsim.sweeps.run.forecast import forecast, lines
 
     if card is None:
         raise ValueError(f"{path}: no card. Give --card card.json.")
-    expected = forecast(read_design(path, scenes), read_card(card), workers or os.cpu_count() or 1)
+    expected = forecast(read_design(path, scenes), read_card(card), workers or os.cpu_count() or 1, reuse)
     if as_json:
         print_json(asdict(expected) | {"wall_s": expected.wall_s})
     else:

@@ -13,8 +13,8 @@ from eitsim.scene.drive import MATRICES, Drive, as_tuples, with_matrices
 from eitsim.scene.electrodes import FEWEST, MOST
 from eitsim.scene.scene import scene_from
 from eitsim.scene.triangle_files import TriangleMesh, read_triangles
-from touchcal.document import is_number
-from touchcal.errors import InputFileError, unknown_key
+from touchcal.document import check_keys, is_number
+from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
 Point = tuple[float, ...]
@@ -80,10 +80,9 @@ def read_curved_skin(path: Path | str) -> CurvedSkin:
 def _skin(tables: Mapping[str, Any], folder: Path) -> CurvedSkin:
     for table in ("punch", "hold"):
         if table in tables:
-            raise ValueError(f"[{table}]: a sheet has no foam to press; give a touch as a [[patch]] of conductance, or "
-                             "surface and thickness_mm in [body], which `eitsim run` solves.")
-    if unknown := [key for key in tables if key not in _KEYS]:
-        raise ValueError(unknown_key(unknown[0], _KEYS))
+            raise ValueError(f"[{table}]: a sheet has no layer to press; give a touch as a [[patch]] of conductance, "
+                             "or surface and thickness_mm in [body], which `eitsim run` solves.")
+    check_keys(tables, _KEYS)
     parts = {name: _table(name, tables.get(name, {})) for name in ("body", "skin")}
     body = parts["body"]
     if not isinstance(body.get("mesh"), str):
@@ -138,10 +137,7 @@ def drive_of(raw: Any, electrodes: Mapping[str, Any]) -> Drive:
 
 
 def _table(name: str, raw: Any) -> Mapping[str, Any]:
-    if not isinstance(raw, Mapping):
-        raise ValueError(f"[{name}] must be a table of keys, got {raw!r:.80}.")
-    if unknown := [key for key in raw if key not in _KEYS[name]]:
-        raise ValueError(unknown_key(unknown[0], _KEYS[name], name))
+    check_keys(raw, _KEYS[name], name)
     return raw
 
 

@@ -106,10 +106,10 @@ def check_punch(punch: Punch, thickness_m: float) -> None:
     if punch.force_N is not None and punch.depth_m is not None:
         raise ValueError("[punch] has both force_N and depth_mm; give one of them.")
     if punch.force_N is not None:
-        require(punch.force_N > 0, "force_N in [punch]", "must be positive (N, pressing into the foam)", punch.force_N)
+        require(punch.force_N > 0, "force_N in [punch]", "must be positive (N, pressing into the layer)", punch.force_N)
     if punch.depth_m is not None:
         require(0 < punch.depth_m < thickness_m, "depth_mm in [punch]",
-                 "must lie between 0 and the foam's thickness", punch.depth_m * 1e3)
+                 "must lie between 0 and the layer's thickness", punch.depth_m * 1e3)
     require(0 < punch.fillet_m <= punch.diameter_m / 2, "fillet_mm in [punch]",
              "(0.5 unless given) must be positive (a sharp edge has no finite peak stress) and at most half of "
              f"diameter_mm = {punch.diameter_m * 1e3:g}", punch.fillet_m * 1e3)

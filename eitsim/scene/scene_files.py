@@ -57,7 +57,7 @@ def _count(electrodes: Any) -> int:
 def _with_outline(body: Mapping[str, Any], electrodes: Any, folder: Path) -> dict[str, Any]:
     """The table [body], a file that outline or points_mm names replaced by the corners it holds, mm."""
     if "mesh" in body:
-        raise ValueError("mesh in [body] is a sheet without foam, which `eitsim solve-mesh` reads; for punches give "
+        raise ValueError("mesh in [body] is a sheet without a layer, which `eitsim solve-mesh` reads; for punches give "
                          "its file as surface, with thickness_mm.")
     name = body.get("outline")
     if isinstance(name, str) and name not in ("disc", *KINDS) and "." in name:

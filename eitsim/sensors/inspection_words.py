@@ -133,7 +133,8 @@ def cautions(found: Inspection) -> Iterator[str]:
                "of them, which stays imaginary, is left out.")
     if found.late.size:
         yield (f"Readings {_listed(found.late)} of each row belong to the frame before it: they change with the others "
-               "of the row above. Begin a row where the scan begins, or move them up by one row.")
+               "of the row above. Begin a row where the scan begins, or move them up by one row (`surrogate learn` "
+               "does so itself).")
     if found.kind != "difference" and not found.recording.untouched.any():
         yield "No frame is untouched: the mean of all stands for it. Leave touch empty where nothing touches."
     if one.unexplained > EXPLAINED:

@@ -27,7 +27,8 @@ from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Scene, Skin, read_scene, scene_from
 from eitsim.scene.scene_files import with_files
 from eitsim.sensors.recording import check_kind
-from touchcal.errors import InputFileError, unknown_key
+from touchcal.document import check_keys
+from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 from touchcal.whole_file import written
 
@@ -83,13 +84,9 @@ def scene_of_frames(path: Path | str) -> tuple[Scene, str]:
 def sensor_from(raw: Mapping[str, Any], folder: Path) -> Sensor:
     """A checked sensor from the tables of a sensor file, whose CSV files are named relative to `folder`; ValueError
     names the key."""
-    if unknown := [key for key in raw if key not in TABLES]:
-        raise ValueError(unknown_key(unknown[0], TABLES))
+    check_keys(raw, TABLES)
     readings = raw.get("readings", {})
-    if not isinstance(readings, Mapping):
-        raise ValueError(f"[readings] must be a table of keys, got {readings!r}.")
-    if unknown := [key for key in readings if key != "kind"]:
-        raise ValueError(unknown_key(unknown[0], ("kind",), "readings"))
+    check_keys(readings, ("kind",), "readings")
     kind = readings.get("kind", Sensor.kind)
     check_kind(kind, "kind in [readings]")
     tables = {name: table for name, table in raw.items() if name != "readings"}

@@ -61,6 +61,6 @@ def _section(touch: Touch) -> Section:
     if touch.rim is not None:
         raise ValueError("the section knows no rim, which this touch has; take its fields in the volume.")
     if touch.section is None:
-        raise ValueError("this touch keeps no fields inside the foam: it is from a table or from `general`. Solve "
+        raise ValueError("this touch keeps no fields inside the layer: it is from a table or from `general`. Solve "
                          "the scene with solve_scene(..., bodies=False), as `eitsim run --fields` does.")
     return touch.section

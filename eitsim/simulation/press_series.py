@@ -203,7 +203,7 @@ def volume_of(body: Body, punch: Punch, touch: Touch) -> Volume:
     if touch.volume is not None:
         return touch.volume
     if touch.section is None or touch.rim is not None:
-        raise ValueError("this touch keeps no displacements inside the foam: it comes from a table, or lies near an "
+        raise ValueError("this touch keeps no displacements inside the layer: it comes from a table, or lies near an "
                          "edge where they are not built. Solve it without one.")
     section, place = touch.section, np.array([punch.x_m, punch.y_m])
     edges = np.stack(corners_and_edges(body.outline), axis=1) - place if body.has_outline else None

@@ -100,17 +100,18 @@ def non_elliptic_mm(touch: Touch) -> dict[str, list[float]] | None:
 
 
 def fitted_ranges(result: Result, scene: AnyScene, card: MaterialCard) -> dict[str, Any]:
-    """Least through-thickness strain of the surface, the strains over which foam and skin were fitted, and the share
-    of the signal that comes from skin outside them.
+    """Least through-thickness strain of the surface, the card's law, the strains over which it and the skin's were
+    fitted, and the share of the signal that comes from skin outside them.
 
     Where the least strain lies below them the laws are extrapolated, at a cost that no error estimate here counts.
     """
     from eitsim.simulation.layers.layer_readings import share_extrapolated  # reports need no finite elements
 
     least = min(float(np.min(touch.stretch_normal)) for touch in result.touches) - 1
-    foam = card.law.strain_range.get("uniaxial") if card.law else None
+    fitted = card.law.strain_range.get("uniaxial") if card.law else None
     skin = card.conductivity.strain_range if card.conductivity else None
-    return {"least_strain": least, "fitted_foam_strain": list(foam) if foam else None,
+    return {"least_strain": least, "law": card.law.name if card.law else None,
+            "fitted_law_strain": list(fitted) if fitted else None,
             "fitted_skin_strain": list(skin) if skin else None,
             **({"signal_share_extrapolated": share_extrapolated(scene, result.touches, card.conductivity)}
                if card.conductivity else {})}

@@ -181,7 +181,7 @@ def _result(chosen: Chosen, plan: Plan, touches: tuple[Touch, ...], readings: Re
     error_estimate = error_budget(plan, numerical, unplanned, readings)
     deepest, too_deep = max(touch.depth_m for touch in touches), ""
     if deepest > BOTTOM * scene.body.thickness_m:
-        too_deep = f"the punch is {deepest * 1e3:.3f} mm deep, more than {BOTTOM:.0%} of the foam's thickness."
+        too_deep = f"the punch is {deepest * 1e3:.3f} mm deep, more than {BOTTOM:.0%} of the layer's thickness."
     note = too_deep or explain_excess(scene.accuracy.signal, error_estimate["signal"], numerical["signal"], plan,
                                       readings)
     return Result("bottomed_out" if too_deep else "ok", plan, touches, readings, moments, note, interaction=neighbours,

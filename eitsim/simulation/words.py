@@ -25,7 +25,7 @@ _REMEDIES: dict[str, str] = {
     Kind.SOFT_ELECTRODES: "Where yours give way, as paint, foil and thin wires do, write soft = true in [electrodes]."}
 
 # What electrodes are where they do not give way: lines along the edge, or patches.
-_BODIES = {True: "stiff plates that stand on the base and hold the side as high as the foam",
+_BODIES = {True: "stiff plates that stand on the base and hold the side as high as the layer",
            False: "stiff pads bonded to the surface, which move with it"}
 
 _LINES: dict[Kind, Words] = {
@@ -33,7 +33,7 @@ _LINES: dict[Kind, Words] = {
     Kind.INSULATED: ("no conduction through the punch", "conductor is false in [punch]"),
     Kind.FLOATING: (
         "a conducting punch floats on the whole of its contact", "one contact impedance; the contact ends "
-        "where the foam's mesh resolves it, and what a nearer end would change of dV counts in the result's "
+        "where the layer's mesh resolves it, and what a nearer end would change of dV counts in the result's "
         "own error. Where strains in plane nearly cancel what the punch shunts, this and all bounds here "
         "count as many times as the larger part is of dV"),
     Kind.END_BY_NEIGHBOUR: (
@@ -67,7 +67,7 @@ _LINES: dict[Kind, Words] = {
     Kind.NO_MEMORY: (
         "the skin's conductivity has no memory", "it follows the strain of the moment; the card's law knows no time"),
     Kind.OUTSIDE_FITS: (
-        "laws used outside their fits", "touches strain the skin and may compress the foam further than their tests "
+        "laws used outside their fits", "touches strain the skin and may compress the layer further than their tests "
         "did, through the thickness in compression where the skin's law was fitted in tension; the result holds both "
         "strains, the cost is unknown and not in the bound"),
     Kind.POSITIVE_IN_PART: (
@@ -84,7 +84,7 @@ _LINES: dict[Kind, Words] = {
         "(Table 1, 10 to 18 mm, 0.1 to 3 N); the signal's cost is unknown and not in the bound"),
     Kind.FIXED_CHOICES: (
         "coating of constant thickness, real currents", "fixed choices of this version; the bound does not hold them"),
-    Kind.RIGID_PUNCH: ("rigid punch", "steel is {ratio:.0e} times stiffer than the foam"),
+    Kind.RIGID_PUNCH: ("rigid punch", "steel is {ratio:.0e} times stiffer than the layer"),
     Kind.NO_LOAD_IN_SKIN: (
         "the skin carries no load", "a sprayed layer; the card has no stiffness for it, so the cost is unknown and not "
         "in the bound"),
@@ -124,7 +124,7 @@ _LINES: dict[Kind, Words] = {
     Kind.ONE_MATRIX: (
         "one impedance matrix serves all {patterns} patterns", "every pattern is a linear read-out of it"),
     Kind.FINER_MESH: (
-        "exact: a finer mesh of the foam", "half the default element size, whatever accuracy is asked for"),
+        "exact: a finer mesh of the layer", "half the default element size, whatever accuracy is asked for"),
     Kind.EXACT_SKIN: (
         "exact: the skin is solved on a mesh that follows the touch", "nothing is taken from rings; the mesh's "
         "estimate counts in the result's own error"),
@@ -187,12 +187,12 @@ def _friction(of: Values) -> Words:
             "depth was at most 2 % and the added movement 10 % different: that part of it counts in the result's own "
             "error too") if of["near"] else ""
     return "friction, loaded in increments", (
-        "what the foam sticks to depends on the way there, a straight rise of the force; half as many increments tell "
+        "what the layer sticks to depends on the way there, a straight rise of the force; half as many increments tell "
         f"the error, which counts in the result's own; on the default mesh, whatever accuracy is asked for{near}")
 
 
 def _soft_electrodes(of: Values) -> Words:
-    return "electrodes do not stiffen the foam", (
+    return "electrodes do not stiffen the layer", (
         f"{_BODIES[of['plates']]} would change the signal by so much at most, by the gap from the punch's edge to the "
         "nearest (benchmarks/stiff_electrodes.py). Where a touch's dipole nearly vanishes it is a larger part of its "
         "signal; soft = true in [electrodes] says that they give way")
@@ -264,8 +264,8 @@ _REFUSALS = {
     Why.TOO_SHALLOW: (
         "depth_mm = {depth_mm:g} in [punch] is so little that rounding hides the touch; give at least {least_mm:g}."),
     Why.TOO_DEEP: (
-        "depth_mm = {depth_mm:g} in [punch] is above {share:.0%} of the foam's thickness, which squeezes it flat; give "
-        "at most {deepest_mm:g}.")}
+        "depth_mm = {depth_mm:g} in [punch] is above {share:.0%} of the layer's thickness, which squeezes it flat; "
+        "give at most {deepest_mm:g}.")}
 
 
 def refusal(why: Choice) -> str:
@@ -284,13 +284,13 @@ def refusal(why: Choice) -> str:
 def _too_thin(of: Values) -> str:
     least = of["thickness_m"] * of["count"] / of["most"] * 1e3
     return (f"thickness_mm = {of['thickness_mm']:g} in [body] is so little under a punch of diameter_mm = "
-            f"{of['diameter_mm']:g} that the foam's mesh needs {of['count']:.2g} elements across, at most {of['most']} "
-            f"are solved; give a thickness of {least:.2g} mm or more, or a smaller punch.")
+            f"{of['diameter_mm']:g} that the layer's mesh needs {of['count']:.2g} elements across, at most "
+            f"{of['most']} are solved; give a thickness of {least:.2g} mm or more, or a smaller punch.")
 
 
 def _too_light(of: Values) -> str:
     digits = 10.0 ** (math.floor(math.log10(of["least_N"])) - 1)
-    return (f"force_N = {of['force_N']:g} in [punch] is so little that rounding hides the touch; this foam needs at "
+    return (f"force_N = {of['force_N']:g} in [punch] is so little that rounding hides the touch; this layer needs at "
             f"least {math.ceil(of['least_N'] / digits) * digits:.2g}.")
 
 
@@ -315,7 +315,7 @@ def _near_edge(of: Values, problem: str) -> str:
 
 def _overlap(of: Values) -> str:
     return (f"{_edges_of(of)} overlap by {max(-of['gap_m'], 0.0) * 1e3:.1f} mm; move the punches from each other by "
-            "that and 3 % of the foam's thickness more.")
+            "that and 3 % of the layer's thickness more.")
 
 
 def _too_close(of: Values, problem: str) -> str:

@@ -26,6 +26,8 @@ from touchcal.terminal import foremost, print_json
 
 # columns of a table in a pipe, where nothing says how wide the reader's page is
 _PIPE = 120
+# rubber laws of most weight that are shown, where all are not asked for
+_LAWS = 3
 
 
 def print_columns(columns: dict[str, Any], title: str) -> None:
@@ -91,7 +93,8 @@ def print_fit(card: MaterialCard, out: Path, *, verbose: bool = False) -> None:
     else:
         decisions = sum(len(sentences) for _, sentences in grouped(card))
         tables_left = len(quality[1:]) + len([*_results(card, True)]) - len([*_results(card, False)])
-        left = ", ".join(filter(None, (more, counted(decisions, "decision"), counted(tables_left, "more table"))))
+        left = ", ".join(filter(None, (more, counted(decisions, "decision"),
+                                       counted(tables_left, "more table") if tables_left else "")))
         _say(console, f"\n{left}: with --verbose, or in the card and its report")
     _say(console, f"card: {out} (file sha256 {hashlib.sha256(out.read_bytes()).hexdigest()[:12]}), "
                   f"data: {out.with_suffix('.d')}")
@@ -120,14 +123,16 @@ def _results(card: MaterialCard, verbose: bool = True) -> Iterator[tables.Printe
     """Tables of results; what the first one says already, and single terms that compensate each other, where
     verbose."""
     several = "derived" in card.fit and (card.prony is not None or card.conductivity is not None)
+    compared = bool(card.fit.get("laws"))
     if "derived" in card.fit or card.posterior.get("derived"):
         yield tables.derived(card)
-    if card.law is not None and "parameters" in card.fit and (verbose or not several or card.hyperfoam is None):
+    if card.law is not None and "parameters" in card.fit and (
+            verbose or not (several if card.hyperfoam is not None else compared)):
         yield tables.law(card)
     if card.softening is not None:
         yield tables.softening(card)
-    if card.fit.get("laws"):
-        yield tables.laws(card)
+    if compared:
+        yield tables.laws(card, None if verbose else _LAWS)
     if card.prony is not None and (verbose or not several):
         yield tables.series(card)
     if card.conductivity is not None and (verbose or not several):

@@ -21,7 +21,14 @@ from matcal.fitting.relaxation.series import Series
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit, fit_spectrum
 from matcal.fitting.softening_fit import SofteningFit, fit_softening
 from matcal.fitting.uncertainty.intervals import Uncertainty, linearised
-from matcal.fitting.uncertainty.nuisance import refined_records, surprise, uncertain, with_drift, with_zero
+from matcal.fitting.uncertainty.nuisance import (
+    moved_sentences,
+    refined_records,
+    surprise,
+    uncertain,
+    with_drift,
+    with_zero,
+)
 from matcal.fitting.uncertainty.two_nu import TwoNu, two_nu
 from matcal.laws.deformation_modes import MODES
 from matcal.laws.law import Law
@@ -31,6 +38,7 @@ from touchcal.number_words import percent
 
 _TURNS, _SETTLED = 6, 1e-5  # turns of (series, law) at most, and the change of g below which they have settled
 _FACTOR_TURNS = 2  # fits that find the factors of specimens
+_RECORD_TURNS, _NEARLY_STILL = 3, 0.05  # refinements of the records at most; moves of zeros, in their deviations
 CRITERION_NAMES = {"drucker": "Drucker stable", "elliptic": "strongly elliptic"}
 
 
@@ -155,10 +163,10 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Law) -> lis
 def _law(curves: tuple[Curve, ...], prony: Series | None, fitter: Fitter) -> tuple[Fit, tuple[str, ...]]:
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
     curves = _with_factors(curves, fitter)
-    curves, moved = _refined(curves, fitter)
+    curves = _refined(curves, fitter)
     found = fitter.fit(curves)
-    return found, (_moduli_sentence(curves, prony.prony if prony else None), *factor_sentences(curves), *moved,
-                   *found.decisions)
+    return found, (_moduli_sentence(curves, prony.prony if prony else None), *factor_sentences(curves),
+                   *moved_sentences(curves), *found.decisions)
 
 
 def _with_factors(curves: tuple[Curve, ...], fitter: Fitter) -> tuple[Curve, ...]:
@@ -168,23 +176,33 @@ def _with_factors(curves: tuple[Curve, ...], fitter: Fitter) -> tuple[Curve, ...
     return curves
 
 
-def _refined(curves: tuple[Curve, ...], fitter: Fitter) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
-    """The curves with contact, load zero and drift refined, by the order that needs least to explain them. A term too
-    many takes up what is an error of the record: each lower order of nearly the same residual refines the records its
-    own way, and the criterion of orders decides, the corrections' own prior counted."""
+def _refined(curves: tuple[Curve, ...], fitter: Fitter) -> tuple[Curve, ...]:
+    """The curves with zeros of strain and load, and drift, refined, by the order that needs least to explain them. A
+    term too many takes up what is an error of the record: each lower order of nearly the same residual refines the
+    records its own way, and the criterion of orders decides, the corrections' own prior counted."""
     if not any(uncertain(curve) for curve in curves):
-        return curves, ()
+        return curves
     first = fitter.quick(curves)
-    best = refined_records(first)
-    if not best[1] or not first.orders:
+    best = _by_turns(first, fitter)
+    if not first.orders:
         return best
     chosen = next(row for row in first.orders if row.order == first.law.alpha.size)
     near = [row.order for row in first.orders if row.order < chosen.order and row.rms < NEARLY * chosen.rms]
     if not near:
         return best
-    tried = {n: refined_records(fitter.quick(curves, n)) for n in near} | {chosen.order: best}
+    tried = {n: _by_turns(fitter.quick(curves, n), fitter) for n in near} | {chosen.order: best}
     return min(tried.values(), key=lambda refined: min(
-        row.bic for row in fitter.quick(refined[0]).orders) + surprise(refined[0]))
+        row.bic for row in fitter.quick(refined).orders) + surprise(refined))
+
+
+def _by_turns(fit: Fit, fitter: Fitter) -> tuple[Curve, ...]:
+    """The refined records of a fit, and of the fits to them, until they settle."""
+    for _ in range(_RECORD_TURNS):
+        curves, most = refined_records(fit)
+        if most < _NEARLY_STILL:
+            break
+        fit = fitter.again(curves, fit.law)
+    return curves
 
 
 def _moduli_sentence(curves: Sequence[Curve], prony: Prony | None) -> str:

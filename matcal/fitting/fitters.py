@@ -13,7 +13,7 @@ from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, fit, quick_law
 from matcal.fitting.hyperfoam.poisson import FITTED, FOAM
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.known_laws import law_type
-from matcal.laws.law import Law
+from matcal.laws.law import Law, vector
 
 _FEW = 3  # starts of a fit on the way
 
@@ -27,6 +27,10 @@ class Fitter(Protocol):
 
     def quick(self, curves: Sequence[Curve], order: int | None = None) -> Fit:
         """A fit that refines the records, of an order where the law has one; without laws of single modes."""
+        ...
+
+    def again(self, curves: Sequence[Curve], law: Law) -> Fit:
+        """A quick fit of the order of a law that was fitted to nearly the same curves."""
         ...
 
     def fit(self, curves: Sequence[Curve]) -> Fit:
@@ -52,6 +56,9 @@ class _ByProjection:
         own, nu = _with_one_nu(self.options)
         return fit(curves, order or own, nu, starts=_FEW, thorough=False)
 
+    def again(self, curves: Sequence[Curve], law: Law) -> Fit:
+        return self.quick(curves, np.size(vector(law)) // len(law.parameters))
+
     def fit(self, curves: Sequence[Curve]) -> Fit:
         chosen = self.options
         return fit(curves, chosen.order, chosen.poisson, stable=chosen.stable, stable_range=chosen.stable_range)
@@ -68,6 +75,9 @@ class _ByLeastSquares:
     def quick(self, curves: Sequence[Curve], order: int | None = None) -> Fit:
         return fit_law(curves, law_type(self.options.law), self.options.given, order or self.options.order, False,
                        self.near if order is None else None)
+
+    def again(self, curves: Sequence[Curve], law: Law) -> Fit:
+        return fit_law(curves, law_type(self.options.law), self.options.given, self.options.order, False, law)
 
     def fit(self, curves: Sequence[Curve]) -> Fit:
         return fit_law(curves, law_type(self.options.law), self.options.given, self.options.order, near=self.near)

@@ -1,4 +1,4 @@
-"""What a law of the foam is: its parameters, and energy, stress, tangent and divided difference of its stretches.
+"""What a hyperelastic law is: its parameters, and energy, stress, tangent and divided difference of its stretches.
 
 A law is isotropic and hyperelastic: U(x) of the logarithmic principal stretches x_k = ln lambda_k, per unit volume,
 with principal Kirchhoff stresses tau_k = dU/dx_k. It is a frozen dataclass that inherits `Law`, in a file of its

@@ -106,7 +106,7 @@ def _record_errors(curve: Curve) -> dict[str, float]:
     """
     facts, out = curve.experiment.facts, {}
     area_m2 = facts.get("area_mm2", np.inf) * 1e-6
-    known = {"strain_zero_sd": facts.get("strain_zero_sd", 0.0), "zero_sd_Pa": facts.get("zero_sd_N", 0.0) / area_m2,
+    known = {"strain_zero_sd": facts.get("strain_zero_sd", 0.0), "zero_sd_Pa": facts.get("zero_sd_Pa", 0.0),
              "drift_sd_Pa_per_s": facts.get("drift_sd_N_per_s", 0.0) / area_m2}
     if curve.kernel is not None and curve.experiment.time_s is not None:
         out["duration_s"] = float(np.ptp(curve.experiment.time_s))
@@ -198,7 +198,7 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))
         row |= {"weight": curve.weight, "record": _record_errors(curve)}
-        if found.prony:
+        if found.series:
             row |= {"rate_corrected": curve.kernel is not None}
         if curve.factor != 1:
             row |= {"specimen_factor": curve.factor, "relative_rms_of_specimen": relative_rms(found.fit.law, curve)}

@@ -174,7 +174,7 @@ def check(card: MaterialCard | Path | str) -> dict[str, Any]:
     Parameters
     ----------
     card
-        A card with a law of the foam, or its file.
+        A card with a hyperelastic law, or its file.
 
     Returns
     -------
@@ -185,7 +185,7 @@ def check(card: MaterialCard | Path | str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        Where the card has no law of the foam.
+        Where the card has no hyperelastic law.
 
     Examples
     --------

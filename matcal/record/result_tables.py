@@ -8,7 +8,7 @@ from matcal.card import MaterialCard
 from matcal.laws.deformation_modes import MODES
 from matcal.laws.histories.time_temperature import Wlf
 from matcal.record.cautions import own_rms, relative_rms, tests
-from touchcal.number_words import percent, significant, with_error, within
+from touchcal.number_words import counted, percent, significant, with_error, within
 
 MEANING = {"mu_0_Pa": "initial shear modulus", "E_0_Pa": "initial Young's modulus",
            "plateau_Pa": "stress at 40 % strain", "g_infinity": "long-term share",
@@ -87,17 +87,25 @@ def law(card: MaterialCard) -> Printed:
                    ("Single terms compensate each other; read the results above.",))
 
 
-def laws(card: MaterialCard) -> Printed:
-    """The laws that were compared: how they fit, predict what they were not fitted to, and count in the band."""
-    rows = []
-    for row in card.fit["laws"]:
+def laws(card: MaterialCard, most: int | None = None) -> Printed:
+    """The laws that were compared: how they fit, predict what they were not fitted to, and count in the band; `most`:
+    the first of them alone, and the card's with its parameters in a line."""
+    chosen = card.law.name if card.law is not None else ""
+    compared, rows, notes = card.fit["laws"], [], []
+    shown = [row for k, row in enumerate(compared) if most is None or k < most or row["law"] == chosen]
+    for row in shown:
         doubts = [f"unstable in {', '.join(row['unstable'])}"] if row["unstable"] else []
         doubts += [f"leaves {', '.join(row['left_open'])} open"] if row["left_open"] else []
         terms = next((len(values) for values in row["parameters"].values() if not isinstance(values, int | float)), 0)
         rows.append([row["law"] + (f", {terms} terms" if terms else "")
-                     + (" *" if card.law is not None and row["law"] == card.law.name else "  "), percent(row["fitted"]),
+                     + (" *" if row["law"] == chosen else "  "), percent(row["fitted"]),
                      percent(row["predicted"]), percent(row["weight"], 2), "; ".join(doubts) or "-"])
-    notes = ["Predicted: what the law was not fitted to, each mode or each third of the strains in turn."]
+    if most is not None:
+        values = (f"{name} {' +- '.join(_pair(row['value'], row['stderr'])[:2 if row['stderr'] else 1])}"
+                  for name, row in card.fit["parameters"].items())
+        left = counted(len(compared) - len(shown), "law") + " of less weight left out"
+        notes.append(f"{chosen}, one standard error each: {', '.join(values)}; {left}.")
+    notes.append("Predicted: what the law was not fitted to, each mode or each third of the strains in turn.")
     if test := card.fit.get("deciding_test"):
         notes.append(f"A {test['mode']} test would separate them most: there they differ by "
                      f"{percent(test['laws_differ_by'], 2)} (standard deviation).")
@@ -177,7 +185,7 @@ def errors(card: MaterialCard) -> Printed:
     rows, found = [], tests(card)
     weighted, factors = _weighted(found.values()), any("specimen_factor" in row for row in found.values())
     for label, row in found.items():
-        rows.append([label, str(row["n"]), _span(row["strain_range"]),
+        rows.append([label, str(row["n"]), "-" if row["kind"] == "dma" else _span(row["strain_range"]),
                      f"{significant(row['rms'], 3)} {row['unit']}", percent(row["relative_rms"]),
                      "-" if row["r2"] is None else _r_squared(row["r2"]),
                      percent(row["inside_band"], 2) if "inside_band" in row else "-",

@@ -1,5 +1,6 @@
 """What a test file holds, in words and numbers, before anything is reduced."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -135,14 +136,15 @@ def _kind(recording: Recording, given: str | None) -> dict[str, Any]:
 
 
 def print_description(path: str, found: dict[str, Any]) -> None:
-    """Print what `inspect` found: the layout, a table of the columns in the file's own units, then one line each."""
+    """Print what `inspect` found: the layout, a table of the columns in the file's own units, temperatures in K,
+    then one line each."""
     from rich.console import Console
     from rich.padding import Padding
     from rich.table import Table
     from rich.text import Text
 
     console = Console(highlight=False)
-    console.width = console.width if console.is_terminal else 120
+    console.width = console.width if console.is_terminal or "COLUMNS" in os.environ else 120
     parts = f" in {len(found['files'])} parts" if len(found["files"]) > 1 else ""
     console.print(Text(path, style="bold"))
     title = next(reader.title for reader in vendors.readers() if reader.name == found["layout"])
@@ -151,9 +153,10 @@ def print_description(path: str, found: dict[str, Any]) -> None:
     for name, side in (("quantity", "left"), ("column", "left"), ("from", "right"), ("to", "right"), ("unit", "left")):
         table.add_column(name, justify=side)  # type: ignore[arg-type]
     for quantity, column in found["columns"].items():
-        scale = si_factor(column["unit"], quantity) or 1.0
+        unit = column["si_unit" if quantity == "temperature" else "unit"]
+        scale = si_factor(unit, quantity) or 1.0
         table.add_row(quantity, Text(column["name"]), f"{column['min'] / scale:.6g}", f"{column['max'] / scale:.6g}",
-                      Text(column["unit"]))
+                      Text(unit))
     console.print(Padding(table, (1, 2), expand=False))
     facts = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     facts.add_column(style="dim", no_wrap=True)

@@ -57,8 +57,9 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     first = int(np.argmax(moved >= contact.travel_m))
     check_reach(kind, recording, sign * (moved[stroke.end] - contact.travel_m) / block.length_m)
     facts = {"zero_load_N": load_sign * contact.zero_N, "drift_N_per_s": load_sign * drift + 0.0, "load_noise_N": noise,
-             "zero_sd_N": contact.zero_sd_N, "contact_mm": contact.travel_m * 1e3, "contact_sd_mm": contact.sd_m * 1e3,
-             "strain_zero_sd": contact.sd_m / block.length_m, "area_mm2": block.area_m2 * 1e6,
+             "zero_sd_Pa": contact.zero_sd_N / block.area_m2, "contact_mm": contact.travel_m * 1e3,
+             "contact_sd_mm": contact.sd_m * 1e3, "strain_zero_sd": contact.sd_m / block.length_m,
+             "area_mm2": block.area_m2 * 1e6,
              "compliance_mm_per_N": block.compliance_m_per_N * 1e3}
     if drift_sd is not None:
         facts["drift_sd_N_per_s"] = drift_sd

@@ -24,7 +24,7 @@ from reports.document.numerals import counted, number, typeset
 from reports.document.page import Report, ReportFigure, Table, write_pdf
 from reports.document.style import house
 
-NOT_FITTED = {"law": "The card has no law of the foam: no stress-strain curve was fitted.",
+NOT_FITTED = {"law": "The card has no hyperelastic law: no stress-strain curve was fitted.",
               "prony": "The card has no Prony series: no relaxation test was fitted.",
               "conductivity": "The card has no conductivity law: no conductivity test was fitted."}
 NO_TABLE = {"parameters": NOT_FITTED["law"],

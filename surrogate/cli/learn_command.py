@@ -29,6 +29,8 @@ SIMULATED_HELP = ("Data set that `eitsim sweep` wrote, of the sensor's electrode
                   "recording's patterns is used in place of the sensitivity of a uniform disc.")
 SUGGEST_HELP = ("Number of places to press next; they are printed and written to suggested.csv in the folder of "
                 "--out. Before the first press neither labels nor a recording are needed.")
+CONTINUE_HELP = ("Model of an earlier session of the same skin: five labelled presses or more of this session bring it "
+                 "up to date.")
 WORKERS_HELP = "Processes that share the model and the splits of its scores; by default one a core."
 METHOD_HELP = ("families: all families of readers, weighted by held-out presses; or a method of `surrogate train` that "
                "needs no sensor: ridge, gp, trainbr, network.")
@@ -44,13 +46,16 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
           sensor: Annotated[Path | None, typer.Option(help=SENSOR_HELP)] = None,
           simulated: Annotated[Path | None, typer.Option(help=SIMULATED_HELP)] = None,
           suggest: Annotated[int | None, typer.Option(min=1, help=SUGGEST_HELP)] = None,
-          method: Annotated[str, typer.Option(help=METHOD_HELP)] = "families", seed: SeedOption = 0,
+          method: Annotated[str, typer.Option(help=METHOD_HELP)] = "families",
+          first: Annotated[Path | None, typer.Option("--continue", help=CONTINUE_HELP)] = None, seed: SeedOption = 0,
           workers: Annotated[int | None, typer.Option(min=1, help=WORKERS_HELP)] = None,
           as_json: JsonOption = False) -> None:
     """Learn touches from recorded presses: the model learns from all of them, and scores are those of readers of four
     fifths of them; with --suggest also the places to press next, and these alone where labels are too few.
 
     Example: surrogate learn frames.csv --labels touches.csv --sensor sensor.toml --out model --seed 1
+
+    Example: surrogate learn today.csv --labels five.csv --continue model --out model_today
     """
     import surrogate
     from eitsim.sensors.formats.open_file import open_recording
@@ -64,6 +69,13 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
 
     check_out(out, folder=True)
     check_own(out)
+    if first is not None:
+        if labels is None or (sensor, simulated, suggest, method) != (None, None, None, "families"):
+            raise ValueError("--continue takes labels of the new session and the model of the first, which knows its "
+                             "sensor: give --labels touches.csv, and leave out --sensor, --simulated, --suggest and "
+                             "--method.")
+        _learn_session(recording, labels, first, out, as_json)
+        return
     if labels is not None and holds_several(labels):
         check_alone(labels, {"--simulated": simulated, "--suggest": suggest,
                              "--method": None if method == "families" else method})
@@ -108,6 +120,27 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
         print(f"sensor: {sensor}, a {file_kind}")
     print(f"model: {out}")
     _print_suggested(ahead)
+
+
+def _learn_session(recording: Path, labels: Path, first: Path, out: Path, as_json: bool) -> None:
+    """Bring the model of a first session up to date, write it and say what the labelled presses say of it."""
+    import surrogate
+    from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.labels import read_labels
+    from surrogate.model.recorded.press_model import PressModel
+
+    model = surrogate.load(first)
+    if not isinstance(model, PressModel):
+        raise ValueError(f"{first} is no model of single recorded presses, which alone are continued in another "
+                         "session. Give one that `surrogate learn` wrote.")
+    frames = open_recording(recording, kind=model.kind, readings=model.readings)
+    with waiting("learning the session"):
+        made = surrogate.learn_session(model, frames, read_labels(labels))
+    made.save(out)
+    if as_json:
+        print_json(_described(made) | {"model": out, "continued": first})
+        return
+    print(f"{made.left_out[-1]}\nfit {made.fit_s:.1f} CPU s\nmodel: {out}")
 
 
 def cores() -> int:
@@ -194,6 +227,7 @@ def _described(model: PressModel) -> dict[str, Any]:
 
 
 def _print_trained(model: PressModel) -> None:
+    from rich import box
     from rich.table import Table
 
     from surrogate.model.recorded.learn_presses import choice
@@ -201,9 +235,7 @@ def _print_trained(model: PressModel) -> None:
     from surrogate.recordings.press_frames import counted
 
     table = Table("split", "trained", "tested", "output", "error", "kernel ridge", "mean", "in 90 %", "+-90 %",
-                  "in ellipse of 90 %",
-                  title="mean error on presses that were not trained on, which trained and tested count; of a place, "
-                        "the distance; in 90 % of x, y")
+                  "in ellipse", box=box.SIMPLE_HEAD, show_edge=False)
     for one in (tested.score for tested in model.tested):
         table.add_row(one.split, str(one.trained), str(one.tested), one.output, f"{one.error:.3g} {one.unit}",
                       f"{one.ridge_error:.3g}", f"{one.mean_error:.3g}",
@@ -211,6 +243,8 @@ def _print_trained(model: PressModel) -> None:
                       ", ".join(f"{half:.3g}" for half in one.half_width),
                       "-" if one.in_ellipse is None else f"{100 * one.in_ellipse:.0f}")
     print_table(table)
+    print("mean error on presses that were not trained on; of a place, the distance, and x, y of its intervals\n"
+          "in 90 %: presses that the 90 % intervals hold; +-90 %: their half width; in ellipse: of the 90 % ellipses")
     for line in (*model.left_out, *choice(model.reader)):
         print(line)
     print(f"fit {model.fit_s:.1f} CPU s on {counted(model.presses, model.frames)}, without the scores")

@@ -15,10 +15,21 @@ from surrogate.cli.learn_command import cores, learn
 from surrogate.cli.limit_command import limit
 from surrogate.cli.live_command import live
 from surrogate.cli.predict_command import predict
-from surrogate.cli.printed_scores import collapses, print_next, print_scores, print_transfer
+from surrogate.cli.printed_scores import collapses, print_next, print_scores, print_transfer, print_verdict
 from surrogate.cli.several_command import evaluate_several
 from surrogate.learners.registry import METHODS, method_of
-from touchcal.terminal import JsonOption, SeedOption, application, check_out, counted, numbers, print_json, run, waiting
+from touchcal.terminal import (
+    NOT_CONVERGED,
+    JsonOption,
+    SeedOption,
+    application,
+    check_out,
+    counted,
+    numbers,
+    print_json,
+    run,
+    waiting,
+)
 
 if TYPE_CHECKING:
     from surrogate.data.samples import SweepSamples
@@ -38,6 +49,8 @@ EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate train`; one for eac
                     "Presses of the training are recognised where the untouched frames around them are the same.")
 
 
+JUDGED_HELP = ("Model that `surrogate learn` wrote, or a CSV of predictions from elsewhere with the columns that "
+               "`surrogate predict` writes: touch, x0_mm, x0_lo90_mm, x0_hi90_mm ..., and flag where there is one.")
 METHOD_HELP = "; ".join(f"{one.name}: {one.summary}" for one in METHODS.values()) + "."
 OUTPUTS_HELP = "all, or names separated by commas: x0, y0, d, F, sigma_max, sigma_ave, A_c, delta_max, and z0 " \
                "of curved skins."
@@ -158,12 +171,54 @@ def evaluate(model_folder: ModelFolder,
             print_scores(scores, verbose=verbose, over_first={
                 output: row["rmse_over_first"] for output, rows in compared.items() for row in rows
                 if row["set"] == name})
+            if "verdict" in scores:
+                print_verdict(scores["verdict"], verbose=verbose)
         if verbose and compared:
             print_transfer(compared)
     elif len(sets) == 1:
         print_json({"model": model_folder, **next(iter(sets.values()))})
     else:
         print_json({"model": model_folder, "sets": sets, "transfer": transfer(sets)})
+
+
+@app.command()
+def audit(judged: Annotated[Path, typer.Argument(metavar="MODEL|PREDICTIONS.csv", help=JUDGED_HELP)],
+          recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recorded frames.")],
+          labels: Annotated[Path, typer.Option(help="Labels of the recording, as of `surrogate learn`.")],
+          as_json: JsonOption = False) -> None:
+    """Whether 90 % intervals hold on labelled presses of a recording: `evaluate --verbose` with a verdict, of a model
+    of presses or of a table of predictions from elsewhere. Ends with status 3 where a binomial test at the number of
+    presses says that they hold fewer than they state, or where every frame is flagged.
+
+    Example: surrogate audit model frames.csv --labels kept_back.csv
+
+    Example: surrogate audit predictions.csv frames.csv --labels kept_back.csv
+    """
+    import pandas as pd
+
+    import surrogate
+    from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.labels import read_labels
+    from surrogate.model.model import load_single
+    from surrogate.model.recorded.press_model import PressModel
+    from surrogate.model.recorded.reader_evaluation import evaluate_predictions
+
+    if judged.is_file():
+        frames = open_recording(recording, kind="difference")  # values are read elsewhere: names of touches serve here
+        scores = evaluate_predictions(pd.read_csv(judged), frames, read_labels(labels), str(labels))
+    else:
+        model = load_single(judged)
+        if not isinstance(model, PressModel):
+            raise ValueError(f"{judged} is a model of a sweep, which `surrogate evaluate` scores on sweeps. Give one "
+                             "of presses, or a table of predictions.")
+        with waiting("scoring the model"):
+            scores = surrogate.evaluate(model, recording, labels=labels).scores
+    if as_json:
+        print_json({"model": judged, **scores})
+    else:
+        print_verdict(scores["verdict"], verbose=True)
+    if scores["verdict"] is None or not scores["verdict"]["holds"]:
+        raise typer.Exit(NOT_CONVERGED)
 
 
 @app.command()

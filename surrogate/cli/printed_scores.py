@@ -29,6 +29,35 @@ def print_scores(result: Mapping[str, Any], *, verbose: bool = False, more: Iter
                                                            "the trained range"))))
 
 
+def print_verdict(verdict: Mapping[str, Any] | None, *, verbose: bool = False) -> None:
+    """Whether the 90 % intervals of labelled presses hold, and by what; verbose: also the diagnostics."""
+    from rich import box
+    from rich.table import Table
+
+    if verdict is None:
+        print("verdict: no frame that was not trained on is without a flag: nothing is vouched for")
+        return
+    if verbose:
+        levels = ", ".join(f"{100 * level:.0f}" for level in verdict["levels"])
+        table = Table("output", "in 90 %", "+-90 %", "chance of so few", f"held of {levels} %", "ranks, %",
+                      box=box.SIMPLE_HEAD, show_edge=False)
+        for name, one in verdict["outputs"].items():
+            table.add_row(name, f"{100 * one['coverage_90']:.0f} %", f"{one['half_width_90']:.3g}",
+                          f"{one['chance']:.2g}", *(", ".join(f"{100 * part:.0f}" for part in one[key])
+                                                    for key in ("expected_coverage", "ranks")))
+        print_table(table)
+        if "random_points" in verdict:
+            held = ", ".join(f"{100 * part:.0f}" for part in verdict["random_points"])
+            print(f"regions about random points of {levels} % hold {held} % (TARP)")
+    failed = [name for name, one in verdict["outputs"].items() if not one["holds"]]
+    of = f"{verdict['presses']} presses" + f" of {verdict['frames']} frames" * (verdict["frames"] > verdict["presses"])
+    said = "intervals hold" if not failed else f"intervals of {', '.join(failed)} do not hold"
+    held = ", ".join(f"{name} {100 * one['coverage_90']:.0f} %" for name, one in verdict["outputs"].items())
+    far = f"distance {verdict['distance_mm']:.3g} mm; " if "distance_mm" in verdict else ""
+    print(f"verdict: {said}: {far}the 90 % intervals hold {held} of {of} without a flag; "
+          f"{100 * verdict['flagged']:.0f} % of the frames are flagged")
+
+
 def print_next(model: SweepModel, out: Path) -> None:
     """Where the model is, and what may be done with it."""
     print(f"""model: {out}
@@ -66,6 +95,7 @@ def _print_unseen(result: Mapping[str, Any], over_first: Mapping[str, float | No
     print_table(table)
     if levels:
         print("dB: noise so far below the r.m.s. of the untouched readings.")
+    print("in 90 %: rows that the 90 % intervals hold; +-90 %: their median half width.")
     print(f"{result['method']}: fit {result['fit_s']:.1f} CPU s, predict {result['predict_ms']:.2f} CPU ms a frame")
 
 

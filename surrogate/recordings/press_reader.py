@@ -21,6 +21,7 @@ from surrogate.recordings.physics.expectation import Expectation
 from surrogate.recordings.press_frames import counted, press_of_frames
 from surrogate.recordings.presses import Presses, cut, whole_rest
 from surrogate.recordings.scalar_reader import ScalarReader
+from surrogate.recordings.session.motion import Motion
 from surrogate.recordings.signals import FEWEST, Signals, flags
 from surrogate.recordings.touch_reader import Reading, TouchReader
 from surrogate.recordings.worth import NothingToRead
@@ -40,6 +41,7 @@ class PressReader:
     place: TouchReader | None
     scalars: tuple[ScalarReader, ...]
     left_out: tuple[str, ...]  # why a label or an untouched frame is not used, a sentence each
+    motion: Motion | None = None  # of the skin since the first session
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -60,7 +62,8 @@ class PressReader:
         """(n, k) what kernel ridge regression reads of an output."""
         (ridge,) = (one.ridge for name, one in (("place", self.place), *((one.name, one) for one in self.scalars))
                     if one and name == output)
-        return ridge.read(self._seen(presses))
+        value = ridge.read(self._seen(presses))
+        return value if self.motion is None or output != "place" else self.motion.of(value)
 
     def _seen(self, presses: Presses) -> Array:
         """(n, m + late) signals of presses as families take them: directions of drift taken out."""
@@ -212,7 +215,11 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
             one.unlikeness.widening(apart), one.unlikeness.shift(apart)))
         old, of_old = scalar_reader.read_old(one, spared, where, presses.age)
         bounds = chosen(signals.spared(presses), of_old, bounds)
-        scalars.append(ScalarReading(one.name, np.where(signals.spared(presses), old, value), bounds.half_width[:, 0]))
+        value = np.where(signals.spared(presses), old, value) + (0.0 if one.shift is None else one.shift)
+        scalars.append(ScalarReading(one.name, value, bounds.half_width[:, 0]))
+    if place and reader.motion:
+        place = replace(place, value=reader.motion.of(place.value),
+                        bounds=reader.motion.bounds(place.value, place.bounds))
     return PressReading(place, tuple(scalars), *flags(reader.signals, presses, strange))
 
 

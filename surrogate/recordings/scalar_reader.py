@@ -55,6 +55,7 @@ class ScalarReader:
     of_cut: Intervals  # of frames whose late readings are not there, by the networks
     of_old: OldReadings  # of frames whose untouched frame is old
     held_out: Array  # (families + 2,) mean held-out error of each family, of all combined and of the mean
+    shift: Array | None = None  # (1,) what another session adds to the label
 
 
 def fit(name: str, label: Array, press: Index, known: Known, lacking: Array, taken_out: tuple[int, int],

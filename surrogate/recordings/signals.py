@@ -37,6 +37,7 @@ class Signals:
     rest: Array  # (m,) mean untouched frame of training; NaN where there is none
     moved: float  # distance from it above which an untouched frame is unlike those of training
     clocked: bool  # whether ages are in s, and not in frames
+    gain: Array | None = None  # (m + late,) factors that bring another session's signals to the training's
 
     @property
     def channels(self) -> int:
@@ -45,10 +46,12 @@ class Signals:
 
     def whole(self, presses: Presses) -> Array:
         """(n, m + late) signals of presses, dead channels filled in."""
-        return filled(self.readings, with_late(presses.signal, presses.following, self.late))
+        signal = with_late(presses.signal, presses.following, self.late)
+        return filled(self.readings, signal if self.gain is None else signal * self.gain)
 
     def presses(self, signal: Array) -> Presses:
         """Presses of these signals (n, m + late), against untouched frames of age 0."""
+        signal = signal if self.gain is None else signal / self.gain
         following = np.full((len(signal), self.channels), np.nan)
         following[:, self.late] = signal[:, self.channels:]
         none = np.zeros(len(signal))

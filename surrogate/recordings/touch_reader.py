@@ -115,12 +115,10 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     signals = reader.signals
     signal, old = signals.whole(presses), signals.spared(presses)
     kept = without(signals.drift, signal, reader.projected)
-    direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
-    each = np.stack([reader.ridge.read(kept), direction[0], compressed[0],
-                     *(reader.networks.read(kept, direction[0], compressed[0]) if reader.networks else ())])
+    each, direction, compressed = each_family(reader, kept)
     value = np.tensordot(reader.weights, each, 1)
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
-    whole, along = (np.stack([direction[2][:, k], compressed[2][:, k]], axis=1) for k in (0, 1))
+    whole, along = misfits(direction, compressed)
     wider = np.maximum(reader.along.widening(along), reader.along.shift(along[~old]))
     bounds = reader.intervals.bounds(spread, _cross(np.tile(reader.weights, (len(value), 1)), each, value))
     none = np.zeros_like(value)
@@ -130,6 +128,19 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
         there, of_old = reader.of_old.read(presses.age, there, sd)
         value, bounds = np.where(old[:, None], there, value), chosen(old, of_old, bounds)
     return Reading(value, bounds, reader.whole.odd(whole) | reader.along.odd(along), wider)
+
+
+def each_family(reader: TouchReader, kept: Array) -> tuple[Array, tuple[Array, ...], tuple[Array, ...]]:
+    """(families, n, 2) places of signals (n, m) that drift spares, and what both templates read of them."""
+    direction, compressed = reader.direction.read(kept), reader.compressed.read(kept)
+    networks = reader.networks.read(kept, direction[0], compressed[0]) if reader.networks else ()
+    return np.stack([reader.ridge.read(kept), direction[0], compressed[0], *networks]), direction, compressed
+
+
+def misfits(direction: tuple[Array, ...], compressed: tuple[Array, ...]) -> tuple[Array, Array]:
+    """(n, 2) misfits of what both templates read, in all and along the directions of touches."""
+    whole, along = (np.stack([direction[2][:, k], compressed[2][:, k]], axis=1) for k in (0, 1))
+    return whole, along
 
 
 def _aged_distance(known: Known, fitted: Fitted, place: Array) -> float:

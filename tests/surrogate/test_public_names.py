@@ -25,8 +25,8 @@ NAMES = ("x0", "F", "sigma_max", "A_c")
 def test_the_names_are_those_that_are_listed() -> None:
     assert surrogate.__all__ == ["Estimate", "Labels", "Learner", "METHODS", "Model", "PressModel", "SetModel", "Skin",
                                  "SweepModel", "TouchMap", "TouchSets", "Tracked", "Tracker", "Training", "cramer_rao",
-                                 "evaluate", "learn", "learn_sets", "load", "read_labels", "read_touch_sets",
-                                 "touch_map", "train"]
+                                 "evaluate", "learn", "learn_session", "learn_sets", "load", "read_labels",
+                                 "read_touch_sets", "touch_map", "train"]
     assert all(getattr(surrogate, name) is not None for name in surrogate.__all__)
     assert surrogate.METHODS is METHODS
 

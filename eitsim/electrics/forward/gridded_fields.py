@@ -1,6 +1,6 @@
 """Fields on the skin of a sweep's rows, on one grid for all of them: which, where, and their values."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -12,7 +12,7 @@ from eitsim.scene.results import Array, Touch
 from eitsim.scene.scene import Body, Punch, Scene
 from eitsim.sheet.sheet_conductance import added_metric, driving_strain, touched_conductance
 from matcal.laws.conductivity import Conductivity, conductivity
-from touchcal.errors import unknown_key
+from touchcal.document import Number, check, check_keys
 
 Touches = tuple[tuple[Punch, Touch], ...]
 
@@ -87,10 +87,7 @@ QUANTITIES = {
 def fields_from(raw: Any) -> StoredFields:
     """The checked table [fields]; ValueError names the key and what it may hold."""
     known = tuple(field.name for field in fields(StoredFields))
-    if not isinstance(raw, Mapping):
-        raise ValueError(f"[{TABLE}] must be a table of keys, got {raw!r}.")
-    if unknown := [key for key in raw if key not in known]:
-        raise ValueError(unknown_key(unknown[0], known, TABLE))
+    check_keys(raw, known, TABLE)
     names = raw.get("names")
     if not isinstance(names, list | tuple) or not names or any(
             not isinstance(name, str) or name not in QUANTITIES for name in names):
@@ -103,8 +100,7 @@ def fields_from(raw: Any) -> StoredFields:
             continue
         if key not in _SIZES[grid]:
             raise ValueError(f"{key} in [{TABLE}] has no effect with grid = \"{grid}\"; leave it out.")
-        if isinstance(value, bool) or not isinstance(value, int) or not _FEWEST <= value <= _MOST:
-            raise ValueError(f"{key} in [{TABLE}] must be a whole number of {_FEWEST} to {_MOST}, got {value!r}.")
+        check(value, Number(_FEWEST, _MOST, whole=True), f"{key} in [{TABLE}]")
     found = StoredFields(**{**_SIZES[grid], **raw, "names": tuple(name for name in QUANTITIES if name in names)})
     if (points := found.shape[0] * found.shape[1]) > _POINTS:
         raise ValueError(f"the grid in [{TABLE}] has {points} points, at most {_POINTS} are stored. Make it coarser.")

@@ -81,7 +81,7 @@ def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *,
     """Equilibria under several forces in this order, each started from the one before; otherwise as solve_touch. With
     friction the order is the way the punch was loaded, and the equilibria depend on it."""
     if not all(0 < force < np.inf for force in forces_N):
-        raise ValueError(f"forces_N must be positive (N, pressing into the foam), got {list(forces_N)}.")
+        raise ValueError(f"forces_N must be positive (N, pressing into the layer), got {list(forces_N)}.")
     started, unit = cpu_s(), force_unit(law, body)
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
     touches, states = [], None

@@ -16,8 +16,8 @@ from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Accuracy, Hold, Punch, Scene, Skin, read_scene, scene_from, scene_tables
 from eitsim.scene.scene_limits import require
 from touchcal.arrays import Array
-from touchcal.document import is_number
-from touchcal.errors import InputFileError, unknown_key
+from touchcal.document import check_keys, is_number
+from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
 _TABLES = ("body", "punch", "skin", "electrodes", "drive", "hold", "accuracy", "card")
@@ -90,8 +90,7 @@ def read_any_scene(path: Path | str) -> AnyScene:
 
 def curved_scene(raw: Mapping[str, Any], folder: Path) -> CurvedScene:
     """A checked scene from the tables of its file, file names relative to a folder; ValueError names the key."""
-    if unknown := [key for key in raw if key not in _TABLES]:
-        raise ValueError(unknown_key(unknown[0], _TABLES))
+    check_keys(raw, _TABLES)
     body = curved_body(raw["body"], folder)
     touches = raw.get("punch", {})
     touches = touches if isinstance(touches, list) else [touches]

@@ -74,7 +74,7 @@ def _solved(scene: CurvedScene, material: Material, plan: Plan, exact: bool, tab
     errors = error_budget(plan, numerical, {}, readings[-1])
     deepest, too_deep = max(touch.depth_m for touch in touches), ""
     if deepest > BOTTOM * scene.body.thickness_m:
-        too_deep = f"the punch is {deepest * 1e3:.3f} mm deep, more than {BOTTOM:.0%} of the foam's thickness."
+        too_deep = f"the punch is {deepest * 1e3:.3f} mm deep, more than {BOTTOM:.0%} of the layer's thickness."
     note = too_deep or explain_excess(scene.accuracy.signal, errors["signal"], numerical["signal"], plan, readings[-1])
     moments = tuple(Moment(t, pressed.touches, each) for (t, pressed), each in zip(states, readings, strict=True))
     return Result("bottomed_out" if too_deep else "ok", plan, touches, readings[-1],

@@ -12,7 +12,7 @@ from matcal.card import MaterialCard, require
 from matcal.laws.law import moduli_of
 from matcal.posterior.draws import Draws, card_of, read_draws
 from touchcal.arrays import Array
-from touchcal.errors import unknown_key
+from touchcal.document import Number, check, check_keys
 from touchcal.provenance import file_identity
 
 PARTS = ("law", "prony", "conductivity")
@@ -53,20 +53,15 @@ class Cards:
         return len(self.samples) - (len(self.samples) % 2 if self.in_pairs else 0)
 
 
+_SHAPES = {"posterior": bool, "draws": Number(0, whole=True), "rows_per_draw": Number(1, whole=True), "parts": object,
+           "specimen": bool}
+
+
 def material_from(raw: Any) -> Material | None:
     """The checked table [material]; None with posterior = false. ValueError names the key."""
-    known = ("posterior", "draws", "rows_per_draw", "parts", "specimen")
-    if not isinstance(raw, Mapping):
-        raise ValueError(f"[material] must be a table of keys, got {raw!r}.")
-    if unknown := [key for key in raw if key not in known]:
-        raise ValueError(unknown_key(unknown[0], known, "material"))
-    for key in ("posterior", "specimen"):
-        if not isinstance(raw.get(key, True), bool):
-            raise ValueError(f"{key} in [material] must be true or false, got {raw[key]!r}.")
-    for key, least in (("draws", 0), ("rows_per_draw", 1)):
-        value = raw.get(key, least)
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise ValueError(f"{key} in [material] must be a whole number from {least}, got {value!r}.")
+    check_keys(raw, _SHAPES, "material")
+    for key, value in raw.items():
+        check(value, _SHAPES[key], f"{key} in [material]")
     given = raw.get("parts", [])
     parts = [_ALSO.get(part, part) if isinstance(part, str) else part for part in given] if isinstance(
         given, list) else given
@@ -77,7 +72,7 @@ def material_from(raw: Any) -> Material | None:
                          "Add \"law\" to parts, or leave specimen out.")
     if not raw.get("posterior", True):
         return None
-    return Material(raw.get("draws", 0), raw.get("rows_per_draw", 1), tuple(p for p in PARTS if p in parts),
+    return Material(int(raw.get("draws", 0)), int(raw.get("rows_per_draw", 1)), tuple(p for p in PARTS if p in parts),
                     raw.get("specimen", False))
 
 

@@ -17,7 +17,8 @@ from eitsim.sweeps.design.outline_places import reached
 from eitsim.sweeps.design.sampling import FIXED, row_tables
 from eitsim.sweeps.design.variables import Layout, Variable, layout_of
 from eitsim.sweeps.measurement.instrument_table import as_table, measurement_from
-from touchcal.errors import InputFileError, unknown_key
+from touchcal.document import check_keys
+from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml
 
 SAMPLERS = ("random", *FIXED, nested_design.SAMPLER)
@@ -75,8 +76,7 @@ def _with_surface(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 def design_from(raw: Mapping[str, Any], scenes: int | None = None) -> Design:
     """A checked design from its tables; ValueError names the key and what it may hold."""
     known = (*_TOP, *scene_keys())
-    if unknown := [key for key in raw if key not in known]:
-        raise ValueError(unknown_key(unknown[0], known))
+    check_keys(raw, known)
     if is_curved(raw) and "fields" in raw:
         raise ValueError("[fields]: a grid of fields lies on flat skins; leave it out on a curved one.")
     seed, sampler = raw.get("seed", 0), raw.get("sampler", "random")

@@ -53,11 +53,11 @@ class Forecast:
         return ((self.table_cpu_s or 0.0) + self.rows * self.row_cpu_s + self.other_cpu_s) / self.workers
 
 
-def forecast(design: Design, card: MaterialCard, workers: int) -> Forecast:
-    """The cost of `sweep` of a design with a card on so many workers; ValueError as `sweep`, and where no row that is
-    tried is solved."""
+def forecast(design: Design, card: MaterialCard, workers: int, reuse: bool | None = None) -> Forecast:
+    """The cost of `sweep` of a design with a card, so many workers and its `reuse`; ValueError as `sweep`, and where no
+    row that is tried is solved."""
     cards = cards_for(design.material, design.seed, card, in_pairs=design.sampler == nested_design.SAMPLER)
-    method, others = method_for(design, cards, None, False), other_profiles(design)
+    method, others = method_for(design, cards, reuse, False), other_profiles(design)
     rows = _some_rows(design, cards)
     failure = next((f"{row['outcome']}: {row['message']}" for row in rows if row["outcome"] != "ok"), "")
     if not (solved := [row for row in rows if row["outcome"] == "ok"]):
@@ -126,7 +126,7 @@ def _time(seconds: float) -> str:
     for unit, size in (("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.2g} {unit}"
-    return f"{seconds:.2g} s"
+    return f"{seconds:.2g} s" if seconds < 100 else f"{seconds:.0f} s"
 
 
 def _resident_MB() -> float:

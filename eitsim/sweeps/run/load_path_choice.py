@@ -92,7 +92,7 @@ def shape_of_design(design: Design, cards: Cards) -> DimensionlessProblem | None
 
 def _shape_of(design: Design, cards: Cards) -> DimensionlessProblem:
     if foam_varies(cards):
-        raise ValueError("[material] draws a law of the foam for each row, and a table of load paths holds one.")
+        raise ValueError("[material] draws a law for each row, and a table of load paths holds one.")
     return design_shape(design, cards.card)
 
 

@@ -51,7 +51,7 @@ def moved_shape(design: Design, cards: Cards) -> MovedShape:
         raise ValueError("touches are moved along cylinders alone: those on a sphere are quick to solve, and other "
                          "surfaces differ from place to place.")
     if foam_varies(cards):
-        raise ValueError("[material] draws a law of the foam for each row, and a table holds one.")
+        raise ValueError("[material] draws a law for each row, and a table holds one.")
     if first.hold.time_s or punch.tilt_rad:
         raise ValueError("touches that are held in time or lean are not moved.")
     if wrong := [where for where in drawn_keys(design) if where not in _SERVED]:

@@ -22,7 +22,8 @@ from touchcal.arrays import Array
 
 # facts of an experiment: standard deviation of a correction -> how far refinement has moved that correction
 FURTHER = "a slower term that the holds do not exclude"
-MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_N": "zero_moved_N", "drift_sd_N_per_s": "drift_moved_N_per_s"}
+MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_Pa": "zero_moved_Pa",
+         "drift_sd_N_per_s": "drift_moved_N_per_s"}
 
 
 @dataclass(frozen=True)
@@ -99,20 +100,27 @@ def nuisance(fit: Fit, prony: Series | None = None) -> Nuisance:
                     np.stack(directions, axis=1) if directions else None)
 
 
-def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
-    """The curves with contact and drift where the whole curve wants them under their priors, and what was moved."""
+def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], float]:
+    """The curves with zeros and drift where the whole curve wants them under their priors, to first order, and by how
+    many of its standard deviations one was moved at most."""
     known = nuisance(fit)
     slopes, effect = linear_response.fitted_slopes(fit), linear_response.padded(fit, known.effect)
     variance = linear_response.effective_variance(linear_response.errors_of(fit, known.effect))
     gain = linear_response.joint_gain(slopes, effect, variance, linear_response.prior_precision(fit))
-    miss = -np.concatenate(linear_response.misses(fit))
-    curves, said = list(fit.curves), []
-    for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:, :miss.size] @ miss, strict=True):
-        sd = curves[k].experiment.facts[fact]
-        curves[k] = replace(curves[k], experiment=_moved(curves[k].experiment, fact, float(z) * sd))
-        said.append(f"{curves[k].label}: {_size_words(fact, z * sd)} ({z:+.1f} of its standard deviation) by the fit "
-                    "of the whole curve.")
-    return tuple(curves), tuple(said)
+    miss = np.r_[-np.concatenate(linear_response.misses(fit)), np.sqrt(variance) * known.mean]
+    curves, most = list(fit.curves), 0.0
+    for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:] @ miss, strict=True):
+        experiment, most = curves[k].experiment, max(most, abs(float(z)))
+        curves[k] = replace(curves[k], experiment=_moved(experiment, fact, float(z) * experiment.facts[fact]))
+    return tuple(curves), most
+
+
+def moved_sentences(curves: Sequence[Curve]) -> tuple[str, ...]:
+    """What was moved, and by how much."""
+    moved = [(c, fact, c.experiment.facts[MOVED[fact]]) for c in curves for fact in uncertain(c)
+             if MOVED[fact] in c.experiment.facts]
+    return tuple(f"{c.label}: {_size_words(fact, by)} ({by / c.experiment.facts[fact]:+.1f} of its standard deviation) "
+                 "by the fit of the whole curve." for c, fact, by in moved)
 
 
 def surprise(curves: Sequence[Curve]) -> float:
@@ -124,7 +132,7 @@ def surprise(curves: Sequence[Curve]) -> float:
 def _size_words(fact: str, by: float) -> str:
     if fact == "strain_zero_sd":
         return f"strain zero moved by {by:+.2g}"
-    return f"load zero moved by {by:+.2g} N" if fact == "zero_sd_N" else \
+    return f"load zero moved by {by:+.2g} Pa" if fact == "zero_sd_Pa" else \
         f"drift of the load zero moved by {by * 1e3:+.2g} mN/s"
 
 
@@ -132,7 +140,7 @@ def _name(curve: Curve, fact: str) -> str:
     if fact == "strain_zero_sd":
         of_table = curve.experiment.facts.get("strain_zero_assumed", 0.0) > 0
         return f"the {'zero of the strain' if of_table else 'contact point'} of {curve.label}"
-    if fact == "zero_sd_N":
+    if fact == "zero_sd_Pa":
         return f"the load zero of {curve.label}"
     assumed = "drift_N_per_s" not in curve.experiment.facts or curve.experiment.facts.get("drift_assumed", 0.0) > 0
     return f"the {'assumed' if assumed else 'measured'} load drift of {curve.label}"
@@ -156,8 +164,7 @@ def uncertain(curve: Curve) -> list[str]:
 
 def _known(fact: str, experiment: Experiment) -> bool:
     """Whether the record has what turns a correction into stress."""
-    return fact == "strain_zero_sd" or ("area_mm2" in experiment.facts and (
-        fact == "zero_sd_N" or experiment.time_s is not None))
+    return fact != "drift_sd_N_per_s" or ("area_mm2" in experiment.facts and experiment.time_s is not None)
 
 
 def _record_effect(fit: Fit, k: int, fact: str) -> Array:
@@ -183,9 +190,8 @@ def _moved(experiment: Experiment, fact: str, by: float) -> Experiment:
     if fact == "strain_zero_sd":
         strain = np.where(resting, experiment.strain, experiment.strain + by)
         return replace(experiment, strain=strain, facts=facts)
-    if fact == "zero_sd_N":
-        stress = by / (experiment.facts["area_mm2"] * 1e-6)
-        return replace(experiment, value=experiment.value - np.where(resting, 0.0, stress), facts=facts)
+    if fact == "zero_sd_Pa":
+        return replace(experiment, value=experiment.value - np.where(resting, 0.0, by), facts=facts)
     assert experiment.time_s is not None
     drift = by / (experiment.facts["area_mm2"] * 1e-6) * experiment.time_s
     return replace(experiment, value=experiment.value - drift, facts=facts)

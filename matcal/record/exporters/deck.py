@@ -38,7 +38,7 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     Parameters
     ----------
     card
-        A card with a law of the foam, or its file.
+        A card with a hyperelastic law, or its file.
     target
         One of `programs.targets`: abaqus, calculix, febio, lsdyna, ansys, radioss.
     moduli
@@ -56,7 +56,7 @@ def export(card: MaterialCard | Path | str, target: str, moduli: str | None = No
     Raises
     ------
     ValueError
-        For an unknown target, units or moduli, a card without a law of the foam, moduli that need a Prony series the
+        For an unknown target, units or moduli, a card without a hyperelastic law, moduli that need a Prony series the
         card lacks, or a law that the target does not have.
 
     Examples

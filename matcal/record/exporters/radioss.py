@@ -17,7 +17,7 @@ WIDTH, MOST_TERMS = 20, 5
 def write(material: Material) -> Written:
     """The material as /MAT/LAW42; ValueError without a density, and for more than five terms."""
     if material.density is None:
-        raise ValueError("OpenRadioss needs a density. Give it, in kg/m3.")
+        raise ValueError("OpenRadioss needs a density. Give `density`, in kg/m3.")
     pairs = powers(material) or []
     if len(pairs) > MOST_TERMS:
         raise ValueError(f"OpenRadioss takes at most {MOST_TERMS} Ogden terms, the card has {len(pairs)}.")

@@ -20,6 +20,9 @@ _LARGEST_STRAIN = 20.0  # a strain above this is another quantity, or in another
 # standard errors from which on an error is said, and error up to which a zero is known
 _ZERO, _ZERO_SHARE, _CLEAR, _SMALL = 0.003, 0.01, 2.5, 3e-4
 _FAR = 1e-3  # error of a zero from which on it is said
+# standard deviation of the zero of a table's load, share of the largest: a cell of class 1 of ISO 7500-1, whose zero is
+# within 0.1 % of its range, of which the test takes a twentieth
+_LOAD_ZERO = 0.02
 _FREE_FACES = ("uniaxial", "planar", "biaxial")
 
 
@@ -35,7 +38,7 @@ def reduce_table(kind: str, recording: Recording, direction: str | None = None, 
     _check(kind, recording, strain, value)
     if kind in (*_FREE_FACES, "relaxation", "conductivity"):
         strain, value = _compression_negative(kind, recording, strain, value, direction, notes, cautions)
-    _check_range(kind, recording, strain)
+    _check_range(kind, recording, strain, direction)
     if one_loading:
         cautions += loading_doubts(recording.label, strain, value)
         most = int(np.argmax(np.abs(strain))) + 1
@@ -133,11 +136,14 @@ def _check(kind: str, recording: Recording, strain: Array, value: Array) -> None
         raise _error(recording, f"a conductivity of {value.min():g} S/m is not possible. Are two columns swapped?")
 
 
-def _check_range(kind: str, recording: Recording, strain: Array) -> None:
+def _check_range(kind: str, recording: Recording, strain: Array, direction: str | None) -> None:
     what = {"shear": "gamma", "volumetric": "J"}.get(kind, "strain")
     lowest = {"shear": -np.inf, "volumetric": 0.0}.get(kind, -1.0)
     if strain.min() <= lowest or np.abs(strain).max() > _LARGEST_STRAIN:
         worst = strain[int(np.argmax(np.abs(strain)))] if strain.min() > lowest else strain.min()
+        if direction == "compression" and worst <= lowest:
+            raise _error(recording, f"strain = {worst:g} is not possible in compression, as the specimen's file says. "
+                                    f"Write direction = \"tension\" below [{kind}] of that file, or leave it out.")
         share = "" if "strain" not in recording.names or recording.units.get("strain") == "%" else (
             f" In per cent it is given with --columns strain={recording.names['strain']}:%")
         raise _error(recording, f"{what} = {worst:g} is not possible. Are two columns swapped, or is it a percentage?"
@@ -196,8 +202,8 @@ def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | N
 
 
 def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[str]) -> dict[str, float]:
-    """The standard deviation of the strain's zero, which the fit refines like that of a contact, where the noise of
-    the table leaves it open or its curve contradicts it."""
+    """The standard deviations of the zeros of strain and load, which the fit refines like those of a load frame, where
+    the noise of the table leaves them open or its curve contradicts them."""
     found = zero_of(kind, strain, stress)
     if found is None or max(abs(found[0]), found[1]) < _SMALL:
         return {}
@@ -206,8 +212,10 @@ def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[st
         ahead = bool(off * strain[int(np.argmax(np.abs(strain)))] > 0)  # as a relaxation after the start leaves it
         cautions.append(f"The zero of the strain of {label} looks off{', or it relaxes as its loading begins' * ahead}"
                         f": its curve has no stress at a strain of {-off:.2g} ± {sd:.2g}. Count the strain from "
-                        f"contact. The fit moves it, and the intervals hold an error of {_ZERO:g}.")
-    return {"strain_zero_sd": min(_ZERO, _ZERO_SHARE * float(np.abs(strain).max())), "strain_zero_assumed": 1.0}
+                        f"contact and the load from rest. The fit moves both zeros, and the intervals hold an error "
+                        f"of {_ZERO:g} of strain and {_LOAD_ZERO:.0%} of the largest stress.")
+    return {"strain_zero_sd": min(_ZERO, _ZERO_SHARE * float(np.abs(strain).max())), "strain_zero_assumed": 1.0,
+            "zero_sd_Pa": _LOAD_ZERO * float(np.abs(stress).max())}
 
 
 def _deviation(recording: Recording) -> Array | None:

@@ -1,6 +1,7 @@
 """A model of presses learnt from a recording and its labels, scored on two splits."""
 
 import time
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,6 +10,7 @@ from eitsim.sensors.labels import Labels, labels_of, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.data.dead_readings import too_many
 from surrogate.model.recorded import plain_reader
+from surrogate.model.recorded.continued import continued
 from surrogate.model.recorded.plain_reader import PlainReader
 from surrogate.model.recorded.press_model import BY_FAMILIES, PressModel
 from surrogate.model.recorded.reader_scores import SPLITS, TESTED, Tested, read_split
@@ -56,6 +58,34 @@ def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
     tested = tuple(one for split in splits if not isinstance(found[split], str) for one in found[split])
     return PressModel(reader, recording.kind, count, frames, seed, tested, fit_s, tuple(left_out),
                       method=method)
+
+
+def learn_session(model: PressModel, recording: Recording, labels: Labels) -> PressModel:
+    """A model of another session of the same skin, from five or more labelled presses of it: gains of readings, where
+    the skin lies, what is added to patterns and how they scatter are learnt anew, the map from the first session stays.
+
+    The scores of the first session are left out; what the presses say, each read by what the others teach, stands in
+    `left_out`. ValueError where the model is no one of families that reads places, or the presses are too few.
+
+    >>> model = surrogate.learn_session(surrogate.load("MODEL"), recording, labels)        # doctest: +SKIP
+    """
+    if not isinstance(model.reader, PressReader):
+        raise ValueError(f"a model of the method {model.method} is not continued in another session. Learn the first "
+                         "session by the method families.")
+    begun = time.process_time()
+    presses, known, left_out = _readable(*labelled(model.presses_of(recording), labels, str(recording.source)))
+    _, first = np.unique(press_of_frames(presses, known), return_index=True)
+    presses, known = taken(presses, first), labels_of(known, first)
+    found = continued(model.reader, presses, known)
+    motion = found.reader.motion
+    lies = ("the skin lies where it did" if motion is None else
+            f"the skin is turned by {np.degrees(motion.turn):.0f} +- {np.degrees(motion.turn_sd):.0f} degrees, and its "
+            f"middle is shifted by ({motion.shift[0]:.1f}, {motion.shift[1]:.1f}) +- {motion.shift_sd:.1f} mm")
+    said = (f"another session, by {len(first)} labelled presses of it: {lies}; each read by what the others teach, "
+            f"they are read to {found.after_mm:.3g} mm, to {found.before_mm:.3g} mm by the model of the first session; "
+            f"intervals are {found.widening:.2f} times as wide.")
+    return replace(model, reader=found.reader, tested=(), left_out=(*model.left_out, *left_out, said),
+                   fit_s=time.process_time() - begun)
 
 
 def _readable(presses: Presses, labels: Labels) -> tuple[Presses, Labels, list[str]]:

@@ -1,21 +1,27 @@
-"""Scores of a trained reader on labelled presses of a recording; those that it was trained on have scores of their
-own."""
+"""Scores of what was read of labelled presses of a recording, by a model or by anything that gives intervals; presses
+that a model was trained on have scores of their own. The verdict is on frames without a flag."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from eitsim.sensors.labels import Labels, unit_of
+from eitsim.sensors.labels import NAMES, PLACE, Labels, unit_of
 from eitsim.sensors.recording import Recording
 from surrogate.model.recorded.press_model import OUTPUTS, PressModel
 from surrogate.recordings.press_frames import press_of_frames
-from surrogate.recordings.presses import labelled
+from surrogate.recordings.presses import Presses, labelled, presses_of
+from surrogate.recordings.worth import distance
+from surrogate.statistics.calibration import LEVELS, expected_coverage, random_point_coverage, rank_histogram
 from surrogate.statistics.coverage_check import coverage_check
 from surrogate.statistics.metrics import COVERAGES, score
-from touchcal.arrays import Mask
+from touchcal.arrays import Array, Index, Mask
 from touchcal.json_file import file_digest
+
+ENDS = ("lo90", "hi90")  # of an interval, in the names of columns
 
 
 def evaluate_reader(model: PressModel, recording: Recording, labels: Labels, source: str) -> dict[str, Any]:
@@ -29,34 +35,98 @@ def evaluate_reader(model: PressModel, recording: Recording, labels: Labels, sou
     table = model.predict(recording)
     predict_ms = (time.process_time() - begun) / len(table) * 1e3
     presses, known = labelled(model.presses_of(recording), labels, source)
+    return (_scored(table, recording, presses, known, source, model.reader.trained_on(presses))
+            | {"method": "recording", "fit_s": model.fit_s, "predict_ms": predict_ms})
+
+
+def evaluate_predictions(table: pd.DataFrame, recording: Recording, labels: Labels, source: str) -> dict[str, Any]:
+    """The same of a table of predictions from elsewhere, a row a touched frame: `touch`, values and ends of intervals
+    as `predict` names them, and a `flag` where there is one; ValueError as above, and where a column is missing."""
+    if "touch" not in table:
+        raise ValueError("the predictions have no column touch, which names what each row reads. Add it.")
+    presses, known = labelled(presses_of(recording), labels, source)
+    flags = table["flag"].astype(object).fillna("") if "flag" in table else ""
+    table = table.assign(touch=table["touch"].astype(str), flag=flags)
+    asked = pd.DataFrame({"touch": presses.name}).assign(frame=lambda one: one.groupby("touch").cumcount())
+    table = asked.merge(table.assign(frame=table.groupby("touch").cumcount()), "left", ["touch", "frame"],
+                        indicator="found")
+    if lacking := table.loc[table["found"] != "both", "touch"].tolist():
+        raise ValueError(f"the predictions lack a row of touch {lacking[0]}, which is labelled. Give a row a touched "
+                         "frame.")
+    return (_scored(table, recording, presses, known, source, np.zeros(len(table), bool))
+            | {"method": "predictions", "fit_s": 0.0, "predict_ms": 0.0})
+
+
+def _scored(table: pd.DataFrame, recording: Recording, presses: Presses, known: Labels, source: str,
+            seen: Mask) -> dict[str, Any]:
+    """Scores of the rows of a table that are labelled."""
     table = table.loc[table["touch"].isin(known.touch.tolist())]
     columns = {name: OUTPUTS.get(name, name) for name in known.names if OUTPUTS.get(name, name) in table}
     if not columns:
-        raise ValueError(f"{source}: its labels are {', '.join(known.names)}, and the model reads "
-                         f"{', '.join(model.labels)}. "
+        reads = [one for one in NAMES if OUTPUTS.get(one, one) in table]
+        raise ValueError(f"{source}: its labels are {', '.join(known.names)}, and the model reads {', '.join(reads)}. "
                          "Give one or more of these.")
     sound = table.loc[:, [*columns.values()]].notna().to_numpy().all(axis=1)
     if not sound.any():
         raise ValueError(f"{recording.source}: no labelled press can be read; the first has {table['flag'].iloc[0]}.")
-    seen = model.reader.trained_on(presses)
     part = np.where(seen, "train", "new" if seen.any() else "all")
-    outputs: dict[str, dict[str, Any]] = {}
     press = press_of_frames(presses, known)
+    outputs: dict[str, dict[str, Any]] = {}
+    each: dict[str, tuple[Array, Array, Array]] = {}
     for name, column in columns.items():
-        stem, _, unit = column.rpartition("_")
-        value = table[column].to_numpy()
-        half = np.tile(table[f"{stem}_hi90_{unit}"].to_numpy() - value, (len(COVERAGES), 1))
-        target = known.values[:, known.names.index(name)]
-        outputs[stem] = {one: asdict(score(target[rows], value[rows], half[:, rows], half[:, rows], unit_of(name)))
+        target, value = known.values[:, known.names.index(name)], table[column].to_numpy(float)
+        below, above = _ends(table, column)
+        stem = column.rpartition("_")[0]
+        each[stem] = target, value, (below + above) / 2
+        below, above = (np.tile(one, (len(COVERAGES), 1)) for one in (below, above))
+        outputs[stem] = {one: asdict(score(target[rows], value[rows], below[:, rows], above[:, rows], unit_of(name)))
                          | {"coverage_50": None, "coverage_95": None}
                          for one in ("train", "new", "all") if (rows := sound & (part == one)).any()}
+    flagged = (table["flag"] != "").to_numpy()
     return {"coverage_below": _below(outputs, {one: len(np.unique(press[sound & (part == one)]))
                                                for one in ("new", "all")}),
-            "presses": int(press.max()) + 1, "method": "recording",
+            "presses": int(press.max()) + 1,
             "dataset": {"sha256": file_digest(recording.source), "rows": len(sound)},
             "scored": _scored_words(sound, [flag for flag in table["flag"] if flag],
                                     [name for name in known.names if name not in columns]),
-            "fit_s": model.fit_s, "predict_ms": predict_ms, "outputs": outputs, "noise": []}
+            "outputs": outputs, "noise": [], "verdict": _verdict(each, sound & ~seen, flagged, press)}
+
+
+def _ends(table: pd.DataFrame, column: str) -> tuple[Array, Array]:
+    """(n,) how far the 90 % interval of a column reaches below and above it."""
+    stem, _, unit = column.rpartition("_")
+    for end in ENDS:
+        if f"{stem}_{end}_{unit}" not in table:
+            raise ValueError(f"the predictions have {column} and no {stem}_{end}_{unit}. Give both ends of its 90 % "
+                             "interval.")
+    value, low, high = (table[name].to_numpy(float) for name in (column, *(f"{stem}_{end}_{unit}" for end in ENDS)))
+    return value - low, high - value
+
+
+def _verdict(each: Mapping[str, tuple[Array, Array, Array]], unseen: Mask, flagged: Mask,
+             press: Index) -> dict[str, Any] | None:
+    """Whether intervals hold on unseen frames without a flag, by a binomial test at the number of their presses, and
+    diagnostics of them; None where no unseen frame is without a flag."""
+    rows = unseen & ~flagged
+    if not rows.any():
+        return None
+    presses = len(np.unique(press[rows]))
+    outputs = {}
+    for name, parts in each.items():
+        target, value, half = (one[rows] for one in parts)
+        check = coverage_check(float(np.mean(np.abs(value - target) <= half)), presses, checks=len(each))
+        outputs[name] = {"coverage_90": check.measured, "chance": check.chance, "holds": not check.too_low,
+                         "half_width_90": float(half.mean()),
+                         "expected_coverage": expected_coverage(target, value, half),
+                         "ranks": rank_histogram(target, value, half)}
+    found: dict[str, Any] = {"holds": all(one["holds"] for one in outputs.values()), "presses": presses,
+                             "frames": int(rows.sum()), "flagged": float(flagged[unseen].mean()),
+                             "levels": [*LEVELS], "outputs": outputs}
+    place = [each[name] for name in (OUTPUTS[one].rpartition("_")[0] for one in PLACE) if name in each]
+    if len(place) == len(PLACE):
+        target, value, half = (np.stack(parts, axis=1)[rows] for parts in zip(*place, strict=True))
+        found |= {"distance_mm": distance(value, target), "random_points": random_point_coverage(target, value, half)}
+    return found
 
 
 def _below(outputs: dict[str, dict[str, Any]], presses: dict[str, int]) -> list[dict[str, Any]]:

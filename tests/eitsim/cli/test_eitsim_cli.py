@@ -54,7 +54,7 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     result = json.loads(done.stdout)
     assert result.keys() >= KEYS
     assert json.loads((folder / "result.json").read_text()) == result
-    assert result["stability"]["fitted_foam_strain"] == [-0.8, 0.0]
+    assert result["stability"]["fitted_law_strain"] == [-0.8, 0.0]
     assert [len(row) for row in result["readings_V"]] == [13] * 16
 
 
@@ -63,7 +63,7 @@ def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     (["run", "bare.toml", "--card", "absent.json"], "absent.json"),
     (["run", "wrong.toml", "--card", "card.json"], "radius"), (["run", "rim.toml", "--card", "card.json"], "rim"),
     (["run", "bare.toml", "--card", "dry.json"], "no conductivity"),
-    (["run", "bare.toml", "--card", "skin.json"], "no law of the foam"),
+    (["run", "bare.toml", "--card", "skin.json"], "no hyperelastic law"),
     (["run", "scene.toml", "--fields", "f.txt"], "f.txt: the file is a VTU file; give a name that ends in .vtu"),
     (["run", "scene.toml", "--fields", "f.vtu", "--fields-steps", "3"], "--fields-steps has no effect without a"),
     (["run", "scene.toml", "--fields", "f.pvd", "--fields-steps", "0"], "--fields-steps must be 1 or more, got 0"),

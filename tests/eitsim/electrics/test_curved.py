@@ -233,7 +233,7 @@ def test_what_cannot_be_is_refused(skin_file: Path, old: str, new: str, message:
 
 def test_a_scene_with_a_curved_mesh_is_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text('[body]\nmesh = "hand.stl"\n[punch]\nforce_N = 1\n', encoding="utf-8")
-    with pytest.raises(InputFileError, match="a sheet without foam"):
+    with pytest.raises(InputFileError, match="a sheet without a layer"):
         read_scene(tmp_path / "scene.toml")
 
 

@@ -136,7 +136,7 @@ def test_a_file_tells_units_and_joins_with_the_next(tmp_path: Path, touch: Touch
     ({"names": ["temperature"]}, r"got \['temperature'\]"),
     ({"names": ["strain"], "grid": "hex"}, "known: square, polar"),
     ({"names": ["strain"], "rings": 4}, "rings in .fields. has no effect with grid = \"square\""),
-    ({"names": ["strain"], "grid": "polar", "angles": 1}, "whole number of 2 to 1024"),
+    ({"names": ["strain"], "grid": "polar", "angles": 1}, "whole number from 2 to 1,024"),
     ({"names": ["strain"], "pixels": 4}, "unknown key 'pixels'"), (["strain"], "must be a table")])
 def test_wrong_keys_are_told_with_the_mend(raw, says) -> None:
     with pytest.raises(ValueError, match=says):

@@ -77,4 +77,4 @@ def test_a_kept_depth_relaxes_and_a_plan_says_of_the_body_what_physics_refuses()
     both = replace(ball(), punches=(punch, punch), places_m=place + np.array([[0.0, 0, 0], [0.01, 0, 0]]))
     assert "from another punch" in eitsim.plan(both, CARD).refusal
     deep = replace(ball(), punches=(Punch(depth_m=0.0079),))
-    assert "97% of the foam's thickness" in eitsim.plan(deep, CARD).refusal
+    assert "97% of the layer's thickness" in eitsim.plan(deep, CARD).refusal

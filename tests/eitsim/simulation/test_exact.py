@@ -34,7 +34,7 @@ def test_an_exact_plan_says_what_stays():
     usual, exact = make_plan(scene, CARD), make_plan(scene, CARD, exact=True)
     assert "scatter" in " ".join(d.decision for d in usual.decisions)
     assert "scatter" not in " ".join(d.decision for d in exact.decisions)
-    assert exact.decisions[0].decision == "exact: a finer mesh of the foam"
+    assert exact.decisions[0].decision == "exact: a finer mesh of the layer"
     for decision in exact.decisions:
         stays = decision.error_bound > 0 or decision.unbounded
         assert ("exact does not change it" in decision.reason) == stays

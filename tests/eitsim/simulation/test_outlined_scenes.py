@@ -173,7 +173,7 @@ def test_a_note_says_what_to_write_where_electrodes_give_way():
     plan, one_V = make_plan(at(0.01, 0.03), CARD, bodies=False), np.ones((1, 1))
     readings = Readings(one_V, one_V, one_V, one_V, 0.0, 0.0, 0, 0.0)
     note = explain_excess(0.02, 0.3, 0.01, plan, readings)
-    assert note.endswith("most of that \"electrodes do not stiffen the foam\". Where yours give way, as paint, foil "
+    assert note.endswith("most of that \"electrodes do not stiffen the layer\". Where yours give way, as paint, foil "
                          "and thin wires do, write soft = true in [electrodes].")
     soft = make_plan(replace(at(0.01, 0.03), electrodes=replace(SCENE.electrodes, soft=True)), CARD)
     assert "soft = true" not in explain_excess(0.02, 0.3, 0.01, soft, readings)

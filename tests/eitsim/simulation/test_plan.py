@@ -51,7 +51,7 @@ def test_soft_electrodes_leave_the_rim_as_it_is() -> None:
     punch = {"punch": {"x_mm": 88}}
     soft = scene_from(punch | {"electrodes": {"soft": True}})
     stiff, free = (make_plan(scene, CARD, bodies=False) for scene in (scene_from(punch), soft))
-    named = [next((d for d in found.decisions if d.decision == "electrodes do not stiffen the foam"), None)
+    named = [next((d for d in found.decisions if d.decision == "electrodes do not stiffen the layer"), None)
              for found in (stiff, free, make_plan(scene_from(punch), CARD))]
     assert named[0] is not None
     assert named[1] is named[2] is None
@@ -115,7 +115,7 @@ def test_touches_at_patches_are_planned_with_those_under_a_punch_soft() -> None:
         place = {"x_mm": 88 * np.cos(angle), "y_mm": 88 * np.sin(angle), "diameter_mm": 8}
         plan = make_plan(scene_from({"electrodes": {"kind": "patch"}, "punch": place}), CARD)
         assert plan.refusal == ""
-        assert ("electrodes do not stiffen the foam" in {d.decision for d in plan.decisions}) is soft
+        assert ("electrodes do not stiffen the layer" in {d.decision for d in plan.decisions}) is soft
 
 
 def test_an_edge_on_the_rim_is_refused_with_what_to_change() -> None:

@@ -192,7 +192,7 @@ def test_skins_drawn_for_one_foam_share_its_load_paths_and_drawn_foams_have_none
     assert last is not None
     assert "a table of 1 load paths" in last.method
     assert read_dataset(tmp_path / "a").table["card_sample"].nunique() == 3
-    with pytest.raises(ValueError, match="a law of the foam for each row"):
+    with pytest.raises(ValueError, match="a law for each row"):
         sweep(design_from(RAW, 3), card, tmp_path / "b", reuse=True)
 
 

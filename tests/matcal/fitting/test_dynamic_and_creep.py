@@ -198,3 +198,15 @@ def test_a_series_without_given_times_has_the_terms_that_are_seen_alone() -> Non
     assert found.covariance.shape == (2 * found.prony.g.size,) * 2
     assert found.modulus_Pa == pytest.approx(5e5, rel=1e-3)
     assert found.prony.g.sum() == pytest.approx(1 / 3, rel=1e-3)
+
+
+def test_a_material_that_flows_keeps_the_least_share_at_rest() -> None:
+    """Of a Maxwell fluid of two terms shares of the whole modulus, with a thousandth of a millionth left."""
+    omega, m, tau = 2 * np.pi * np.geomspace(1e-3, 1e2, 60), np.array([3e5, 1e5]), np.array([0.1, 10.0])
+    turn = 1j * omega[:, None] * tau
+    z = (turn / (1 + turn)) @ m
+    test = Experiment("dma", np.zeros(60), z.real, source=("flows",), facts={"table_of_E": 1.0},
+                      sweep=Sweep(omega / (2 * np.pi), z.imag, np.zeros(60, dtype=int), np.array([293.15])))
+    found = fit_spectrum(test, times_s=(0.1, 10.0))
+    assert 1 - found.prony.g.sum() == pytest.approx(1e-9, rel=1e-3)
+    assert found.prony.g == pytest.approx([0.75, 0.25], rel=1e-6)

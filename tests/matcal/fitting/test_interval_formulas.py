@@ -20,7 +20,7 @@ from matcal.fitting.uncertainty.intervals import (
 )
 from matcal.fitting.uncertainty.linear_response import prior_precision
 from matcal.fitting.uncertainty.nu_ridge import RESOLVED, _direction
-from matcal.fitting.uncertainty.nuisance import nuisance, refined_records, surprise, with_drift
+from matcal.fitting.uncertainty.nuisance import moved_sentences, nuisance, refined_records, surprise, with_drift
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -210,7 +210,7 @@ def _uncertain() -> Fit:
     """Compression with an uncertain contact, load zero and drift."""
     strain, time = np.linspace(-0.6, -0.01, 60)[::-1], np.linspace(0.5, 30.0, 60)
     stress = _stress("uniaxial", strain) + 0.5 * np.random.default_rng(2).normal(size=60)
-    facts = {"area_mm2": 500.0, "strain_zero_sd": 1e-3, "zero_sd_N": 0.02, "drift_sd_N_per_s": 1e-3}
+    facts = {"area_mm2": 500.0, "strain_zero_sd": 1e-3, "zero_sd_Pa": 40.0, "drift_sd_N_per_s": 1e-3}
     return fit(weigh([Experiment("uniaxial", strain, stress, time, ("a",), 0.5, facts=facts)]), 1, thorough=False)
 
 
@@ -230,20 +230,20 @@ def test_zero_and_drift_of_the_load_move_the_stress_by_one_standard_deviation() 
 
 
 def test_a_load_zero_that_is_off_is_found_under_its_prior_and_taken_off() -> None:
-    """The record stands 0.04 N too high, two standard deviations; the prior holds part of it back."""
+    """The record stands 80 Pa too high, two standard deviations; the prior holds part of it back."""
     found = _uncertain()
     test = found.curves[0].experiment
-    facts = {"area_mm2": 500.0, "zero_sd_N": 0.02}
-    off = replace(test, value=test.value + 0.04 / 500e-6, facts=facts)
-    curves, said = refined_records(fit(weigh([off]), 1, thorough=False))
+    facts = {"zero_sd_Pa": 40.0}
+    off = replace(test, value=test.value + 80, facts=facts)
+    curves, _ = refined_records(fit(weigh([off]), 1, thorough=False))
     moved = curves[0].experiment
-    assert 0.02 < moved.facts["zero_moved_N"] < 0.04
-    assert moved.value == pytest.approx(off.value - moved.facts["zero_moved_N"] / 500e-6, rel=1e-12)
-    assert "load zero moved by +0.0" in said[0]
-    assert surprise(curves) == pytest.approx((moved.facts["zero_moved_N"] / 0.02) ** 2)
+    assert 40 < moved.facts["zero_moved_Pa"] < 80
+    assert moved.value == pytest.approx(off.value - moved.facts["zero_moved_Pa"], rel=1e-12)
+    assert f"load zero moved by {moved.facts['zero_moved_Pa']:+.2g} Pa" in moved_sentences(curves)[0]
+    assert surprise(curves) == pytest.approx((moved.facts["zero_moved_Pa"] / 40) ** 2)
     again = fit(curves, 1, thorough=False)
     assert abs(again.law.mu_0_Pa - MU) < 0.5 * abs(fit(weigh([off]), 1, thorough=False).law.mu_0_Pa - MU)
-    assert nuisance(again).mean == pytest.approx([-moved.facts["zero_moved_N"] / 0.02])
+    assert nuisance(again).mean == pytest.approx([-moved.facts["zero_moved_Pa"] / 40])
 
 
 def test_an_unknown_drift_pools_those_measured_with_one_that_adds_up_to_the_noise() -> None:
@@ -263,7 +263,7 @@ def test_shares_are_the_parts_of_the_variance() -> None:
     """A load zero that is known a million times better has no share; the order's share is form^2/sd^2."""
     found = _uncertain()
     test = found.curves[0].experiment
-    facts = {"area_mm2": 500.0, "strain_zero_sd": 1e-3, "zero_sd_N": 2e-8}
+    facts = {"area_mm2": 500.0, "strain_zero_sd": 1e-3, "zero_sd_Pa": 4e-5}
     sure = fit(weigh([replace(test, facts=facts)]), 1, starts=1)
     told = linearised(sure)
     shares = {name.split(" of ")[0]: share for name, share in told.shares.items()}

@@ -150,3 +150,12 @@ def test_a_silicone_of_one_mode_is_held_by_the_band_in_the_others() -> None:
     assert np.mean(inside) > 0.85
     found = fit_law(weigh(tests), Ogden, {}, order=3, thorough=False)
     assert found.law.mu_0_Pa == pytest.approx(340.7e3, rel=0.03)
+
+
+@pytest.mark.skipif(not (SHARED / "cases").is_dir(), reason="needs the files of others")
+def test_the_band_over_laws_of_one_mode_holds_a_measured_silicone_in_the_others(benchmark_module) -> None:
+    study = benchmark_module("treloar")
+    tests = study.read(SHARED / "cases" / "material" / "20_silicone_three_modes")
+    rows = study.of_bands("silicone", study.weigh(tests))
+    held = sum(row["points"] * row["held_percent"] for row in rows) / sum(row["points"] for row in rows)
+    assert held >= 85

@@ -90,3 +90,11 @@ def test_a_folder_of_something_else_explains_itself(tmp_path: Path, monkeypatch:
     (tmp_path / "uniaxial.csv").write_text("strain,stress (kPa)\n0,0\n0.1,1\n")
     assert _run(monkeypatch, "fit", tmp_path, "--out", tmp_path / "card.json") == 2
     assert "it holds uniaxial.csv). A folder stands for one test" in capsys.readouterr().err
+
+
+def test_temperatures_are_shown_in_the_unit_that_stands_next_to_them(tmp_path: Path,
+                                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "dma.csv").write_text("f (Hz),E' (MPa),E\" (MPa),Temperature (C)\n1,2,0.1,20\n2,2,0.1,21\n3,2,0.1,22\n")
+    print_description("dma.csv", inspect(tmp_path / "dma.csv"))
+    row = next(line for line in capsys.readouterr().out.splitlines() if "Temperature" in line)
+    assert row.split()[-3:] == ["293.15", "295.15", "K"]

@@ -94,7 +94,7 @@ def test_a_preload_makes_the_contact_and_the_rest_the_zero(tmp_path: Path) -> No
                    "compliance_mm_per_N = 0.1\ndirection = \"compression\"\n")
     assert got.facts["contact_mm"] == pytest.approx(1.25 - 0.05, abs=0.002)
     assert got.facts["zero_load_N"] == pytest.approx(0.3, abs=4e-4)
-    assert got.facts["zero_sd_N"] == pytest.approx(1e-3 / np.sqrt(250), rel=0.1)
+    assert got.facts["zero_sd_Pa"] * got.facts["area_mm2"] * 1e-6 == pytest.approx(1e-3 / np.sqrt(250), rel=0.1)
     assert got.facts["contact_sd_mm"] == 0
     assert got.value.min() == pytest.approx(-2.0 * (travel[-1] - 1) / 100e-6, rel=0.01)
     assert _slope(got) == pytest.approx(2.0 / (1 - 0.2) * 20 / 100e-6, rel=5e-3)

@@ -225,6 +225,14 @@ def test_tables_that_cannot_be_are_refused(kind: str, text: str, says: str, tmp_
         _reduced(_written(tmp_path, "table.csv", text), kind)
 
 
+def test_tension_that_its_specimen_calls_compression_is_refused_with_the_key(tmp_path: Path) -> None:
+    sizes = _written(tmp_path, "s.toml", "[uniaxial]\nwidth_mm = 20\ndepth_mm = 20\nheight_mm = 20\n"
+                                         "direction = \"compression\"\n")
+    table = _written(tmp_path, "table.csv", "strain (-),stress (kPa)\n0,0\n1,20\n2,30\n4,50\n")
+    with pytest.raises(InputFileError, match=r'-4 is not possible in compression.*direction = "tension" below \[uniax'):
+        _reduced(table, "uniaxial", sizes)
+
+
 def test_a_pressure_is_turned_into_a_mean_stress(tmp_path: Path) -> None:
     for sign in (1, -1):
         text = "J,pressure (kPa)\n" + "".join(f"{1 - 0.1 * k},{sign * 5 * k}\n" for k in range(5))

@@ -202,14 +202,14 @@ def test_a_folder_that_is_no_set_is_named(tmp_path: Path) -> None:
 def test_a_touch_begins_with_its_verdict_and_says_the_share_of_the_signal(tmp_path: Path, write_result: Make,
                                                                          read_pdf: Reader) -> None:
     stability = {"elliptic": True, "fraction_non_elliptic": 0.0, "skin_fraction_extrapolated": 0.0063,
-                 "signal_share_extrapolated": 0.89, "least_strain": -0.9, "fitted_foam_strain": [-0.8, 0.0],
-                 "fitted_skin_strain": [0.0, 0.4]}
+                 "signal_share_extrapolated": 0.89, "least_strain": -0.9, "law": "yeoh",
+                 "fitted_law_strain": [-0.8, 0.0], "fitted_skin_strain": [0.0, 0.4]}
     plan = [{"kind": "no_load_in_skin", "decision": "the skin carries no load", "reason": "a sprayed layer",
              "error_bound": 0.0, "unbounded": True}]
     card = {"name": "Foam", "file": "card.json", "sha256": "ab" * 32, "synthetic": True}
     write(write_result(stability=stability, plan=plan, card=card), tmp_path / "t.pdf")
     first = " ".join(read_pdf(tmp_path / "t.pdf").pages[0].split())
-    for line in ("Depth and pressure usable depth to 0.12 %, foam strained to −0.900, tested to −0.800",
+    for line in ("Depth and pressure usable depth to 0.12 %, yeoh strained to −0.900, tested to −0.800",
                  "Signal by the card's law good to 0.45 %", "Signal of a real skin not usable 89 % of it comes from "
                  "extrapolated conductivity, measured for strains of 0 to 0.400", "A real sensor not usable",
                  "Before you use these numbers", "At a cost that is unknown and in no error: the skin carries no load"):
