@@ -18,6 +18,7 @@ from eitsim.presses.law_features import LawPrior, features, law_prior
 from eitsim.presses.press_file import Press, check_presses
 from eitsim.presses.press_model import EACH, NUISANCES, NearModel, PressSetup, near_model
 from matcal.card import MaterialCard
+from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN
 from matcal.laws.law import Law, scaled, units
 from matcal.posterior.derived_quantities import derived_of
 from matcal.posterior.draws import Draws
@@ -90,7 +91,7 @@ def identify(presses: Sequence[Press], setup: PressSetup, card: MaterialCard, *,
     nuisances = {name: _summary(column) for name, column in _nuisances(model, chain).items()}
     return Identified(prior.laws(y[:p]), laws, chain, model, noise,
                       np.array([np.sqrt(np.mean(r**2)) for r in _residuals(model, y)]), derived, nuisances,
-                      _not_determined(setup, derived, nuisances), settled and long_enough, cpu_s() - started)
+                      _not_determined(setup, presses, derived, nuisances), settled and long_enough, cpu_s() - started)
 
 
 def _settled(setup: PressSetup, prior: LawPrior, presses: Sequence[Press], progress: Callable[[str], None]
@@ -281,11 +282,13 @@ def _summary(column: Array) -> dict[str, float]:
     return {"value": middle, "median": middle, "sd": float(column.std()), "lo": low, "hi": high}
 
 
-def _not_determined(setup: PressSetup, derived: Mapping[str, Mapping[str, float]],
+def _not_determined(setup: PressSetup, presses: Sequence[Press], derived: Mapping[str, Mapping[str, float]],
                     nuisances: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
-    """Quantities whose interval spans a factor of two, and nuisances of which the presses say little more than was
-    known before."""
+    """Quantities whose interval spans a factor of two, a plateau at more strain than the layer was pressed by, and
+    nuisances of which the presses say little more than was known before."""
     known = {"thickness_mm": 1e3 * setup.thickness_m * setup.sd[0], "friction": setup.sd[1] / 12**0.5,
              "compliance_mm_per_N": 1e3 * setup.sd[2] * (1 - 2 / np.pi) ** 0.5, "load_cell_gain": setup.sd[3]}
-    out = [name for name, row in derived.items() if row["lo"] <= 0 or row["hi"] > _SPAN * row["lo"]]
+    pressed = max(float(press.depth_m[-1]) for press in presses) / setup.thickness_m
+    out = [name for name, row in derived.items() if row["lo"] <= 0 or row["hi"] > _SPAN * row["lo"]
+           or (name == "plateau_Pa" and pressed < -PLATEAU_STRAIN)]
     return (*out, *(name for name, sd in known.items() if nuisances[name]["sd"] > _OPEN * sd))
