@@ -1,4 +1,5 @@
-"""How well few labelled presses teach: ours next to kernel ridge regression, linear ridge and a Gaussian process.
+"""How well few labelled presses teach: ours, with the sensor file and without it ("no sensor": no prior from physics),
+next to kernel ridge regression, linear ridge and a Gaussian process.
 
 Usage: python benchmarks/few_labels.py [labels ...]. Reads the recordings in ../shared/real, which others measured, and
 stops where they are not there. Adds to results/few_labels.csv the rows that it lacks, one a skin, number of labels and
@@ -32,7 +33,7 @@ from surrogate.recordings.worth import NothingToRead, distance
 
 NAME = "few_labels"
 LABELS = quick((10, 20, 50), (20,))
-METHODS = quick(("families", "ridge", "gp"), ("families",))
+METHODS = quick(("families", "no sensor", "ridge", "gp"), ("families", "no sensor"))
 DRAWS = quick(10, 1)
 
 
@@ -59,8 +60,9 @@ def measured(case: Case) -> dict[str, float]:
     first, test = split_rows(len(labels.touch), "time", 0)
     train = np.sort(np.random.default_rng(1000 + case.draw).choice(first, case.labels, replace=False))
     begun = time.process_time()
-    fit = (partial(press_reader.fit, expectation=expectation_of(read_sensor(REAL / case.skin / "sensor.toml")))
-           if case.method == "families" else partial(plain_reader.fit, case.method))
+    fit = {"families": partial(press_reader.fit,
+                               expectation=expectation_of(read_sensor(REAL / case.skin / "sensor.toml"))),
+           "no sensor": press_reader.fit}.get(case.method) or partial(plain_reader.fit, case.method)
     reader, tested, right = fit(taken(presses, train), labels_of(labels, train), 0), taken(presses, test), labels.values
     found = press_reader.read(reader, tested)
     assert found.place

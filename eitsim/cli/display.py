@@ -193,6 +193,9 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
     if document["absolute_model"] == "usable":
         one = document["parameters"]["ln_conductance_S"]
         print(f"sheet conductance: {1e3 * math.exp(one['value']):.4g} mS +- {_percent(one['sd'])}")
+        if (layer := document["layer"]) is not None:
+            print(f"layer: conducts {layer['conductivity_S_per_m']:.4g} S/m where it is {layer['thickness_mm']:.4g} mm "
+                  "thick, as the sensor file says; only the product of both shows in the readings")
     for electrode, why in document["left_out"].items():
         print(f"electrode {electrode} is left out: {why}")
     if (presses := document["presses"]) is not None:

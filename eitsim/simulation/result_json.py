@@ -9,7 +9,7 @@ import numpy as np
 
 from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, curved_tables
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
-from eitsim.scene.scene import scene_tables
+from eitsim.scene.scene import Scene, scene_tables
 from eitsim.simulation.error_budget import error_budget, numerical_errors
 from matcal.card import MaterialCard, as_card, card_identity
 from touchcal.provenance import versions
@@ -61,9 +61,20 @@ def as_json(result: Result, scene: AnyScene, card: MaterialCard) -> dict[str, An
                       **fitted_ranges(result, scene, card)},
         "slip_fraction": [touch.slip_fraction for touch in result.touches],
         "profile": [profile(touch, scene) for touch in result.touches]} | (
+            {"layer": _currents(result, scene, card)} if scene.skin.fills else {}) | (
             {"as_if_flat": dict(_of_touches(result.as_if_flat))} if result.as_if_flat else {}) | (
             {"times": [moment_block(moment, result.plan, scene.skin.strain) for moment in result.moments]}
             if result.moments else {})
+
+
+def _currents(result: Result, scene: AnyScene, card: MaterialCard) -> list[dict[str, Any]]:
+    """The current through the thickness under every touch of a layer that conducts in its volume."""
+    from eitsim.simulation.layers.layer_current import current_blocks  # reports need no finite elements
+    from eitsim.simulation.layers.layer_readings import TouchedLayer
+
+    assert isinstance(scene, Scene)
+    assert card.conductivity
+    return current_blocks(TouchedLayer(scene, result.touches, card.conductivity).sections, result.touches)
 
 
 def _of_touches(touches: Sequence[Touch]) -> Mapping[str, Any]:

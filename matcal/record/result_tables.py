@@ -104,7 +104,7 @@ def laws(card: MaterialCard, most: int | None = None) -> Printed:
         values = (f"{name} {' +- '.join(_pair(row['value'], row['stderr'])[:2 if row['stderr'] else 1])}"
                   for name, row in card.fit["parameters"].items())
         left = counted(len(compared) - len(shown), "law") + " of less weight left out"
-        notes.append(f"{chosen}, one standard error each: {', '.join(values)}; {left}.")
+        notes.append(f"{chosen}, +- one standard error where known: {', '.join(values)}; {left}.")
     notes.append("Predicted: what the law was not fitted to, each mode or each third of the strains in turn.")
     if test := card.fit.get("deciding_test"):
         notes.append(f"A {test['mode']} test would separate them most: there they differ by "

@@ -11,7 +11,7 @@ from reports.document import provenance
 from reports.document.numerals import counted, interval, number, percent, typeset, volts
 from reports.document.page import Report, ReportFigure, Table
 from reports.document.verdict import ERROR, EXTRAPOLATED, NOT_USABLE, PAST_TEST, Verdict, graded, no_better, real, worst
-from reports.touch import body_picture, reading_figures, skin_maps, touch_figures
+from reports.touch import body_picture, layer_figure, reading_figures, skin_maps, touch_figures
 from reports.touch.drive_sentence import drive_sentence
 from touchcal.document import Keys
 from touchcal.errors import InputFileError
@@ -135,6 +135,8 @@ def _plates(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> li
         plates += [touch_figures.profile(block, i, len(profiles), not CHANGED.isdisjoint(kinds),
                                          not TOGETHER.isdisjoint(kinds))
                    for i, block in enumerate(profiles)]
+        plates += [layer_figure.layer(block, profile, result["scene"]["skin"]["thickness_mm"], i, len(profiles))
+                   for i, (block, profile) in enumerate(zip(result.get("layer", []), profiles, strict=False))]
     else:
         absent["profile"] = "No surface profile: the result holds none."
     if "readings_V" in result:

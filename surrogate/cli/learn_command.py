@@ -118,7 +118,7 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
     _print_trained(model)
     if known is not None:
         print(f"sensor: {sensor}, a {file_kind}")
-    print(f"model: {out}")
+    print(f"model: {out}\nnext: surrogate predict {out} new.csv --out predictions.csv")
     _print_suggested(ahead)
 
 

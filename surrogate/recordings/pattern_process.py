@@ -5,6 +5,7 @@ same for all readings up to a common factor. Gains are generalised least squares
 expected, e = 0.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,18 @@ class Process:
 
     length: float  # mm
     noise: float  # variance of the noise over that of the process
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """What is expected of patterns, up to a gain of each reading, as learnt from presses at some places."""
+
+    at: Callable[[Array], Array]  # places (g, 2), mm -> patterns (g, m)
+    left_out: Array | None = None  # (n, m) at the places it was learnt from, each as without its press; None: as `at`
+
+    def of(self, place: Array) -> Array:
+        """(n, m) at the places (n, 2), mm, that it was learnt from."""
+        return self.at(place) if self.left_out is None else self.left_out
 
 
 def matern(a: Array, b: Array, length: float) -> Array:

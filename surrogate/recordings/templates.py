@@ -10,7 +10,7 @@ density of held-out blocks. Places are read no finer than the grid, an eightieth
 whose spacing the standard deviation includes.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from surrogate.recordings.disc_grid import disc_grid
-from surrogate.recordings.pattern_process import MOST_SEARCHED, Process, choose, mapped
+from surrogate.recordings.pattern_process import MOST_SEARCHED, Expected, Process, choose, mapped
 from surrogate.recordings.patterns import View, view_of
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Index
@@ -32,14 +32,22 @@ SMALLEST = 1e-6  # of the mean variance: no reading is taken as surer
 LEAST = 0.03  # a smaller weight of what is expected is none: it costs time and changes nothing
 PRIOR_FOLDS = 5  # runs of blocks that what is expected is learnt without, each in turn
 
-# What is expected of patterns, learnt from patterns (n, m) at places (n, 2), mm: a function from places (g, 2) to
-# patterns (g, m), known up to a gain of each reading and compressed as patterns are.
-Prior = Callable[[Array, Array], Callable[[Array], Array]]
+# What is expected of patterns, compressed as they are, learnt from patterns (n, m) at places (n, 2), mm.
+Prior = Callable[[Array, Array], Expected]
 
 
-def nothing(pattern: Array, _: Array) -> Callable[[Array], Array]:
+def nothing(pattern: Array, _: Array) -> Expected:
     """The prior that expects no pattern more than another."""
-    return lambda place: np.zeros((len(place), pattern.shape[1]))
+    return Expected(lambda place: np.zeros((len(place), pattern.shape[1])))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a prior expects without a run of blocks."""
+
+    blocks: Index  # of the run
+    rows: Array  # (n, m) at the places of all rows
+    at: Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,23 +128,25 @@ def fit(signal: Array, place: Array, blocks: Index, *, compress: bool, seen: tup
     pattern, at, grid = view.of(signal[last]), place[last], places_about(place[last])
     own = np.arange(len(pattern)) if press is None else press[last]
     learnt = [prior(pattern, at) for prior in priors]
-    processes = [choose(pattern, at, one(at), own) for one in learnt]
-    weights = _weights(pattern, at, blocks[last], priors, processes, own)
-    used = [(process, prior, one)
-            for process, prior, one, weight in zip(processes, priors, learnt, weights, strict=True) if weight]
-    shares, shrink = weights[weights > 0], PRIOR_PRESSES / (PRIOR_PRESSES + len(np.unique(own)))
+    processes = [choose(pattern, at, one.of(at), own) for one in learnt]
+    parts = [_parts(pattern, at, blocks[last], prior) for prior in priors]
+    weights = _weights(pattern, at, blocks[last], parts, processes, own)
+    used = np.flatnonzero(weights)
+    shrink = PRIOR_PRESSES / (PRIOR_PRESSES + len(np.unique(own)))
 
     def templates(each: Iterable[tuple[Array, Array]]) -> Templates:
-        mean, residual = (np.tensordot(shares, np.stack(parts), 1) for parts in zip(*each, strict=True))
+        mean, residual = (np.tensordot(weights[used], np.stack(found), 1) for found in zip(*each, strict=True))
         return Templates(view, grid, mean, _shrunk(residual, shrink), weights)
 
-    whole = templates(mapped(process, pattern, at, one(at), grid, one(grid), own) for process, _, one in used)
+    whole = templates(mapped(processes[i], pattern, at, learnt[i].of(at), grid, learnt[i].at(grid), own) for i in used)
     without = []
-    for parts in zip(*(_parts(pattern, at, blocks[last], prior) for _, prior, _ in used), strict=True):
-        kept, block, _ = parts[0]
-        without.append((last.start + block, templates(
-            mapped(process, pattern[kept], at[kept], part(at[kept]), grid, part(grid), own[kept])
-            for (process, _, _), (_, _, part) in zip(used, parts, strict=True))))
+    for run in zip(*(parts[i] for i in used), strict=True):
+        on_grid = [part.at(grid) for part in run]
+        for block in run[0].blocks:
+            kept = blocks[last] != block
+            without.append((last.start + np.flatnonzero(~kept), templates(
+                mapped(processes[i], pattern[kept], at[kept], part.rows[kept], grid, there, own[kept])
+                for i, part, there in zip(used, run, on_grid, strict=True))))
     return Fitted(whole, *_held_out(whole, without, signal), tuple(_held_out(whole, without, one)[:2] for one in seen))
 
 
@@ -149,32 +159,37 @@ def _held_out(templates: Templates, without: list[tuple[Index, Templates]],
     return value, sd, nearest
 
 
-def _weights(pattern: Array, place: Array, blocks: Index, priors: Sequence[Prior], processes: Sequence[Process],
-             press: Index) -> Array:
+def _weights(pattern: Array, place: Array, blocks: Index, parts: Sequence[Sequence[Part]],
+             processes: Sequence[Process], press: Index) -> Array:
     """(priors,) weights by the predictive density of the patterns of held-out blocks: the mean square that a prior's
     process misses of them, to the power of minus half the presses, as if all readings were one."""
-    if len(priors) == 1:
+    if len(parts) == 1:
         return np.ones(1)
     rows = spread_evenly(len(pattern), MOST_SEARCHED)
     pattern, place, blocks, press = pattern[rows], place[rows], blocks[rows], press[rows]
-    missed = np.array([sum(float(np.sum((mapped(process, pattern[kept], place[kept], part(place[kept]), place[block],
-                                                part(place[block]))[0] - pattern[block])**2))
-                           for kept, block, part in _parts(pattern, place, blocks, prior))
-                       for prior, process in zip(priors, processes, strict=True)])
-    weights = (missed.min() / np.maximum(missed, np.finfo(float).tiny)) ** (len(np.unique(press)) / 2)
+
+    def missed(process: Process, part: Part, block: int) -> float:
+        kept, expected = blocks != block, part.rows[rows]
+        found, _ = mapped(process, pattern[kept], place[kept], expected[kept], place[~kept], expected[~kept])
+        return float(np.sum((found - pattern[~kept]) ** 2))
+
+    total = np.array([sum(missed(process, part, block) for part in each for block in part.blocks)
+                      for process, each in zip(processes, parts, strict=True)])
+    weights = (total.min() / np.maximum(total, np.finfo(float).tiny)) ** (len(np.unique(press)) / 2)
     weights = np.where(weights < LEAST * weights.sum(), 0.0, weights)
     return weights / weights.sum()
 
 
-def _parts(pattern: Array, place: Array, blocks: Index,
-           prior: Prior) -> Iterator[tuple[Index, Index, Callable[[Array], Array]]]:
-    """For each block the rows outside it, its rows, and what is expected by rows outside a run of blocks about it."""
-    names = np.unique(blocks)
+def _parts(pattern: Array, place: Array, blocks: Index, prior: Prior) -> list[Part]:
+    """What is expected by rows outside each run of blocks."""
+    names, out = np.unique(blocks), []
     for run in np.array_split(names, min(PRIOR_FOLDS, len(names))):
         outside = ~np.isin(blocks, run)
         learnt = prior(pattern[outside], place[outside])
-        for block in run:
-            yield np.flatnonzero(blocks != block), np.flatnonzero(blocks == block), learnt
+        rows = learnt.at(place)
+        rows[outside] = learnt.of(place[outside])
+        out.append(Part(run, rows, learnt.at))
+    return out
 
 
 def places_about(place: Array) -> Array:

@@ -63,7 +63,7 @@ def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
     signals, signal, drift = known.signals, known.signal, known.signals.drift
     blocks, count = press_blocks(press), int(press.max()) + 1
     columns = np.append(np.arange(signals.channels), signals.late)
-    priors = (templates.nothing, *([expectation.taking(columns).learn] if expectation else []))
+    priors = (templates.nothing, *(expectation.taking(columns).priors if expectation else ()))
     fits = {directions: templates.fit(without(drift, signal, directions), place, blocks, compress=False,
                                  seen=tuple(without(drift, one.signal, directions) for one in known.aged), press=press)
             for directions in PROJECTED if directions <= len(drift.root)}

@@ -249,6 +249,10 @@ def check_electrodes(sensor: Sensor) -> None:
     if not sensor.electrodes.along_edge:
         raise ValueError("the instrument model is not built for electrodes on the surface (kind in [electrodes]), only "
                          "for line electrodes; from labelled presses `surrogate train` learns without it.")
+    if not sensor.electrodes.over_thickness:
+        raise ValueError("low_mm, high_mm in [electrodes]: the instrument model is that of a sheet, which a layer is "
+                         "where electrodes cover the whole height of its rim. Leave them out where they nearly do; "
+                         "from labelled presses `surrogate learn` learns without it.")
     if sensor.electrodes.missing:
         raise ValueError("the instrument model takes no missing in [electrodes]; leave it out, and leave the cells of "
                          "readings that need these electrodes empty in the recording.")

@@ -69,7 +69,24 @@ def calibration_document(found: Calibration, skin_card: str | None = None) -> di
                 "gains_kept": size.gains_kept,
                 "unexplained": {"size": {"fitted": size.fitted, "held_out": size.held_out},
                                 "gains": {"fitted": size.fitted_gains, "held_out": size.held_out_gains}}},
+            "layer": layer_of(found),
             "skin": None if found.skin is None else _skin_block(found.skin, skin_card)}
+
+
+def layer_of(found: Calibration) -> dict[str, Any] | None:
+    """Conductivity, S/m, and contact impedances (N,), Ohm m^2, of a layer that conducts in its volume, as thick as the
+    sensor file says, with relative standard deviations: S/t and z t of the sheet that was fitted. No reading of
+    electrodes over its whole height tells a thicker layer from a more conductive one. None of other skins, and where
+    nothing was fitted."""
+    if not found.sensor.skin.fills or found.instrument is None or found.fit is None:
+        return None
+    thickness, (state, places) = found.sensor.skin.thickness_m, (found.fit.state, found.instrument.places)
+    sd = found.instrument.units * np.sqrt(np.diag(found.fit.covariance))
+    sheet, contacts = places["conductance"], places["contacts"]
+    return {"thickness_mm": 1e3 * thickness, "conductivity_S_per_m": float(np.exp(state[sheet][0])) / thickness,
+            "conductivity_sd": float(sd[sheet][0]),
+            "contact_impedance_Ohm_m2": (np.exp(state[contacts]) * thickness).tolist(),
+            "contact_impedance_sd": sd[contacts].tolist()}
 
 
 def _placed(lies: Placement) -> dict[str, Any]:

@@ -79,7 +79,7 @@ class LayerSection:
         return self.volumes_m3 * np.abs(self.sigma[..., [0, 2], [0, 2]] - 1).sum(axis=-1)
 
     @cached_property
-    def _columns(self) -> tuple[Indices, Array, Array]:
+    def columns(self) -> tuple[Indices, Array, Array]:
         """(elements, q) the number of each point's radius, its share of the thickness, and the in-plane conductivities
         (elements, q, 2) without current across the layer."""
         (at, weights), first = self.at, self.section.nodes_m[self.section.elements[:, 0], 0]
@@ -93,7 +93,7 @@ class LayerSection:
     def resultants(self) -> tuple[Array, Array, Array]:
         """Radii (n,), m, increasing from 0, and conductances (n,) there along the meridian and around, over those at
         rest: int of the conductivity without current across the layer."""
-        slot, share, plane = self._columns
+        slot, share, plane = self.columns
         radius = np.empty(slot.max() + 1)
         radius[slot.ravel()] = self.radius_m.ravel()
         meridian, hoop = (np.bincount(slot.ravel(), (share * plane[..., i]).ravel()) for i in (0, 1))
@@ -103,9 +103,7 @@ class LayerSection:
     def scattering(self, reach_m: float, orders: int) -> Array:
         """(orders,) as of `ring_scattering.scattering`: rings of the resultant; as far as _CORE thicknesses outside the
         contact times what the volume makes of it, on one mesh."""
-        ends, m = np.unique(self.section.nodes_m[self.section.elements[:, 1], 0]), np.arange(1.0, orders + 1)
-        core_m = min(self.contact_m + _CORE * self.thickness_m, reach_m)
-        last = float(ends[max(np.searchsorted(ends, core_m * (1 + 1e-12), side="right") - 1, 0)])
+        m, last = np.arange(1.0, orders + 1), self._core_m(reach_m)
         radius, meridian, hoop = self.resultants()
         share = ring_share(radius, reach_m)
         sheet = radius, 1 + share * (meridian - 1), 1 + share * (hoop - 1)
@@ -113,15 +111,30 @@ class LayerSection:
         y = _through_rings(y * self._by_volume(last, reach_m, sheet, m), sheet, last, max(reach_m, last))
         return (m - y) / (m + y)
 
+    def first_potential(self) -> tuple[NDArray[np.bool_], Array]:
+        """The elements (elements,) in which the volume is solved, and the potential (nodes,) of the first harmonic, 1
+        where they end and 0 outside them."""
+        nodes, elements = self.section.nodes_m, self.section.elements
+        last = self._core_m(np.inf)
+        inner = nodes[elements[:, 1], 0] <= last * (1 + 1e-12)
+        _, found = _solved(nodes, elements[inner], last, *self._matrices(self.sigma[inner], inner), np.ones(1))
+        return inner, np.append(found, np.zeros(len(nodes) - len(found)))
+
+    def _core_m(self, reach_m: float) -> float:
+        """Radius of nodes as far as which the volume is solved, m."""
+        ends = np.unique(self.section.nodes_m[self.section.elements[:, 1], 0])
+        core_m = min(self.contact_m + _CORE * self.thickness_m, reach_m)
+        return float(ends[max(np.searchsorted(ends, core_m * (1 + 1e-12), side="right") - 1, 0)])
+
     def _by_volume(self, last_m: float, reach_m: float, sheet: tuple[Array, Array, Array], m: Array) -> Array:
         """(orders,) admittances of the volume at a radius last_m of nodes, over those of its sheet on the same mesh."""
         nodes, elements = self.section.nodes_m, self.section.elements
         inner = nodes[elements[:, 1], 0] <= last_m * (1 + 1e-12)
         share = ring_share(self.radius_m[inner], reach_m)[..., None, None]
         volume = np.eye(3) + share * (self.sigma[inner] - np.eye(3))
-        even, slot = np.zeros_like(volume), self._columns[0][inner] + 1
+        even, slot = np.zeros_like(volume), self.columns[0][inner] + 1
         even[..., 0, 0], even[..., 1, 1], even[..., 2, 2] = sheet[1][slot], 1.0, sheet[2][slot]
-        found, flat = (_energies(nodes, elements[inner], last_m, *self._matrices(each, inner), m)
+        found, flat = (_solved(nodes, elements[inner], last_m, *self._matrices(each, inner), m)[0]
                        for each in (volume, even))
         return found / flat
 
@@ -182,9 +195,10 @@ def _through_rings(y: Array, sheet: tuple[Array, Array, Array], first_m: float, 
     return admittance(y, np.arange(1.0, len(y) + 1)[:, None] * np.sqrt(along * around), along, radii)
 
 
-def _energies(nodes_m: Array, elements: Indices, last_m: float, along: Array, around: Array, order: Array) -> Array:
+def _solved(nodes_m: Array, elements: Indices, last_m: float, along: Array, around: Array,
+            order: Array) -> tuple[Array, Array]:
     """(orders,) energies of potentials u cos(m theta) that are 0 at the axis and 1 at radius last_m, of the elements'
-    matrices (elements, k, k)."""
+    matrices (elements, k, k); and the last order's potential at their nodes."""
     count, k = int(elements.max()) + 1, elements.shape[1]
     rows, columns = np.repeat(elements, k, axis=1).ravel(), np.tile(elements, k).ravel()
     known = nodes_m[:count, 0] >= last_m * (1 - 1e-12)
@@ -192,12 +206,12 @@ def _energies(nodes_m: Array, elements: Indices, last_m: float, along: Array, ar
     low, high, width = int(free[0]), int(free[-1]) + 1, int(np.max(np.ptp(elements, axis=1)))
     bands, loads = zip(*((_banded(rows, columns, part, low, high, width), _on_known(rows, columns, part, known, count))
                          for part in (along, around)), strict=True)
-    found = np.empty(len(order))
+    found, u = np.empty(len(order)), np.empty(0)
     for i, m in enumerate(order):
         load, own = (loads[0][j] + m**2 * loads[1][j] for j in (0, 1))
         u = solveh_banded(bands[0] + m**2 * bands[1], -load[low:high], lower=True, overwrite_ab=True)
         found[i] = own + load[low:high] @ u
-    return found
+    return found, np.concatenate([np.zeros(low), u, known[high:].astype(np.float64)])
 
 
 def _banded(rows: Indices, columns: Indices, local: Array, low: int, high: int, width: int) -> Array:

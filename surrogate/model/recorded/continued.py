@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import stdtrit
 
 from eitsim.sensors.labels import PLACE, Labels
 from surrogate.recordings import press_reader, stacking, touch_reader
@@ -21,18 +22,18 @@ from surrogate.recordings.presses import Presses, taken, whole_rest
 from surrogate.recordings.session.motion import Motion, find_motion
 from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Templates
-from surrogate.recordings.touch_reader import TouchReader
 from surrogate.recordings.worth import distance
-from surrogate.statistics.conformal import MEAN_ERRORS, Intervals
+from surrogate.statistics.conformal import COVERAGE, MEAN_ERRORS, Intervals, normal
 from surrogate.statistics.unlikeness import Unlikeness
 from touchcal.arrays import Array
 
 FEWEST = 5  # labelled presses of the second session
 SMALL = 0.05  # of the median untouched reading: a smaller one says nothing of a gain
 SURE = 3.0  # standard errors that a gain of all readings must exceed, for force and depth change sizes as well
-# Weights before any press, over the squared errors of the first session: what scatters in this one is known to
-# templates, and to networks that go on from them.
+# Weights before any press where patterns are other ones, over the squared errors of the first session: what scatters is
+# known to templates, and to networks that go on from them.
 PRIOR = np.array([0.05, 0.3, 0.3, 0.05, 0.15, 0.3])
+LEAST = 0.02  # weight of any family before
 PRIOR_PRESSES = 3.0  # presses that intervals as wide as in the first session are worth
 
 
@@ -64,7 +65,7 @@ def continued(reader: PressReader, presses: Presses, labels: Labels) -> Continue
         one, direction, compressed = _families(part, press)
         each[:, row] = one[:, 0] if part.motion is None else part.motion.of(one[:, 0])
         along[row] = np.concatenate(touch_reader.misfits(direction, compressed))
-    weights = stacking.weights(each, place, _prior(reader.place), len(place))
+    weights = stacking.weights(each, place, _prior(replace(reader, signals=whole.signals), presses), len(place))
     unlike = [_rescaled(one, along[:, which]) for which, one in enumerate((reader.place.whole, reader.place.along))]
     others = [_with(part, weights=weights, whole=unlike[0], along=unlike[1]) for part in others]
     found = [press_reader.read(part, press) for part, press in zip(others, alone, strict=True)]
@@ -84,10 +85,16 @@ def continued(reader: PressReader, presses: Presses, labels: Labels) -> Continue
     return Continued(replace(made, scalars=scalars), distance(before.value, place), distance(value, place), factor)
 
 
-def _prior(touch: TouchReader) -> Array:
-    """(families,) weights in another session before any of its presses, up to a factor."""
-    families = len(touch.weights)
-    return PRIOR[:families] / np.square(touch.held_out[:families])
+def _prior(reader: PressReader, presses: Presses) -> Array:
+    """(families,) weights in another session before any place of its presses is known: those of the first session, as
+    far as patterns miss the templates by no more than there."""
+    touch = reader.place
+    assert touch
+    _, direction, compressed = _families(reader, presses)
+    missed = np.median(touch_reader.misfits(direction, compressed)[0], axis=0)
+    same = float(np.min(np.minimum(touch.whole.middle / missed, 1.0)))
+    other = PRIOR[:len(touch.weights)] / np.square(touch.held_out[:len(touch.weights)])
+    return np.maximum(same * touch.weights + (1 - same) * other / other.sum(), LEAST)
 
 
 def _families(reader: PressReader, presses: Presses) -> tuple[Array, tuple[Array, ...], tuple[Array, ...]]:
@@ -105,7 +112,7 @@ def _fitted(reader: PressReader, presses: Presses, place: Array) -> PressReader:
     """Gains, motion and patterns of the session of presses at places (k, 2), mm."""
     touch = reader.place
     assert touch
-    tried = [_moved(touch, signals, presses, place) for signals in _gains(reader.signals, presses)]
+    tried = [_moved(replace(reader, signals=signals), presses, place) for signals in _gains(reader.signals, presses)]
     signals, motion, _ = max(tried, key=lambda one: one[2])
     at = place if motion is None else motion.back(place)
     kept = without(signals.drift, signals.whole(presses), touch.projected)
@@ -137,16 +144,15 @@ def _amplified(signals: Signals, gain: Array | float) -> Signals:
     return replace(signals, gain=one * gain)
 
 
-def _moved(touch: TouchReader, signals: Signals, presses: Presses,
-           place: Array) -> tuple[Signals, Motion | None, float]:
+def _moved(reader: PressReader, presses: Presses, place: Array) -> tuple[Signals, Motion | None, float]:
     """How the skin lies, by the places of all families, and how likely."""
-    kept = without(signals.drift, signals.whole(presses), touch.projected)
-    prior = _prior(touch)
-    read = np.tensordot(prior / prior.sum(), touch_reader.each_family(touch, kept)[0], 1)
+    touch, prior = reader.place, _prior(reader, presses)
+    assert touch
+    read = np.tensordot(prior / prior.sum(), _families(reader, presses)[0], 1)
     grid = touch.direction.places
     radius = float(np.linalg.norm(grid - grid.mean(axis=0), axis=1).max())
     motion, score = find_motion(read, place, radius, float(touch.held_out[1:3].mean()) / np.sqrt(2))
-    return signals, motion, score
+    return reader.signals, motion, score
 
 
 def _gain(templates: Templates, signal: Array, place: Array, trained: Array) -> float:
@@ -192,9 +198,11 @@ def _rescaled(unlikeness: Unlikeness, misfit: Array) -> Unlikeness:
 
 
 def _factor(ratio: Array, presses: int) -> float:
-    """Factor of intervals by errors over their half widths (k, ...), drawn to 1; never less."""
+    """Factor of intervals by errors over their half widths (k, ...), drawn to 1 and never less; of few errors as much
+    wider as Student's t is than the normal distribution."""
     mean = MEAN_ERRORS * float(np.mean(np.abs(ratio)))
-    return max(mean ** (presses / (presses + PRIOR_PRESSES)), 1.0)
+    few = float(stdtrit(ratio.size - 1, (1 + COVERAGE) / 2)) / normal(COVERAGE)
+    return few * max(mean ** (presses / (presses + PRIOR_PRESSES)), 1.0)
 
 
 def _scaled(intervals: Intervals, factor: float) -> Intervals:

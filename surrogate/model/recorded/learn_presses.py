@@ -24,6 +24,8 @@ from touchcal.arrays import Array
 from touchcal.parallel.pool import Failed, answers
 from touchcal.parallel.processes import processes
 
+EXPECTED = ("the model of the sensor", "the symmetry of its ring")  # what physics expects, in the order of its weights
+
 
 def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
           expectation: Expectation | None = None, method: str = BY_FAMILIES) -> PressModel:
@@ -122,13 +124,20 @@ def choice(reader: PressReader | PlainReader) -> tuple[str, ...]:
         taken_out = (f"; {reader.place.projected} directions of drift are projected out" if reader.place.projected
                      else "")
         views = (("direction", reader.place.direction), ("readings", reader.place.compressed))
-        expected = "".join(f"; templates of {name} go on from the model of the sensor by {one.weights[-1]:.2f}"
-                           for name, one in views if len(one.weights) > 1)
+        expected = "".join(_expected(name, one.weights[1:]) for name, one in views)
         said.append("place: " + _families(touch_reader.FAMILIES, reader.place.weights, reader.place.held_out,
                                           "distance", "mm") + taken_out + expected)
     said += [f"{one.name}: " + _families(scalar_reader.FAMILIES, one.weights, one.held_out, "error", unit_of(one.name))
              for one in reader.scalars]
     return (*said, *reader.left_out)
+
+
+def _expected(view: str, weights: Array) -> str:
+    """What templates of a view go on from, by the weights of what physics expects; empty where nothing is expected."""
+    if not weights.any():
+        return f"; no physics helps templates of {view}" if len(weights) else ""
+    used = (f"{name} by {weight:.2f}" for name, weight in zip(EXPECTED, weights, strict=False))
+    return f"; templates of {view} go on from {' and '.join(used)}"
 
 
 def _families(names: tuple[str, ...], weights: Array, held_out: Array, measure: str, unit: str) -> str:

@@ -16,9 +16,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from eitsim.sensors.sensor_file import Sensor
+from surrogate.recordings.pattern_process import Expected
 from surrogate.recordings.patterns import centred, compressed, compression_scale
 from surrogate.recordings.physics.disc_sensitivity import DiscSensitivity
 from surrogate.recordings.physics.simulated_patterns import read_simulated
+from surrogate.recordings.physics.turned_readings import RingSymmetry
 from surrogate.statistics.gaussian_process import spread_evenly
 from touchcal.arrays import Array, Complex, Index
 
@@ -56,18 +58,23 @@ class Expectation:
     model: Model
     radius: float  # of the sensor, mm
     columns: Index | None = None  # readings of the model that make up a pattern; None: all
+    ring: RingSymmetry | None = None
 
     def taking(self, columns: Index) -> "Expectation":
         """The expectation of patterns of these readings of the model."""
-        return replace(self, columns=columns)
+        return replace(self, columns=columns, ring=self.ring and self.ring.taking(columns))
 
-    def learn(self, pattern: Array, place: Array) -> Callable[[Array], Array]:
-        """What it expects at places (g, 2), mm, up to gains: patterns (g, m), learnt from patterns (n, m) at places
-        (n, 2), mm."""
+    @property
+    def priors(self) -> tuple[Callable[[Array, Array], Expected], ...]:
+        """What the model of the sensor expects, and what the symmetry of its ring does."""
+        return self.learn, *([self.ring.learn] if self.ring else [])
+
+    def learn(self, pattern: Array, place: Array) -> Expected:
+        """What it expects up to gains, learnt from patterns (n, m) at places (n, 2), mm."""
         rows = spread_evenly(len(place), MOST_ROWS)
         pose = self.pose(pattern[rows], place[rows])
         scale = compression_scale(self.patterns(pose, place[rows]))
-        return lambda there: compressed(self.patterns(pose, there), scale)
+        return Expected(lambda there: compressed(self.patterns(pose, there), scale))
 
     def patterns(self, pose: Pose, place: Array) -> Array:
         """(n, m) patterns at places (n, 2), mm."""
@@ -103,4 +110,4 @@ def expectation_of(sensor: Sensor, simulated: Path | None = None) -> Expectation
     """What the sensitivity of a uniform disc expects of a sensor's readings, or where a folder is given the touches
     that `eitsim sweep` simulated into it; ValueError where the body is no disc, and errors as read_simulated."""
     return Expectation(read_simulated(simulated, sensor) if simulated else DiscSensitivity(sensor.protocol),
-                       sensor.body.radius_m * 1e3)
+                       sensor.body.radius_m * 1e3, ring=RingSymmetry(sensor.protocol))

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from eitsim.electrics.cem.assembly import gradients, quadrature_points
 from eitsim.electrics.forward import far_field
@@ -73,3 +74,16 @@ def test_what_rings_leave_out_on_a_large_thin_sheet_is_followed(monkeypatch: pyt
     print(off)
     assert off[1] < 0.01
     assert off[1] < off[0] / 10
+
+
+def test_the_second_order_is_by_half_of_the_squared_change_over_the_conductance(monkeypatch: pytest.MonkeyPatch
+                                                                                ) -> None:
+    first_order, taken = far_field.first_order, []
+    monkeypatch.setattr(far_field, "first_order", lambda *parts: (taken.append(parts), first_order(*parts))[1])
+    found, second = far_field.born_correction(SHEET.body, SHEET.electrodes, 6e-4, Punch(0.05, 0.17, 0.01), touch(),
+                                              SKIN, LAW, 0.01)
+    (area, field, squared), (*_, change) = taken
+    off, _ = KDTree((-change @ change / (2 * 6e-4)).reshape(-1, 4)).query(squared.reshape(-1, 4))
+    assert off.max() < 1e-9 * np.abs(squared).max()
+    assert second == pytest.approx(-np.einsum("n,nik,nij,njl->kl", area, field, squared, field), rel=1e-9)
+    assert 0 < np.linalg.norm(second) < 0.3 * np.linalg.norm(found)

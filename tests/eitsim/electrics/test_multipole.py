@@ -7,12 +7,14 @@ from scipy.special import iv, ivp
 from eitsim.electrics.cem.boundary_integral import solve_rim
 from eitsim.electrics.cem.ring_scattering import (
     FULL,
+    Coupling,
     _translation,
     between,
     impedance_change,
     on_disc,
     reaches,
     ring_share,
+    scattered,
     scattering,
 )
 from eitsim.scene.results import Touch
@@ -122,3 +124,16 @@ def test_circles_stay_in_the_disc_and_part_the_gap_between_contacts():
         reaches(Body(), [(Punch(x_m=0.093), touch)])
     with pytest.raises(ValueError, match=r"touches 1 and 2 overlap by 6\.0 mm"):
         reaches(Body(), [(alone, touch), (Punch(x_m=0.05), touch)])
+
+
+def test_fields_about_circles_are_what_comes_in_and_what_comes_back() -> None:
+    """b = a + W c, W c = same c + crossed conj(c), c = T b, and 2 pi S sum m Re(conj(a_m) c_m), by themselves."""
+    rng, order, own = np.random.default_rng(5), np.tile([1, 2, 3], 2), np.array([0.5, -0.4, 0.3, 0.2, -0.5, 0.4])
+    same, crossed = 0.2 * (rng.normal(size=(2, 6, 6)) + 1j * rng.normal(size=(2, 6, 6)))
+    incoming = rng.normal(size=(6, 4)) + 1j * rng.normal(size=(6, 4))
+    found = scattered(Coupling(incoming, same, crossed, order), 2.0, own)
+    back = same @ found.outgoing + crossed @ found.outgoing.conj()
+    np.testing.assert_allclose(found.returned, back, rtol=1e-10)
+    np.testing.assert_allclose(found.outgoing, own[:, None] * (incoming + back), rtol=1e-10)
+    np.testing.assert_allclose(found.impedance_Ohm, 4 * np.pi * np.real(np.einsum(
+        "m,mk,ml->kl", order, incoming.conj(), found.outgoing)), rtol=1e-10)

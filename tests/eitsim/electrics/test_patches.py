@@ -135,8 +135,8 @@ def test_a_contact_on_a_patch_reads_alike_on_the_next_one():
     step, changes = 2 * np.pi / EVEN.count, []
     for k in (0, 1):
         touches = ((Punch(0.085 * np.cos(k * step), 0.085 * np.sin(k * step)), pressed()),)
-        got = solve(Body(), SKIN, EVEN, Drive(), touches, LAW, signal=0.02)
-        assert got.signal_error < 0.02
+        got = solve(Body(), SKIN, EVEN, Drive(), touches, LAW, signal=0.05)
+        assert got.signal_error < 0.05
         changes.append(got.impedance_Ohm - untouched_impedance(Body(), EVEN, 6e-4))
     assert relative(np.roll(changes[0], (1, 1), axis=(0, 1)), changes[1]) < 2 * got.signal_error
 

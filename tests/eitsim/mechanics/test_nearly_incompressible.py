@@ -78,3 +78,13 @@ def test_fields_inside_show_the_pressure_that_the_law_resists():
     _, fields = section_fields(touch)
     pressure = -fields["cauchy_stress_Pa"][:, [0, 4, 8]].mean(axis=1).reshape(-1, 9)
     assert np.percentile(np.ptp(pressure, axis=1), 95) < MU_PA
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("radius_mm", "depth_mm"), [(8.0, 0.8), (12.0, 1.5)])
+def test_force_at_a_depth_is_that_of_an_independent_mixed_element(benchmark_module, radius_mm, depth_mm):
+    """0.2 %; spheres and depths that the stored table does not have."""
+    row = benchmark_module("mixed_layer").row(radius_mm, depth_mm)
+    assert abs(row["half_the_element_percent"]) < 0.2
+    assert abs(row["off_percent"]) < 0.2
+    assert abs(row["nearer_off_percent"]) < 0.2

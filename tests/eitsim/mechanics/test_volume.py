@@ -9,7 +9,7 @@ import pytest
 
 from eitsim.mechanics.axisymmetric.hold import relaxed
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
-from eitsim.mechanics.rim.half_disc_fields import volume_fields
+from eitsim.mechanics.rim.half_disc_fields import _with_corners, volume_fields
 from eitsim.mechanics.rim.solve_near_rim import FINE, Resolution, on_two_meshes
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.polygons import corners_and_edges
@@ -265,3 +265,16 @@ def test_relaxed_stresses_are_those_of_the_softened_foam(touch):
     for name in ("cauchy_stress_Pa", "contact_pressure_Pa"):
         assert np.allclose(held[name], 0.4 * fields[name])
     assert np.array_equal(held["nominal_strain"], fields["nominal_strain"])
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_half_planes_lie_on_either_side_of_corners_that_are_seen(turn: float) -> None:
+    """Of an L, seen from the end of an arm, four; two lie behind the inner corner, and points on a side are none."""
+    corners = np.array([(0, 0), (3, 0), (6, 0), (6, 2), (2, 2), (2, 6), (0, 6), (0, 3)], float) - [5.5, 1.0]
+    corners = corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+    edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    angle = np.linspace(-np.pi, np.pi, 9)
+    found = _with_corners(edges, 0.3, angle)
+    seen = np.arctan2(*corners[[0, 2, 3, 4]].T[::-1]) - 0.3
+    more = (np.concatenate([seen - 1e-4, seen + 1e-4]) + np.pi) % (2 * np.pi) - np.pi
+    assert found == pytest.approx(np.sort(np.concatenate([angle, more])), abs=1e-12)

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from matcal.fitting.hyperfoam.curves import weigh, with_history
+from matcal.fitting.hyperfoam.curves import weigh, weighted_model, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents, fit
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
+from matcal.fitting.hyperfoam.shared_poisson import Profile
+from matcal.fitting.uncertainty import nu_ridge
 from matcal.fitting.uncertainty.intervals import (
     Uncertainty,
+    _nu_effects,
     derived_quantities,
     intervals,
     linearised,
@@ -19,7 +22,7 @@ from matcal.fitting.uncertainty.intervals import (
     plateau_reached,
 )
 from matcal.fitting.uncertainty.linear_response import prior_precision
-from matcal.fitting.uncertainty.nu_ridge import RESOLVED, _direction
+from matcal.fitting.uncertainty.nu_ridge import RESOLVED, Node, Ridge, _direction, mixed
 from matcal.fitting.uncertainty.nuisance import moved_sentences, nuisance, refined_records, surprise, with_drift
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.laws.deformation_modes import nominal_stress
@@ -344,3 +347,37 @@ def test_the_cost_of_one_standard_deviation_is_that_of_the_parameter_next_to_the
     assert along @ along + doubt @ doubt == pytest.approx(1.0)
     assert spread == pytest.approx(noise**2, rel=1e-9)
     assert unit == pytest.approx(max(variance * alone @ alone, RESOLVED**2 / n), rel=1e-9)
+
+
+def test_a_quantity_of_one_node_spreads_about_the_law_that_is_stated() -> None:
+    """q = 3 mu, Student's law of scale 3 sd(mu) about the value of the stated law, not of the free fit."""
+    free, about = (Hyperfoam([mu], [2.0], [0.1]) for mu in (1e4, 1.2e4))
+    ridge = Ridge(free, (Node(free, np.diag([50.0**2, 0.0]), np.zeros(2), 0.0),), 1.0)
+    found = mixed([ridge], about, 9.0, lambda law: ({"q": 3 * law.mu_Pa[0]}, {"q": np.array([3.0, 0.0])}))["q"]
+    half = 150 * t.ppf(0.975, 9)
+    assert (found.lo, found.hi) == (pytest.approx(3.6e4 - half, rel=1e-6), pytest.approx(3.6e4 + half, rel=1e-6))
+    assert (found.sd, found.form) == (pytest.approx(150 * (9 / 7) ** 0.5), 0.0)
+
+
+def test_nodes_on_both_sides_of_the_best_nu_are_moved_to_either_side(white: Fit, monkeypatch: pytest.MonkeyPatch
+                                                                     ) -> None:
+    """By the root of the cost over its unit, negative below; ln density as Student's of that root."""
+    pull = np.array([2.0, -1.0])
+    monkeypatch.setattr(nu_ridge, "_given", lambda *_: nu_ridge._Given(np.diag([9.0, 4.0]), pull, 0.5))
+    laws = tuple(Hyperfoam([MU], [ALPHA], [nu]) for nu in (0.0, 0.1, 0.2))
+    profile = Profile(np.array([0.0, 0.1, 0.2]), np.array([3.0, 1.0, 1.5]), laws)
+    found = nu_ridge._nodes(white, profile, np.zeros((1, 0)), [], 1.0, 0.5, 4.0)
+    for node, root in zip(found, (-2.0, 0.0, 1.0), strict=True):
+        assert node.shift == pytest.approx(root * pull)
+        assert node.log_density == pytest.approx(-2.5 * np.log1p(root**2 / 4))
+        assert node.covariance == pytest.approx(np.array([[5.0, 2.0], [2.0, 3.0]]))
+
+
+def test_a_nu_of_a_term_counts_by_what_its_uniform_standard_deviation_changes(white: Fit) -> None:
+    """Between its bounds, width / sqrt(12), by differences of the weighted stress."""
+    law, sd, h = Hyperfoam([8e3, 4e3], [-2.0, 6.0], [0.1, 0.2]), (NU_BOUNDS[1] - NU_BOUNDS[0]) / 12**0.5, 1e-4
+    found = _nu_effects(replace(white, law=law, nu_how="fit-each"))
+    for k in range(2):
+        high, low = (weighted_model(white.curves, replace(law, nu=law.nu + step * np.eye(2)[k])) for step in (h, -h))
+        assert found[:, k] == pytest.approx(sd * (high - low) / (2 * h), rel=1e-4, abs=1e-7)
+    assert _nu_effects(replace(white, law=law, nu_how="fit")).shape[1] == 0

@@ -39,17 +39,13 @@ def test_rows_kept_of_an_earlier_run_do_not_claim_the_conditions_of_this_one(con
     assert table["code"].tolist()[:2] == ["unknown", "unknown"]
 
 
-@pytest.mark.parametrize("path", sorted(BENCHMARKS.glob("*.py")), ids=lambda path: path.stem)
-def test_benchmarks_use_public_names_alone(path: Path) -> None:
-    found = [alias.name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-             if isinstance(node, ast.Import | ast.ImportFrom) for alias in node.names]
-    assert not [name for name in found if any(part.startswith("_") for part in name.split("."))]
-
-
-@pytest.mark.parametrize("path", sorted(BENCHMARKS.glob("*.py")), ids=lambda path: path.stem)
-def test_a_benchmark_can_be_imported(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_benchmarks_use_public_names_alone_and_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    assert importlib.import_module(path.stem).__doc__
+    for path in sorted(BENCHMARKS.glob("*.py")):
+        found = [alias.name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                 if isinstance(node, ast.Import | ast.ImportFrom) for alias in node.names]
+        assert not [name for name in found if any(part.startswith("_") for part in name.split("."))], path.name
+        assert importlib.import_module(path.stem).__doc__, path.name
 
 
 def test_benchmarks_that_ask_for_files_are_given_them_or_run_apart(monkeypatch: pytest.MonkeyPatch) -> None:

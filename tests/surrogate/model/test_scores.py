@@ -1,3 +1,4 @@
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -6,7 +7,8 @@ import pytest
 from eitsim.sweeps.measurement.instrument import below, level_db
 from surrogate.data import outputs
 from surrogate.data.samples import split
-from surrogate.model.evaluate import transfer
+from surrogate.model.evaluate import material_told, transfer
+from surrogate.model.predict import SLACK, _outside, _widened
 from surrogate.statistics.conformal import conformal_scale, few, normal, sure_coverage
 from surrogate.statistics.metrics import score
 
@@ -107,3 +109,36 @@ def test_sets_are_compared_on_their_unseen_rows() -> None:
     rows = transfer(sets)["x0"]
     assert [(row["set"], row["part"]) for row in rows] == [("own", "test"), ("mesh", "all")]
     assert [row["rmse_over_first"] for row in rows] == pytest.approx([1.0, 2.5])
+
+
+def test_intervals_widen_by_strangeness_and_to_the_range_of_the_punch_outside_it() -> None:
+    """x0 within [-10, 10] mm, F within [0.5, 2.0] N: factors from 1 on, 10 and the whole range of F outside, and never
+    more than the range."""
+    trained: Any = SimpleNamespace(lowest=np.array([-10.0, 0.5]), highest=np.array([10.0, 2.0]))
+    model: Any = SimpleNamespace(trained=trained, names=["x0", "F"])
+    found = _widened(model, np.full((4, 2), [0.5, 0.1]), np.array([0.2, 3.0, 1.0, 1e9]),
+                     np.array([False, False, True, False]))
+    assert found == pytest.approx(np.array([[0.5, 0.1], [1.5, 0.3], [5.0, 1.5], [20.0, 1.5]]))
+
+
+@pytest.mark.parametrize(("cards", "calibrated", "here", "said"), [
+    (3, 1, 1, "rows of one card"), (3, 3, 1, "spread of 3 cards"), (1, 1, 1, "have one card."), (1, 1, 5, "have 5"),
+    (None, 1, 1, "")])
+def test_what_intervals_hold_of_the_material_follows_the_cards(cards: int | None, calibrated: int, here: int,
+                                                               said: str) -> None:
+    model: Any = SimpleNamespace(record={"dataset": {"cards": cards}, "calibration": {"cards": calibrated}},
+                                 method="forward")
+    samples: Any = SimpleNamespace(card=np.arange(10) % here)
+    found = material_told(model, samples)
+    assert said in found
+    assert ("train on a sweep" in found) == (here > 1 and cards == 1)
+    assert bool(found) == bool(said)
+
+
+def test_values_are_outside_from_a_part_of_the_trained_range_past_its_ends() -> None:
+    trained: Any = SimpleNamespace(lowest=np.array([100.0]), highest=np.array([110.0]))
+    model: Any = SimpleNamespace(trained=trained, names=["A_c"], method="ridge")
+    slack = SLACK * 10.0
+    found: Any = SimpleNamespace(value=np.array([[100 - 2 * slack], [100 - slack / 2], [110 + slack / 2],
+                                                 [110 + 2 * slack]]))
+    assert _outside(model, found)[:, 0].tolist() == [True, False, False, True]

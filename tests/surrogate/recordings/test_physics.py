@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eitsim.scene.drive import Protocol
 from eitsim.sensors.sensor_file import Sensor, sensor_from
 from surrogate.recordings import templates
 from surrogate.recordings.blocks import time_blocks
@@ -14,6 +15,7 @@ from surrogate.recordings.patterns import direction
 from surrogate.recordings.physics.disc_sensitivity import DiscSensitivity
 from surrogate.recordings.physics.expectation import Expectation, Pose, expectation_of
 from surrogate.recordings.physics.simulated_patterns import read_simulated
+from surrogate.recordings.physics.turned_readings import RingSymmetry
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -102,3 +104,46 @@ def test_a_sweep_of_another_sensor_is_refused(sweep: Path, tables: dict[str, dic
     other: Sensor = sensor_from(tables, Path())
     with pytest.raises(InputFileError, match=said):
         read_simulated(sweep, other)
+
+
+def ringed(synthetic: Callable[..., tuple[Array, Array]], count: int, seed: int) -> tuple[Array, Array]:
+    """Presses of a sensor whose instrument reads something else of the same skin: of each reading, a third of the one
+    two turns on, which no model of the drive expects."""
+    touch, signal = synthetic(count, seed)
+    frame = signal.reshape(count, 16, 13)
+    z = np.conj(touch[:, 0] + 1j * touch[:, 1]) * np.exp(1j * TURN)
+    seen = frame - 0.6 * np.roll(frame, 2, axis=1) + 0.4 * np.roll(frame, 5, axis=2)
+    return seen.reshape(count, -1), np.stack([z.real, z.imag], axis=1) + MIDDLE
+
+
+def test_readings_of_one_kind_are_each_other_turned() -> None:
+    kind, turn = RingSymmetry(SENSOR.protocol).turned
+    np.testing.assert_array_equal(kind, np.tile(np.arange(13), 16))
+    np.testing.assert_array_equal(turn, np.repeat(np.arange(16), 13))
+    protocol = Protocol(SENSOR.protocol.currents_A[:15], SENSOR.protocol.weights[:15])
+    assert (RingSymmetry(protocol).turned[0] == -1).all()
+
+
+def test_the_symmetry_of_the_ring_foresees_what_no_press_was_near_to(synthetic: Callable[..., tuple[Array, Array]]
+                                                                     ) -> None:
+    signal, place = ringed(synthetic, 25, 5)
+    new, there = ringed(synthetic, 100, 6)
+    view = templates.view_of(signal, readings=False)
+    expected = RingSymmetry(SENSOR.protocol).learn(view.of(signal), place)
+    for found, exact in ((expected.at(there), view.of(new)), (expected.of(place), view.of(signal))):
+        left = exact - exact.mean(axis=0)
+        assert np.sum((left - (found - found.mean(axis=0))) ** 2) < 0.35 * np.sum(left**2)
+    blind, informed, by_disc = (templates.fit(signal, place, time_blocks(25), compress=False, priors=(
+        templates.nothing, *more)).templates for more in (
+            (), (RingSymmetry(SENSOR.protocol).learn,), (expectation_of(SENSOR).learn,)))
+    miss = [np.linalg.norm(one.read(new)[0] - there, axis=1).mean() for one in (blind, informed, by_disc)]
+    assert informed.weights[1] > 0.8
+    assert miss[1] < 0.85 * min(miss[0], miss[2])
+
+
+def test_a_ring_that_is_not_the_same_all_round_is_not_believed(synthetic: Callable[..., tuple[Array, Array]]) -> None:
+    signal, place = labelled_presses(synthetic, 15, 2)
+    order = np.random.default_rng(4).permutation(signal.shape[1])
+    tried = templates.fit(signal[:, order], place, time_blocks(15), compress=False,
+                          priors=(templates.nothing, RingSymmetry(SENSOR.protocol).learn)).templates
+    assert tried.weights[1] < 0.3

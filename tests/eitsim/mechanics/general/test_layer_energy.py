@@ -8,7 +8,7 @@ from eitsim.mechanics.general.layer import equilibrium_of_many as many
 from eitsim.mechanics.general.layer import solid_assembly
 from eitsim.mechanics.general.layer.equilibrium_of_many import LayerProblem, Press
 from eitsim.mechanics.general.layer.layer_field import LayerField
-from eitsim.mechanics.general.meshing.levels import ROUGH, layer_mesh
+from eitsim.mechanics.general.meshing.levels import Level, layer_mesh
 from eitsim.mechanics.general.meshing.section import Zone
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.profiles.rounded_cone import Flat
@@ -22,7 +22,7 @@ BODY = Body(Disc(0.025))
 @pytest.fixture(scope="module")
 def layer() -> LayerProblem:
     centres = np.array([[-1.0, 0.2], [1.0, 0.0]])
-    mesh = layer_mesh(BODY, centres, (Zone(0.4, 0.5, 0.5),) * 2, (0.05,) * 2, ROUGH)
+    mesh = layer_mesh(BODY, centres, (Zone(0.4, 0.5, 0.5),) * 2, (0.05,) * 2, Level(16.0, 1.5, 1.0, 0.8, 6))
     rigid = RigidPunch(Flat(0.5, 0.05), 500.0, 0.05)
     return LayerProblem(LAW, mesh, (Press(rigid, centres[0], 0.3, 0.3), Press(rigid, centres[1], None, 0.3)))
 

@@ -14,7 +14,11 @@ from typer.testing import CliRunner
 from eitsim.cli.display import show_calibration
 from eitsim.cli.main import app
 from eitsim.electrics.cem.boundary_integral import rim_admittance, solve_rim
+from eitsim.electrics.mesh.ring_mesh import rim_angles, ring_mesh
+from eitsim.electrics.volume.extruded_mesh import extruded
+from eitsim.electrics.volume.volume_cem import volume_impedance
 from eitsim.scene.drive import Drive, matrices, readings
+from eitsim.scene.edges.disc import Disc
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.calibration.calibrate import calibrate, untouched
@@ -386,3 +390,35 @@ def test_a_hydrogel_is_refused_since_source_and_sink_make_a_difference() -> None
     found = calibrate(known, read_recording(REAL / "hydrogel" / "frames.csv", kind=known.kind))
     assert "readings with source and sink exchanged differ by 118%" in found.reason
     assert found.fit is None
+
+
+def layered(**electrodes: float) -> Sensor:
+    plain = sensor()
+    body = Body(Disc(0.04), 0.003)
+    return replace(plain, body=body, skin=Skin(body.thickness_m, "principal", "layer"), electrodes=Electrodes(
+        count=COUNT, width_m=0.008, contact_impedance_Ohm_m=0.1, **electrodes))
+
+
+def test_a_layer_s_conductivity_and_contacts_are_found_from_a_solution_of_its_volume() -> None:
+    rng, one = np.random.default_rng(11), layered()
+    sigma, z = rng.uniform(0.5, 20), 3e-4 * np.exp(0.5 * rng.standard_normal(COUNT))
+    angles, electrode = rim_angles(one.body, one.electrodes, 3)
+    radii = one.body.edge.size_m * np.append(1 - np.geomspace(1, 4e-3, 16), 1)
+    flat = ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, COUNT)
+    mesh = extruded(flat, np.array([-one.body.thickness_m, 0.0]))
+    volts = readings(one.protocol, volume_impedance(mesh, np.full(len(mesh.cells), sigma), z))
+    noise = 1e-3 * np.sqrt(np.mean(volts**2)) * rng.standard_normal(volts.shape)  # above the error of the mesh
+    document = calibration_document(calibrate(one, recording(volts + noise)))
+    layer = document["layer"]
+    assert layer["thickness_mm"] == pytest.approx(3)
+    assert layer["conductivity_S_per_m"] == pytest.approx(sigma, rel=0.01)
+    off, sd = np.log(layer["contact_impedance_Ohm_m2"] / z), np.array(layer["contact_impedance_sd"])
+    assert np.all(np.abs(off) < 3 * sd)
+    assert sd.max() < 0.6
+    show_calibration(document, Path("sensor.json"))
+
+
+def test_electrodes_on_part_of_a_layer_s_rim_are_not_taken_for_those_of_a_sheet() -> None:
+    one = layered(high_m=0.0015)
+    with pytest.raises(ValueError, match="low_mm, high_mm in \\[electrodes\\]"):
+        calibrate(one, recording(np.ones(one.protocol.shape)))

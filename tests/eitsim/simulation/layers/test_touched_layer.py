@@ -19,6 +19,7 @@ from eitsim.scene.pressing import Punch, Skin
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body
 from eitsim.sheet.layer_conductivity import referred_conductivity, sheet_law, sheet_skin
+from eitsim.simulation.layers.layer_current import UNEVEN, layer_current
 from eitsim.simulation.layers.layer_readings import UNSEEN
 from eitsim.simulation.layers.layer_section import LayerSection, in_volume, layer_section, sheet_error, sheet_of
 from eitsim.simulation.layers.touched_layer import layer_change
@@ -113,3 +114,19 @@ def test_a_scene_of_a_layer_is_solved_exactly_and_as_a_sheet_and_with_electrodes
         off = np.linalg.norm(one.readings.signal_V - exact.readings.signal_V)
         assert off <= allowed * np.linalg.norm(exact.readings.signal_V)
     np.testing.assert_allclose(part.readings.baseline_V, exact.readings.baseline_V, rtol=0.05)
+
+
+def test_current_through_an_untouched_layer_is_even_and_crosses_it_under_a_touch_alone(touch: Touch):
+    still = replace(touch, section=replace(touch.section, displacement_m=np.zeros_like(touch.section.displacement_m),
+                                           log_volume=None))
+    even = layer_current(layer_section(still, skin("principal"), LAW), still)
+    assert even.spread.max() < 1e-6
+    tenths = np.linspace(-BODY.thickness_m, 0, 11)[1:-1]
+    np.testing.assert_allclose(even.lines_z_m, np.broadcast_to(tenths[:, None], even.lines_z_m.shape), atol=2e-5)
+    found = layer_current(layer_section(touch, skin("principal"), LAW), touch)
+    far, near = found.radius_m > found.sheet_from_m, found.radius_m < touch.contact_radius_m
+    assert found.spread[near].max() > 10 * UNEVEN > 10 * found.spread[far].max()
+    assert touch.contact_radius_m < found.sheet_from_m < touch.contact_radius_m + 2 * BODY.thickness_m
+    assert np.all(np.diff(found.lines_z_m, axis=0) > 0)
+    lowered = found.lines_z_m[-1][near].mean() - tenths[-1]
+    assert -touch.depth_m < lowered < -0.3 * touch.depth_m
