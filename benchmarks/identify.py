@@ -99,7 +99,7 @@ def row(number: int) -> dict[str, object]:
                 f"{name}_held": int(one["lo"] <= value <= one["hi"])}
     rub = found.nuisances["friction"]
     return out | {"friction_lo": f"{rub['lo']:.3f}", "friction_hi": f"{rub['hi']:.3f}",
-                  "friction_held": int(rub["lo"] <= max(truth["friction"], rub["lo"]) <= rub["hi"]),
+                  "friction_held": int(rub["lo"] <= truth["friction"] <= rub["hi"]),
                   "friction_open": int("friction" in found.not_determined), "misfit": f"{found.misfit.max():.4f}",
                   "converged": int(found.converged), "cpu_s": f"{found.cpu_s:.1f}", "outcome": "ok"}
 
