@@ -10,6 +10,7 @@ results/mixed_layer.csv.
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from conditions import quick, shown, written
@@ -49,7 +50,7 @@ class Mixed:
     free: np.ndarray  # unknowns of displacement and pressure that are not held
     sphere: float  # radius
 
-    def equations(self, u: np.ndarray, p: np.ndarray, depth: float, stiffness: float):
+    def equations(self, u: np.ndarray, p: np.ndarray, depth: float, stiffness: float) -> tuple[np.ndarray, Any]:
         """Residual and tangent."""
         at = {"u": self.displacement.interpolate(u), "p": self.pressure.interpolate(p)}
         face = {"u": self.face.interpolate(u), "depth": depth, "sphere": self.sphere, "k": stiffness}

@@ -9,6 +9,10 @@ if TYPE_CHECKING:
     from eitsim.electrics.curved.solve_curved import solve_curved_skin
     from eitsim.electrics.imaging.images import reconstruct
     from eitsim.electrics.interop.solve_file import solve_sheet_model
+    from eitsim.presses.identify import Identified, identify
+    from eitsim.presses.next_press import next_presses
+    from eitsim.presses.press_file import Press, punch_of, read_presses
+    from eitsim.presses.press_model import PressSetup
     from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
     from eitsim.scene.drive import Drive
     from eitsim.scene.edges.disc import Disc

@@ -25,7 +25,8 @@ ROOT = Path(__file__).parents[1]
 HOUSE = {
     "touchcal": ("", "parallel"),
     "matcal": ("statistics", "laws", "card", "readers", "reduction", "fitting", "posterior", "record", "", "cli"),
-    "eitsim": ("numerics", "scene", "sheet", "mechanics", "electrics", "simulation", "sensors", "sweeps", "", "cli"),
+    "eitsim": ("numerics", "scene", "sheet", "mechanics", "electrics", "simulation", "sensors", "sweeps", "presses", "",
+               "cli"),
     "surrogate": ("statistics", "data", "recordings", "forward_map", "bounds", "learners", "model", "single_frame",
                   "live", "", "cli"),
     "reports": ("document", "calibration", "touch", "sensor", "sweep", "surrogate", ""),

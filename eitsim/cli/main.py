@@ -14,6 +14,7 @@ import typer
 
 from eitsim.cli import sensor_commands
 from eitsim.cli.fitted_card import warn_of_other_card
+from eitsim.cli.identify_command import identify
 from eitsim.cli.sweep_commands import check_pdf, indices, measure, report, report_written, sweep
 from eitsim.scene.curved.curved_scene import AnyScene, read_any_scene
 from eitsim.scene.scene import Scene, read_scene
@@ -209,6 +210,7 @@ def _whole(text: str, flag: str) -> list[int] | None:
 app.command()(sweep)
 app.command()(measure)
 app.command()(indices)
+app.command()(identify)
 
 
 @app.command(name="solve-mesh")

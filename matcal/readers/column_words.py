@@ -14,7 +14,7 @@ HEADS = {
         时间, 時間, 時刻, 시간, 경과시간, thời gian""",
     "displacement": """
         displacement, crosshead, cross head, extension, ext, position, pos, disp, displ, travel, stroke, deflection,
-        distance, separation, grip to grip separation, tool distance, indentation, actuator, lvdt,
+        distance, separation, grip to grip separation, tool distance, indentation, actuator, lvdt, gap,
         weg, verschiebung, traverse, traversenposition, verlängerung, längenänderung, längung, hub, position,
         eindringweg,
         déplacement, course, allongement, enfoncement, flèche,

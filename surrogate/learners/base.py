@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from surrogate.data.samples import Samples
 from surrogate.data.sensor_ring import Ring
 from surrogate.statistics.mixture import interval
-from touchcal.arrays import Array, Mask
+from touchcal.arrays import Array, Index, Mask
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
@@ -48,6 +48,10 @@ class Estimate:
     ratio_sd: Array
     parts: Parts | None = None  # what makes up sd, for learners that can tell
 
+    def some(self, rows: Index) -> Estimate:
+        """Those of some signals."""
+        return _each(lambda found: found[0][rows], [self])
+
     def of_profile(self, factor: Array, of_normal: Array | float) -> tuple[Array, Array]:
         """Distances (n, outputs) of values to the ends of intervals of so many (n, outputs) standard deviations; of as
         many as a normal variable has, for punches outside the training range. Of punches of the trained profile."""
@@ -79,6 +83,21 @@ class Parts:
     def model(self, sd: Array) -> Array:
         """(n, outputs) the rest of sd: the map's own error, and what of the signal it does not explain."""
         return np.sqrt(np.maximum(sd**2 - self.noise**2 - self.material**2, 0.0))
+
+
+def joined(found: Sequence[Estimate]) -> Estimate:
+    """The estimates of one learner for some signals, then for more of them."""
+    return _each(np.concatenate, found)
+
+
+def _each(made: Callable[[list[Array]], Array], found: Sequence[Estimate]) -> Estimate:
+    """What is made of each array of some estimates."""
+    def of(several: Sequence[Any], kind: type[Any]) -> Any:
+        return kind(**{one.name: made([getattr(part, one.name) for part in several])
+                       for one in fields(kind) if one.name != "parts"})
+
+    parts = [one.parts for one in found if one.parts is not None]
+    return replace(of(found, Estimate), parts=of(parts, Parts) if parts else None)
 
 
 def regression(value: Array, variance: Array) -> Estimate:

@@ -23,14 +23,11 @@ from surrogate.forward_map.inversion.mechanical_response import Answer, Response
 from surrogate.forward_map.inversion.other_profiles import ForceRatio
 from surrogate.forward_map.inversion.reading_covariance import Drift, drift_of
 from surrogate.forward_map.known_places import MIN_ROWS, by_one_edge, known_place, series_suffices
-from surrogate.learners.base import Estimate, Learner, Parts, Training
+from surrogate.learners.base import Estimate, Learner, Parts, Training, joined
 from surrogate.statistics.metrics import rms
 from touchcal.arrays import Array, Mask
 
 BATCH = 64  # frames solved together, to bound the memory
-# What an estimate holds for each frame, besides the parts of its standard deviations.
-_EACH = ("value", "sd", "misfit", "inside", "below", "above", "near_edge", "map_part", "left",
-         "past_below", "past_above", "other", "ratio", "ratio_sd")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +72,8 @@ class TouchInversion(Learner):
         return self._estimate(signal_V, noise_V, None)
 
     def _estimate(self, signal_V: Array, noise_V: float, drift: Drift | None) -> Estimate:
-        found = [_estimate(self, signal_V[i:i + BATCH], noise_V, drift) for i in range(0, len(signal_V), BATCH)]
-        parts = [one.parts for one in found if one.parts is not None]
-        whole = Parts(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("noise", "material")))
-        return Estimate(*(np.concatenate([getattr(one, name) for one in found]) for name in _EACH), parts=whole)
+        return joined([_estimate(self, signal_V[i:i + BATCH], noise_V, drift)
+                       for i in range(0, len(signal_V), BATCH)])
 
     def record(self, training: Training) -> dict[str, Any]:
         """Modes of the series, relative errors of a reading in the interior and of the simulator's signals, and states

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -17,7 +16,7 @@ from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
 from surrogate.data.outputs import ROUNDING
 from surrogate.data.reading_noise import ReadingNoise, white_noise
-from surrogate.learners.base import Estimate, Parts
+from surrogate.learners.base import Estimate, joined
 from surrogate.learners.novelty import (
     Novelty,
     fit_novelty,
@@ -122,18 +121,11 @@ def _estimate(predictor: Predictor, signal: Array) -> Estimate:
     model = predictor.model
     if not predictor.drift.root.size:
         return estimate(model, signal, predictor.noise)
-    noise, groups = predictor.noise, list(drift_groups(predictor.drift, predictor.span, signal, predictor.noise.rms_V))
-    found = [model.learner.drifting(np.hstack([root, noise.root])).estimate(signal[rows], noise.white_V)
-             for rows, root in groups]
-    order = np.argsort(np.concatenate([rows for rows, _ in groups]))
-
-    def whole(each: Sequence[Any]) -> Any:
-        return np.concatenate(each)[order]
-
-    names = [one.name for one in fields(Estimate) if one.name != "parts"]
-    parts = [one.parts for one in found if one.parts is not None]
-    return Estimate(*(whole([getattr(one, name) for one in found]) for name in names), parts=Parts(
-        whole([one.noise for one in parts]), whole([one.material for one in parts])))
+    noise = predictor.noise
+    rows, roots = zip(*drift_groups(predictor.drift, predictor.span, signal, noise.rms_V), strict=True)
+    found = [model.learner.drifting(np.hstack([root, noise.root])).estimate(signal[group], noise.white_V)
+             for group, root in zip(rows, roots, strict=True)]
+    return joined(found).some(np.argsort(np.concatenate(rows)))
 
 
 def _gains(model: TrainedModel) -> Array:

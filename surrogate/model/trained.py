@@ -146,7 +146,7 @@ def _scales(model: TrainedModel, noise: ReadingNoise, coverages: Sequence[float]
     found = estimate(model, noisy, noise)
     error, branched = found.value - target, model.learner.branched(model.names)
     sd = np.where(error > 0, found.below, found.above)
-    place = np.array([name in outputs.PLACES for name in model.names])  # x and y lie across some edges, along others
+    place = np.array([name in outputs.PLACES for name in model.names])  # no direction is another's
     past = np.where(error > 0, found.past_below, found.past_above)
 
     def scaled(coverage: float) -> IntervalScale:  # what punches outside the training range add to an interval holds

@@ -124,37 +124,35 @@ def at_least(scale: IntervalScale, other: IntervalScale) -> IntervalScale:
 def conformal_scales(error: Array, sides: Array, sd: Array, rows: int, coverages: Sequence[float] = (COVERAGE,),
                      branched: Mask | None = None, other_kind: Mask | None = None,
                      shared: Mask | None = None) -> list[IntervalScale]:
-    """Factors for each coverage, as `conformal_scale`, of standard deviations on the side of the errors (n, k). Rows of
-    another kind (n,) have their own, where there are some of both kinds, and the outputs (k,) that are shared have one
-    there; of the rest, frames with the UNSURE largest sd (n, k) do where they are enough rows for LEAST (Mondrian
-    conformal prediction: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005, section 4.5)."""
-    if other_kind is not None and other_kind.any() and not other_kind.all():
-        (one, ones), (other, others) = ((kept, max(round(rows * kept.mean()), 1)) for kept in (~other_kind, other_kind))
-        usual = conformal_scales(error[one], sides[one], sd[one], ones, coverages, branched)
-        return [IntervalScale(scale.edge, np.vstack([scale.factor[:2], _of_outputs(
-            error[other], sides[other], others, coverage, branched, shared)]))
-            for scale, coverage in zip(usual, coverages, strict=True)]
-    edge = np.quantile(sd, 1 - UNSURE, axis=0)
+    """Factors for each coverage, as `conformal_scale`, of standard deviations on the side of the errors (n, k); the
+    outputs (k,) that are shared, as the coordinates of a place, have one, of all their errors. Rows of another kind
+    (n,) have their own, where there are some of both kinds; of the rest, frames with the UNSURE largest sd (n, k) do
+    where they are enough rows for LEAST (Mondrian conformal prediction: Vovk, Gammerman, Shafer, Algorithmic Learning
+    in a Random World, 2005, section 4.5)."""
+    outputs = sd.shape[1]
+    one = np.zeros(outputs, bool) if shared is None else shared
+    sets = [np.array([k]) for k in np.flatnonzero(~one)] + ([np.flatnonzero(one)] if one.any() else [])
+
+    def factors(kept: Mask, coverage: float) -> Array:
+        found = np.empty(outputs)
+        for k in sets:
+            some = kept[:, k]
+            errors, side = error[:, k][some][:, None], sides[:, k][some][:, None]
+            found[k] = conformal_scale(errors, side, max(round(rows * some.mean()), 1), coverage,
+                                       None if branched is None else np.array([branched[k].any()]))
+        return found
+
+    usual = np.ones(len(error), bool)
+    if other_kind is not None and not other_kind.all():
+        usual = ~other_kind
+    edge = np.quantile(sd[usual], 1 - UNSURE, axis=0)
     unsure = sd > edge
-    edge[np.mean(unsure, axis=0) * rows < enough()] = np.inf
-
-    def factor(k: int, kept: Mask, coverage: float) -> float:
-        return float(conformal_scale(error[kept][:, [k]], sides[kept][:, [k]], max(round(rows * kept.mean()), 1),
-                                     coverage, None if branched is None else branched[[k]])[0])
-
-    groups = [[(unsure[:, k] == which) | np.isinf(edge[k]) for k in range(len(edge))] for which in (False, True)]
-    found = [np.array([[factor(k, kept, c) for k, kept in enumerate(group)] for group in groups]) for c in coverages]
-    return [IntervalScale(edge, np.vstack([one, one.max(axis=0)])) for one in found]
-
-
-def _of_outputs(error: Array, sides: Array, rows: int, coverage: float, branched: Mask | None,
-                shared: Mask | None) -> Array:
-    """(k,) as `conformal_scale`, but one for the outputs (k,) that are shared, of all their errors."""
-    found = conformal_scale(error, sides, rows, coverage, branched)
-    if shared is not None and shared.any():
-        one, side = (values[:, shared].reshape(-1, 1) for values in (error, sides))
-        found[shared] = conformal_scale(one, side, rows, coverage)
-    return found
+    edge[np.mean(unsure & usual[:, None], axis=0) * rows < enough()] = np.inf
+    groups = [usual[:, None] & ((unsure == which) | np.isinf(edge)) for which in (False, True)]
+    found = [np.array([factors(group, coverage) for group in groups]) for coverage in coverages]
+    rest = np.repeat(~usual[:, None], outputs, axis=1)
+    return [IntervalScale(edge, np.vstack([one, one.max(axis=0) if usual.all() else factors(rest, coverage)]))
+            for one, coverage in zip(found, coverages, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)

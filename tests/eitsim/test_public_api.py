@@ -29,9 +29,10 @@ DESIGN = "scenes = 3\nseed = 2\n[punch]\nforce_N = [0.2, 0.4]\n[accuracy]\nsigna
 def test_the_exports_are_these() -> None:
     assert eitsim.__all__ == dir(eitsim) == [
         "Accuracy", "Body", "CalibratedSensor", "Calibration", "CurvedSkin", "Dataset", "Design", "Disc", "Drive",
-        "Electrodes", "Frames", "Hold", "Inspection", "Outline", "Punch", "Recording", "Result", "Scene", "Sensor",
-        "SensorDesign", "Skin", "calibrate", "calibration_document", "design_sensor", "frames", "inspect", "measure",
-        "open_dataset", "open_recording", "plan", "press_of", "read_calibration", "read_curved_skin", "read_design",
+        "Electrodes", "Frames", "Hold", "Identified", "Inspection", "Outline", "Press", "PressSetup", "Punch",
+        "Recording", "Result", "Scene", "Sensor", "SensorDesign", "Skin", "calibrate", "calibration_document",
+        "design_sensor", "frames", "identify", "inspect", "measure", "next_presses", "open_dataset", "open_recording",
+        "plan", "press_of", "punch_of", "read_calibration", "read_curved_skin", "read_design", "read_presses",
         "read_recording", "read_scene", "read_sensor", "reconstruct", "result_document", "simulate",
         "solve_curved_skin", "solve_sheet_model", "sweep", "write_press", "write_skin_card"]
     assert all(getattr(eitsim, name).__name__ == name for name in eitsim.__all__)

@@ -23,7 +23,7 @@ from surrogate.forward_map.forward_map import (
     strength_discrepancy,
     within_bounds,
 )
-from surrogate.forward_map.inversion import known_diameters, reading_covariance
+from surrogate.forward_map.inversion import changed_contacts, known_diameters, reading_covariance
 from surrogate.forward_map.inversion.diameter_force_posterior import (
     Posterior,
     drawn,
@@ -116,7 +116,7 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drif
     branches = _descend(forward, signal, sd, _best(short, len(signal), BRANCHES).state, LONG)
     free = _best(branches, len(signal), 1)
     part = reading_covariance.white_part(sd, np.sqrt(np.maximum(sd.white**2 - noise_V**2, 0.0)))
-    found = replace(_bounded(forward, _inversion(forward, free, noise_V, drift)), map_part=part)
+    found = replace(_bounded(forward, _inversion(forward, signal, free, sd, noise_V, drift)), map_part=part)
     # the signals whose size is not their norm, as where the dipole vanishes, are less sure than foreseen
     less = np.hypot(noise_V, interior * norm) / np.hypot(noise_V, interior * size)
     located = replace(located, precision=located.precision * (less**2)[:, None, None])
@@ -124,8 +124,10 @@ def invert(forward: ForwardMap, signal: Array, noise_V: float = 0.0, drift: Drif
     rest = np.flatnonzero(~found.broad)
     if len(forward.known_mm) and len(rest):
         tried = _rows(branches, (rest[:, None] * BRANCHES + np.arange(BRANCHES)).ravel())
-        selected = _selected(forward, signal[rest], of(sd, rest), _rows(free, rest), tried)
-        known = _bounded(forward, _mixed(forward, _inversion(forward, selected.end, noise_V, drift), selected))
+        signal, sd = signal[rest], of(sd, rest)
+        selected = _selected(forward, signal, sd, _rows(free, rest), tried)
+        known = _inversion(forward, signal, selected.end, sd, noise_V, drift)
+        known = _bounded(forward, _mixed(forward, known, selected))
         found = _with_rows(found, known, rest)
     return _along_ridge(forward, found)
 
@@ -258,15 +260,22 @@ def _along_ridge(forward: ForwardMap, found: Inversion) -> Inversion:
                    above=sides[1], past=past, other=other)
 
 
-def _inversion(forward: ForwardMap, end: Minimum, noise_V: float, drift: Drift) -> Inversion:
+def _inversion(forward: ForwardMap, signal: Array, end: Minimum, sd: Uncertainty, noise_V: float,
+               drift: Drift) -> Inversion:
     state, residual = end.state, end.residual
     readings = residual.shape[1] - state.shape[1]
     open_to_prior = np.trace(inverse(end.normal), axis1=1, axis2=2)  # what readings leave open of the states
     misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1] + open_to_prior)
+    more = np.zeros_like(end.normal)  # by contacts that may have changed
+    if noise_V > _ROUNDING_V:
+        discrepancy = strength_discrepancy(forward, _unknown(forward, state))
+        shift, more = changed_contacts.moved(forward, sd, *_residuals(forward, signal, sd, discrepancy, state))
+        state = _within(forward, state + shift)
     unknown = _unknown(forward, state)
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd
-    peak = _peak(forward, end.normal, slope, np.maximum(misfit, 1.0), _by_noise(forward, unknown, noise_V, drift))
+    peak = _peak(forward, end.normal, more, slope, np.maximum(misfit, 1.0),
+                 _by_noise(forward, unknown, noise_V, drift))
     covariance = peak.joint[:, :4, :4]
     return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, np.ones(len(touch)),
                      residual[:, :readings], within_bounds(forward, touch),
@@ -283,15 +292,17 @@ def _by_noise(forward: ForwardMap, unknown: Array, noise_V: float, drift: Drift)
     return inverse(slope.transpose(0, 2, 1) @ slope + np.eye(4))
 
 
-def _peak(forward: ForwardMap, normal: Array, slope: Array, widened: Array, noise: Array) -> Peak:
-    """From normal matrices (n, p, p) of the scaled states, derivatives (n, 4, 4) of the touch by them, the factor (n,)
-    by which the misfit widens variances, and the covariance (n, 4, 4) of the scaled touches by noise alone."""
+def _peak(forward: ForwardMap, normal: Array, more: Array, slope: Array, widened: Array, noise: Array) -> Peak:
+    """From normal matrices (n, p, p) of the scaled states and what contacts add to their inverses, derivatives
+    (n, 4, 4) of the touch by them, the factor (n,) by which the misfit widens variances, and the covariance (n, 4, 4)
+    of the scaled touches by noise alone."""
     n, k, known = len(normal), forward.materials, 4 + forward.own
     to_touch_and_card = np.broadcast_to(np.eye(4 + k), (n, 4 + k, 4 + k)).copy()
     to_touch_and_card[:, :4, :4] = slope
     kept = np.r_[:4, known:known + k]
-    return Peak(_carried(to_touch_and_card, inverse(normal)[:, kept[:, None], kept]) * widened[:, None, None],
-                _carried(slope, inverse(normal[:, :known, :known])[:, :4, :4]) * widened[:, None, None],
+    open_, held = inverse(normal) + more, inverse(normal[:, :known, :known]) + more[:, :known, :known]
+    return Peak(_carried(to_touch_and_card, open_[:, kept[:, None], kept]) * widened[:, None, None],
+                _carried(slope, held[:, :4, :4]) * widened[:, None, None],
                 _carried(slope, noise))
 
 

@@ -21,8 +21,8 @@ from surrogate.forward_map.inversion.multipole_location import Located
 from surrogate.statistics.conformal import COVERAGE, normal
 from touchcal.arrays import Array, Mask
 
-SOFT = 0.25  # log d outside the range over which the prior falls by e
-REACH, STEPS = 0.4, 12  # log d up to which punches on either side are tried, and how many
+SOFT = 0.5  # log d outside the range over which the prior falls by e
+REACH, STEPS = 0.7, 17  # log d up to which punches on either side are tried, and how many
 COURSE, FEWEST = 0.2, 3  # log d above the least trained one over which forces go on below it, and fewest diameters
 
 

@@ -75,7 +75,7 @@ def continued(reader: PressReader, presses: Presses, labels: Labels) -> Continue
     scalars = tuple(replace(one, shift=np.array([shift]), intervals=_scaled(one.intervals, wider),
                             of_cut=_scaled(one.of_cut, wider))
                     for number, one in enumerate(reader.scalars)
-                    for shift, wider in [_scalar(one.name, labels, [found_one.scalars[number] for found_one in found])])
+                    for shift, wider in [label_shift(one.name, labels, [press.scalars[number] for press in found])])
     old = whole.place.of_old if whole.place else reader.place.of_old
     made = _with(whole, weights=weights, whole=unlike[0], along=unlike[1],
                  intervals=_scaled(reader.place.intervals, factor), of_cut=_scaled(reader.place.of_cut, factor),
@@ -209,7 +209,7 @@ def _scaled(intervals: Intervals, factor: float) -> Intervals:
     return replace(intervals, factor=factor * intervals.factor)
 
 
-def _scalar(name: str, labels: Labels, found: list[press_reader.ScalarReading]) -> tuple[float, float]:
+def label_shift(name: str, labels: Labels, found: list[press_reader.ScalarReading]) -> tuple[float, float]:
     """What is added to a label and the factor of its intervals; none where the presses do not state it."""
     if name not in labels.names:
         return 0.0, 1.0

@@ -208,8 +208,8 @@ def test_the_command_gives_readings_without_and_with_the_patch(command: Callable
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
-    (PATCH, "[punch]\nforce_N = 1\n", r"\[punch\]: a sheet has no foam"),
-    (PATCH, "[hold]\ntime_s = [1]\n", r"\[hold\]: a sheet has no foam"),
+    (PATCH, "[punch]\nforce_N = 1\n", r"\[punch\]: a sheet has no layer"),
+    (PATCH, "[hold]\ntime_s = [1]\n", r"\[hold\]: a sheet has no layer"),
     ("z_mm = 0\nwidth_mm = 16", "z_mm = 9\nwidth_mm = 16", r"patch 0 \(from 0\) lies off the sheet, whose nearest"),
     ("45]", "19]", r"electrodes 2 and 3 \(from 0\) overlap"),
     ("z_mm = [0, 0, 0, 0]", "z_mm = [0, 0, 0]", "one number an electrode each, got 4, 4, 3"),

@@ -15,7 +15,7 @@ from eitsim.mechanics.harmonics.clipped_disc import amplitudes, clipped_disc, un
 from eitsim.mechanics.harmonics.equilibrium import contact_state, energy, linearised, product, seen, solve
 from eitsim.mechanics.harmonics.fourier_fields import Points, apply_tangent, forces, gradients, operators
 from eitsim.mechanics.rim import solve_near_rim as near_rim_solver
-from eitsim.mechanics.rim.correction import within_face
+from eitsim.mechanics.rim.correction import _LEAST_ERROR, _added, within_face
 from eitsim.mechanics.rim.solve_near_rim import (
     COARSE,
     FINE,
@@ -425,3 +425,9 @@ def test_a_failure_near_the_rim_tells_its_likely_cause():
     touch = solve_touch(FOAM, BODY, replace(punch, friction="none"), element_m=0.24e-3)
     with pytest.raises(NotConverged, match=error_estimate):
         with_signal_errors(on_two_meshes(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE))
+
+
+def test_an_error_grows_by_the_difference_of_two_ratios_and_at_least_by_a_part_of_the_change() -> None:
+    assert _added(None, 1.1, 1.2) is None
+    assert _added(0.01, 1.2, 1.5) == pytest.approx(0.01 + 0.2)
+    assert _added(0.01, 1.5, 1.5) == pytest.approx(0.01 + _LEAST_ERROR * 0.5)

@@ -214,12 +214,6 @@ def test_pairs_that_are_written_read_the_frame_as_it_is_either_sign(command: Com
     assert "this frame equals the untouched one" in done.stdout
 
 
-def test_an_order_with_a_name_is_said_by_it() -> None:
-    found = inspect(recorded(frame()))
-    assert dict(rows(found))["in a sensor file"] == (
-        '[drive] pattern = "adjacent", reading = "single-ended", if the likeliest order is right')
-
-
 def test_empty_frames_and_what_a_common_phase_leaves_out_are_said() -> None:
     empty = np.full(208, np.nan)
     assert any("1 frame without any reading, the first in row 1 from 0" in one

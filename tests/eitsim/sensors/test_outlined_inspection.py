@@ -128,16 +128,6 @@ def test_a_board_that_reads_neighbours_is_named_as_the_sensor_file_names_it() ->
             "default.") in next(cautions(found))
 
 
-def test_one_dead_reading_is_one_and_dead_electrodes_are_several() -> None:
-    found = inspected(RECTANGLE)
-    one, two = (" ".join(cautions(replace(found, dead_readings=np.arange(52, 52 + count),
-                                          dead_electrodes=tuple(range(count))))) for count in (1, 2))
-    assert "Electrode 0 is dead: open" in one
-    assert "Reading 52 is dead: empty" in one
-    assert "Electrodes 0 to 1 are dead: open" in two
-    assert "Readings 52 to 53 are dead: empty" in two
-
-
 def test_a_dead_electrode_that_reads_noise_is_named() -> None:
     drive, rng = Drive(reading="differential"), np.random.default_rng(6)
     sensor, to = described(UNEVEN, drive), (3 - np.arange(COUNT)) % COUNT

@@ -13,7 +13,7 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.mechanics.rim.solve_near_rim import FULL_DISC
 from eitsim.scene.choices import Kind, Why
 from eitsim.scene.edges.outline import Outline
-from eitsim.scene.results import Plan, RimField, Touch
+from eitsim.scene.results import Plan, Touch
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, scene_from
 from eitsim.simulation import choose as choose_module
 from eitsim.simulation import words
@@ -151,18 +151,6 @@ def test_solvers_obey_what_was_chosen(called: list[str]) -> None:
         else:
             assert called == ["axisymmetric"] * 2 + ["pair" if named[0] == "axisymmetric" else named[0]], seed
     assert kinds == {*MECHANICS, "pair"}
-
-
-def test_a_change_from_a_table_is_said_to_be_one(touch: Touch) -> None:
-    scene = Scene(punches=(Punch(x_m=0.085, force_N=0.3),), accuracy=Accuracy(0.05))
-    chosen = choose(scene, material_of(scene, CARD), bodies=False)
-    none = np.zeros((1, 2))
-    rim = RimField(np.ones(1), np.array([0.0, 1.0]), none[..., None], none[..., None], none, 0.1, 0.085)
-    stored = replace(chosen, ways=(replace(chosen.ways[0], touch=replace(touch, rim=rim)),))
-    first, from_table = (plan_of(one).decisions[0] for one in (chosen, stored))
-    assert first.kind == from_table.kind == "nearest_edge"
-    assert first.decision == "mechanics in three dimensions near the rim, as a change of the axisymmetric touch"
-    assert from_table.decision == "what the rim changes of the axisymmetric touch, from a table"
 
 
 def test_the_cheapest_route_that_meets_the_error_is_taken() -> None:

@@ -178,7 +178,7 @@ def test_what_has_no_series_says_so_before_anything_is_solved(scene):
 
 
 def test_a_touch_without_displacements_inside_has_no_series(touches, tmp_path):
-    with pytest.raises(ValueError, match="keeps no displacements inside the foam"):
+    with pytest.raises(ValueError, match="keeps no displacements inside the layer"):
         eitsim.write_press(SCENE, [replace(touches[0], section=None)], tmp_path / "press.pvd")
     assert not list(tmp_path.iterdir())
 

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import pytest
 from typer.testing import CliRunner
 
 from matcal.cli.main import app
@@ -25,12 +24,3 @@ def test_one_unreadable_file_hides_no_other(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["inspect", "--json", str(bad), str(last), str(good)])
     assert [Path(name).name for name in json.loads(result.stdout)] == ["shear.csv", "uniaxial.csv"]
     assert isinstance(result.exception, InputFileError)
-
-
-def test_every_unreadable_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    paths = [tmp_path / f"{name}.csv" for name in "ab"]
-    for path in paths:
-        path.write_text("no numbers at all\n", encoding="utf-8")
-    result = CliRunner().invoke(app, ["inspect", *map(str, paths)])
-    assert "a.csv" in result.stderr
-    assert "b.csv" in str(result.exception)

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from matcal.fitting.hyperfoam.curves import weigh, with_history
+from matcal.fitting.hyperfoam.curves import weigh, weighted_model, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents, fit
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
 from matcal.fitting.hyperfoam.shared_poisson import Profile
 from matcal.fitting.uncertainty import nu_ridge
 from matcal.fitting.uncertainty.intervals import (
     Uncertainty,
+    _nu_effects,
     derived_quantities,
     intervals,
     linearised,
@@ -370,3 +371,13 @@ def test_nodes_on_both_sides_of_the_best_nu_are_moved_to_either_side(white: Fit,
         assert node.shift == pytest.approx(root * pull)
         assert node.log_density == pytest.approx(-2.5 * np.log1p(root**2 / 4))
         assert node.covariance == pytest.approx(np.array([[5.0, 2.0], [2.0, 3.0]]))
+
+
+def test_a_nu_of_a_term_counts_by_what_its_uniform_standard_deviation_changes(white: Fit) -> None:
+    """Between its bounds, width / sqrt(12), by differences of the weighted stress."""
+    law, sd, h = Hyperfoam([8e3, 4e3], [-2.0, 6.0], [0.1, 0.2]), (NU_BOUNDS[1] - NU_BOUNDS[0]) / 12**0.5, 1e-4
+    found = _nu_effects(replace(white, law=law, nu_how="fit-each"))
+    for k in range(2):
+        high, low = (weighted_model(white.curves, replace(law, nu=law.nu + step * np.eye(2)[k])) for step in (h, -h))
+        assert found[:, k] == pytest.approx(sd * (high - low) / (2 * h), rel=1e-4, abs=1e-7)
+    assert _nu_effects(replace(white, law=law, nu_how="fit")).shape[1] == 0

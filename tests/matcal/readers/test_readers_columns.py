@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import matcal
 from matcal.readers.column_options import Selection, parse_selection, selections_of
 from matcal.readers.detect import read
 from matcal.reduction.reduce import reduce_tests
@@ -178,3 +179,15 @@ def test_other_formats_are_known_by_their_first_bytes(begin: bytes, says: str, t
     path.write_bytes(begin + bytes(600))
     with pytest.raises(InputFileError, match=says):
         read(path)
+
+
+def test_the_gap_of_a_rheometer_is_its_displacement(tmp_path: Path) -> None:
+    strain = np.linspace(0, 0.5, 400)
+    rows = zip(np.arange(400) * 0.1, 2 * strain, 10000 * (1 - strain), strict=True)
+    path = tmp_path / "disc_uniaxial.txt"
+    path.write_text("Time (s)\tNormal force (N)\tGap (um)\n" + "".join(f"{t}\t{f}\t{g}\n" for t, f, g in rows))
+    toml = tmp_path / "specimen.toml"
+    toml.write_text("[uniaxial]\ndiameter_mm = 8\nheight_mm = 10\ndirection = \"compression\"\n")
+    test = matcal.read_test({"uniaxial": path}, specimen=toml)
+    assert test.strain.min() == pytest.approx(-0.5, abs=0.005)
+    assert test.value.min() == pytest.approx(-1 / (np.pi * 0.004**2), rel=0.01)

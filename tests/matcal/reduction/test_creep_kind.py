@@ -19,8 +19,7 @@ def _write(folder: Path, strain: np.ndarray, stress: np.ndarray, name: str = "re
     return path
 
 
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("kind", ["relaxation", "creep", None])
+@pytest.mark.parametrize(("seed", "kind"), enumerate(["relaxation", "creep", None]))
 def test_a_held_load_is_creep(seed: int, kind: str | None, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     tau = 10 ** rng.uniform(0, 2)

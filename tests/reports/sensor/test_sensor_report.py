@@ -85,10 +85,6 @@ def test_electrodes_at_uneven_angles_are_drawn_where_they_lie(tmp_path: Path) ->
         np.testing.assert_allclose(np.degrees(np.arctan2(xy[:, 1], xy[:, 0])) % 360, angles_deg, atol=1e-6)
 
 
-def test_one_dead_reading_is_one() -> None:
-    assert repairs(document(dead=(4,)))[0] == "Reading 4 is dead: check its channel."
-
-
 def test_a_calibration_that_predicts_worse_than_a_uniform_sheet_is_cautioned(tmp_path: Path) -> None:
     worse, noisy = document(), document()
     worse["unexplained"][worse["stage"]]["held_out"] = 2 * worse["unexplained"]["conductance"]["held_out"]

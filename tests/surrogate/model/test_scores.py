@@ -9,7 +9,7 @@ from surrogate.data import outputs
 from surrogate.data.samples import split
 from surrogate.model.evaluate import material_told, transfer
 from surrogate.model.predict import SLACK, _outside, _widened
-from surrogate.statistics.conformal import conformal_scale, few, normal, sure_coverage
+from surrogate.statistics.conformal import conformal_scale, normal, sure_coverage
 from surrogate.statistics.metrics import score
 
 
@@ -68,13 +68,6 @@ def test_the_order_statistic_is_the_one_of_exchangeable_errors() -> None:
     error, sd = np.arange(1.0, 31.0)[:, None], np.ones((30, 1))
     assert conformal_scale(error, sd, 30)[0] == 28
     assert conformal_scale(np.tile(error, (3, 1)), np.tile(sd, (3, 1)), 30)[0] == 28
-
-
-def test_few_calibrating_rows_are_cautioned_with_the_number_that_is_enough() -> None:
-    assert "may hold as little as 61 %" in few(6)
-    assert "until 110 do" in few(6)
-    assert few(109) != ""
-    assert few(110) == "" == few(600)
 
 
 def test_few_rows_fall_back_on_the_larger_of_both() -> None:

@@ -11,10 +11,10 @@ import eitsim
 import surrogate
 from eitsim.sensors.labels import Labels, labels_of
 from surrogate.cli.main import app
-from surrogate.model.recorded.continued import continued
+from surrogate.model.recorded.continued import continued, label_shift
 from surrogate.model.recorded.press_model import PressModel
 from surrogate.recordings import press_reader
-from surrogate.recordings.press_reader import PressReader, read
+from surrogate.recordings.press_reader import PressReader, ScalarReading, read
 from surrogate.recordings.presses import Presses, taken
 from surrogate.recordings.session.motion import Motion, find_motion
 from surrogate.recordings.worth import distance
@@ -93,6 +93,20 @@ def test_too_few_presses_are_refused(reader: PressReader) -> None:
         continued(reader, taken(presses, np.arange(4)), labels_at(place[:4]))
     with pytest.raises(ValueError, match="give x_mm and y_mm"):
         continued(reader, taken(presses, np.arange(5)), Labels(presses.name[:5], ("F_N",), place[:5, :1]))
+
+
+def test_a_label_that_all_presses_read_too_low_is_raised_and_chance_is_not() -> None:
+    rng, shifts = np.random.default_rng(8), []
+    for step in (0.0, 1.25):
+        for _ in range(20):
+            depth, read_there = rng.uniform(13, 18, 5), 0.1 * rng.standard_normal(5)
+            found = [ScalarReading("z_mm", np.array([value]), np.array([0.17])) for value in depth - step + read_there]
+            shift, wider = label_shift("z_mm", Labels(np.arange(5).astype(np.str_), ("z_mm",), depth[:, None]), found)
+            shifts.append(shift)
+            assert 1 <= wider < 2
+    assert np.abs(shifts[:20]).max() < 0.15
+    np.testing.assert_allclose(shifts[20:], 1.25, atol=0.15)
+    assert label_shift("F_N", Labels(np.array(["a"]), ("z_mm",), np.ones((1, 1))), found) == (0.0, 1.0)
 
 
 def written(folder: Path, presses: Presses, labels: Labels) -> None:
