@@ -25,6 +25,7 @@ from matcal.laws.law import Law
 NAME = "identify"
 KAPPA = 1000.0  # of rubbers, over mu_0
 THICKNESS_M, FILLET_M = 0.01, 0.0005
+SIZE = 0.025  # of the peer's elements, over the thickness; 0.05 leaves up to 12 % in force with friction
 SETUP = PressSetup(THICKNESS_M)
 # Where fits start: never the hidden law, for rubbers not even its kind.
 STARTS = {"foam": law_of("hyperfoam", [[8e3, 2e3], [8.0, -2.0], [0.0, 0.0]]),
@@ -52,12 +53,12 @@ def presses(kind: str, law: Law, slope: Slope, rng: np.random.Generator, truth: 
     """What the machine reads of both punches."""
     deepest = 0.35 if kind == "foam" else 0.14
     thickness = THICKNESS_M * (1 + truth["thicker"])
-    depths = deepest * np.array([0.04, 0.12, 0.25, 0.42, 0.6, 0.8, 1.0])
+    depths = deepest * np.array([0.02, 0.04, 0.08, 0.12, 0.18, 0.25, 0.33, 0.42, 0.51, 0.6, 0.7, 0.8, 0.9, 1.0])
     out = []
     for words in ("flat 14", "sphere 14"):
         radius = 0.007 / thickness
         punch = RigidPunch(radius, FILLET_M / thickness if words.startswith("flat") else radius)
-        found = pressed(slope, KAPPA if kind == "rubber" else np.inf, punch, truth["friction"], depths, 0.05)
+        found = pressed(slope, KAPPA if kind == "rubber" else np.inf, punch, truth["friction"], depths, SIZE)
         line = np.log(found * np.array([thickness, law.mu_0_Pa * thickness**2]))
         depth = np.linspace(0.02, 1.0, 60) * np.exp(line[-1, 0])
         force = np.exp(_smooth(line, np.log(depth)))

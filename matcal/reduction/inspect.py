@@ -146,7 +146,7 @@ def print_description(path: str, found: dict[str, Any]) -> None:
     console = Console(highlight=False)
     console.width = console.width if console.is_terminal or "COLUMNS" in os.environ else 120
     parts = f" in {len(found['files'])} parts" if len(found["files"]) > 1 else ""
-    console.print(Text(path, style="bold"))
+    console.print(Text(path, style="bold"), soft_wrap=True)
     title = next(reader.title for reader in vendors.readers() if reader.name == found["layout"])
     console.print(f"  {title}, {found['rows']:,} rows{parts} from line {found['first_line']}")
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
