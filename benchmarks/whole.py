@@ -32,8 +32,8 @@ GIVEN = {"frame_drift": ("sweep",), "inversion_limit": ("forward", "sweep", "car
          "variants": ("card.json",)}
 # what needs the paper's sweep of 4,000 scenes, or a GPU, or measures nothing, and is run by hand
 APART = ("carry_over", "contacts", "faithful", "gpu", "identify", "mutants", "paced_stream", "ridge",
-         "silent_answers", "simulated_prior", "surrogates", "tracker", "transfer", "treloar", "unchanged", "untouched_frame",
-         "whole_disc")
+         "silent_answers", "simulated_prior", "surrogates", "tracker", "transfer", "treloar", "unchanged",
+         "untouched_frame", "whole_disc")
 CHAIN = (
     ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
      f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from matcal.card import MaterialCard, with_moduli
+from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law, expanded, units, vector, with_vector
-from matcal.posterior.drawn_laws import stress_of
+from matcal.laws.law_stack import LawStack
+from matcal.posterior.drawn_laws import stress_of, stress_of_stack
 from matcal.posterior.draws import Draws, read_draws
 from touchcal.arrays import Array, Index, Mask
 
@@ -76,12 +78,16 @@ def law_prior(card: MaterialCard) -> LawPrior:
 
 def features(law: Law, vectors: Array) -> Array:
     """(D, q) logarithms of stresses, Pa, of laws with parameters (D, K); not finite where a law has no such stress."""
-    ends = np.cumsum([np.size(getattr(law, p.name)) for p in law.parameters])[:-1]
-    parts = np.split(vectors, ends, axis=1)
-    draws = Draws({p.name: part for p, part in zip(law.parameters, parts, strict=True)}, type(law))
+    def stress(mode: str, strain: Array) -> Array:
+        if not isinstance(law, Hyperfoam):
+            return stress_of_stack(LawStack(law, vectors), mode, strain)
+        parts = np.split(vectors, np.cumsum([np.size(getattr(law, p.name)) for p in law.parameters])[:-1], axis=1)
+        named = {p.name: part for p, part in zip(law.parameters, parts, strict=True)}
+        return stress_of(Draws(named, Hyperfoam), mode, strain)
+
     with np.errstate(all="ignore"):
-        stress = np.hstack([np.sign(e) * stress_of(draws, mode, np.array(e)) for mode, e in _STRAINS.items()])
-        return np.where(stress > 0, np.log(np.maximum(stress, 1e-300)), np.nan)
+        found = np.hstack([np.sign(e) * stress(mode, np.array(e)) for mode, e in _STRAINS.items()])
+        return np.where(found > 0, np.log(np.maximum(found, 1e-300)), np.nan)
 
 
 def by_features(prior: LawPrior, white: Array, by_law: Array) -> Array:

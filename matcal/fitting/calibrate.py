@@ -28,6 +28,7 @@ from matcal.fitting.uncertainty.nuisance import (
     uncertain,
     with_drift,
     with_zero,
+    without_load_zero,
 )
 from matcal.fitting.uncertainty.two_nu import TwoNu, two_nu
 from matcal.laws.deformation_modes import MODES
@@ -162,6 +163,7 @@ def _turn_sentences(turns: int, relaxing: Sequence[Experiment], law: Law) -> lis
 
 def _law(curves: tuple[Curve, ...], prony: Series | None, fitter: Fitter) -> tuple[Fit, tuple[str, ...]]:
     curves = tuple(with_history(c, prony.prony) for c in curves) if prony else curves
+    curves = curves if fitter.seeks_load_zero else tuple(without_load_zero(c) for c in curves)
     curves = _with_factors(curves, fitter)
     curves = _refined(curves, fitter)
     found = fitter.fit(curves)

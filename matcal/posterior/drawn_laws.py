@@ -35,7 +35,7 @@ def stress_of(draws: Draws, mode: str, strain: ArrayLike) -> Array:
     not from term to term, interpolated between a few values of it."""
     e = np.asarray(strain, dtype=float)
     if draws.kind is not Hyperfoam:
-        return np.sum(push_forward(mode, e) * stacked_second_piola(_stack(draws), mode, e), axis=-1)
+        return stress_of_stack(_stack(draws), mode, e)
     each = draws.law["nu"]
     if each.shape[1] > 1 and np.any(np.ptp(each, axis=1) > 0):
         return np.stack([nominal_stress(law_of(draws, k), mode, e) for k in range(len(draws))])
@@ -47,6 +47,11 @@ def stress_of(draws: Draws, mode: str, strain: ArrayLike) -> Array:
     weight = BarycentricInterpolator(nodes, np.eye(_NU_NODES))(nu)
     tabulated = np.stack([_of_foams(draws, mode, e, float(v)) for v in nodes])
     return np.einsum("dk,kdn->dn", weight, tabulated)
+
+
+def stress_of_stack(laws: LawStack, mode: str, strain: Array) -> Array:
+    """Nominal stress of each law at strains (n,), Pa, (D, n); not finite where parameters have none."""
+    return np.sum(push_forward(mode, strain) * stacked_second_piola(laws, mode, strain), axis=-1)
 
 
 def stress_band(draws: Draws, mode: str, strain: ArrayLike, level: float = 0.95) -> tuple[Array, Array]:

@@ -43,6 +43,15 @@ def with_zero(experiment: Experiment, sd: float) -> Experiment:
     return replace(experiment, facts={**experiment.facts, "strain_zero_sd": sd})
 
 
+def without_load_zero(curve: Curve) -> Curve:
+    """The curve with a load that is zero where a table's is; a load frame's keeps what its record says."""
+    facts = curve.experiment.facts
+    if not facts.get("strain_zero_assumed"):
+        return curve
+    kept = {name: value for name, value in facts.items() if name != "zero_sd_Pa"}
+    return replace(curve, experiment=replace(curve.experiment, facts=kept))
+
+
 def with_drift(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
     """The experiments, those without a drift of their own given a standard deviation of it.
 

@@ -203,7 +203,7 @@ def _lateral(recording: Recording, strain: Array, notes: list[str]) -> Array | N
 
 def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[str]) -> dict[str, float]:
     """The standard deviations of the zeros of strain and load, which the fit refines like those of a load frame, where
-    the noise of the table leaves them open or its curve contradicts them."""
+    the noise of the table leaves them open or its curve contradicts them; that of load where it seeks one."""
     found = zero_of(kind, strain, stress)
     if found is None or max(abs(found[0]), found[1]) < _SMALL:
         return {}
@@ -212,8 +212,8 @@ def _zero(kind: str, label: str, strain: Array, stress: Array, cautions: list[st
         ahead = bool(off * strain[int(np.argmax(np.abs(strain)))] > 0)  # as a relaxation after the start leaves it
         cautions.append(f"The zero of the strain of {label} looks off{', or it relaxes as its loading begins' * ahead}"
                         f": its curve has no stress at a strain of {-off:.2g} ± {sd:.2g}. Count the strain from "
-                        f"contact and the load from rest. The fit moves both zeros, and the intervals hold an error "
-                        f"of {_ZERO:g} of strain and {_LOAD_ZERO:.0%} of the largest stress.")
+                        f"contact and the load from rest. The fit moves the zero, and the intervals hold an error of "
+                        f"{_ZERO:g} of strain; for rubbers of {_LOAD_ZERO:.0%} of the largest stress too.")
     return {"strain_zero_sd": min(_ZERO, _ZERO_SHARE * float(np.abs(strain).max())), "strain_zero_assumed": 1.0,
             "zero_sd_Pa": _LOAD_ZERO * float(np.abs(stress).max())}
 
