@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import lmfit
 import numpy as np
@@ -62,7 +63,8 @@ def by_lmfit(tests: list[Experiment]) -> matcal.Hyperfoam:
         except ValueError:
             return np.full(strain.size, 1e9)
 
-    return law(lmfit.minimize(left, start).params)
+    found: Any = lmfit.minimize(left, start)
+    return law(found.params)
 
 
 def row(name: str, tests: dict[str, Experiment]) -> dict[str, object]:
