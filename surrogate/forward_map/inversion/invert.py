@@ -267,15 +267,15 @@ def _inversion(forward: ForwardMap, signal: Array, end: Minimum, sd: Uncertainty
     open_to_prior = np.trace(inverse(end.normal), axis1=1, axis2=2)  # what readings leave open of the states
     misfit = np.sum(residual[:, :readings] ** 2, axis=1) / (readings - state.shape[1] + open_to_prior)
     more = np.zeros_like(end.normal)  # by contacts that may have changed
+    fitted = _unknown(forward, state)
     if noise_V > _ROUNDING_V:
-        discrepancy = strength_discrepancy(forward, _unknown(forward, state))
+        discrepancy = strength_discrepancy(forward, fitted)
         shift, more = changed_contacts.moved(forward, sd, *_residuals(forward, signal, sd, discrepancy, state))
         state = _within(forward, state + shift)
     unknown = _unknown(forward, state)
     touch = to_touch(unknown, forward.p0)
     slope = touch_slope(unknown, forward.p0) * forward.sd
-    peak = _peak(forward, end.normal, more, slope, np.maximum(misfit, 1.0),
-                 _by_noise(forward, unknown, noise_V, drift))
+    peak = _peak(forward, end.normal, more, slope, np.maximum(misfit, 1.0), _by_noise(forward, fitted, noise_V, drift))
     covariance = peak.joint[:, :4, :4]
     return Inversion(touch, covariance, state[:, 4 + forward.own:], peak, misfit, np.ones(len(touch)),
                      residual[:, :readings], within_bounds(forward, touch),
