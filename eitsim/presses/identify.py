@@ -185,8 +185,8 @@ def _standard(model: NearModel, y: Array, whiten: Sequence[Array]) -> list[Array
 
 
 def _known(model: NearModel, y: Array) -> Array:
-    """(D, ...) what is known before, as residuals in standard deviations; friction, thickness and contact within their
-    bounds count alike and are left out."""
+    """(D, ...) what is known before, as residuals in standard deviations; friction, thickness and contact are as
+    likely anywhere within their bounds and are left out."""
     p, prior = model.terms, model.prior
     known = (features(prior.law, prior.vectors(y[:, :p])) - prior.mean) @ prior.root.T
     return np.hstack([known, y[:, :p] / prior.wide, y[:, p + 2:p + 4]])
