@@ -75,6 +75,16 @@ def identify(presses: Sequence[Press], setup: PressSetup, card: MaterialCard, *,
         For presses that do not fit the layer.
     NotConverged
         Where no law near the start carries the presses.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> import matcal
+    >>> card = matcal.read_card("examples/foam_start.json")
+    >>> presses = eitsim.read_presses("examples/press_flat.csv", eitsim.punch_of("flat 14"))
+    >>> eitsim.identify(presses, eitsim.PressSetup(thickness_m=0.003), card)
+    Traceback (most recent call last):
+    ValueError: ...
     """
     started = cpu_s()
     check_presses(presses, setup.thickness_m)
