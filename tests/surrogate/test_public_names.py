@@ -4,7 +4,7 @@ import doctest
 import inspect
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from numpy.typing import ArrayLike
 
 import eitsim
 import matcal
@@ -24,6 +23,7 @@ from surrogate.data.samples import SweepSamples
 from surrogate.learners.registry import METHODS
 from surrogate.live.export_page import export_page
 from surrogate.model.predict import columns
+from touchcal.arrays import Array
 
 from .conftest import baseline, draw
 from .recordings.conftest import short_networks
@@ -138,7 +138,7 @@ def folder(forward_model: surrogate.Model, sweep: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def record(path: Path, touches: list[str], signal: ArrayLike) -> None:
+def record(path: Path, touches: list[str], signal: Iterable[Array]) -> None:
     """Write presses between untouched frames, with noise."""
     rng, rows = np.random.default_rng(0), []
     for touch, one in zip(touches, signal, strict=True):
