@@ -46,8 +46,9 @@ def next_specimens(curves: Sequence[Curve], law: Law) -> tuple[NextSpecimen, ...
 
 def of_modulus(value: float, lo: float, hi: float, further: float) -> dict[str, float]:
     """As `NextSpecimen.rows`, of a modulus with its interval and the reach of one specimen's ln factor."""
-    row = _row(value, 0.0, float(np.hypot((hi - lo) / (2 * value), further)))
-    return row | {"lo": lo, "hi": hi}
+    least, most = value * np.expm1([-further, further])
+    return {"value": value, "lo": lo, "hi": hi, "next_lo": value - float(np.hypot(value - lo, least)),
+            "next_hi": value + float(np.hypot(hi - value, most))}
 
 
 def _row(value: float, mean: float, further: float) -> dict[str, float]:
