@@ -61,7 +61,7 @@ def lines(punch: RigidPunch, size: float) -> tuple[np.ndarray, np.ndarray]:
 
 def stress_of(slope: Slope, c: np.ndarray) -> np.ndarray:
     """Second Piola stress (4, ...), twice the energy's derivatives by C = (rr, zz, rz, hoop), rz counted once. Equal
-    stretches are kept slightly apart."""
+    stretches are kept slightly different."""
     apart = (c[0] - c[1]) / 2
     mean, half = (c[0] + c[1]) / 2, np.sqrt(apart**2 + c[2] ** 2 + 1e-12)
     with np.errstate(invalid="ignore"):

@@ -199,11 +199,12 @@ def _refined(curves: tuple[Curve, ...], fitter: Fitter) -> tuple[Curve, ...]:
 
 def _by_turns(fit: Fit, fitter: Fitter) -> tuple[Curve, ...]:
     """The refined records of a fit, and of the fits to them, until they settle."""
-    for _ in range(_RECORD_TURNS):
-        curves, most = refined_records(fit)
+    curves, most = refined_records(fit)
+    for _ in range(_RECORD_TURNS - 1):
         if most < _NEARLY_STILL:
             break
         fit = fitter.again(curves, fit.law)
+        curves, most = refined_records(fit)
     return curves
 
 
