@@ -99,7 +99,7 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     kept_out = _predicted(predicted, law, series)
     law_s = time.process_time() - started - series_s
     stretched = [e for e in experiments if e.kind == "conductivity"]
-    skin = fit_conductivity(stretched) if stretched else None
+    skin = fit_conductivity(stretched, options.conduction) if stretched else None
     total = time.process_time() - started
     data = check_data(law.curves, law.law.hencky_ratio == (0.0, True)) if law else ()
     checks = (*_stiffness_sentences(prony), *_stability_sentences(law, data), *_predicted_sentences(kept_out)

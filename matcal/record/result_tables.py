@@ -14,7 +14,7 @@ MEANING = {"mu_0_Pa": "initial shear modulus", "E_0_Pa": "initial Young's modulu
            "plateau_Pa": "stress at 40 % strain", "g_infinity": "long-term share",
            "mu_0_instantaneous_Pa": "before relaxation", "mu_0_new_specimen_Pa": "of a further specimen",
            "omega": "scatter of ln stiffness", "c0_S_per_m": "unstrained skin",
-           **{f"a_{k}": "of the skin's cubic" for k in (1, 2, 3)}}
+           **{f"a_{k}": "of the skin's law" for k in (1, 2, 3)}}
 
 
 # what follows the meaning of a quantity that the tests leave open
@@ -180,7 +180,8 @@ def skin(card: MaterialCard) -> Printed:
               for k, a in enumerate(card.conductivity.a)]
     rows = [[name, *_pair(value, sd), within(value, *ends)[1] if ends is not None else "unknown"]
             for name, value, sd, ends in pairs]
-    return Printed("Conductivity, one standard error each", ["", "value", "+-", "95 % interval"], rows, "<>>>",
+    return Printed(f"Conductivity, {card.conductivity.kind} law, one standard error each",
+                   ["", "value", "+-", "95 % interval"], rows, "<>>>",
                    (f"Fitted for strains of {_span(card.conductivity.strain_range)}.",))
 
 

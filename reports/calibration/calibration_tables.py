@@ -78,11 +78,12 @@ def skin(card: MaterialCard) -> Table:
     assert law is not None
     row = [_pm(law.c0_S_per_m, found.get("c0_sd_S_per_m")),
            *(_pm(a, _at(found, "a_sd", k)) for k, a in enumerate(law.a))]
-    caption = f"Conductivity law, fitted for strains of {interval(*law.strain_range)}"
+    caption = f"Conductivity, {law.kind} law, fitted for strains of {interval(*law.strain_range)}"
     caption += ", with one standard error each." if "a_sd" in found else "."
     if found.get("chi_square") is not None:
         caption += f" Chi-square is {number(found['chi_square'], 4)} on {found['freedom']} degrees of freedom."
-    return Table(caption, ["c₀ (S/m)", "a₁ (–)", "a₂ (–)", "a₃ (–)"], [row], "rrrr")
+    heads = [f"a{chr(ord('₁') + k)} (–)" for k in range(law.a.size)]
+    return Table(caption, ["c₀ (S/m)", *heads], [row], "r" * len(row))
 
 
 def cross(card: MaterialCard) -> Table:
