@@ -61,7 +61,7 @@ def export_page(model: SweepModel, path: Path | str) -> None:
 
     Examples
     --------
-    >>> export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
+    >>> export_page(surrogate.load("model"), "page.html")
     """
     model = of_trained_profile(model)
     greeting = hello(model, pressable(model), "exported", usual_noise_V(model))
