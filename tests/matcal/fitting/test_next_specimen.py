@@ -39,14 +39,29 @@ def test_the_mean_is_known_better_and_the_law_does_not_matter() -> None:
     rng = np.random.default_rng(0)
     tests = [specimen(rng, 0.1, 0.03) for _ in range(5)]
     one, other = (next_specimens(weigh(tests), law)[0] for law in (LAW, matcal.Hyperfoam([3e4], [6.0], [0.0])))
-    np.testing.assert_allclose(one.mean, one.further / np.sqrt(6))
-    np.testing.assert_allclose(one.further, other.further, rtol=0.02)
+    assert one.mean == pytest.approx(one.further / np.sqrt(6))
+    assert one.further == pytest.approx(other.further, rel=0.02)
     np.testing.assert_allclose(one.stress_Pa, other.stress_Pa, rtol=0.03)
     assert set(one.held) == {f"uniaxial_{k}" for k in range(1, 6)}
 
 
-def test_one_of_a_kind_says_nothing_and_two_leave_none_out() -> None:
+def test_an_odd_specimen_is_not_held_by_the_others() -> None:
+    rng = np.random.default_rng(2)
+    tests = [specimen(rng, 0.03, 0.0) for _ in range(5)]
+    odd = Experiment("uniaxial", STRAIN, 1.6 * nominal_stress(LAW, "uniaxial", STRAIN))
+    (found,) = next_specimens(weigh([*tests, odd]), LAW)
+    assert found.held["uniaxial_6"] == 0
+    assert min(share for label, share in found.held.items() if label != "uniaxial_6") == 1
+
+
+def test_one_of_a_kind_says_nothing_and_kinds_teach_each_other() -> None:
     rng = np.random.default_rng(1)
     assert next_specimens(weigh([specimen(rng, 0.1, 0.0)]), LAW) == ()
-    (found,) = next_specimens(weigh([specimen(rng, 0.1, 0.0) for _ in range(2)]), LAW)
-    assert not found.held
+    two = [specimen(rng, 0.05, 0.0) for _ in range(2)]
+    (alone,) = next_specimens(weigh(two), LAW)
+    assert not alone.held
+    sheared = [Experiment("shear", -STRAIN, k * nominal_stress(LAW, "shear", -STRAIN)) for k in (0.97, 1.0, 1.04)]
+    together = next_specimens(weigh([*two, *sheared]), LAW)
+    assert [found.kind for found in together] == ["uniaxial", "shear"]
+    assert together[0].further < alone.further
+    assert len(together[0].held) == 2
