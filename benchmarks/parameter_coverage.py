@@ -140,7 +140,7 @@ def skin_rows(case: Skin, rng: np.random.Generator) -> dict[str, tuple[float, fl
     e = np.linspace(0, STRETCH, case.points)
     value = C_0 * (1 + A[0] * e + A[1] * e**2 + A[2] * e**3)
     noise = 0.03 * errors(e.size, case.ar, rng) * (value / value.mean() if case.proportional else 1.0)
-    card = matcal.fit([{"conductivity": (e, value + noise)}], posterior=case.posterior).card
+    card = matcal.fit([{"conductivity": (e, value + noise)}], posterior=case.posterior, conduction="cubic").card
     truth = {"c0_S_per_m": C_0} | {f"a_{k + 1}": a for k, a in enumerate(A)}
     if case.posterior:
         drawn = card.posterior["derived"]

@@ -1,10 +1,10 @@
 """A ball of 8 mm pressed 30 % into 3 mm of rubber, and what the layer then reads, next to an independent solution.
 
-The peer (`peers/rubber_layer.py`) has its own mechanics, mixed axisymmetric elements, and quadratic tetrahedra of the
-whole disc in three dimensions; it shares no code with eitsim. A disc of 40 mm, 16 electrodes on the whole rim, the ball
-off its middle; two conductivities of the volume. "off" is the relative difference of all signals (2-norm) by eitsim, as
-a sheet of resultants and in its volume, from the peer's on each mesh. Run by `make bench`, which pins threads; adds to
-results/touched_layer.csv the meshes that it lacks.
+The peer has its own mechanics (`peers/rubber_layer.py`, mixed axisymmetric elements) and quadratic tetrahedra of the
+whole disc in three dimensions (`peers/disc_volume.py`); it shares no code with eitsim. A disc of 40 mm, 16 electrodes
+on the whole rim, the ball off its middle; two conductivities of the volume. "off" is the relative difference of all
+signals (2-norm) by eitsim, as a sheet of resultants and in its volume, from the peer's on each mesh. Run by `make
+bench`, which pins threads; adds to results/touched_layer.csv the meshes that it lacks.
 """
 
 import time
@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from conditions import conditions, earlier, quick, shown, written
-from peers import rubber_layer
+from peers.disc_volume import changed
+from peers.rubber_layer import Pressed, Problem, pressed
 
 import matcal
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
@@ -38,7 +39,8 @@ SKINS = {"principal": Skin(BODY.thickness_m, "principal", "layer"),
          "piezoresistive": Skin(BODY.thickness_m, "piezoresistive", "layer", ALONG, ACROSS)}
 # Size of the peer's elements about the contact, mm, and layers of them, both 0 where its electrics takes eitsim's
 # deformation; of its tetrahedra, and their levels.
-MESHES = quick(((0, 0, 0.9, 3), (0.4, 6, 0.9, 3)), ((0, 0, 1.2, 3),))
+MESHES = quick(((0, 0, 0.9, 3), (0, 0, 0.6, 4), (0, 0, 0.4, 6), (0.4, 6, 0.9, 3), (0.4, 6, 0.6, 4), (0.2, 12, 0.6, 4)),
+               ((0, 0, 1.2, 3),))
 
 
 def by_largest(f: np.ndarray) -> np.ndarray:
@@ -78,11 +80,10 @@ def main() -> None:
         if len(table) and mesh in set(table["peer_mesh"]):
             continue
         begun = time.process_time()
-        given = rubber_layer.Problem(MU / 1e3, float(bulk_modulus(MU, NU)) / 1e3, 3.0, 4.0, 0.9, element=element,
-                                     layers=layers)
-        found = rubber_layer.pressed(given) if layers else Own(touch)
-        rest, changes = rubber_layer.changed(found, given, 40.0, 1e3 * AT_M, 16, 6.0, 1e3 * Z * BODY.thickness_m,
-                                             LAW.c0_S_per_m, [by_largest, by_stretch], fine=fine, levels=levels)
+        given = Problem(MU / 1e3, float(bulk_modulus(MU, NU)) / 1e3, 3.0, 4.0, 0.9, element=element, layers=layers)
+        found = pressed(given) if layers else Own(touch)
+        rest, changes = changed(found, 1e3 * BODY.thickness_m, 40.0, 1e3 * AT_M, 16, 6.0, 1e3 * Z * BODY.thickness_m,
+                                LAW.c0_S_per_m, [by_largest, by_stretch], fine=fine, levels=levels)
         spent, baseline = time.process_time() - begun, read_out(Drive(), rest)
         rows = []
         for (name, how), one in ours.items():
@@ -91,7 +92,7 @@ def main() -> None:
                          "off": np.linalg.norm(one.signal_V - peer) / np.linalg.norm(peer), "stated": one.signal_error,
                          "baseline_off": np.linalg.norm(one.baseline_V - baseline) / np.linalg.norm(baseline),
                          "force_mN": 1e3 * touch.force_N,
-                         "peer_force_mN": found.force if isinstance(found, rubber_layer.Pressed) else None,
+                         "peer_force_mN": found.force if isinstance(found, Pressed) else None,
                          "cpu_s": one.cpu_s, "peer_cpu_s": spent, **conditions()})
         table = written(pd.concat([table, pd.DataFrame(rows)], ignore_index=True), "touched_layer")
         shown(pd.DataFrame(rows))

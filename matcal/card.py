@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from matcal.laws.conduction_laws import CUBIC
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.histories.damage import Damage
 from matcal.laws.histories.time_temperature import Arrhenius, Shift, Wlf
@@ -37,12 +38,13 @@ _SHAPE = Keys({"schema": Number()}, {
                   further=False),
     "softening": Keys({"law": str, "r": Number(1, 1e6), "m_Pa": Number(0, 1e13), "beta": Number(0, 1e6),
                        "set_share": Number(0, 1)}, further=False),
-    "conductivity": Keys({"c0_S_per_m": Number(), "a": [Number(-1e6, 1e6)] * 3, "strain_range": _STRAINS},
+    "conductivity": Keys({"c0_S_per_m": Number(), "a": [Number(-1e6, 1e6)], "strain_range": _STRAINS}, {"law": str},
                          further=False),
     "fit": Keys(allowed={"derived": {str: {str: (Number(), None)}}, "parameters": {str: {str: (Number(), None)}},
                          "orders": [dict], "data_stability": [dict], "predicted": [dict], "prony": dict,
                          "softening": dict, "material": {str: (bool, str)}, "laws": [dict], "deciding_test": dict,
-                         "conductivity": dict, "cross_prediction": {str: dict}, "without_stability": dict}),
+                         "conductivity": dict, "cross_prediction": {str: dict}, "without_stability": dict,
+                         "next_specimen": {str: {str: Number()}}}),
     "stability": {str: {str: dict}},
     "posterior": Keys(allowed={"file": str, "n": Number(0, whole=True), "checks": dict, "derived": {str: dict}}),
     "provenance": Keys(allowed={"files": [Keys({"name": str, "sha256": str})], "versions": {str: str},
@@ -161,7 +163,8 @@ def read_card(path: Path | str) -> MaterialCard:
             parts["softening"] = _softening(raw["softening"])
         if "conductivity" in raw:
             c = raw["conductivity"]
-            parts["conductivity"] = Conductivity(float(c["c0_S_per_m"]), c["a"], _range("conductivity", c))
+            parts["conductivity"] = Conductivity(float(c["c0_S_per_m"]), c["a"], _range("conductivity", c),
+                                                 c.get("law", CUBIC))
         for key, place in (("data", raw.get("data")), ("posterior.file", raw.get("posterior", {}).get("file"))):
             if place is not None and (Path(place).is_absolute() or ".." in Path(place).parts):
                 raise ValueError(f"{key} must lie next to the card, as foam.d lies next to foam.json, got {place!r}. "
@@ -255,7 +258,8 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
     if card.softening is not None:
         out["softening"] = {"law": SOFTENING, **asdict(card.softening)}
     if (c := card.conductivity) is not None:
-        out["conductivity"] = {"c0_S_per_m": c.c0_S_per_m, "a": c.a.tolist(), "strain_range": list(c.strain_range)}
+        out["conductivity"] = ({} if c.kind == CUBIC else {"law": c.kind}) | {
+            "c0_S_per_m": c.c0_S_per_m, "a": c.a.tolist(), "strain_range": list(c.strain_range)}
     out |= {key: value for key in _FREE if (value := getattr(card, key))}
     if card.data is not None:
         out["data"] = card.data
@@ -263,13 +267,12 @@ def as_json(card: MaterialCard) -> dict[str, Any]:
 
 
 def card_identity(card: MaterialCard) -> dict[str, Any]:
-    """Name, file (None for a card that has none) and content hash (of the material's parts) of a card, and whether
-    synthetic data made it."""
-    parts = {key: value for key, value in as_json(card).items()
-             if key in ("hyperfoam", "hyperelastic", "prony", "shift", "softening",
-                                                           "conductivity")}
-    text = json.dumps(parts, sort_keys=True)
-    return {"name": card.name, "file": card.file and card.file.name,
+    """Name, file (None for a card that has none), laws and content hash (of the material's parts) of a card, and
+    whether synthetic data made it."""
+    names = ("hyperfoam", "hyperelastic", "prony", "shift", "softening", "conductivity")
+    text = json.dumps({key: value for key, value in as_json(card).items() if key in names}, sort_keys=True)
+    laws = {"law": card.law and card.law.name, "conductivity": card.conductivity and card.conductivity.kind}
+    return {"name": card.name, "file": card.file and card.file.name, "laws": laws,
             "sha256": hashlib.sha256(text.encode()).hexdigest(),
             "synthetic": bool(card.provenance.get("synthetic", False))}
 

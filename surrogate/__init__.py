@@ -1,11 +1,6 @@
 """Learning touches from electrode voltages, simulated or recorded.
 
 >>> import surrogate
->>> model = surrogate.train("sweep", method="forward", seed=1)     # doctest: +SKIP
->>> model.predict(frames_V, baseline_V)                            # doctest: +SKIP
->>> labels = surrogate.read_labels("touches.csv")                  # doctest: +SKIP
->>> model = surrogate.learn(recording, labels, seed=1)             # doctest: +SKIP
->>> model.predict(recording)                                       # doctest: +SKIP
 >>> list(surrogate.METHODS)
 ['trainbr', 'network', 'forward', 'ridge', 'gp']
 """

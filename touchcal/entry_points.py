@@ -1,4 +1,4 @@
-"""Parts that installed packages add: readers, exporters, formats, profiles, laws and learners, without a fork."""
+"""Parts that installed packages add: readers, exporters, formats, profiles, laws, learners, without a fork."""
 
 import warnings
 from functools import cache
@@ -6,7 +6,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 # what may be added, each the group `touchcal.WORD` of entry points
-KINDS = ("readers", "exporters", "formats", "profiles", "laws", "learners")
+KINDS = ("readers", "exporters", "formats", "profiles", "laws", "conduction", "learners")
 
 
 @cache

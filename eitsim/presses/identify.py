@@ -75,6 +75,16 @@ def identify(presses: Sequence[Press], setup: PressSetup, card: MaterialCard, *,
         For presses that do not fit the layer.
     NotConverged
         Where no law near the start carries the presses.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> import matcal
+    >>> card = matcal.read_card("examples/foam_start.json")
+    >>> presses = eitsim.read_presses("examples/press_flat.csv", eitsim.punch_of("flat 14"))
+    >>> eitsim.identify(presses, eitsim.PressSetup(thickness_m=0.003), card)
+    Traceback (most recent call last):
+    ValueError: ...
     """
     started = cpu_s()
     check_presses(presses, setup.thickness_m)
@@ -185,8 +195,8 @@ def _standard(model: NearModel, y: Array, whiten: Sequence[Array]) -> list[Array
 
 
 def _known(model: NearModel, y: Array) -> Array:
-    """(D, ...) what is known before, as residuals in standard deviations; friction, thickness and contact within their
-    bounds count alike and are left out."""
+    """(D, ...) what is known before, as residuals in standard deviations; friction, thickness and contact are as
+    likely anywhere within their bounds and are left out."""
     p, prior = model.terms, model.prior
     known = (features(prior.law, prior.vectors(y[:, :p])) - prior.mean) @ prior.root.T
     return np.hstack([known, y[:, :p] / prior.wide, y[:, p + 2:p + 4]])

@@ -29,7 +29,8 @@ class Press:
 def punch_of(words: str) -> Punch:
     """The punch of "flat 14", "flat 14 0.5" or "sphere 10": profile, diameter and fillet in mm.
 
-    >>> punch_of("flat 14 0.5").diameter_m
+    >>> import eitsim
+    >>> eitsim.punch_of("flat 14 0.5").diameter_m
     0.014
     """
     profile, *sizes = words.split()
@@ -49,6 +50,11 @@ def read_presses(path: Path | str, punch: Punch) -> tuple[Press, ...]:
 
     Rows after a press's deepest are its unloading and are left out; the others are averaged to at most 40 points.
     InputFileError names the line or column that is missing or wrong.
+
+    >>> import eitsim
+    >>> (press,) = eitsim.read_presses("examples/press_flat.csv", eitsim.punch_of("flat 14"))
+    >>> press.depth_m.shape == press.force_N.shape
+    True
     """
     path = Path(path)
     rows = csv_rows(path, "depth_mm and F_N, a row a point")

@@ -66,6 +66,11 @@ def read_curved_skin(path: Path | str) -> CurvedSkin:
     """Read the file (TOML) of a curved skin; InputFileError names the file and the key.
 
     Lengths in mm: those of the mesh times `unit_mm`.
+
+    >>> import eitsim
+    >>> eitsim.read_curved_skin("examples/scene.toml")
+    Traceback (most recent call last):
+    touchcal.errors.InputFileError: ...[punch]: a sheet has no layer to press; give a touch as a [[patch]] of ...
     """
     path = Path(path)
     tables = with_matrices(read_toml(path), path.parent)

@@ -278,7 +278,12 @@ def _unconverted(value: Any, per: float | None) -> Any:
 
 
 def read_scene(path: Path | str) -> Scene:
-    """Read a scene file (TOML); InputFileError names the file and the key, ValueError's text inside it."""
+    """Read a scene file (TOML); InputFileError names the file and the key, ValueError's text inside it.
+
+    >>> import eitsim
+    >>> eitsim.read_scene("examples/scene.toml").punches[0].force_N
+    1.0
+    """
     path = Path(path)
     raw = read_toml(path)
     if "scenes" in raw:

@@ -53,10 +53,11 @@ def read_labels(path: Path | str) -> Labels:
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
+    >>> import surrogate
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "touches.csv"
     ...     _ = path.write_text("touch,x_mm,y_mm,depth_mm\\na,1,2,10\\nb,3,4,15\\n")
-    ...     labels = read_labels(path)
+    ...     labels = surrogate.read_labels(path)
     >>> labels.names, labels.values.shape
     (('x_mm', 'y_mm', 'depth_mm'), (2, 3))
     """

@@ -52,6 +52,16 @@ def read_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     A file without a header holds readings alone. InputFileError names the line and the column: a name that is no
     column of a recording, readings out of order, another number of them, a cell that is no finite number, an index or
     a time that goes back. ValueError for another kind.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import eitsim
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "frames.csv"
+    ...     _ = path.write_text("touch,v_000,v_001\\n,0.1,0.2\\na,0.1,0.3\\n")
+    ...     recording = eitsim.read_recording(path)
+    >>> recording.readings.shape, recording.touch.tolist()
+    ((2, 2), ['', 'a'])
     """
     check_kind(kind, "kind")
     path = Path(path)

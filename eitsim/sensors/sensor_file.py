@@ -58,7 +58,18 @@ class Sensor:
 
 def read_sensor(path: Path | str) -> Sensor:
     """Read a sensor file (TOML), or the sensor that a calibration (JSON) was made of, as its file described it;
-    InputFileError names the file, and the key or line, of what it may not hold."""
+    InputFileError names the file, and the key or line, of what it may not hold.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import eitsim
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "sensor.toml"
+    ...     _ = path.write_text('[electrodes]\\ncount = 8\\n[readings]\\nkind = "magnitude"')
+    ...     sensor = eitsim.read_sensor(path)
+    >>> sensor.electrodes.count, sensor.kind
+    (8, 'magnitude')
+    """
     path = Path(path)
     raw = read_fitted(path)["sensor"] if path.suffix == ".json" else read_toml(path)
     try:

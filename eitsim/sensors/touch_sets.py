@@ -47,10 +47,11 @@ def read_touch_sets(path: Path | str) -> TouchSets:
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
+    >>> import surrogate
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "touches.csv"
     ...     _ = path.write_text("touch,place\\n1,A\\n2,A\\n2,B\\n")
-    ...     sets = read_touch_sets(path)
+    ...     sets = surrogate.read_touch_sets(path)
     >>> sets.places, sets.down.tolist()
     (('A', 'B'), [[True, False], [True, True]])
     """

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from eitsim.scene.pressing import Skin
 from eitsim.scene.results import Touch
 from eitsim.sheet.sheet_conductance import NEAR_RANGE
+from matcal.laws.conduction_laws import CUBIC
 from matcal.laws.conductivity import Conductivity, conductivity, outside
 from touchcal.arrays import Array
 
@@ -58,7 +59,7 @@ def strained_outside(law: Conductivity, skin: Skin, gradient: Array) -> NDArray[
 
 def sheet_law(law: Conductivity) -> Conductivity:
     """The law of `as_sheet_touch`."""
-    return replace(law, a=np.array(_IN_PROPORTION))
+    return replace(law, a=np.array(_IN_PROPORTION), kind=CUBIC)
 
 
 def sheet_skin(skin: Skin) -> Skin:

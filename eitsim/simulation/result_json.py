@@ -29,6 +29,16 @@ def result_document(result: Result, scene: AnyScene, card: MaterialCard | Path |
     -------
     dict
         Keys as in `result.json`: the scene's tables, the card's name and hash, versions, plan, outputs and errors.
+
+    Examples
+    --------
+    >>> import eitsim
+    >>> import matcal
+    >>> foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> scene = eitsim.Scene(punches=[eitsim.Punch(force_N=0.2)], accuracy=eitsim.Accuracy(0.05))
+    >>> eitsim.result_document(eitsim.simulate(scene, card), scene, card)["outcome"]
+    'ok'
     """
     card = as_card(card)
     tables = curved_tables(scene) if isinstance(scene, CurvedScene) else scene_tables(scene)

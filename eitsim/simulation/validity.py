@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import root_scalar
 
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.choices import Why
@@ -12,8 +13,10 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Scene, profile_of
 from eitsim.sheet.sheet_conductance import driving_strain
 from eitsim.simulation.material import Material
+from matcal.laws.conduction_laws import conduction_law
 from matcal.laws.conductivity import Conductivity, NotPositive, conductivity
 from matcal.laws.law import Law
+from touchcal.arrays import Array
 from touchcal.choice import Choice
 
 # Force over the foam's modulus times the square of the thickness or of the diameter, the larger, and depth over the
@@ -23,7 +26,7 @@ _LEAST_FORCE, _LEAST_DEPTH = 1e-8, 1e-8
 _LEAST_S_PER_M, _LARGEST_S_PER_M = 1e-9, 1e12
 # Most elements across by which the foam's default mesh may follow half a punch, and its widest there, thicknesses.
 _MOST_ELEMENTS, _WIDEST = 2000, 0.08
-_FLAT = -0.97  # Strain that touches of a foam come near to: flat.
+_FLAT, _STEPS = -0.97, 195  # Strain that touches of a foam come near to: flat; strains from rest to it.
 
 
 def unresolvable(scene: Scene, material: Material) -> Choice | None:
@@ -33,19 +36,17 @@ def unresolvable(scene: Scene, material: Material) -> Choice | None:
 
 
 def positive_from(law: Conductivity) -> float | None:
-    """Strain at which the cubic c(e) first falls to 0 in compression; None where it stays positive."""
-    return _first_root(tuple(law.a.tolist()))
+    """Strain at which c(e) first falls to 0 in compression; None where it stays positive."""
+    def ratio(strain: ArrayLike) -> Array:
+        return conduction_law(law.kind).ratio(law.a, np.asarray(strain))
 
-
-@lru_cache(maxsize=8)
-def _first_root(a: tuple[float, ...]) -> float | None:
-    roots = np.roots(np.trim_zeros([*a[::-1], 1.0], "f"))
-    real = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real < 0) & (roots.real > _FLAT)]
-    return float(real.max()) if real.size else None
+    strain = np.linspace(0, _FLAT, _STEPS)
+    below = np.flatnonzero(ratio(strain) <= 0)
+    return root_scalar(ratio, bracket=(strain[below[0]], strain[below[0] - 1])).root if below.size else None
 
 
 def check_positive(law: Conductivity, strain: str, touches: Sequence[Touch]) -> None:
-    """NotPositive where solved touches, by themselves, strain the skin to where its cubic is not positive; only their
+    """NotPositive where solved touches, by themselves, strain the skin to where its law is not positive; only their
     mechanics tells."""
     driving = np.concatenate([driving_strain(strain, touch.stretch_meridian, touch.stretch_hoop, touch.stretch_normal)
                               for touch in touches])
@@ -53,7 +54,7 @@ def check_positive(law: Conductivity, strain: str, touches: Sequence[Touch]) -> 
 
 
 def strained_too_far(error: NotPositive) -> str:
-    """Why a solved touch is refused whose skin's cubic is not positive, with what to change."""
+    """Why a solved touch is refused whose skin's law is not positive, with what to change."""
     return ("the touch strains the skin further than its law goes, which its solved mechanics alone tells. Press less, "
             f"or fix the card: {error}")
 

@@ -71,7 +71,7 @@ _LINES: dict[Kind, Words] = {
         "did, through the thickness in compression where the skin's law was fitted in tension; the result holds both "
         "strains, the cost is unknown and not in the bound"),
     Kind.POSITIVE_IN_PART: (
-        "the skin's law is positive over part of what touches reach", "its cubic is 0 at the strain {strain:.3g}; "
+        "the skin's law is positive over part of what touches reach", "it is 0 at the strain {strain:.3g}; "
         "whether the touch compresses the skin that far is known once its mechanics is solved, and refused then"),
     Kind.ONE_CARD: (
         "one card, not its uncertainty", "the card's own laws are taken as exact; not in the bound"),

@@ -19,13 +19,13 @@ _POINTS = 11
 
 def fit_options(order: str, poisson: str | None, stable: str | None, stable_range: str | None, residual: str,
                 weight: Sequence[str], prony_terms: str, strain_zero: float, law: str, prony_times: str | None,
-                reference: float | None) -> FitOptions:
+                reference: float | None, conduction: str) -> FitOptions:
     """The options behind the flags of `matcal fit`; ValueError names the flag that cannot be read."""
     from matcal.fitting.fit_options import FitOptions
 
     return FitOptions(_count("--order", order), _poisson(poisson), stable, _stretches(stable_range), residual,
                       _weights(weight), _count("--prony-terms", prony_terms), strain_zero,
-                      law.replace("-", "_"), _times(prony_times), reference)
+                      law.replace("-", "_"), _times(prony_times), reference, conduction)
 
 
 def points(card: MaterialCard, mode: str, strain: str | None, time: str | None) -> np.ndarray:

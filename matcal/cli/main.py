@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from matcal.laws.conduction_laws import LAWS as CONDUCTION
 from matcal.laws.known_laws import LAWS
 from matcal.record.exporters.programs import targets
 from touchcal.errors import InputFileError, NotConverged
@@ -90,6 +91,8 @@ def fit_command(
         reference_temperature: Annotated[float | None, typer.Option(metavar="C", help=(
             "Temperature in C of the series of a dynamic test at several; the sweep nearest to it, or to 20 C, "
             "counts."))] = None,
+        conduction: Annotated[str, typer.Option(help=f"Law of the skin: {', '.join(CONDUCTION)}; or auto: cubic, or "
+                                                "what predicts best where the cubic is twice as far off.")] = "auto",
         strain_zero: Annotated[float, typer.Option(metavar="SD", help="Standard deviation of the strain zero of tests "
                                                    "that do not state one, for instance 0.002 for tables; it is then "
                                                    "in the intervals.")] = 0.0,
@@ -111,7 +114,7 @@ def fit_command(
 
     _check_places(out, report, [*files, *(predicted or [])], specimen)
     options = fit_options(order, poisson, stable, stable_range, residual, weight or [], prony_terms,
-                          strain_zero, law, prony_times, reference_temperature)
+                          strain_zero, law, prony_times, reference_temperature, conduction)
     unfinished = None
     warnings.filterwarnings("ignore", "\nArviZ is undergoing", FutureWarning)  # arviz says so once a day
     with _counted(posterior) as progress:

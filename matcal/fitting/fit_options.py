@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from matcal.fitting.hyperfoam.poisson import Poisson
+from matcal.laws.conduction_laws import conduction_law
 from matcal.laws.deformation_modes import MODES
 from matcal.laws.known_laws import law_type
 from matcal.laws.law import has_terms
@@ -37,12 +38,15 @@ class FitOptions:
     law: str = "hyperfoam"  # name of the law, one of matcal.laws.known_laws, or AUTO
     prony_times_s: tuple[float, ...] | None = None  # relaxation times, s, where they are not fitted
     reference_C: float | None = None  # temperature of the series of sweeps at several; None: that nearest 20 C
+    conduction: str = AUTO  # name of the skin's law, one of matcal.laws.conduction_laws, or AUTO
 
     def __post_init__(self) -> None:
         if not 0 <= self.strain_zero_sd < _MOST_ZERO:
             raise ValueError(f"`strain_zero_sd` {self.strain_zero_sd:g}: the standard deviation of a strain zero lies "
                              f"between 0 and {_MOST_ZERO:g}, for example 0.002.")
         self._check_law()
+        if self.conduction != AUTO:
+            conduction_law(self.conduction)
         if self.prony_times_s is not None and not (
                 len(self.prony_times_s) and all(t > 0 for t in self.prony_times_s)
                 and all(a < b for a, b in zip(self.prony_times_s, self.prony_times_s[1:], strict=False))):
@@ -95,6 +99,9 @@ class FitOptions:
             flag = "prony_terms" if self.prony_times_s is None else "prony_times"
             raise ValueError(f"`{flag}`: the tests are {kinds} only, and a Prony series needs a relaxation, creep or "
                              "dynamic test. Leave it out, or add relaxation=FILE.")
+        if self.conduction != plain.conduction and not any(e.kind == "conductivity" for e in experiments):
+            raise ValueError(f"`conduction` {self.conduction}: the tests are {kinds} only. Leave it out, or add "
+                             "conductivity=FILE.")
         if self.reference_C is not None and not any(
                 e.sweep is not None and e.sweep.temperature_K.size > 1 for e in experiments):
             raise ValueError(f"`reference_temperature` {self.reference_C:g}: no dynamic test has several temperatures. "

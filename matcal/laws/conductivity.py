@@ -1,46 +1,58 @@
-"""Conductivity of the skin against strain: c(e) = c_0 (1 + a_1 e + a_2 e^2 + a_3 e^3)."""
+"""Conductivity of the skin against strain, c(e), by a law of conduction, and of a strip by its resistance."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from matcal.laws.conduction_laws import CUBIC, conduction_law
 from touchcal.arrays import Array
+from touchcal.number_words import counted
 
 
 @dataclass(frozen=True)
 class Conductivity:
-    """Cubic law (paper, figure 6c) and the strain over which it was fitted."""
+    """A law of conduction with its numbers, and the strain over which it was fitted."""
 
     c0_S_per_m: float  # conductivity at no strain, S/m, positive
-    a: Array  # (3,) coefficients a_1, a_2, a_3
+    a: Array  # (m,) coefficients a_1, ..., of the cubic three
     strain_range: tuple[float, float] = (0.0, 0.0)  # (lowest, highest) fitted nominal strain
+    kind: str = CUBIC  # name of the law, as `matcal.laws.conduction_laws` knows it
 
     def __post_init__(self) -> None:
         a = np.array(self.a, dtype=float, ndmin=1)
         a.setflags(write=False)
         object.__setattr__(self, "a", a)
         object.__setattr__(self, "strain_range", (float(self.strain_range[0]), float(self.strain_range[1])))
-        if a.shape != (3,) or not np.all(np.isfinite(a)):
-            raise ValueError(f"conductivity: a must hold three finite numbers, got {a.tolist()}.")
+        count = conduction_law(self.kind).basis(np.zeros(1)).shape[1] - 1
+        if a.shape != (count,) or not np.all(np.isfinite(a)):
+            raise ValueError(f"conductivity: a of the {self.kind} law must hold {counted(count, 'finite number')}, got "
+                             f"{a.tolist()}.")
         if not (np.isfinite(self.c0_S_per_m) and self.c0_S_per_m > 0):
             raise ValueError(f"conductivity: c0_S_per_m must be positive, got {self.c0_S_per_m}.")
 
 
 class NotPositive(ValueError):
-    """A strain at which a conductivity's cubic is not positive."""
+    """A strain at which a law of conduction is not positive, or not finite."""
 
 
 def conductivity(law: Conductivity, strain: ArrayLike) -> Array:
     """c(e), S/m, any shape; NotPositive where c <= 0, naming the strain."""
     e = np.asarray(strain, dtype=float)
-    c = law.c0_S_per_m * (1 + e * (law.a[0] + e * (law.a[1] + e * law.a[2])))
-    if np.any(~(c > 0)):
-        worst = float(np.ravel(e)[np.argmin(np.ravel(c))])
-        raise NotPositive(f"conductivity: c({worst:g}) = {float(np.min(c)):g} S/m is not positive; the cubic was "
-                          f"fitted for strains {law.strain_range[0]:g} to {law.strain_range[1]:g}. Stay within them, "
-                          "or measure there.")
+    with np.errstate(over="ignore", divide="ignore"):
+        c = law.c0_S_per_m * conduction_law(law.kind).ratio(law.a, e)
+    if np.any(~((c > 0) & (c < np.inf))):
+        worst = np.argmin(np.where(np.isinf(c), -np.inf, c))
+        raise NotPositive(f"conductivity: c({float(np.ravel(e)[worst]):g}) = {float(np.ravel(c)[worst]):g} S/m is not "
+                          f"positive and finite; the {law.kind} law was fitted for strains {law.strain_range[0]:g} to "
+                          f"{law.strain_range[1]:g}. Stay within them, or measure there.")
     return c
+
+
+def drawn_conductivity(kind: str, numbers: Array, strain: ArrayLike) -> Array:
+    """c(e), S/m, (..., n), at strains (n,) of numbers c_0 (1, a), S/m, (..., 1 + m) of a law, whatever its sign."""
+    ratio = conduction_law(kind).ratio(numbers[..., None, 1:] / numbers[..., None, :1], np.asarray(strain, dtype=float))
+    return numbers[..., :1] * ratio
 
 
 def outside(law: Conductivity, strain: ArrayLike) -> NDArray[np.bool_]:

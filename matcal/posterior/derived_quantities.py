@@ -34,8 +34,8 @@ def derived_of(draws: Draws) -> dict[str, Array]:
         out["mu_0_new_specimen_Pa"] = out["mu_0_Pa"] * np.exp(draws.omega * same)
         out["omega"] = draws.omega
     if draws.conductivity_S_per_m is not None:
-        out["c0_S_per_m"] = draws.conductivity_S_per_m[:, 0]
-        out |= {f"a_{k}": draws.conductivity_S_per_m[:, k] / draws.conductivity_S_per_m[:, 0] for k in (1, 2, 3)}
+        c0, *rest = draws.conductivity_S_per_m.T
+        out |= {"c0_S_per_m": c0, **{f"a_{k}": column / c0 for k, column in enumerate(rest, 1)}}
     return out
 
 

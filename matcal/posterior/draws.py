@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from matcal.card import MaterialCard, as_card
-from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law
@@ -33,7 +32,7 @@ class Draws:
     kind: type[Law] = Hyperfoam  # of the law
     g: Array | None = None  # (D, M) relaxing fractions; None without a relaxation test
     tau_s: Array | None = None  # (D, M) their times, s
-    conductivity_S_per_m: Array | None = None  # (D, 4) c_0 (1, a_1, a_2, a_3), S/m; None without a conductivity test
+    conductivity_S_per_m: Array | None = None  # (D, 1 + m) c_0 (1, a), S/m, of the card's law; None without a test
     omega: Array | None = None  # (D,) standard deviation of ln stiffness between specimens; None without replicates
 
     def __len__(self) -> int:
@@ -109,7 +108,7 @@ def card_of(draws: Draws, card: MaterialCard, k: int) -> MaterialCard:
     skin = card.conductivity
     if skin is not None and draws.conductivity_S_per_m is not None:
         c = draws.conductivity_S_per_m[k]
-        skin = Conductivity(float(c[0]), c[1:] / c[0], skin.strain_range)
+        skin = replace(skin, c0_S_per_m=float(c[0]), a=c[1:] / c[0])
     return replace(card, law=law, prony=prony, conductivity=skin)
 
 

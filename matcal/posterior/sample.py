@@ -125,7 +125,7 @@ def sample(fit: Fit | None, uncertainty: Uncertainty | None, prony: PronyFit | N
                          "stress that does not relax has no series to sample.")
     chains = _run(joint, fit, relaxing, seed, advance) if joint.law or joint.series else None
     along = conductivity_posterior.skin_chains(skin, 2 * _KEPT, rng) if skin is not None else None
-    coated = along.transpose(1, 0, 2).reshape(-1, 4)[::2][:_KEPT] if along is not None else None
+    coated = along.transpose(1, 0, 2).reshape(-1, along.shape[-1])[::2][:_KEPT] if along is not None else None
     x = chains.spread_out(2 * _KEPT) if chains is not None else np.empty((_KEPT, 0))
     draws, x = _whole(_draws(joint, x, rng), x, coated)
     checks = _checks(chains, skin, along) | {"cpu_s": time.process_time() - start}

@@ -7,12 +7,13 @@ that were not fitted are given over the principal stretches that the fitted ones
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from matcal.laws.conductivity import outside
+from matcal.laws.conductivity import drawn_conductivity, outside
 from matcal.laws.deformation_modes import MODES, existing, modes_of, nominal_stress
 from matcal.statistics.block_means import sample_noise
 from touchcal.arrays import Array
@@ -86,8 +87,8 @@ def _band(source: Draws | Uncertainty, mode: str, strain: Array) -> tuple[Array,
 
 def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:
     """Rows (strain, conductivity_S_per_m, its _lo and _hi, extrapolated) from deep compression to the data's end."""
-    from matcal.fitting.conductivity_fit import LOWEST_STRAIN, powers
-    from matcal.fitting.conductivity_laws import OTHERS
+    from matcal.fitting.conductivity_fit import LOWEST_STRAIN
+    from matcal.fitting.conductivity_laws import others, values_of
     from matcal.posterior.conductivity_posterior import conductivity_draws
 
     law = fit.law
@@ -95,14 +96,15 @@ def conductivity_band(fit: ConductivityFit, draws: Draws | None) -> Columns:
     drawn = draws.conductivity_S_per_m if draws is not None else None
     if drawn is None:
         drawn = conductivity_draws(fit, 400, np.random.default_rng(0))
-    low, high = np.quantile(powers(strain) @ drawn.T, [0.025, 0.975], axis=1)
-    middle = powers(strain) @ (law.c0_S_per_m * np.r_[1.0, law.a])
+    low, high = np.quantile(drawn_conductivity(law.kind, drawn, strain), [0.025, 0.975], axis=0)
     outer = outside(law, strain)
-    for other in fit.others:  # outside the tests the band holds every law that counts
-        if other.name in OTHERS and other.counts:
-            value = other.c0_S_per_m * np.exp(other.k * OTHERS[other.name](strain))
-            low, high = np.where(outer, np.minimum(low, value), low), np.where(outer, np.maximum(high, value), high)
-    return {"strain": strain, "conductivity_S_per_m": middle, "conductivity_lo_S_per_m": low,
+    ends = [(value, value) for value in values_of(others(map(asdict, fit.compared), law.kind), strain)]
+    if fit.cubic is not None:
+        own = conductivity_band(fit.cubic, None)
+        ends.append((own["conductivity_lo_S_per_m"], own["conductivity_hi_S_per_m"]))
+    for least, most in ends:  # outside the tests, of the cubic and of all that count
+        low, high = np.where(outer, np.minimum(low, least), low), np.where(outer, np.maximum(high, most), high)
+    return {"strain": strain, "conductivity_S_per_m": values_of([law], strain)[0], "conductivity_lo_S_per_m": low,
             "conductivity_hi_S_per_m": high, "extrapolated": outer}
 
 

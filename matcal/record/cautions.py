@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from matcal.card import MaterialCard
-from matcal.fitting.conductivity_laws import values_of
+from matcal.fitting.conductivity_laws import others, values_of
 from matcal.fitting.uncertainty.intervals import PLATEAU_STRAIN, plateau_reached
+from matcal.laws.conduction_laws import conduction_law
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.histories.time_temperature import Wlf
 from matcal.laws.known_laws import law_of
@@ -469,21 +470,21 @@ def _step(card: MaterialCard) -> Iterator[str]:
 
 def _other_laws(card: MaterialCard, laws: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """How far laws that predict as well are from each other where a touch takes the skin and no test did."""
-    assert card.conductivity is not None
-    if (cubic := next((row for row in laws if row["law"] == "cubic"), None)) is not None and not cubic["counts"]:
+    skin = card.conductivity
+    assert skin is not None
+    if (own := next((row for row in laws if row["law"] == skin.kind), None)) is not None and not own["counts"]:
         best = min(laws, key=lambda row: float(row["predicted_rms"]))
         yield (f"Of the third of the conductivities farthest from rest, kept out, the {best['law']} law predicts "
-               f"{percent(best['predicted_rms'])} off and the cubic {percent(cubic['predicted_rms'])}: outside the "
-               "tests matcal predict gives both, and simulations take the cubic.")
-    low = card.conductivity.strain_range[0]
-    if low <= _TOUCHED or not (others := values_of(laws, np.array([_TOUCHED]))):
+               f"{percent(best['predicted_rms'])} off and the {skin.kind} {percent(own['predicted_rms'])}: outside the "
+               f"tests matcal predict gives both, and simulations take the {skin.kind}, which this card holds.")
+    if skin.strain_range[0] <= _TOUCHED or not (rows := others(laws, skin.kind)):
         return
-    value = float(np.polyval([*card.conductivity.a[::-1], 1.0], _TOUCHED)) * card.conductivity.c0_S_per_m
-    least, most = (float(f([value, *(o[0] for o in others)])) for f in (min, max))
+    value, *values = (float(c[0]) for c in values_of([skin, *rows], np.array([_TOUCHED])))
+    least, most = min(value, *values), max(value, *values)
     if most > _LAWS_DIFFER * max(least, 1e-300):
-        names = ", ".join(row["law"] for row in laws if row["counts"] and row["law"] != "cubic")
-        yield (f"At a strain of {_TOUCHED:g}, outside the tests, the cubic has {value:.3g} S/m and laws that predict "
-               f"as well ({names}) have {least:.3g} to {most:.3g} S/m: measure the conductivity in compression.")
+        yield (f"At a strain of {_TOUCHED:g}, outside the tests, the {skin.kind} has {value:.3g} S/m and laws that "
+               f"predict as well ({', '.join(row.kind for row in rows)}) have {least:.3g} to {most:.3g} S/m: measure "
+               "the conductivity in compression.")
 
 
 def _skin(card: MaterialCard) -> Iterator[str]:
@@ -494,7 +495,8 @@ def _skin(card: MaterialCard) -> Iterator[str]:
                "thickness (strain = \"normal\"), which a touch compresses, it is extrapolated.")
     found = card.fit.get("conductivity", {})
     yield from _other_laws(card, found.get("laws", ()))
-    moved = abs(_DOUBTED_ZERO * card.conductivity.a[0])
+    law = conduction_law(card.conductivity.kind)
+    moved = abs(_DOUBTED_ZERO * float(law.slope(card.conductivity.a, np.array(0.0))))
     lo, hi = found.get("c0_interval_S_per_m", (-np.inf, np.inf))
     if not found.get("zero_in_intervals", True) and moved * card.conductivity.c0_S_per_m > (hi - lo) / 2:
         yield (f"The strain zero of the conductivity test is taken as exact: off by {_DOUBTED_ZERO:g} it moves c_0 by "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,14 +11,18 @@ from scipy.special import stdtrit
 
 from matcal.fitting.calibrate import FittedLaws, is_curve, labels
 from matcal.fitting.conductivity_fit import ConductivityFit
+from matcal.fitting.conductivity_laws import numbers_of
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
+from matcal.fitting.hyperfoam.next_specimen import of_modulus
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
+from matcal.fitting.hyperfoam.specimen_factors import specimens
 from matcal.fitting.law_choice import LawChoice
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import OF_ONE_FORM, OF_THIS_LAW, Uncertainty
 from matcal.fitting.uncertainty.standard_errors import standard_errors
+from matcal.laws.conduction_laws import conduction_law
 from matcal.laws.law import values_of
 from matcal.record.bands import share_inside
 from matcal.reduction.experiment import Experiment
@@ -53,6 +58,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         if not found.uncertainty.ridges:  # about a fitted nu nothing is linear
             out |= {"covariance": found.uncertainty.covariance,
                     "neighbours": [values_of(law) for law in found.uncertainty.neighbours]}
+        out |= _specimen_part(found, out)
         out |= _choice_part(found.choice) if found.choice else {}
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
@@ -66,6 +72,21 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
     return out
+
+
+def _specimen_part(found: FittedLaws, tests: dict[str, Any]) -> dict[str, Any]:
+    """Quantity -> its value, ends of the interval of the mean and of the next specimen; every replicate in `tests`
+    gets the share of it that the others hold."""
+    assert found.fit is not None
+    assert found.uncertainty is not None
+    if not found.next_specimens:
+        return {}
+    for one in found.next_specimens:
+        for label, share in one.held.items():
+            tests[label]["held_by_others"] = share
+    mu_0, reach = found.uncertainty.derived["mu_0_Pa"], specimens(found.fit.curves, found.fit.law).reach
+    rows = {"mu_0_Pa": of_modulus(mu_0.value, mu_0.lo, mu_0.hi, reach)}
+    return {"next_specimen": rows | {n: row for one in found.next_specimens for n, row in one.rows().items()}}
 
 
 def _choice_part(choice: LawChoice) -> dict[str, Any]:
@@ -168,22 +189,21 @@ def _spectral_part(fit: SpectrumFit, experiment: Experiment) -> dict[str, Any]:
 
 
 def _skin_part(skin: ConductivityFit) -> dict[str, Any]:
-    """Standard errors and 95 % intervals of c_0 and of a_i = b_i/b_0, to first order in those of the coefficients b;
-    what the bound that keeps the cubic positive moved them by is in them."""
-    law, covariance, moved = skin.law, skin.covariance, skin.centre[1:] / skin.centre[0] - skin.law.a
-    slope = np.column_stack([-law.a, np.eye(3)]) / law.c0_S_per_m
-    c0_sd = float(np.hypot(np.sqrt(covariance[0, 0]), skin.centre[0] - law.c0_S_per_m))
-    a_sd = np.hypot(np.sqrt(np.diag(slope @ covariance @ slope.T)), moved)
+    """Standard errors and 95 % intervals of c_0 and of a, to first order in those of the coefficients b; what the bound
+    that keeps the law positive moved them by is in them."""
+    law, conducts = skin.law, conduction_law(skin.law.kind)
+    free, size = numbers_of(conducts, skin.centre), law.a.size
+    by_c0, by_a, scale = (law.c0_S_per_m, 0 * law.a, 1.0) if conducts.logarithmic else (1.0, -law.a, law.c0_S_per_m)
+    slope = np.vstack([by_c0 * np.eye(1, 1 + size), np.column_stack([by_a, np.eye(size)]) / scale])
+    own = np.sqrt(np.diag(slope @ skin.covariance @ slope.T))
+    c0_sd = float(np.hypot(own[0], free[0] - law.c0_S_per_m))
+    a_sd = np.hypot(own[1:], free[1:] / free[0] - law.a)
     reach = float(stdtrit(skin.effective_sample_size, 0.975))
     return {"chi_square": skin.chi_square, "freedom": skin.freedom, "c0_sd_S_per_m": c0_sd, "a_sd": a_sd,
             "c0_interval_S_per_m": [law.c0_S_per_m - reach * c0_sd, law.c0_S_per_m + reach * c0_sd],
             "a_interval": np.column_stack([law.a - reach * a_sd, law.a + reach * a_sd]),
-            "coefficient_sd_S_per_m": np.sqrt(np.diag(covariance)),
             "zero_in_intervals": bool(np.any(skin.zero_covariance)),
-            "laws": [{"law": o.name, "c0_S_per_m": o.c0_S_per_m, "k": o.k, "relative_rms": o.relative_rms,
-                      "predicted_rms": o.predicted_rms, "counts": o.counts} if o.name != "cubic" else
-                     {"law": o.name, "relative_rms": o.relative_rms, "predicted_rms": o.predicted_rms,
-                      "counts": o.counts} for o in skin.others]}
+            "laws": [asdict(row) for row in skin.compared]}
 
 
 def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from matcal.card import MaterialCard, as_card, require, with_moduli
-from matcal.fitting.conductivity_laws import values_of
+from matcal.fitting.conductivity_laws import others, values_of
 from matcal.laws.conductivity import conductivity, outside
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.histories.strain_paths import follow
@@ -85,9 +85,10 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike, *,
         columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
     elif name == "stress_Pa" and (band := laws_band(card, mode, at)) is not None:
         columns |= {"stress_lo_Pa": band[0], "stress_hi_Pa": band[1]}
-    if mode == "conductivity" and (others := values_of(card.fit.get("conductivity", {}).get("laws", ()), at)):
-        columns |= {"lowest_of_laws_S_per_m": np.min([columns[name], *others], axis=0),
-                    "highest_of_laws_S_per_m": np.max([columns[name], *others], axis=0)}
+    if (skin := card.conductivity) and mode == "conductivity" and (
+            rows := others(card.fit.get("conductivity", {}).get("laws", ()), skin.kind)):
+        each = [columns[name], *values_of(rows, at)]
+        columns |= {"lowest_of_laws_S_per_m": np.min(each, axis=0), "highest_of_laws_S_per_m": np.max(each, axis=0)}
     if (rows := _extrapolated(card, mode, at)) is not None:
         columns["extrapolated"] = rows
     if card.law is not None and name == "stress_Pa":

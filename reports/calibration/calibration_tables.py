@@ -78,11 +78,12 @@ def skin(card: MaterialCard) -> Table:
     assert law is not None
     row = [_pm(law.c0_S_per_m, found.get("c0_sd_S_per_m")),
            *(_pm(a, _at(found, "a_sd", k)) for k, a in enumerate(law.a))]
-    caption = f"Conductivity law, fitted for strains of {interval(*law.strain_range)}"
+    caption = f"Conductivity, {law.kind} law, fitted for strains of {interval(*law.strain_range)}"
     caption += ", with one standard error each." if "a_sd" in found else "."
     if found.get("chi_square") is not None:
         caption += f" Chi-square is {number(found['chi_square'], 4)} on {found['freedom']} degrees of freedom."
-    return Table(caption, ["c₀ (S/m)", "a₁ (–)", "a₂ (–)", "a₃ (–)"], [row], "rrrr")
+    heads = [f"a{chr(ord('₁') + k)} (–)" for k in range(law.a.size)]
+    return Table(caption, ["c₀ (S/m)", *heads], [row], "r" * len(row))
 
 
 def cross(card: MaterialCard) -> Table:
@@ -166,6 +167,15 @@ def replicates(card: MaterialCard) -> Table:
     return printed(result_tables.replicates(card), (
         f"Specimens: in {worst['kind']} their values scatter by {percent(worst['stiffness_factor_sd'])} (standard "
         f"deviation of the factors), and {percent(worst['shape_scatter'])} more in shape."))
+
+
+def next_specimen(card: MaterialCard) -> Table:
+    """Intervals of the mean of all specimens, and of the next one."""
+    held = [row["held_by_others"] for row in tests(card).values() if "held_by_others" in row]
+    caption = "The next specimen, Pa: ln stress is taken as normal over specimens."
+    if held:
+        caption += f" The intervals of the others hold {percent(sum(held) / len(held))} of a specimen that is left out."
+    return printed(result_tables.next_specimen(card), caption)
 
 
 def predicted(card: MaterialCard) -> Table:

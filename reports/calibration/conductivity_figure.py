@@ -18,7 +18,7 @@ DEEPEST = -0.9  # compression to which every touch may drive the law
 
 def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[float],
                      band: pd.DataFrame | None) -> ReportFigure:
-    """Data and cubic over the fitted strains, and the cubic on to deep compression."""
+    """Data and law over the fitted strains, and the law on to deep compression."""
     figure = style.sheet(64)
     panels = figure.subplot_mosaic([["near", "far"], ["residual", "far"]], height_ratios=[3, 1])
     near, far, residual = panels["near"], panels["far"], panels["residual"]
@@ -36,8 +36,8 @@ def conductivity_law(tests: Sequence[Test], law: Conductivity, errors: Sequence[
     lo, hi = law.strain_range
     fitted = np.linspace(lo, hi, 120)
     extended, stopped = _extended(law, hi)
-    near.plot(fitted, conductivity(law, fitted), color=style.ACCENT, label="cubic")
-    far.plot(fitted, conductivity(law, fitted), color=style.ACCENT, label="cubic")
+    for axes in (near, far):
+        axes.plot(fitted, conductivity(law, fitted), color=style.ACCENT, label=law.kind)
     outside = extended[extended < lo]
     if outside.size:
         far.plot(outside, conductivity(law, outside), color=style.ACCENT, ls="--", label="extrapolated")
@@ -62,7 +62,7 @@ def _draw_band(near: Axes, far: Axes, band: pd.DataFrame, span: tuple[float, flo
 
 
 def _extended(law: Conductivity, hi: float) -> tuple[Array, bool]:
-    """Strains from DEEPEST (or from where the cubic stops being positive) to the end of the fit."""
+    """Strains from DEEPEST (or from where the law stops being positive) to the end of the fit."""
     strain = np.linspace(DEEPEST, hi, 400)
     for first in range(strain.size):
         try:
@@ -78,11 +78,11 @@ def _caption(law: Conductivity, errors: Sequence[float], extended: Array, stoppe
     lo, hi = law.strain_range
     ends = conductivity(law, np.array([lo, hi]))
     caption = (f"Conductivity: from {number(ends[0])} to {number(ends[1])} S/m over the fitted strains of "
-               f"{interval(lo, hi)}; the cubic misses the data by {percent(max(errors))} (relative RMS).")
+               f"{interval(lo, hi)}; the {law.kind} law misses the data by {percent(max(errors))} (relative RMS).")
     if stopped:
         caption += f" It stops being positive below a strain of {number(extended[0])}: touches deeper than that fail."
     else:
         caption += (" Touches compress the skin's thickness, where nothing was measured: at "
-                    f"{number(DEEPEST)} the cubic gives {number(float(conductivity(law, DEEPEST)))} S/m")
+                    f"{number(DEEPEST)} the law gives {number(float(conductivity(law, DEEPEST)))} S/m")
         caption += "." if band is None else f" (95 %: {interval(*conductivity_at(band, DEEPEST)[1:])})."
     return caption + (" No band is drawn: the card's folder holds none." if band is None else "")

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from matcal.card import MaterialCard
+from matcal.laws.conductivity import conductivity
 from matcal.laws.deformation_modes import MODES, nominal_stress
 from matcal.laws.law import Law
 from matcal.record.bands import conductivity_at
@@ -213,6 +214,6 @@ def _skin_findings(card: MaterialCard) -> list[str]:
         return []
     law = card.conductivity
     lo, hi = law.strain_range
-    end = law.c0_S_per_m * (1 + float(np.dot(law.a, [hi, hi**2, hi**3])))
+    end = float(conductivity(law, hi))
     return [f"Skin: {number(law.c0_S_per_m)} S/m unstrained, {number(end)} S/m at a strain of {number(hi)}; measured "
             f"for strains of {interval(lo, hi)}, everything outside is extrapolated."]

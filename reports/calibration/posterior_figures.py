@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from matcal.card import MaterialCard
+from matcal.laws.conductivity import drawn_conductivity
 from matcal.posterior.drawn_laws import moduli_of, stress_of
 from matcal.posterior.draws import Draws, read_draws
 from reports.calibration.card_record import Array
@@ -31,7 +32,7 @@ def draws_of(path: Path, card: MaterialCard) -> tuple[Draws | None, str]:
 
 def derived(draws: Draws, card: MaterialCard) -> ReportFigure:
     """Histograms of the derived quantities over the draws, each with its middle 95 %."""
-    quantities = _quantities(draws)
+    quantities = _quantities(draws, card)
     alpha = draws.law.get("alpha", np.empty((len(draws), 0)))
     count = len(quantities) + (alpha.shape[1] > 0)
     columns = count if count <= 4 else 3
@@ -62,15 +63,15 @@ class _Column:
     values: Array  # (D,) in that unit
 
 
-def _quantities(draws: Draws) -> dict[str, _Column]:
+def _quantities(draws: Draws, card: MaterialCard) -> dict[str, _Column]:
     """Name with unit -> what the draws say of it."""
     out = _foam_quantities(draws) if draws.law else {}
     if draws.g is not None:
         out["g_infinity"] = _Column("Long-term share of the modulus", "–", 1 - draws.g.sum(axis=1))
-    if draws.conductivity_S_per_m is not None:
-        c = draws.conductivity_S_per_m
-        out["c0_S_per_m"] = _Column("Unstrained conductivity c₀", "S/m", c[:, 0])
-        out["c_at_minus_half_S_per_m"] = _Column("Conductivity at −0.5", "S/m", c @ (-0.5) ** np.arange(4))
+    if (drawn := draws.conductivity_S_per_m) is not None and card.conductivity is not None:
+        out["c0_S_per_m"] = _Column("Unstrained conductivity c₀", "S/m", drawn[:, 0])
+        out["c_at_minus_half_S_per_m"] = _Column("Conductivity at −0.5", "S/m", drawn_conductivity(
+            card.conductivity.kind, drawn, [-0.5])[:, 0])
     return out
 
 

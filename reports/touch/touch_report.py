@@ -75,9 +75,11 @@ def _verdict(result: Mapping[str, Any]) -> list[Verdict]:
     if not stability.get("elliptic", True):
         grades.append(NOT_USABLE)
         why.append(f"strong ellipticity is lost at {percent(stability['fraction_non_elliptic'])} of the points")
-    if (fitted := stability.get("fitted_law_strain")) and (past := fitted[0] - stability["least_strain"]) > 0:
+    fitted = stability.get("fitted_law_strain") or stability.get("fitted_foam_strain")  # the latter in older results
+    if fitted and (past := fitted[0] - stability["least_strain"]) > 0:
         grades.append(graded(past, PAST_TEST))
-        why.append(f"{stability['law']} strained to {number(stability['least_strain'])}, tested to {number(fitted[0])}")
+        least, law = number(stability["least_strain"]), stability.get("law", "foam")
+        why.append(f"{law} strained to {least}, tested to {number(fitted[0])}")
     found = [Verdict("Depth and pressure", worst(*grades), ", ".join(why))] if grades else []
     by_law = [Verdict("Signal by the card's law", graded(error["signal"], ERROR),
                       f"to {percent(error['signal'])}, estimated")] if "signal" in error else []

@@ -143,7 +143,9 @@ def cramer_rao(scene: Scene, card: MaterialCard, noise_dB: Sequence[float] = (80
 
     Examples
     --------
-    >>> surrogate.cramer_rao(eitsim.read_scene("scene.toml"), matcal.read_card("card.json"))    # doctest: +SKIP
+    >>> found = surrogate.cramer_rao(eitsim.read_scene("scene.toml"), matcal.read_card("card.json"), rim=False)
+    >>> found["output"].unique().tolist()
+    ['x0', 'y0', 'd', 'F']
     """
     found = derivatives_of(scene, card, rim=rim)
     spreads = spreads or {"known": known_material()}

@@ -6,15 +6,16 @@ answers are the states that a surrogate learns and later marginalises.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
+from matcal.laws.conduction_laws import CUBIC
 from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.deformation_modes import nominal_stress
-from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.known_laws import law_of, law_type
 from matcal.laws.prony import Prony, relaxation
 from touchcal.arrays import Array
 
@@ -33,32 +34,27 @@ class Spread:
     axes: Array  # (q, k) states = (answers / mean - 1) @ axes
 
 
-def answers(rows: pd.DataFrame, held: bool) -> Array:
+def answers(rows: pd.DataFrame, held: bool, laws: Mapping[str, str | None]) -> Array:
     """(n, q) stress, Pa, conductivity, S/m, and where touches are held the part of the stress that is left, of the card
-    of each row; q = 0 where one card serves all."""
+    of each row; q = 0 where one card serves all. laws: names of the card's, as in `matcal.card.card_identity`."""
     if "card_sample" not in rows.columns or len(set(rows["card_sample"])) < 2:
         return np.zeros((len(rows), 0))
     _, first, which = np.unique(rows["card_sample"], return_index=True, return_inverse=True)
     cards = rows.iloc[first]
-    blocks = [_answered(cards, (r"mu_\d+_Pa", r"alpha_\d+", r"nu_\d+"), _foam),
-              _answered(cards, ("c0_S_per_m", r"a_\d+"), _skin)]
+    foam, skin = laws.get("law") or "hyperfoam", laws.get("conductivity") or CUBIC
+    blocks = [_answered(cards, [p.numbered.format(r"\d+") for p in law_type(foam).parameters],
+                        lambda *values: nominal_stress(law_of(foam, values), "uniaxial", FOAM)),
+              _answered(cards, ("c0_S_per_m", r"a_\d+"),
+                        lambda c0, a: conductivity(Conductivity(float(c0[0]), a, kind=skin), SKIN))]
     blocks += [_answered(cards, (r"g_\d+", r"tau_\d+_s"), _left)] * held
     return np.column_stack(blocks)[which.ravel()]
 
 
-def _answered(cards: pd.DataFrame, patterns: tuple[str, ...], answer: Callable[..., Array]) -> Array:
+def _answered(cards: pd.DataFrame, patterns: Sequence[str], answer: Callable[..., Array]) -> Array:
     """(cards, q) what laws of the columns of these patterns answer; q = 0 where the first has none."""
     laws = [cards[[name for name in cards.columns if re.fullmatch(pattern, name)]].to_numpy(np.float64)
             for pattern in patterns]
     return np.array([answer(*law) for law in zip(*laws, strict=True)]) if laws[0].size else np.zeros((len(cards), 0))
-
-
-def _foam(mu: Array, alpha: Array, nu: Array) -> Array:
-    return nominal_stress(Hyperfoam(mu, alpha, nu), "uniaxial", FOAM)
-
-
-def _skin(c0: Array, a: Array) -> Array:
-    return conductivity(Conductivity(float(c0[0]), a), SKIN)
 
 
 def _left(g: Array, tau: Array) -> Array:

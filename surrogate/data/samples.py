@@ -119,7 +119,8 @@ def _samples(folder: Path, data: Dataset, ring: Ring) -> SweepSamples:
     target = _numbers(folder, rows, [output.column for output in known])
     scene = rows["scene"].to_numpy(np.int64)
     group = _touches(data.design["sampler"], scene, rows)
-    material = material_states.answers(rows, "hold" in data.design["tables"])
+    laws = data.manifest.get("card", {}).get("laws", {})
+    material = material_states.answers(rows, "hold" in data.design["tables"], laws)
     measurement = {key: value for key, value in data.manifest.get(TABLE, {}).items() if key != "seed"}
     signal_sd = _numbers(folder, rows, ["signal_error"])[:, 0] / STATED_PER_SD
     return SweepSamples(signal_V=signal, target=target, names=tuple(output.name for output in known), group=group,

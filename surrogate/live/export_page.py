@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from surrogate.forward_map import electrode_correction, multipole_series, polarization, rim_correction, rim_zone
 from surrogate.forward_map.forward_map import ForwardMap, strength_discrepancy
+from surrogate.forward_map.inversion import changed_contacts
 from surrogate.forward_map.inversion.multipole_location import (
     BACK,
     MARGIN,
@@ -60,7 +61,7 @@ def export_page(model: SweepModel, path: Path | str) -> None:
 
     Examples
     --------
-    >>> export_page(surrogate.load("forward"), "page.html")       # doctest: +SKIP
+    >>> export_page(surrogate.load("model"), "page.html")
     """
     model = of_trained_profile(model)
     greeting = hello(model, pressable(model), "exported", usual_noise_V(model))
@@ -102,10 +103,18 @@ def document(model: SweepModel) -> dict[str, Any]:
         "sd": forward.sd.tolist(), "bounds": forward.bounds.tolist(), "margin_mm": MARGIN_MM, "margin": MARGIN,
         "most_radius": RIM, "candidates": _packed(spiral(forward, CANDIDATES)),
         "rim": _rim(forward) if rim_correction.teaches(forward.correction) else None,
+        "contacts": _contacts(forward),
         "weakest_V": WEAK * model.trained.weakest_V, "misfit": MISFIT_FACTOR * max(model.trained.misfit, 1.0),
         "interval": np.maximum(scale.factor[:, k], normal(COVERAGE)).tolist(),
         "unsure_from": np.minimum(scale.edge[k], np.finfo(float).max).tolist(),
         "normal": normal(COVERAGE), "ellipse": float(np.sqrt(-2 * np.log1p(-COVERAGE)))}
+
+
+def _contacts(forward: ForwardMap) -> dict[str, Any] | None:
+    """Unit directions in which a changed contact moves the readings; None on a skin with an outline."""
+    along = changed_contacts.directions(forward.ring)
+    return {"directions": [_packed(one / np.linalg.norm(one)) for one in along.T], "changed": changed_contacts.CHANGED,
+            "most": changed_contacts.FAR * changed_contacts.CHANGED} if along.size else None
 
 
 def _sheet(forward: ForwardMap) -> dict[str, Any] | None:

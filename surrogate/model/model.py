@@ -28,6 +28,11 @@ def load(folder: Path | str) -> Model | SetModel:
     ------
     InputFileError
         Where the folder holds no model, one of another schema, or a damaged one.
+
+    Examples
+    --------
+    >>> surrogate.load("model").method
+    'forward'
     """
     return store.read(Path(folder), (SweepModel, PressModel, SetModel), (*METHODS, BY_FAMILIES, SUPERPOSITION))
 

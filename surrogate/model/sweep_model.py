@@ -88,8 +88,9 @@ class SweepModel(TrainedModel):
 
         Examples
         --------
-        >>> model = surrogate.load("forward")                                   # doctest: +SKIP
-        >>> model.predict(frames_V, baseline_V)[["x0_m", "y0_m", "F_N"]]        # doctest: +SKIP
+        >>> model = surrogate.load("model")
+        >>> model.predict(frames_V, baseline_V)[["x0_m", "y0_m", "F_N"]].shape
+        (5, 3)
         """
         frames = self._frames("frames_V", frames_V)
         reference = self._frames("baseline_V", self.baseline_V if baseline_V is None else baseline_V)

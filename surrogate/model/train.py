@@ -70,7 +70,9 @@ def train(data: SweepSamples | Dataset | Path | str, method: str = "forward", ou
 
     Examples
     --------
-    >>> model = surrogate.train("sweep", method="ridge", outputs="x0,y0,F", seed=1)     # doctest: +SKIP
+    >>> model = surrogate.train("sweep", method="ridge", outputs="x0,y0,F", seed=1)
+    >>> model.names
+    ('x0', 'y0', 'F')
     """
     chosen = method_of(method)
     if epochs is not None and not chosen.epochs:

@@ -1,23 +1,32 @@
 """The public names of surrogate: light to import, and enough to train, keep, score and use a model."""
 
 import doctest
+import inspect
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
-import eitsim.sensors.labels
+import eitsim
+import matcal
 import surrogate
+from eitsim.scene.drive import voltage_columns
 from eitsim.sweeps.dataset.parquet import read_dataset
 from surrogate.data.baseline_frame import untouched
 from surrogate.data.samples import SweepSamples
 from surrogate.learners.registry import METHODS
+from surrogate.live.export_page import export_page
 from surrogate.model.predict import columns
+from touchcal.arrays import Array
+
+from .conftest import baseline, draw
+from .recordings.conftest import short_networks
 
 NAMES = ("x0", "F", "sigma_max", "A_c")
 
@@ -106,6 +115,47 @@ def test_other_data_are_refused(tmp_path: Path, sweep: Path) -> None:
         surrogate.train(data)
 
 
-def test_the_example_runs() -> None:
-    assert doctest.testmod(surrogate).failed == 0
-    assert doctest.testmod(eitsim.sensors.labels).failed == 0
+@pytest.fixture
+def folder(forward_model: surrogate.Model, sweep: Path, tmp_path: Path) -> Path:
+    """What the examples read: a data set, models, a card, and synthetic recordings with their labels."""
+    forward_model.save(tmp_path / "model")
+    (tmp_path / "sweep").symlink_to(sweep)
+    (tmp_path / "scene.toml").write_text("[punch]\nx_mm = 20\nforce_N = 0.5\n[accuracy]\nsignal = 0.05\n")
+    matcal.write_card(matcal.MaterialCard("foam", matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm"), None,
+                                          matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4))), tmp_path / "card.json")
+    touch, signal = draw(40, 1, (14.0,))
+    record(tmp_path / "frames.csv", [str(one) for one in range(40)], signal)
+    labels = pd.DataFrame({"touch": range(40), "x_mm": touch[:, 0], "y_mm": touch[:, 1]})
+    labels.to_csv(tmp_path / "touches.csv", index=False)
+    one, other = signal[0], signal[1]
+    record(tmp_path / "two_places.csv", [str(number) for number in range(12)], [one, other, one + other] * 4)
+    down = [f"{number},{place}" for number in range(12) for place in ("A", "B", "AB")[number % 3]]
+    (tmp_path / "places.csv").write_text("\n".join(["touch,place", *down]))
+    recording = eitsim.read_recording(tmp_path / "frames.csv")
+    known = surrogate.read_labels(tmp_path / "touches.csv")
+    with short_networks():
+        surrogate.learn(recording, known).save(tmp_path / "presses")
+    return tmp_path
+
+
+def record(path: Path, touches: list[str], signal: Iterable[Array]) -> None:
+    """Write presses between untouched frames, with noise."""
+    rng, rows = np.random.default_rng(0), []
+    for touch, one in zip(touches, signal, strict=True):
+        for name, change in (("", 0.0), (touch, one)):
+            rows.append([len(rows), name, *(baseline() + change + 1e-5 * rng.standard_normal(208))])
+    pd.DataFrame(rows, columns=["index", "touch", *voltage_columns(208)]).to_csv(path, index=False)
+
+
+def test_every_function_has_an_example_that_runs(folder: Path, samples: SweepSamples,
+                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    given = {"np": np, "torch": torch, "eitsim": eitsim, "matcal": matcal, "surrogate": surrogate,
+             "export_page": export_page, "baseline_V": samples.baseline_V[0],
+             "frames_V": samples.baseline_V[:5] + samples.signal_V[:5]}
+    finder, runner = doctest.DocTestFinder(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    for thing in (surrogate, export_page, eitsim.frames, *(getattr(surrogate, name) for name in surrogate.__all__)):
+        if callable(thing) or thing is surrogate:
+            tried = sum(runner.run(test).attempted for test in finder.find(thing, globs=dict(given)))
+            assert tried or not inspect.isfunction(thing), thing
+    assert runner.summarize(verbose=False).failed == 0

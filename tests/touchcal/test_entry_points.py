@@ -8,6 +8,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from touchcal.entry_points import KINDS, added
@@ -61,10 +62,20 @@ law = law_type("hencky")(2e3, 5e3)
 made = {mode: (e, matcal.nominal_stress(law, mode, e)) for mode, e in (("uniaxial", -strain), ("shear", strain))}
 found = matcal.fit([{mode: rows} for mode, rows in made.items()], law="hencky").card.law
 print(found.name, round(found.mu_Pa, 3), round(found.kappa_Pa, 3))
+skin = matcal.Conductivity(2.0, [-3.0, 0.5], (0, 0.3), "tunnelling")
+from matcal.laws.conductivity import conductivity
+found = matcal.fit([{"conductivity": (strain, conductivity(skin, strain))}], conduction="tunnelling").card
+matcal.write_card(found, folder / "skin.json")
+read = matcal.read_card(folder / "skin.json").conductivity
+from eitsim.sheet.sheet_conductance import principal_conductances
+stretched = principal_conductances(read, scene.skin, 1.2, 1.0, 1.0)[1] / scene.skin.thickness_m
+print(read.kind, read.a.round(6), stretched.round(9))
 """
     done = subprocess.run([sys.executable, "-W", "error", "-c", used, str(installed)], capture_output=True, text=True,
                           check=False)
-    assert done.stdout.split("\n")[:5] == ["bench", "12000 2", "211.0", "dome", "hencky 2000.0 5000.0"], done.stderr
+    assert done.stdout.split("\n")[:6] == [
+        "bench", "12000 2", "211.0", "dome", "hencky 2000.0 5000.0",
+        f"tunnelling [-3.   0.5] {(2 * np.exp(0.2 * (-3 + 0.5 * 0.2)) * 1.2).round(9)}"], done.stderr
 
 
 def test_a_part_that_cannot_be_imported_is_named(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,7 +49,14 @@ class CalibratedSensor:
 
 def calibration_document(found: Calibration, skin_card: str | None = None) -> dict[str, Any]:
     """What `eitsim sensor fit` writes: values with their standard deviations before and after, by name; skin_card: name
-    of the file, next to this one, that holds the card of the skin."""
+    of the file, next to this one, that holds the card of the skin.
+
+    >>> import eitsim, numpy as np
+    >>> sensor = eitsim.Sensor(eitsim.Body(), eitsim.Skin(), eitsim.Electrodes(), eitsim.Drive(), "difference")
+    >>> touched = eitsim.Recording(np.ones((1, 208)), np.array([0]), None, np.array(["a"]), "difference", "frames.csv")
+    >>> eitsim.calibration_document(eitsim.calibrate(sensor, touched))["kind"]
+    'changes only'
+    """
     parameters = parameters_of(found)
     size = found.size
     return {"schema": SCHEMA, "kind": "changes only" if found.reason else "absolute",
@@ -129,7 +136,13 @@ def parameters_of(found: Calibration) -> dict[str, dict[str, float]]:
 
 def read_calibration(path: Path | str) -> CalibratedSensor:
     """Read what `calibration_document` made; InputFileError names the file and what is wrong: another schema, a refused
-    model, parameters that are not the sensor's, or electrodes that overlap."""
+    model, parameters that are not the sensor's, or electrodes that overlap.
+
+    >>> import eitsim
+    >>> eitsim.read_calibration("absent.json")
+    Traceback (most recent call last):
+    touchcal.errors.InputFileError: absent.json: no such file. Check the name and the folder.
+    """
     path = Path(path)
     raw = read_fitted(path)
     if raw["absolute_model"] != "usable":

@@ -1,8 +1,8 @@
 """What labelled presses may change of a material card for one skin, and what presses then change of its readings.
 
-The law c = c_0 (1 + a_1 e + a_2 e^2 + a_3 e^3) becomes that of exp(s) (a_1, a_2 + b_2 f / e_r^2, a_3 + b_3 f / e_r^3),
-with f the r.m.s. of c / c_0 - 1 over the strains of the card's fit, of which e_r is the largest; the foam's moduli are
-times exp(m), and all presses lie further along x and y.
+The coefficients a of a skin's law become exp(s) a, those of a cubic exp(s) (a_1, a_2 + b_2 f / e_r^2,
+a_3 + b_3 f / e_r^3), with f the r.m.s. of c / c_0 - 1 over the strains of the card's fit, of which e_r is the largest;
+the foam's moduli are times exp(m), and all presses lie further along x and y.
 """
 
 import math
@@ -20,6 +20,7 @@ from eitsim.simulation.material import material_of
 from eitsim.simulation.reuse import shape_for, table_for
 from eitsim.simulation.simulate import readings_of
 from matcal.card import MaterialCard
+from matcal.laws.conduction_laws import CUBIC, conduction_law
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.law import scaled
 from touchcal.arrays import Array, Index
@@ -52,10 +53,11 @@ class SkinPresses:
 
     @property
     def groups(self) -> dict[str, dict[str, float]]:
-        """PRIORS of what these presses depend on: the foam's moduli have no part in presses to a depth, and a law
-        without a range of strains keeps its shape."""
+        """PRIORS of what these presses depend on: the foam's moduli have no part in presses to a depth, and a law that
+        is no cubic, or without a range of strains, keeps its shape."""
+        skin = _skin_of(self.card)
         idle = {"modulus": any(punch.force_N is None for punch in self.punches),
-                "shape": not any(_skin_of(self.card).strain_range)}
+                "shape": skin.kind != CUBIC or not any(skin.strain_range)}
         return {group: sds for group, sds in PRIORS.items() if not idle.get(group, False)}
 
     def signals(self, values: Mapping[str, float]) -> Array:
@@ -136,13 +138,14 @@ def changed(card: MaterialCard, values: Mapping[str, float]) -> MaterialCard:
     law = _skin_of(card)
     low, high = law.strain_range
     strain, largest = np.linspace(low, high, 101), max(abs(low), abs(high))
-    size = float(np.sqrt(np.mean((strain * (law.a[0] + strain * (law.a[1] + strain * law.a[2]))) ** 2)))
-    shift = [0.0, *(values.get(name, 0.0) * size / largest**order if largest else 0.0
-                    for order, name in enumerate(SHAPES, start=2))]
+    size = float(np.sqrt(np.mean((conduction_law(law.kind).ratio(law.a, strain) - 1) ** 2)))
+    shift = np.zeros_like(law.a)
+    if law.kind == CUBIC and largest:
+        shift[1:] = [values.get(name, 0.0) * size / largest**order for order, name in enumerate(SHAPES, start=2)]
     a = math.exp(values.get(AMPLITUDE, 0.0)) * (law.a + shift)
     foam = card.law
     stiffer = foam and scaled(foam, math.exp(values.get(MODULUS, 0.0)))
-    return replace(card, law=stiffer, conductivity=Conductivity(law.c0_S_per_m, a, law.strain_range))
+    return replace(card, law=stiffer, conductivity=replace(law, a=a))
 
 
 def _touch(table: Table, scene: Scene, card: MaterialCard) -> Touch | None:

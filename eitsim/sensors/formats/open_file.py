@@ -38,6 +38,16 @@ def open_recording(path: Path | str, *, kind: str = "voltage", readings: int | N
     kind: what readings are where the file does not say it. In a MATLAB file with vh and vi every frame of vi is a
     touch; other boards' files name no touches: every frame counts as untouched. InputFileError names the file, the
     line, what was expected and the fix.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import eitsim
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "frames.csv"
+    ...     _ = path.write_text("touch,v_000,v_001\\n,0.1,0.2\\na,0.1,0.3\\n")
+    ...     recording = eitsim.open_recording(path)
+    >>> recording.readings.shape, recording.touch.tolist()
+    ((2, 2), ['', 'a'])
     """
     check_kind(kind, "kind")
     path = Path(path)

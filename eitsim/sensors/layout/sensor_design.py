@@ -93,7 +93,14 @@ def design_sensor(scene: Scene, card: MaterialCard, *, noise_dB: float = 80.0, n
 
     Examples
     --------
-    >>> eitsim.design_sensor(eitsim.Scene(), matcal.read_card("card.json"), readings=32)    # doctest: +SKIP
+    >>> import eitsim
+    >>> import matcal
+    >>> foam = matcal.Hyperfoam([9530.0], [8.0], [0.0], "longterm")
+    >>> card = matcal.MaterialCard("foam", foam, conductivity=matcal.Conductivity(30.0, [-2, 2, -1], (0, 0.4)))
+    >>> scene = eitsim.Scene(punches=[eitsim.Punch(force_N=0.2)], accuracy=eitsim.Accuracy(0.05))
+    >>> found = eitsim.design_sensor(scene, card, readings=32, within_m=0.04, places=2)
+    >>> len(found.drives), len(found.pairs)
+    (17, 32)
     """
     if scene.electrodes.count <= FEWEST:
         raise ValueError(f"{FEWEST} electrodes leave nothing to choose; give more.")

@@ -39,7 +39,7 @@ class Variation:
 def variations(nodes_m: Array, bases: Sequence[Settled], law: Conductivity,
                rooms: Sequence[float]) -> Iterator[Variation]:
     """x_mm, y_mm, F_N or depth_mm, and d_mm of each touch (with _1, _2, ... where there are several), mu_i_Pa and
-    alpha_i of the foam, a_1, a_2, a_3 of the skin; nodes (n, 2) of a mesh move with them, within radii, m, `rooms`,
+    alpha_i of the foam, a_1, ... of the skin; nodes (n, 2) of a mesh move with them, within radii, m, `rooms`,
     about the punches."""
     touches = [(base.punch, base.touch) for base in bases]
     sides, still = [list(varied(base)) for base in bases], np.zeros_like(nodes_m)
@@ -56,7 +56,7 @@ def variations(nodes_m: Array, bases: Sequence[Settled], law: Conductivity,
     for every in zip(*([v for v in own if v.shared] for own in sides), strict=True):
         yield Variation(every[0].name, every[0].step, ([v.less for v in every], law), ([v.more for v in every], law),
                         still)
-    for i, one in enumerate(_COEFFICIENT * np.eye(3)):
+    for i, one in enumerate(_COEFFICIENT * np.eye(law.a.size)):
         less, more = (replace(law, a=law.a + sign * one) for sign in (-1, 1))
         yield Variation(f"a_{i + 1}", _COEFFICIENT, (touches, less), (touches, more), still)
 

@@ -153,7 +153,7 @@ def recorded(cards: Cards, number: int) -> dict[str, Any]:
 
 def columns(cards: Cards) -> list[str]:
     """Names of the parameters that vary: of the law, as mu_1_Pa ..., alpha_1 ..., nu_1 ..., of a hyperfoam, then
-    g_1 ..., tau_1_s ..., c0_S_per_m, a_1 to a_3."""
+    g_1 ..., tau_1_s ..., c0_S_per_m, a_1 ...."""
     blocks = {} if cards.draws is None else _blocks(cards.draws)
     return [name.format(i + 1) for name, block in blocks.items() for i in range(block.shape[1])]
 

@@ -56,7 +56,12 @@ def is_design(raw: Mapping[str, Any]) -> bool:
 
 
 def read_design(path: Path | str, scenes: int | None = None) -> Design:
-    """Read a design file; `scenes` overrides its count. InputFileError names the file and the key."""
+    """Read a design file; `scenes` overrides its count. InputFileError names the file and the key.
+
+    >>> import eitsim
+    >>> eitsim.read_design("examples/design.toml", scenes=20).scenes
+    20
+    """
     path = Path(path)
     raw = read_toml(path)
     try:

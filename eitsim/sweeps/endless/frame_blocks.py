@@ -194,9 +194,9 @@ def frames(touch_map: TouchSignals, *, seed: int = 0, rows: int = 1024, within_m
     Examples
     --------
     >>> import eitsim, surrogate
-    >>> skin = surrogate.touch_map("model")                                         # doctest: +SKIP
-    >>> blocks = eitsim.frames(skin, seed=1, snr_db=[60, 90], position_mm=0.3)      # doctest: +SKIP
-    >>> next(iter(blocks))["signal_V"].shape                                        # doctest: +SKIP
+    >>> skin = surrogate.touch_map("model")
+    >>> blocks = eitsim.frames(skin, seed=1, snr_db=[60, 90], position_mm=0.3)
+    >>> next(iter(blocks))["signal_V"].shape
     (1024, 208)
     """
     known = (*TOUCH, *LEVELS)

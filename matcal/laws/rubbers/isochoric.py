@@ -58,7 +58,7 @@ class Isochoric(Law):
 def _assembled(law: str, of_invariants: Callable[..., Any], of_stretch: Callable[..., Any],
                of_two_stretches: Callable[..., Any]) -> tuple[Callable[..., Any], ...]:
     """The four functions of a law. They and what they call are named after it: compiled code that was kept on disk by
-    different processes is told apart by names alone."""
+    different processes is distinguished by names alone."""
     def bulk(p):
         """kappa, Pa; mu_0 = 2 (W_1 + W_2) + w''/2 at rest."""
         rest = of_invariants(p, 0.0, 0.0)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from matcal.card import MaterialCard, as_card, with_moduli
+from matcal.laws.conduction_laws import conduction_law
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.histories.damage import Damage
 from matcal.laws.histories.time_temperature import Shift
@@ -147,7 +148,7 @@ def _comment(card: MaterialCard, into: Target, units: Units, written: Written, w
     for text in warnings:
         yield f"Warning: {text}"
     if card.conductivity is not None:
-        yield _cubic(card.conductivity)
+        yield _conductivity(card.conductivity)
 
 
 def _intervals(card: MaterialCard, units: Units) -> Iterator[str]:
@@ -177,12 +178,11 @@ def _skin_left_out(card: MaterialCard) -> tuple[str, ...]:
     if card.conductivity is None:
         return ()
     return ("The conductivity of the skin is not exported: no target reads conductivity as a function of strain "
-            "without a user subroutine. Its cubic is in the comment.",)
+            "without a user subroutine. Its law is in the comment.",)
 
 
-def _cubic(skin: Conductivity) -> str:
-    a1, a2, a3 = map(number, skin.a)
+def _conductivity(skin: Conductivity) -> str:
+    formula = conduction_law(skin.kind).formula.format(*map(number, [skin.c0_S_per_m, *skin.a]))
     lo, hi = skin.strain_range
-    return (f"Skin conductivity in S/m, not part of this input: c(e) = {number(skin.c0_S_per_m)} * (1 + ({a1}) * e + "
-            f"({a2}) * e^2 + ({a3}) * e^3), nominal strain e fitted from {lo:g} to {hi:g} (in Abaqus by a field "
-            "variable set in the user subroutine USDFLD).")
+    return (f"Skin conductivity in S/m, not part of this input: c(e) = {formula}, nominal strain e fitted from {lo:g} "
+            f"to {hi:g} (in Abaqus by a field variable set in the user subroutine USDFLD).")

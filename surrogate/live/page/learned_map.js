@@ -11,6 +11,7 @@ function learnedMap(given, edge) {
   const sheet = given.sheet && { pole: unpack(given.sheet.pole), strength: unpack(given.sheet.strength) };
   const field = unpack(given.field), orders = given.orders, rim = given.rim;
   const size = { centre: unpack(given.size.centre), weights: unpack(given.size.weights) };
+  const contact = given.contacts && { ...given.contacts, along: given.contacts.directions.map(unpack) };
   const processes = given.strengths.map(s => Object.fromEntries(Object.entries(s).map(([k, v]) => [k, unpack(v)])));
   const answer = rim && Object.fromEntries(Object.entries(rim.answer).map(([k, v]) => [k, unpack(v)]));
   const metal = rim && rim.metal && { ...rim.metal, nodes: unpack(rim.metal.nodes), lengths: unpack(rim.metal.lengths),
@@ -303,6 +304,7 @@ function learnedMap(given, edge) {
       return there.map((v, j) => (v - here.signal[j]) / step);
     });
     const jacobian = [...touch, ...columns];
+    Object.assign(found, { residual, jacobian });
     found.normal = jacobian.map((a, i) => jacobian.map((b, k) => {
       let sum = i === k ? 1 : 0;
       for (let j = 0; j < readings; j++) sum += a[j] * b[j] / (sd * sd);
@@ -349,7 +351,7 @@ function learnedMap(given, edge) {
       damping /= 10;
       if (small) break;
     }
-    return { ...here, state, sd };
+    return { ...here, state, sd, noisy: noise_V > 1e-15 };
   }
 
   // Orthonormal signals of the first two orders at candidate places, made when first needed.
@@ -394,23 +396,44 @@ function learnedMap(given, edge) {
     return described(found);
   }
 
+  // What a contact that changed, or none, shifts of a state and adds to its covariance: as changed_contacts.moved.
+  function byContacts({ residual, jacobian, normal, sd }) {
+    const dot = (a, b) => a.reduce((sum, v, j) => sum + v * b[j], 0), changes = contact.along;
+    const across = jacobian.map(column => changes.map(one => dot(column, one) / sd)), gain = solved(normal, across);
+    const each = changes.map((one, k) => {
+      const by = gain.map(row => row[k]), left = 1 - across.reduce((sum, row, p) => sum + row[k] * by[p], 0);
+      const size = -dot(one, residual) / sd / left, wide = 1 + contact.changed ** 2 * left, part = 1 - 1 / wide;
+      const odds = Math.exp(size * size * left * part / 2) / Math.sqrt(wide) / changes.length;
+      return { by, odds, size: size * part, own: contact.changed ** 2 / wide, is: Math.abs(size) < contact.most };
+    });
+    const all = each.reduce((sum, { odds }) => sum + odds, 1);
+    const weighed = each.filter(({ is }) => is).map(one => ({ ...one, weight: one.odds / all }));
+    const shift = normal.map((_, p) => -weighed.reduce((sum, { by, weight, size }) => sum + weight * size * by[p], 0));
+    const more = normal.map((_, p) => normal.map((_, q) => weighed.reduce((sum, { by, weight, size, own }) =>
+      sum + weight * (own + size * size) * by[p] * by[q], -shift[p] * shift[q])));
+    return { shift, more };
+  }
+
   function described(found) {
-    const [x, y, logD, g] = found.u, unit = found.normal.map((_, i) => found.normal.map((_, j) => i === j ? 1 : 0));
+    const unit = found.normal.map((_, i) => found.normal.map((_, j) => i === j ? 1 : 0));
     const inverse = solved(found.normal, unit), widened = Math.max(found.misfit, 1);
-    const c = (i, j) => inverse[i][j] * given.sd[i] * given.sd[j] * widened;
+    const { shift: off, more } = contact && found.noisy ? byContacts(found)
+      : { shift: unit.map(() => 0), more: unit.map(row => row.map(() => 0)) };
+    const u = toUnknown(found.state.map((v, i) => v + off[i])), [x, y, logD, g] = u;
+    const c = (i, j) => (inverse[i][j] + more[i][j]) * given.sd[i] * given.sd[j] * widened;
     const shift = given.shift_mm ** 2 * widened, a = c(0, 0) + shift, b = c(0, 1), d = c(1, 1) + shift;
-    const middle = (a + d) / 2, more = Math.hypot((a - d) / 2, b); // eigenvalues of the place's covariance
+    const middle = (a + d) / 2, half = Math.hypot((a - d) / 2, b); // eigenvalues of the place's covariance
     const F = force(logD, g), by = 1 / Math.tanh(g);
     const sdF = F * Math.sqrt(4 * c(2, 2) + 4 * by * c(2, 3) + by * by * c(3, 3));
     const sds = [Math.sqrt(a), Math.sqrt(d), Math.exp(logD) * Math.sqrt(c(2, 2)), sdF];
-    const here = at(found.u), near = sheet && rim && rim.step !== null && 1 - here.radius - here.half < rim.step;
+    const here = at(u), near = sheet && rim && rim.step !== null && 1 - here.radius - here.half < rim.step;
     const factor = sds.map((sd, i) => given.interval[near ? 2 : sd > given.unsure_from[i] ? 1 : 0][i]);
     const named = ["x_mm", "y_mm", "d_mm", "F_N"], wide = given.ellipse * Math.max(factor[0], factor[1]) / given.normal;
     return {
       state: found.state, misfit: found.misfit, read: { x_mm: x, y_mm: y, d_mm: Math.exp(logD), F_N: F },
       half_width: Object.fromEntries(named.map((name, i) => [name, factor[i] * sds[i]])),
-      ellipse: { long_mm: wide * Math.sqrt(middle + more), short_mm: wide * Math.sqrt(Math.max(middle - more, 0)),
-                 angle_rad: Math.atan2(middle + more - a, b || 1e-30) },
+      ellipse: { long_mm: wide * Math.sqrt(middle + half), short_mm: wide * Math.sqrt(Math.max(middle - half, 0)),
+                 angle_rad: Math.atan2(middle + half - a, b || 1e-30) },
       flag: found.misfit > given.misfit ? "unlike the trained touches" : "" };
   }
 

@@ -38,9 +38,10 @@ def learn(recording: Recording, labels: Labels, seed: int = 0, workers: int = 1,
     ValueError where the presses are too few, or dead channels too many; NothingToRead where no label is read better
     than by its mean.
 
-    >>> model = surrogate.learn(eitsim.read_recording("frames.csv"), surrogate.read_labels("touches.csv"))
-    ...                                                                                    # doctest: +SKIP
-    >>> model.predict(eitsim.read_recording("new.csv"))                                    # doctest: +SKIP
+    >>> recording, labels = eitsim.read_recording("frames.csv"), surrogate.read_labels("touches.csv")
+    >>> model = surrogate.learn(recording, labels, method="ridge")
+    >>> model.presses, len(model.predict(recording))
+    (40, 40)
     """
     presses, known, left_out = _readable(*labelled(presses_of(recording), labels, str(recording.source)))
     known = with_presses(presses, known)
@@ -69,7 +70,9 @@ def learn_session(model: PressModel, recording: Recording, labels: Labels) -> Pr
     The scores of the first session are left out; what the presses say, each read by what the others teach, stands in
     `left_out`. ValueError where the model is no one of families that reads places, or the presses are too few.
 
-    >>> model = surrogate.learn_session(surrogate.load("MODEL"), recording, labels)        # doctest: +SKIP
+    >>> recording, labels = eitsim.read_recording("frames.csv"), surrogate.read_labels("touches.csv")
+    >>> surrogate.learn_session(surrogate.load("presses"), recording, labels).presses
+    40
     """
     if not isinstance(model.reader, PressReader):
         raise ValueError(f"a model of the method {model.method} is not continued in another session. Learn the first "

@@ -47,9 +47,9 @@ class Skin(nn.Module):
 
     Examples
     --------
-    >>> skin = surrogate.Skin("model", noise_V=1e-4)                    # doctest: +SKIP
-    >>> contacts = torch.tensor([[[0.02, 0.0, 0.014, 1.0]]])            # doctest: +SKIP
-    >>> skin(contacts).shape                                            # doctest: +SKIP
+    >>> skin = surrogate.Skin("model", noise_V=1e-4)
+    >>> contacts = torch.tensor([[[0.02, 0.0, 0.014, 1.0]]])
+    >>> skin(contacts).shape
     torch.Size([1, 208])
     """
 

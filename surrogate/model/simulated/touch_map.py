@@ -127,8 +127,8 @@ def touch_map(model: SweepModel | Path | str) -> TouchMap:
 
     Examples
     --------
-    >>> skin = surrogate.touch_map("model")                                         # doctest: +SKIP
-    >>> skin.signals(np.array([[20.0, 0.0, 14.0, 1.0]])).shape                      # doctest: +SKIP
+    >>> skin = surrogate.touch_map("model")
+    >>> skin.signals(np.array([[20.0, 0.0, 14.0, 1.0]])).shape
     (1, 208)
     """
     known = load_of_sweep(model) if isinstance(model, Path | str) else model

@@ -4,7 +4,8 @@ import emcee
 import numpy as np
 import pytest
 
-from matcal.fitting.conductivity_fit import FLOOR, LOWEST_STRAIN, ConductivityFit, fit_conductivity, powers
+from matcal.fitting.conductivity_fit import FLOOR, LOWEST_STRAIN, ConductivityFit, fit_conductivity
+from matcal.laws.conduction_laws import CUBIC, LAWS
 from matcal.laws.conductivity import conductivity
 from matcal.posterior.conductivity_posterior import _log_density, conductivity_draws, skin_chains, skin_checks
 from matcal.record.fit_summary import _skin_part
@@ -12,6 +13,11 @@ from matcal.reduction.experiment import Experiment
 
 TRUTH = 30 * np.array([1.0, -2.0, 2.0, -1.0])
 FALLING = 30 * np.array([1.0, 2.5, 1.0, 1.0])
+powers = LAWS[CUBIC].basis
+
+
+def fit_cubic(tests: list[Experiment]) -> ConductivityFit:
+    return fit_conductivity(tests, CUBIC)
 
 
 def stretch(truth: np.ndarray = TRUTH, noise: float = 0.05, seed: int = 0, highest: float = 0.4) -> Experiment:
@@ -21,14 +27,14 @@ def stretch(truth: np.ndarray = TRUTH, noise: float = 0.05, seed: int = 0, highe
 
 
 def test_errors_follow_the_covariance() -> None:
-    fits = [fit_conductivity([stretch(seed=s)]) for s in range(30)]
+    fits = [fit_cubic([stretch(seed=s)]) for s in range(30)]
     scores = np.array([(f.centre - TRUTH) / np.sqrt(np.diag(f.covariance)) for f in fits])
     assert 0.7 < np.sqrt(np.mean(scores**2)) < 1.2
     assert 0.8 < np.mean([f.chi_square / f.freedom for f in fits]) < 1.2
 
 
 def test_a_cubic_that_would_turn_negative_under_compression_is_held() -> None:
-    found = fit_conductivity([stretch(FALLING)])
+    found = fit_cubic([stretch(FALLING)])
     e = np.linspace(LOWEST_STRAIN, 0.4, 400)
     assert np.min(powers(e) @ found.centre) < 0
     assert conductivity(found.law, e).min() >= 0.99 * FLOOR * np.median(stretch(FALLING).value)
@@ -37,19 +43,19 @@ def test_a_cubic_that_would_turn_negative_under_compression_is_held() -> None:
 
 
 def test_draws_have_the_fits_mean_and_spread_and_stay_positive() -> None:
-    free = fit_conductivity([stretch()])
+    free = fit_cubic([stretch()])
     draws = conductivity_draws(free, 1500, np.random.default_rng(1))
     sd = np.sqrt(np.diag(free.covariance))
     np.testing.assert_allclose((draws.mean(axis=0) - free.centre) / sd, 0, atol=0.12)
     np.testing.assert_allclose(draws.std(axis=0) / sd, 1, atol=0.1)
-    held = fit_conductivity([stretch(30 * np.array([1.0, 1.2, 0.3, 0.2]), noise=1.0)])
+    held = fit_cubic([stretch(30 * np.array([1.0, 1.2, 0.3, 0.2]), noise=1.0)])
     kept = conductivity_draws(held, 400, np.random.default_rng(2)) @ held.positive[0]
     assert kept.min() >= held.positive[1] * (1 - 1e-6)
 
 
 def test_noisier_tests_count_less() -> None:
     shifted = 1.02 * TRUTH
-    near = fit_conductivity([stretch(), stretch(shifted, noise=1.0, seed=1)]).law.c0_S_per_m
+    near = fit_cubic([stretch(), stretch(shifted, noise=1.0, seed=1)]).law.c0_S_per_m
     assert abs(near - 30.0) < 0.05
 
 
@@ -74,7 +80,7 @@ def test_intervals_of_the_cubic_cover(correlation: float, proportional: bool, co
         rng = np.random.default_rng([9, seed])
         value = powers(e) @ TRUTH
         errors = 0.03 * slow_errors(count, correlation, rng) * (value / 20 if proportional else 1)
-        found = fit_conductivity([Experiment("conductivity", e, value + errors)])
+        found = fit_cubic([Experiment("conductivity", e, value + errors)])
         part = _skin_part(found)
         ends = np.vstack([part["c0_interval_S_per_m"], part["a_interval"]])
         missed += (ends[:, 0] > truth) | (ends[:, 1] < truth)
@@ -88,7 +94,7 @@ def test_intervals_of_the_cubic_cover(correlation: float, proportional: bool, co
 
 
 def test_a_cubic_held_by_its_bound_says_what_the_bound_moved() -> None:
-    found = fit_conductivity([stretch(FALLING, noise=0.01)])
+    found = fit_cubic([stretch(FALLING, noise=0.01)])
     part = _skin_part(found)
     assert part["c0_interval_S_per_m"][0] < found.centre[0] < part["c0_interval_S_per_m"][1]
 
@@ -96,7 +102,7 @@ def test_a_cubic_held_by_its_bound_says_what_the_bound_moved() -> None:
 def test_uncertain_strain_zero_widens_the_band() -> None:
     plain = stretch()
     doubted = Experiment("conductivity", plain.strain, plain.value, noise=0.05, facts={"strain_zero_sd": 1e-3})
-    assert fit_conductivity([doubted]).covariance[0, 0] > 3 * fit_conductivity([plain]).covariance[0, 0]
+    assert fit_cubic([doubted]).covariance[0, 0] > 3 * fit_cubic([plain]).covariance[0, 0]
 
 
 def test_too_little_data_is_refused() -> None:
@@ -117,8 +123,8 @@ def log_skin(fit: ConductivityFit, points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("truth", [TRUTH, FALLING])
 def test_draws_agree_with_emcee_on_the_same_density(truth: np.ndarray) -> None:
-    found = fit_conductivity([stretch(truth, noise=1.0)])
-    at = powers([LOWEST_STRAIN, -0.4, 0.0, 0.4]).T
+    found = fit_cubic([stretch(truth, noise=1.0)])
+    at = powers(np.array([LOWEST_STRAIN, -0.4, 0.0, 0.4])).T
     own = conductivity_draws(found, 4000, np.random.default_rng(0)) @ at
     rng, inside = np.random.default_rng(1), conductivity_draws(found, 40, np.random.default_rng(2))
     sampler = emcee.EnsembleSampler(40, 5, lambda x: log_skin(found, x), vectorize=True, moves=emcee.moves.DEMove())
@@ -133,14 +139,14 @@ def test_draws_agree_with_emcee_on_the_same_density(truth: np.ndarray) -> None:
 def test_few_points_leave_the_noise_and_so_the_band_open() -> None:
     e = np.array([0.0, 0.1, 0.2, 0.25, 0.3, 0.4])
     noise = 0.1 * np.random.default_rng(4).normal(size=e.size)
-    few = fit_conductivity([Experiment("conductivity", e, powers(e) @ TRUTH + noise)])
+    few = fit_cubic([Experiment("conductivity", e, powers(e) @ TRUTH + noise)])
     spread = conductivity_draws(few, 4000, np.random.default_rng(0))[:, 0]
     middle = np.diff(np.quantile(spread, [0.16, 0.84]))[0]
     assert np.diff(np.quantile(spread, [0.005, 0.995]))[0] > 4 * middle
 
 
 def test_chains_of_the_skin_mix() -> None:
-    found = fit_conductivity([stretch(FALLING)])
+    found = fit_cubic([stretch(FALLING)])
     checks = skin_checks(found, skin_chains(found, 2000, np.random.default_rng(0)))
     assert checks["rhat"] < 1.01
     assert checks["ess"] > 1000

@@ -219,6 +219,13 @@ def test_a_touch_begins_with_its_verdict_and_says_the_share_of_the_signal(tmp_pa
         "signal comes from there" in read_pdf(tmp_path / "t.pdf").whole
 
 
+def test_a_result_written_before_laws_had_names_keeps_its_caution(write_result: Make) -> None:
+    stability = {"elliptic": True, "least_strain": -0.9, "fitted_foam_strain": [-0.8, 0.0]}
+    (found,) = [line for line in touch_report.report(write_result(stability=stability)).verdict
+                if line.what == "Depth and pressure"]
+    assert "foam strained to −0.900, tested to −0.800" in found.why
+
+
 def test_the_signal_of_a_real_skin_is_no_better_than_by_the_card_s_law(write_result: Make) -> None:
     for signal, share, grade, words in ((0.82, 0.0, "not usable", '; no better than "Signal by the card\'s law"'),
                                         (0.03, 0.0, "usable", '; no better than "Signal by the card\'s law"'),

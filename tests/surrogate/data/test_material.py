@@ -43,7 +43,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory, ring: Ring, synthetic: Calla
         return replace(samples, ring=ring, scene=plain, group=plain, signal_V=signal,
                        baseline_V=np.tile(samples.baseline_V[0], (count, 1)),
                        target=np.column_stack([touch, np.ones((count, 4))]), card=number,
-                       material=material_states.answers(rows, False), signal_sd=np.zeros(count),
+                       material=material_states.answers(rows, False, {}), signal_sd=np.zeros(count),
                        row_hash=np.arange(count, dtype=np.uint64) + 10000 * seed, near_edge=np.zeros(count, bool))
 
     return read
@@ -59,7 +59,7 @@ def test_cards_that_answer_alike_are_one_direction() -> None:
     rows = pd.DataFrame({"card_sample": np.arange(40), "mu_1_Pa": 8e3 * stiffness, "mu_2_Pa": 1e3 * stiffness,
                          "alpha_1": 8.0, "alpha_2": 2.0, "nu_1": 0.0, "nu_2": 0.0, "c0_S_per_m": 30.0, "a_1": -2.0,
                          "a_2": 2.0, "a_3": -1.0})
-    found = material_states.answers(rows, False)
+    found = material_states.answers(rows, False, {})
     state = material_states.states(material_states.fit(found), found)
     assert found.shape == (40, 10)
     assert state.shape == (40, 1)

@@ -11,12 +11,11 @@ import pytest
 
 import surrogate
 from surrogate.forward_map.forward_map import linearise
-from surrogate.forward_map.inversion import changed_contacts
 from surrogate.forward_map.load_coordinates import to_unknown
 from surrogate.live.export_page import MOST_BYTES, UNFLAGGED, export_page, pressable
 from surrogate.live.skins import limits_of
 
-PLACE_MM = 0.2  # the most that a place read in the browser may differ from that of `predict` with no contact changed
+PLACE_MM = 0.2  # the most that a place read in the browser may differ from that of `predict`
 READ = "return arguments[0].map(s => learned.read(s, arguments[1], null).read).map(r => [r.x_mm, r.y_mm])"
 
 
@@ -28,10 +27,8 @@ def opened(page: Any, path: Path) -> None:
 
 
 def differs_mm(page: Any, model: surrogate.Model, signal_V: np.ndarray, noise_V: float) -> float:
-    """The largest distance of places read in the browser and by `predict` where it takes contacts as unchanged."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(changed_contacts, "CHANGED", 1e-6)
-        found = model.predict(model.baseline_V + signal_V, model.baseline_V, noise_V=noise_V)[["x0_m", "y0_m"]]
+    """The largest distance of places read in the browser and by `predict`."""
+    found = model.predict(model.baseline_V + signal_V, model.baseline_V, noise_V=noise_V)[["x0_m", "y0_m"]]
     read = np.array(page.run(READ, signal_V.tolist(), noise_V))
     return float(np.hypot(*(read - 1e3 * found.to_numpy()).T).max())
 

@@ -1,5 +1,5 @@
 """A second session of a skin, synthetic: gains of readings, the untouched frame and the place of the skin on the table
-have changed in ways that the model is not told; five labelled presses bring it up to date."""
+have changed in ways that the model does not know; five labelled presses bring it up to date."""
 
 from pathlib import Path
 
