@@ -17,7 +17,6 @@ import numpy as np
 from conditions import shown, written
 
 import matcal
-from matcal.fitting.hyperfoam.specimen_factors import specimens
 from matcal.fitting.uncertainty.intervals import intervals
 from matcal.reduction.experiment import Experiment
 
@@ -76,19 +75,19 @@ def row(name: str, tests: dict[str, Experiment]) -> dict[str, object]:
     out = tests[name]
     use = np.abs(out.strain) > LEAST_STRAIN
     strain, stress = out.strain[use], np.abs(out.value[use])
-    law, known = found.laws.fit.law, found.laws.uncertainty
+    known = found.laws.uncertainty
     band = intervals(known, lambda one: {str(k): float(abs(value)) for k, value in
                                          enumerate(matcal.nominal_stress(one, "uniaxial", strain))})
     low, middle, high = np.array([[band[str(k)].lo, band[str(k)].value, band[str(k)].hi]
                                   for k in range(strain.size)]).T
-    reach = specimens(found.laws.fit.curves, law).reach
-    further = np.hypot(np.log(np.maximum(high, 1e-9) / np.maximum(low, 1e-9)) / 2, reach)
+    following = next(one for one in found.laws.next_specimens if one.strain[0] * strain[-1] > 0)
+    expected = np.interp(np.abs(strain), np.abs(following.strain), np.abs(following.stress_Pa))
     begun = time.process_time()
     simple = np.abs(matcal.nominal_stress(by_lmfit(others), "uniaxial", strain))
     return {"left_out": name, "points": strain.size,
             "in_mean_band": f"{np.mean((low <= stress) & (stress <= high)):.3f}",
-            "in_next_band": f"{np.mean(np.abs(np.log(stress / middle)) <= further):.3f}",
-            "half_width": f"{np.median(further):.3f}",
+            "in_next_band": f"{np.mean(np.abs(np.log(stress / expected)) <= following.further):.3f}",
+            "half_width": f"{following.further:.3f}",
             "error": f"{np.sqrt(np.mean((middle - stress) ** 2) / np.mean(stress**2)):.3f}",
             "error_lmfit": f"{np.sqrt(np.mean((simple - stress) ** 2) / np.mean(stress**2)):.3f}",
             "cpu_s": f"{cpu_s:.2f}", "cpu_s_lmfit": f"{time.process_time() - begun:.2f}"}

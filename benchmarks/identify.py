@@ -53,7 +53,8 @@ def presses(kind: str, law: Law, slope: Slope, rng: np.random.Generator, truth: 
     """What the machine reads of both punches."""
     deepest = 0.35 if kind == "foam" else 0.14
     thickness = THICKNESS_M * (1 + truth["thicker"])
-    depths = deepest * np.array([0.02, 0.04, 0.08, 0.12, 0.18, 0.25, 0.33, 0.42, 0.51, 0.6, 0.7, 0.8, 0.9, 1.0])
+    depths = deepest * np.array([0.004, 0.01, 0.02, 0.04, 0.08, 0.12, 0.18, 0.25, 0.33, 0.42, 0.51, 0.6, 0.7, 0.8, 0.9,
+                                 1.0])
     out = []
     for words in ("flat 14", "sphere 14"):
         radius = 0.007 / thickness

@@ -17,6 +17,7 @@ from skfem import Basis, ElementTriP1, ElementTriP2, ElementVector, FacetBasis, 
 
 WIDTH = 3.0  # of the layer outside the punch's edge
 PENALTY, TANGENTIAL = 4000.0, 1500.0  # pressure over penetration and shear over elastic slip, mu_0 over H
+FAR = 0.75  # part of the deepest that a path has to reach
 # (3, ...) principal stretches -> (3, ...) derivatives of the energy by them
 Slope = Callable[[np.ndarray], np.ndarray]
 
@@ -116,7 +117,8 @@ class Layer:
             *[self.p.basis[i][0].value for i in range(self.p.Nbfun)]))
 
     def system(self, x: np.ndarray, depth: float) -> tuple[np.ndarray, object, float, tuple[np.ndarray, ...]]:
-        """Residual, tangent, force, and what the contact would remember."""
+        """Residual, tangent, force, and what the contact would remember. The residual is infinite where an element is
+        turned inside out, which C and so the stress does not show."""
         u = x[:self.u.N]
         f = np.einsum("ikeq,ie->keq", self.b, u[self.u.element_dofs])
         f[[0, 3, 4]] += 1
@@ -151,6 +153,8 @@ class Layer:
         ke = np.einsum("ikeq,kleq,jleq->ije", bw, tangent, self.b, optimize=True)
         residual = np.zeros(len(x))
         np.add.at(residual, self.u.element_dofs, force)
+        if np.min(area * hoop) <= 0:
+            residual[:] = np.inf
         blocks = [_sparse(ke, self.u.element_dofs, self.u.element_dofs, (self.u.N, self.u.N))]
         push, kc, reaction, memory = self._contact(u, depth)
         np.add.at(residual, self.top.element_dofs, push)
@@ -202,12 +206,15 @@ class Layer:
 
     def press(self, depth: float, limit: int = 30) -> tuple[float, float]:
         """The depth less the penetration, averaged by pressure, and the force, one increment from the state before;
-        RuntimeError where Newton's method fails. A step after which the residual is larger is halved."""
+        RuntimeError where Newton's method fails, or ends with points deep in the punch's edge. A step after which the
+        residual is larger is halved."""
         x = self.x.copy()
         residual, matrix, force, memory = self.system(x, depth)
         for _ in range(limit):
             size = np.linalg.norm(residual[self.free])
             if size < 1e-6 * abs(force):
+                if memory[0] > 0.1 * self.punch.edge:
+                    break
                 self.x = x
                 penetration, self.slip, self.arc, self.touched = memory
                 return depth - penetration, force
@@ -237,10 +244,16 @@ def _sparse(values: np.ndarray, rows: np.ndarray, columns: np.ndarray, shape: tu
 
 def pressed(slope: Slope, kappa: float, punch: RigidPunch, friction: float, depths: np.ndarray, size: float = 0.03
             ) -> np.ndarray:
-    """(n, 2) depths near the increasing ones given, and forces, mu_0 H^2; an increment that fails is made in halves."""
+    """(n, 2) depths near the increasing ones given, and forces, mu_0 H^2; an increment that fails is made in halves.
+    RuntimeError where no equilibrium is found before FAR of the deepest; after it the path ends there."""
     layer, out, before = Layer(slope, kappa, punch, friction, size), [], 0.0
     for depth in depths:
-        out.append(_reached(layer, before, float(depth), 5))
+        try:
+            out.append(_reached(layer, before, float(depth), 5))
+        except RuntimeError:
+            if before < FAR * depths[-1]:
+                raise
+            break
         before = float(depth)
     return np.array(out)
 

@@ -42,8 +42,8 @@ def check_output_files(scene: AnyScene, files: OutputFiles, outs: Mapping[str, P
     if files.fields is not None and files.fields.suffix not in (".vtu", ".pvd"):
         raise ValueError(f"--fields {files.fields}: the file is a VTU file; give a name that ends in .vtu, or in .pvd "
                          "for a series of the press.")
-    if files.fields is not None and any(punch.tilt_rad for punch in scene.punches):
-        raise ValueError("--fields is built for upright punches; leave it out where tilt_deg is not 0.")
+    if files.fields is not None and not all(punch.axisymmetric for punch in scene.punches):
+        raise ValueError("--fields is built for upright punches with a profile; leave it out with tilt_deg or shape.")
     if files.fields is not None and files.fields.suffix == ".pvd":
         from eitsim.simulation.press_series import check_press
 

@@ -16,7 +16,7 @@ MODULI = ("card", "instantaneous", "longterm")
 
 @dataclass(frozen=True)
 class Punch:
-    """Rigid axisymmetric punch pressed along -z."""
+    """Rigid punch pressed along -z."""
 
     # axis in the plane of the disc, m
     x_m: float = 0.0
@@ -33,6 +33,9 @@ class Punch:
     # to which the axis leans, on whose side the edge stands lowest
     tilt_rad: float = 0.0
     tilt_direction_rad: float = 0.0
+    # file of a closed surface of triangles, mm, whose axis is z through its origin; profile, diameter and fillet are
+    # then about it, for the mesh and the start; empty: the profile is the punch
+    shape: str = ""
     friction: str = "none"  # one of FRICTIONS
     friction_coefficient: float = 0.0  # shear over pressure that it slips at; 0 unless by Coulomb's law
     conductor: bool = False  # whether the punch conducts and floats
@@ -41,6 +44,11 @@ class Punch:
     def __post_init__(self) -> None:
         if self.force_N is None and self.depth_m is None:
             object.__setattr__(self, "force_N", 1.0)
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether it is a body of revolution that stands upright."""
+        return self.tilt_rad == 0 and not self.shape
 
 
 @dataclass(frozen=True)
@@ -119,6 +127,10 @@ def check_punch(punch: Punch, thickness_m: float) -> None:
         raise ValueError("friction in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
     if punch.tilt_rad and punch.conductor:
         raise ValueError("conductor in [punch] is built for upright punches; leave it out where tilt_deg is not 0.")
+    for key, given in (("friction", punch.friction != "none"), ("conductor", punch.conductor)):
+        if punch.shape and given:
+            raise ValueError(f"{key} in [punch] is built for punches with a profile; leave it out where shape names a "
+                             "file.")
     by_coulomb = punch.friction == "coulomb"
     require(punch.friction_coefficient > 0 or not by_coulomb, "friction_coefficient in [punch]",
              "must be positive with friction = \"coulomb\"", punch.friction_coefficient)

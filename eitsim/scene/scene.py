@@ -138,7 +138,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
               "force_N": ("force_N", 1.0), "depth_mm": ("depth_m", 1e3), "profile": ("profile", None),
               "fillet_mm": ("fillet_m", 1e3), "half_angle_deg": ("half_angle_rad", 180 / math.pi),
               "tilt_deg": ("tilt_rad", 180 / math.pi), "tilt_direction_deg": ("tilt_direction_rad", 180 / math.pi),
-              "friction": ("friction", None), "friction_coefficient": ("friction_coefficient", 1.0),
+              "shape": ("shape", None), "friction": ("friction", None),
+              "friction_coefficient": ("friction_coefficient", 1.0),
               "conductor": ("conductor", None), "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
     "skin": {"kind": ("kind", None), "thickness_um": ("thickness_m", 1e6), "thickness_mm": ("thickness_m", 1e3),
              "strain": ("strain", None), "along": ("along", 1.0), "across": ("across", 1.0)},
@@ -249,6 +250,8 @@ def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
     for punch, table in zip(scene.punches, tables["punch"], strict=True):
         if punch.tilt_rad == 0:
             del table["tilt_deg"], table["tilt_direction_deg"]
+        if not punch.shape:
+            del table["shape"]
     skin, electrodes = tables["skin"], tables["electrodes"]
     del skin["thickness_um" if scene.skin.fills else "thickness_mm"]
     if scene.skin.strain != "piezoresistive":

@@ -14,6 +14,7 @@ from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
 from eitsim.scene.outline_edge import arc_at, arcs_of, edge_starts
 from eitsim.scene.outline_files import Corners, line_groups, outline_of_file
 from eitsim.scene.polygons import KINDS, Looped, Loops, turned
+from eitsim.scene.punch_files import with_shapes
 from touchcal.arrays import Array
 from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number
@@ -33,8 +34,9 @@ _NUMBERED = re.compile(r"(.*?)(\d+)")
 def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables of a scene, design or sensor file that need no other file from here on: matrices and pairs of [drive],
     the outline of [body], and the grid, the places, the groups of lines or the calibrated sensor of [electrodes]
-    written out. Names are relative to `folder`; ValueError names the key, InputFileError the file."""
-    tables = with_calibrated(with_matrices(raw, folder), folder)
+    written out, files of shapes in [punch] by their whole paths. Names are relative to `folder`; ValueError names the
+    key, InputFileError the file."""
+    tables = with_calibrated(with_shapes(with_matrices(raw, folder), folder), folder)
     if isinstance(body := tables.get("body"), Mapping):
         tables["body"] = _with_outline(body, tables.get("electrodes", {}), folder)
         if isinstance(own := tables.get("electrodes", {}), Mapping):

@@ -37,8 +37,7 @@ def read_triangles(path: Path, unit_m: float = 1e-3) -> TriangleMesh:
     """The triangles of a file, in lengths of `unit_m`, m; quadratic ones keep their curves. InputFileError where it
     holds none, other cells of a surface, flat triangles, or edges that three triangles share."""
     if not path.exists():
-        raise InputFileError(path, "no such file, which [body] names. Check the name, which is relative to the "
-                                   "file of the skin.")
+        raise InputFileError(path, "no such file. Check the name, which is relative to the file that names it.")
     try:
         mesh = read_mesh(path)
     except (ValueError, OSError) as error:

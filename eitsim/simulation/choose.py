@@ -182,7 +182,7 @@ def _way(case: Case) -> Way:
         return Way(case, AXISYMMETRIC, layer_problem(case), cost_s=0.3)
     ways = [Way(case, route, answer) if isinstance(answer, Choice) else Way(case, route, cost_s=answer)
             for route in known_routes.ROUTES if (case.exact or not route.for_exact) and (
-                route.leaning or not any(punch.tilt_rad for punch in case.punches)) and not (
+                route.leaning or all(punch.axisymmetric for punch in case.punches)) and not (
                 route.locking and case.keeps_volume)
             if (answer := route.serves(case)) is not NOT_MEANT]
     fine = [way for way in ways if way.route.leaves_out(case) <= case.allowed]
@@ -210,7 +210,7 @@ def layer_problem(case: Case) -> Choice | None:
     thickness_m = case.scene.body.thickness_m
     if len(case.touches) > 1:
         return Choice(Why.LAYER_TOGETHER)
-    if case.punch.tilt_rad:
+    if not case.punch.axisymmetric:
         return Choice(Why.LAYER_TILT)
     return Choice(Why.LAYER_EDGE, {"gap_m": case.gap_m, "thickness_m": thickness_m}) if (
         case.gap_m < thickness_m) else None

@@ -83,8 +83,9 @@ def shape_for(scene: Scene, law: Law, diameters_m: list[float], spans: bool) -> 
         if punch.friction != "none":
             raise ValueError(f"friction = \"{punch.friction}\" in [punch]: load paths are stored for punches without "
                              "friction only.")
-        if punch.tilt_rad:
-            raise ValueError("tilt_deg in [punch]: load paths are stored for upright punches only.")
+        if not punch.axisymmetric:
+            raise ValueError("tilt_deg and shape in [punch]: load paths are stored for upright punches with a profile "
+                             "only.")
         if not profile_of(punch).is_flat:
             raise ValueError(f"profile = \"{punch.profile}\" in [punch]: load paths are stored for flat "
                              "punches only.")

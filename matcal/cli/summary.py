@@ -145,6 +145,8 @@ def _quality(card: MaterialCard) -> Iterator[tables.Printed]:
         yield tables.errors(card)
     if any("stiffness_factor" in row for row in fitted.values()):
         yield tables.replicates(card)
+    if "next_specimen" in card.fit:
+        yield tables.next_specimen(card)
     if card.fit.get("cross_prediction"):
         yield tables.cross(card)
         if len({row["kind"] for row in fitted.values()}) < len(fitted):

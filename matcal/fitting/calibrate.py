@@ -12,6 +12,7 @@ from matcal.fitting.fitters import Fitter, fitter_of
 from matcal.fitting.hyperfoam.cross_prediction import Predicted, predictions, unstable_within
 from matcal.fitting.hyperfoam.curves import Curve, weigh, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import NEARLY, Fit
+from matcal.fitting.hyperfoam.next_specimen import NextSpecimen, next_specimens
 from matcal.fitting.hyperfoam.record_stability import DataCheck, check_data, check_sentences
 from matcal.fitting.hyperfoam.specimen_factors import factor_sentences, replicated, with_factors
 from matcal.fitting.law_choice import LawChoice, chosen_law
@@ -60,6 +61,7 @@ class FittedLaws:
     softening: SofteningFit | None = None  # by earlier loading; None where no test has a whole path
     spectrum: SpectrumFit | None = None  # relaxation of a dynamic test or a creep; None without one
     choice: LawChoice | None = None  # how `law` auto chose the law; None where it was given
+    next_specimens: tuple[NextSpecimen, ...] = ()  # of every kind with replicates
 
     @property
     def series(self) -> Series | None:
@@ -107,7 +109,7 @@ def calibrate(experiments: Sequence[Experiment], options: FitOptions | None = No
     spent = {"prony": series_s, "hyperfoam": law_s, "conductivity": total - series_s - law_s, "all": total}
     both = two_nu(law, series) if law else None
     return FittedLaws(tuple(experiments), law, uncertainty, prony, skin, stages, spent, kept_out, data, both,
-                      softening, spectrum, choice)
+                      softening, spectrum, choice, next_specimens(law.curves, law.law) if law else ())
 
 
 def _spectrum(found: Sequence[Experiment], relaxing: Sequence[Experiment], options: FitOptions) -> SpectrumFit | None:

@@ -14,7 +14,9 @@ from matcal.fitting.conductivity_fit import ConductivityFit
 from matcal.fitting.conductivity_laws import numbers_of
 from matcal.fitting.hyperfoam.curves import Curve, of_mean_foam
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, relative_rms
+from matcal.fitting.hyperfoam.next_specimen import of_modulus
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
+from matcal.fitting.hyperfoam.specimen_factors import specimens
 from matcal.fitting.law_choice import LawChoice
 from matcal.fitting.relaxation.relaxation_fit import PronyFit
 from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
@@ -56,6 +58,7 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         if not found.uncertainty.ridges:  # about a fitted nu nothing is linear
             out |= {"covariance": found.uncertainty.covariance,
                     "neighbours": [values_of(law) for law in found.uncertainty.neighbours]}
+        out |= _specimen_part(found, out)
         out |= _choice_part(found.choice) if found.choice else {}
         out |= _law_part(found.fit) | _comparison_part(found)
     if found.prony:
@@ -69,6 +72,21 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
     if found.conductivity:
         out["conductivity"] = _skin_part(found.conductivity)
     return out
+
+
+def _specimen_part(found: FittedLaws, tests: dict[str, Any]) -> dict[str, Any]:
+    """Quantity -> its value, ends of the interval of the mean and of the next specimen; every replicate in `tests`
+    gets the share of it that the others hold."""
+    assert found.fit is not None
+    assert found.uncertainty is not None
+    if not found.next_specimens:
+        return {}
+    for one in found.next_specimens:
+        for label, share in one.held.items():
+            tests[label]["held_by_others"] = share
+    mu_0, reach = found.uncertainty.derived["mu_0_Pa"], specimens(found.fit.curves, found.fit.law).reach
+    rows = {"mu_0_Pa": of_modulus(mu_0.value, mu_0.lo, mu_0.hi, reach)}
+    return {"next_specimen": rows | {n: row for one in found.next_specimens for n, row in one.rows().items()}}
 
 
 def _choice_part(choice: LawChoice) -> dict[str, Any]:

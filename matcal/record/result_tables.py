@@ -49,6 +49,10 @@ def derived(card: MaterialCard) -> Printed:
         sampled = [_posterior(drawn.get(name))] if drawn else []
         rows.append([name, value, interval if name in linear else "-", *sampled,
                      MEANING.get(name, "") + (OPEN if name in left else "")])
+    if (further := card.fit.get("next_specimen", {}).get("mu_0_Pa")) and "mu_0_new_specimen_Pa" not in drawn:
+        value, interval = within(further["value"], further["next_lo"], further["next_hi"])
+        rows.append(["mu_0_new_specimen_Pa", value, interval, *(["-"] if drawn else []),
+                     MEANING["mu_0_new_specimen_Pa"]])
     head = ["quantity", "value", "95 % interval", *(["95 % posterior"] if drawn else []), "what it is"]
     title = f"Results: {card.law.moduli} moduli" if card.law else "Results"
     return Printed(title.replace("longterm", "long-term"), head, rows, "<>>" + (">" if drawn else "") + "w",
@@ -218,11 +222,22 @@ def cross(card: MaterialCard) -> Printed:
 
 
 def replicates(card: MaterialCard) -> Printed:
-    """How each specimen differs from the mean of its kind."""
+    """How each specimen differs from the mean of its kind, and whether the others would have expected it."""
     rows = [[label, row["kind"], significant(row["stiffness_factor"]), percent(row["stiffness_factor_sd"], 2),
-             percent(row["shape_scatter"], 2)] for label, row in tests(card).items() if "stiffness_factor" in row]
-    return Printed("Specimens", ["test", "kind", "value over mean", "scatter", "shape scatter"], rows, "<<>>>",
-                   ("Scatter is the standard deviation of the factors of a kind; shape scatter what they leave.",))
+             percent(row["shape_scatter"], 2), percent(row["held_by_others"], 2) if "held_by_others" in row else "-"]
+            for label, row in tests(card).items() if "stiffness_factor" in row]
+    return Printed("Specimens", ["test", "kind", "value over mean", "scatter", "shape scatter", "held by the others"],
+                   rows, "<<>>>>", (
+                       "Scatter is the standard deviation of the factors of a kind; shape scatter what they leave.",
+                       "Held by the others: the share of a specimen within the interval of the next one after them."))
+
+
+def next_specimen(card: MaterialCard) -> Printed:
+    """Intervals of the mean of all specimens, and of the next one."""
+    rows = [[name, *within(row["value"], row["lo"], row["hi"]), within(row["value"], row["next_lo"], row["next_hi"])[1]]
+            for name, row in card.fit["next_specimen"].items()]
+    return Printed("Next specimen (Pa)", ["quantity", "mean", "95 % of the mean", "95 % of the next"], rows, "<>>>",
+                   ("ln stress is taken as normal over specimens.",))
 
 
 def predicted(card: MaterialCard) -> Printed:

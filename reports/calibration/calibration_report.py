@@ -179,6 +179,7 @@ def _tables(record: Record, absent: dict[str, str]) -> dict[str, Table]:
         "data_stability": (tables_of.data_stability, fit.get("data_stability")),
         "without_stability": (tables_of.stability_cost, fit.get("without_stability")),
         "replicates": (tables_of.replicates, any("stiffness_factor" in row for row in tests(card).values())),
+        "next_specimen": (tables_of.next_specimen, fit.get("next_specimen")),
         "series_orders": (tables_of.series_orders, len(fit.get("prony", {}).get("orders", ())) > 1),
         "orders": (tables_of.orders, foam and fit.get("orders")),
         "unstable": (tables_of.stability, card.stability),

@@ -169,6 +169,15 @@ def replicates(card: MaterialCard) -> Table:
         f"deviation of the factors), and {percent(worst['shape_scatter'])} more in shape."))
 
 
+def next_specimen(card: MaterialCard) -> Table:
+    """Intervals of the mean of all specimens, and of the next one."""
+    held = [row["held_by_others"] for row in tests(card).values() if "held_by_others" in row]
+    caption = "The next specimen, Pa: ln stress is taken as normal over specimens."
+    if held:
+        caption += f" The intervals of the others hold {percent(sum(held) / len(held))} of a specimen that is left out."
+    return printed(result_tables.next_specimen(card), caption)
+
+
 def predicted(card: MaterialCard) -> Table:
     """Errors on the tests that were kept out of the fit."""
     worst = max(card.fit["predicted"], key=lambda row: row["relative_rms"]["combined"])

@@ -1,17 +1,25 @@
 """A rigid punch of any shape, by its signed distance on a grid between which cubic splines run: smooth for Newton."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import NdBSpline, make_interp_spline
 
-from eitsim.scene.surfaces.curved_surface import CurvedSurface
+from eitsim.scene.punch_files import punch_surface
+from eitsim.scene.scene import Punch
+from eitsim.scene.surfaces.solid import Solid
+from eitsim.scene.surfaces.triangle_surface import TriangleSurface
 from touchcal.arrays import Array
 
 # Points of the grid over the radius, how far it goes outside the punch's radius and below its lowest point, over that
 # radius, and how many distances are found together.
 _POINTS, _OUTSIDE, _BELOW, _TOGETHER = 24, 1.15, 0.3, 20_000
+# Longest side of the triangles whose distances are found, over that radius, and how far up the punch is seen, over the
+# layer's thickness.
+_SIDE, _SEEN = 1 / 12, 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +32,17 @@ class PunchShape:
     def scaled(self, unit: float) -> "PunchShape":
         """The same, lengths over a unit."""
         return PunchShape((self.lines[0] / unit, self.lines[1] / unit, self.lines[2] / unit), self.inside / unit)
+
+    @property
+    def coarser(self) -> "PunchShape":
+        """On every second line of the grid, by which the error of the grid is seen."""
+        x, y, z = self.lines
+        return PunchShape((x[::2], y[::2], z[::2]), self.inside[::2, ::2, ::2])
+
+    @property
+    def height(self) -> float:
+        """How far up over its lowest point it is known."""
+        return float(self.lines[2][-1])
 
     @cached_property
     def _spline(self) -> NdBSpline:
@@ -53,22 +72,31 @@ class PunchShape:
         return np.clip(points, low, high)
 
 
-def punch_shape(surface: CurvedSurface, radius_m: float, height_m: float) -> PunchShape:
+def shapes_of(punches: Sequence[Punch], thickness_m: float) -> list[PunchShape | None]:
+    """The shapes that the punches' files hold, up to where a layer of a thickness, m, can reach; None of those with a
+    profile."""
+    return [_kept(punch.shape, Path(punch.shape).stat().st_mtime_ns, punch.diameter_m / 2, _SEEN * thickness_m)
+            if punch.shape else None for punch in punches]
+
+
+@lru_cache(maxsize=8)
+def _kept(file: str, stamp: int, radius_m: float, height_m: float) -> PunchShape:
+    surface = punch_surface(Path(file))
+    height = surface.nodes_m[:, 2] - surface.nodes_m[:, 2].min()
+    widest = float(np.hypot(*surface.nodes_m[height <= height_m / _SEEN, :2].T).max())
+    if widest > radius_m * (1 + 1e-5):
+        raise ValueError(f"diameter_mm in [punch]: the part of {Path(file).name} that can touch is {2e3 * widest:.4g} "
+                         f"mm wide about its axis, and the punch {2e3 * radius_m:.4g} mm; give that diameter.")
+    return punch_shape(surface, radius_m, min(height_m, float(height.max())))
+
+
+def punch_shape(surface: TriangleSurface, radius_m: float, height_m: float) -> PunchShape:
     """The shape of a closed surface whose axis is z through the origin, m, up to a height over its lowest point; what
     is sharper than its grid, a twenty-fourth of the radius, is rounded."""
     across = np.linspace(-_OUTSIDE * radius_m, _OUTSIDE * radius_m, int(2 * _OUTSIDE * _POINTS) + 1)
     up = np.linspace(-_BELOW * radius_m, height_m, int((_BELOW + height_m / radius_m) * _POINTS) + 1)
     points = np.stack(np.meshgrid(across, across, up, indexing="ij"), axis=-1)
-    lowest = _lowest(surface, radius_m)
+    lowest, solid = float(surface.nodes_m[:, 2].min()), Solid(surface, _SIDE * radius_m)
     flat = points.reshape(-1, 3) + np.array([0.0, 0.0, lowest])
-    parts = []
-    for start in range(0, len(flat), _TOGETHER):
-        some = flat[start:start + _TOGETHER]
-        at, normal = surface.nearest(some)
-        parts.append(-np.sign(np.sum((some - at) * normal, axis=1)) * np.linalg.norm(some - at, axis=1))
+    parts = [solid.distance(flat[start:start + _TOGETHER]) for start in range(0, len(flat), _TOGETHER)]
     return PunchShape((across, across, up), np.concatenate(parts).reshape(points.shape[:3]))
-
-
-def _lowest(surface: CurvedSurface, radius_m: float) -> float:
-    """Height of the surface's lowest place near the axis: that nearest to a place far below."""
-    return float(surface.nearest(np.array([[0.0, 0.0, -1e3 * radius_m]]))[0][0, 2])

@@ -90,7 +90,8 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     """Equilibrium of a layer, its bottom fixed and its sides free or bonded, with what is bonded to it, under rigid
     punches; flat or laid into space, then with the body's edge and the punches' x and y by coordinates of the layout.
     A punch that rubs holds the layer where it does so alone (`layer.grips`). Shapes (punches,), m, stand in place of
-    the punches' profiles, which then are about what they are, for the start and the mesh. Where the signals' errors
+    the punches' profiles, which then are about what they are, for the start and the mesh; on the coarser mesh on every
+    second line of their grids. Where there are none and the signals' errors
     exceed those requested (3,), by scene.STRAINS, for the mesh's sake, it is solved on the FINE level as well, unless
     that would take more than _MOST_S or finds no equilibrium.
 
@@ -98,24 +99,28 @@ def solve_general(law: Law, body: Body, punches: Sequence[Punch], *, level: Leve
     """
     started, lone = cpu_s(), lone_touches(law, body, punches, layout)
 
-    def on(each: Level) -> LayerProblem:
-        return problem(law, body, punches, lone, each, bonded, bodies, layout, shapes)
+    def on(each: Level, seen: Sequence[PunchShape | None] = shapes) -> LayerProblem:
+        return problem(law, body, punches, lone, each, bonded, bodies, layout, seen)
 
     def better(model: LayerProblem, than: Corrected | None, each: Level) -> Corrected:
         return corrected(equilibrium(model, lone, body.thickness_m, than and than.solved), lone, each)
 
-    first, model = on(coarser), on(level)
+    first, model = on(coarser, [shape and shape.coarser for shape in shapes]), on(level)
     with bounded(_FACTORISATIONS, model.mesh.unknowns):
         rough = better(first, None, coarser)
         fine = better(model, rough, level)
     errors = _errors(rough, fine, punches, lone)
     finest = replace(FINE, reach=max(FINE.reach, level.reach))
-    if requested is not None and errors.missed(requested) and (
+    if requested is not None and not any(shapes) and errors.missed(requested) and (
             predicted_cpu_s([model := on(finest)], [finest], lone) < _MOST_S):
         with suppress(NotConverged), bounded(_FACTORISATIONS // 2, model.mesh.unknowns):
             rough, fine = fine, better(model, fine, finest)
             errors = _errors(rough, fine, punches, lone, finest.element / level.element)
     spent = cpu_s() - started
+    for k, shape in enumerate(shapes):
+        if shape is not None and fine.depths[k] * body.thickness_m > shape.height:
+            raise NotConverged(f"punch {k} (from 0) sinks in as a whole: its shape is {1e3 * shape.height:.3g} mm "
+                               "high.")
     touches = [replace(touch_about(k, fine, rough, law, body), signal_errors=errors.signals, depth_error=float(error),
                        strain_errors=errors.strains, cpu_s=spent / len(punches),
                        slip_fraction=None if one.rubbed is None else one.rubbed.slip_fraction)

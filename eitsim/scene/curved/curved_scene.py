@@ -13,6 +13,7 @@ from eitsim.scene.curved.curved_body import CurvedBody, curved_body
 from eitsim.scene.curved_skin import CurvedSkin, drive_of, electrodes_of
 from eitsim.scene.drive import Drive, with_matrices
 from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.punch_files import with_shapes
 from eitsim.scene.scene import Accuracy, Hold, Punch, Scene, Skin, read_scene, scene_from, scene_tables
 from eitsim.scene.scene_limits import require
 from touchcal.arrays import Array
@@ -91,6 +92,7 @@ def read_any_scene(path: Path | str) -> AnyScene:
 def curved_scene(raw: Mapping[str, Any], folder: Path) -> CurvedScene:
     """A checked scene from the tables of its file, file names relative to a folder; ValueError names the key."""
     check_keys(raw, _TABLES)
+    raw = with_shapes(raw, folder)
     body = curved_body(raw["body"], folder)
     touches = raw.get("punch", {})
     touches = touches if isinstance(touches, list) else [touches]

@@ -133,8 +133,8 @@ def _problem(scene: Scene) -> str:
     if scene.channels.there:
         return "calibrated channels; give [electrodes] without calibrated, or leave out [channels]."
     for punch in scene.punches:
-        if punch.tilt_rad:
-            return "a leaning punch; leave out tilt_deg in [punch]."
+        if not punch.axisymmetric:
+            return "a punch that leans or has a shape; leave out tilt_deg and shape in [punch]."
         if punch.friction != "none":
             return f"friction = \"{punch.friction}\" in [punch], where the touch depends on its way; leave it out."
         if punch.conductor:

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from eitsim.mechanics.contact.punch_shape import shapes_of
 from eitsim.mechanics.general.meshing.bodies import bodies_of
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, LEAST_GAP, ROUGH
 from eitsim.mechanics.general.solve_general import SIGNAL_FLOOR, solve_general
@@ -64,6 +65,7 @@ class General(Route):
         least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
         bodies = bodies_of(body, case.scene.electrodes, places, least)
         touches = solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies,
+                                shapes=shapes_of(case.punches, body.thickness_m),
                                 requested=None if case.exact else self._requested(case)).touches
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from eitsim.mechanics.axisymmetric.hold import relaxed, solve_hold
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.contact.punch_shape import shapes_of
 from eitsim.mechanics.curved.solve_on_surface import solve_on_surface
 from eitsim.mechanics.general.meshing.levels import COARSE, FINE, ROUGH
 from eitsim.scene.curved.curved_scene import CurvedScene
@@ -53,7 +54,7 @@ def pressed(scene: CurvedScene, law: Law, punches: Sequence[Punch], exact: bool 
     punch overhangs an edge or another one."""
     level, coarser = (FINE, COARSE) if exact else (COARSE, ROUGH)
     solved = solve_on_surface(law, scene.body.surface, scene.body.thickness_m, punches, scene.places_m, level=level,
-                              coarser=coarser)
+                              coarser=coarser, shapes=shapes_of(punches, scene.body.thickness_m))
     return Pressed(solved.touches, solved.field)
 
 
@@ -70,4 +71,4 @@ def alone_on_flat(scene: CurvedScene, material: Material) -> tuple[Touch, ...]:
 
 
 def _upright(punch: Punch) -> Punch:
-    return replace(punch, x_m=0.0, y_m=0.0, tilt_rad=0.0)
+    return replace(punch, x_m=0.0, y_m=0.0, tilt_rad=0.0, shape="")

@@ -9,6 +9,7 @@ from typing import Any
 from eitsim.electrics.forward.gridded_fields import StoredFields, check_on_skin, check_one_grid, fields_from
 from eitsim.scene.curved.curved_scene import AnyScene, any_scene, is_curved
 from eitsim.scene.drive import with_matrices
+from eitsim.scene.punch_files import with_shapes
 from eitsim.scene.scene import Scene, scene_keys
 from eitsim.scene.scene_files import with_files
 from eitsim.sweeps.design import nested_design
@@ -73,7 +74,7 @@ def read_design(path: Path | str, scenes: int | None = None) -> Design:
 def _with_surface(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables of a design on a curved body, matrices of [drive] written out and a file of triangles by its whole
     path."""
-    tables, surface = with_matrices(raw, folder), str(raw["body"]["surface"])
+    tables, surface = with_shapes(with_matrices(raw, folder), folder), str(raw["body"]["surface"])
     whole = str((folder / surface).resolve()) if Path(surface).suffix else surface
     return {**tables, "body": {**tables["body"], "surface": whole}}
 

@@ -52,8 +52,8 @@ def moved_shape(design: Design, cards: Cards) -> MovedShape:
                          "surfaces differ from place to place.")
     if foam_varies(cards):
         raise ValueError("[material] draws a law for each row, and a table holds one.")
-    if first.hold.time_s or punch.tilt_rad:
-        raise ValueError("touches that are held in time or lean are not moved.")
+    if first.hold.time_s or not punch.axisymmetric:
+        raise ValueError("touches that are held in time or lean, or of a punch with a shape, are not moved.")
     if wrong := [where for where in drawn_keys(design) if where not in _SERVED]:
         raise ValueError(f"{wrong[0][1]} in [{wrong[0][0]}] is drawn, and a table of touches holds one value of it.")
     ends = {v.key: v.distribution for v in varied_keys(design) if v.table == "punch"}

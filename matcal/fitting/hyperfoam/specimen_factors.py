@@ -38,7 +38,7 @@ def specimens(curves: Sequence[Curve], law: Law) -> Specimens:
     ends = np.cumsum([c.experiment.value.size for c in curves])
     model = weighted_model(curves, law)
     stating = [k for k, c in enumerate(curves) if c.experiment.deviation is not None]
-    groups = _replicates(curves)
+    groups = replicates(curves)
     repeated = [c.label for group in groups for c in group]
     free = [k for k in range(len(curves)) if k not in stating] if repeated else []
     factor, stated = np.zeros((model.size, len(free))), np.zeros((model.size, len(stating)))
@@ -55,7 +55,7 @@ def specimens(curves: Sequence[Curve], law: Law) -> Specimens:
 def with_factors(curves: Sequence[Curve], law: Law) -> tuple[Curve, ...]:
     """Replicates with the factor by which each is stiffer than the mean foam of `law`, geometric mean 1."""
     found: dict[str, float] = {}
-    for group in _replicates(curves):
+    for group in replicates(curves):
         ln_s = np.array([_ln_factor(curve, law) for curve in group])
         found |= {curve.label: float(np.exp(s)) for curve, s in zip(group, ln_s - ln_s.mean(), strict=True)}
     return tuple(replace(c, factor=found.get(c.label, 1.0)) for c in curves)
@@ -63,12 +63,12 @@ def with_factors(curves: Sequence[Curve], law: Law) -> tuple[Curve, ...]:
 
 def replicated(curves: Sequence[Curve]) -> bool:
     """Whether any kind was tested twice over the same strains."""
-    return bool(_replicates(curves))
+    return bool(replicates(curves))
 
 
 def factor_sentences(curves: Sequence[Curve]) -> list[str]:
     """The factors of replicates, one sentence."""
-    groups = _replicates(curves)
+    groups = replicates(curves)
     named = ", ".join(f"{c.label} {c.factor:.4g}" for group in groups for c in group)
     said = [f"Stiffness of each specimen over that of the mean foam (geometric mean 1): {named}; orders are compared "
             "and residuals judged with these factors."] if named else []
@@ -96,19 +96,23 @@ def _ln_factor(curve: Curve, law: Law) -> float:
 
 
 def _reach(groups: Sequence[Sequence[Curve]], law: Law) -> float:
-    """Half the 95 % interval of ln s = omega z, omega being as likely as its prior and the replicates' factors make it:
-    Student's law with a prior."""
-    spare = sum(len(group) - 1 for group in groups)
+    """Half the 95 % interval of a single ln s, by the factors of all replicates."""
+    squares = sum(float(np.var([_ln_factor(c, law) for c in group])) * len(group) for group in groups)
+    return reach(squares, sum(len(group) - 1 for group in groups))
+
+
+def reach(squares: float, spare: int) -> float:
+    """Half the 95 % interval of omega z, z standard normal, omega being as likely as its prior and the squares about
+    the mean of `spare` + 1 such numbers make it: Student's law with a prior; 0 for none to spare."""
     if not spare:
         return 0.0
-    squares = sum(float(np.var([_ln_factor(c, law) for c in group])) * len(group) for group in groups)
     omega = np.geomspace(1e-6, 2.0, 600)
     log = (1 - spare) * np.log(omega) - squares / (2 * omega**2) - omega**2 / (2 * PRIOR_OMEGA**2)
     weight = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
     return float(root_scalar(lambda q: float(weight @ ndtr(q / omega)) - 0.975, bracket=(0.0, 10.0)).root)
 
 
-def _replicates(curves: Sequence[Curve]) -> list[list[Curve]]:
+def replicates(curves: Sequence[Curve]) -> list[list[Curve]]:
     """Curves without a stated deviation that share their kind and most of their strains with others, by groups."""
     groups: list[list[Curve]] = []
     for curve in (c for c in curves if c.experiment.deviation is None):

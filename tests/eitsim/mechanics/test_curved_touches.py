@@ -10,23 +10,19 @@ from eitsim.mechanics.axisymmetric.solve_axisymmetric import (
     at_depth,
     force_unit,
     mesh_hierarchy,
-    solve_touch,
     under_force,
 )
-from eitsim.mechanics.contact.punch_shape import PunchShape, punch_shape
 from eitsim.mechanics.curved.solve_on_surface import CurvedSolution, solve_on_surface, unfit
 from eitsim.mechanics.general.meshing.levels import ROUGH, Level
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.mechanics.solid.cap_grid import on_cap
 from eitsim.mechanics.solid.grid import tensor_grid
-from eitsim.scene.curved.triangulated import sphere_triangles
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.scene import Body, Punch, profile_of
 from eitsim.scene.surfaces.curved_surface import CurvedSurface
 from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
-from eitsim.scene.surfaces.triangle_surface import triangle_surface
 from matcal.laws.neo_hooke import NeoHooke
 
 LAW = NeoHooke(1e4, 0.25)
@@ -148,34 +144,6 @@ def test_bodies_that_are_too_small_are_refused() -> None:
         _pressed(Sphere(0.0105), [0, 0, 1])
     with pytest.raises(ValueError, match="do not fit"):
         _pressed(Cylinder(0.0115, 0.1), [0, 0, 1])
-
-
-def _ball_shape() -> PunchShape:
-    """The punch BALL by its triangles."""
-    ball = sphere_triangles(Sphere(0.01), 0.01)
-    lifted = replace(ball, nodes_m=ball.nodes_m + np.array([0, 0, 0.013]))
-    return punch_shape(triangle_surface(lifted), 0.01, 0.006)
-
-
-def test_a_shape_is_the_distance_to_its_triangles() -> None:
-    rng, shape = np.random.default_rng(0), _ball_shape()
-    points = np.column_stack([rng.uniform(-0.007, 0.007, (500, 2)), rng.uniform(-1e-3, 5e-3, 500)])
-    away = points - np.array([0, 0, 0.01])
-    exact = 0.01 - np.linalg.norm(away, axis=1)
-    points, away, exact = (part[np.abs(exact) < 2e-3] for part in (points, away, exact))
-    assert shape.penetration(points) == pytest.approx(exact, abs=2e-6)
-    slope, bend = shape.derivatives(points)
-    assert slope == pytest.approx(-away / np.linalg.norm(away, axis=1, keepdims=True), abs=5e-3)
-    assert np.trace(bend, axis1=1, axis2=2) * 0.01 == pytest.approx(-2 * 0.01 / (0.01 - exact), abs=0.2)
-
-
-@pytest.mark.slow
-def test_a_ball_of_triangles_presses_as_the_profile_does() -> None:
-    body = Body(Disc(0.1))
-    (touch,) = solve_general(LAW, body, [BALL], level=ROUGH, coarser=ROUGHER, shapes=[_ball_shape()]).touches
-    exact = solve_touch(LAW, body, BALL)
-    assert touch.force_N == pytest.approx(exact.force_N, rel=2e-3)
-    assert touch.contact_area_m2 == pytest.approx(exact.contact_area_m2, rel=0.01)
 
 
 def test_a_refusal_names_punches_by_their_numbers_among_all() -> None:

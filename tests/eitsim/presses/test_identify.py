@@ -72,7 +72,7 @@ def test_unloading_is_left_out_and_presses_are_told_apart(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_a_hidden_foam_is_found_from_two_punches() -> None:
-    """Pressed by another program; its own mesh is 1 to 2 % too stiff."""
+    """Pressed by another program."""
     presses = [one for name in ("flat", "sphere")
                for one in eitsim.read_presses(EXAMPLES / f"press_{name}.csv", eitsim.punch_of(f"{name} 14"))]
     found = eitsim.identify(presses, eitsim.PressSetup(0.01), matcal.read_card(EXAMPLES / "foam_start.json"))

@@ -97,6 +97,9 @@ def test_replicates_predictions_and_stability_are_told(cards: dict[str, Path], r
     assert all(percent(share, 3) in text for share in free.values())
     assert percent(card["fit"]["uniaxial_1"]["stiffness_factor_sd"]) in text
     assert "violated by the record itself" in text
+    further = card["fit"]["next_specimen"]["mu_0_Pa"]
+    assert further["next_lo"] < further["lo"] < further["value"] < further["hi"] < further["next_hi"]
+    assert "The next specimen, Pa" in text
     drawn = pd.read_csv(cards["replicates"].with_name("card_files") / "predicted_1.csv")
     measured, error = drawn["stress_Pa"], drawn["stress_Pa"] - drawn["predicted_stress_Pa"]
     share = np.sqrt((error**2).mean() / (measured**2).mean())
