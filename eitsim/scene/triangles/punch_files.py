@@ -27,8 +27,10 @@ def with_shapes(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _with_shape(touch: Any, raw: Mapping[str, Any], folder: Path) -> Any:
-    if not isinstance(touch, Mapping) or not isinstance(touch.get("shape"), str) or not touch["shape"]:
+    if not isinstance(touch, Mapping) or "shape" not in touch:
         return touch
+    if not isinstance(touch["shape"], str) or not touch["shape"]:
+        raise ValueError(f"shape in [punch] must name one file of triangles, got {touch['shape']!r:.80}.")
     path = (folder / touch["shape"]).resolve()
     about = _about(path, _thickness_mm(raw))
     for key, value in about.items():

@@ -96,7 +96,7 @@ def test_what_is_no_punch_is_refused_with_what_to_do(tmp_path: Path) -> None:
     good = box(tmp_path / "good.stl", (-4, -3, 0), (4, 3, 5))
     for keys, words in (({"friction": "stick"}, "friction in .punch.* leave it out where shape"),
                         ({"diameter_mm": 3.0}, "diameter_mm in .punch. has no effect with shape"),
-                        ({"tilt_deg": 3.0, "conductor": 1}, "conductor")):
+                        ({"tilt_deg": 3.0, "conductor": 1}, "conductor"), ({"shape": 3}, "must name one file")):
         with pytest.raises(InputFileError, match=words):
             eitsim.read_scene(scene_file(good, **keys))
     mesh = read_mesh(good)
