@@ -23,7 +23,7 @@ from eitsim.scene.curved_skin import ConductancePatch, CurvedSkin
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.polygons import circle
-from eitsim.scene.triangle_files import TriangleMesh
+from eitsim.scene.triangles.triangle_files import TriangleMesh
 from touchcal.arrays import Array
 
 S = 6e-4  # Sheet conductance, S.

@@ -1,13 +1,13 @@
 """How well few labelled presses teach: ours, with the sensor file and without it ("no sensor": no prior from physics),
 next to kernel ridge regression, linear ridge and a Gaussian process.
 
-Usage: python benchmarks/few_labels.py [labels ...]. Reads the recordings in ../shared/real, which others measured, and
-stops where they are not there. Adds to results/few_labels.csv the rows that it lacks, one a skin, number of labels and
-method as each is done. Labels are presses drawn at random from the first four fifths in time; the last fifth tests.
-error_mm is the mean over `draws` of the mean distance, worst_mm the largest; x_in_90 and y_in_90 the mean part of the
-tested presses that the 90 % intervals hold, least_in_90 the least of both in any draw (kernel ridge has none); flagged
-the part of the tested presses with a flag. Draws that a method refuses, since held-out presses are read no better than
-by their mean, are counted in `refused` and in nothing else.
+Usage: python benchmarks/few_labels.py [labels ...] [methods ...]. Reads the recordings in ../shared/real, which others
+measured, and stops where they are not there. Adds to results/few_labels.csv the rows that it lacks, one a skin, number
+of labels and method as each is done. Labels are presses drawn at random from the first four fifths in time; the last
+fifth tests. error_mm is the mean over `draws` of the mean distance, worst_mm the largest; x_in_90 and y_in_90 the mean
+part of the tested presses that the 90 % intervals hold, least_in_90 the least of both in any draw (kernel ridge has
+none); flagged the part of the tested presses with a flag. Draws that a method refuses, since held-out presses are read
+no better than by their mean, are counted in `refused` and in nothing else.
 """
 
 import sys
@@ -92,7 +92,7 @@ def rows(skin: str, labels: int, method: str) -> list[dict[str, object]]:
     return out
 
 
-def main(labels: Sequence[int]) -> None:
+def main(labels: Sequence[int], methods: Sequence[str]) -> None:
     if not REAL.is_dir():
         print(f"{REAL} is not there; nothing is measured.")
         return
@@ -100,7 +100,7 @@ def main(labels: Sequence[int]) -> None:
     done = {*zip(table["skin"], table["labels"], table["method"], strict=True)} if len(table) else set()
     for count in labels:
         for skin in SKINS:
-            for method in METHODS:
+            for method in methods:
                 if (skin, count, method) not in done:
                     one = pd.DataFrame(rows(skin, count, method))
                     shown(one)
@@ -108,4 +108,5 @@ def main(labels: Sequence[int]) -> None:
 
 
 if __name__ == "__main__":
-    main([int(one) for one in sys.argv[1:]] or LABELS)
+    asked = sys.argv[1:]
+    main([int(one) for one in asked if one.isdigit()] or LABELS, [one for one in asked if not one.isdigit()] or METHODS)

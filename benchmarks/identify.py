@@ -25,7 +25,7 @@ from matcal.laws.law import Law
 NAME = "identify"
 KAPPA = 1000.0  # of rubbers, over mu_0
 THICKNESS_M, FILLET_M = 0.01, 0.0005
-SIZE = 0.025  # of the peer's elements, over the thickness; 0.05 leaves up to 12 % in force with friction
+SIZE = 0.025  # of the peer's elements, over the thickness
 SETUP = PressSetup(THICKNESS_M)
 # Where fits start: never the hidden law, for rubbers not even its kind.
 STARTS = {"foam": law_of("hyperfoam", [[8e3, 2e3], [8.0, -2.0], [0.0, 0.0]]),

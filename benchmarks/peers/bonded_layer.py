@@ -5,6 +5,10 @@ W(F) + p (J - 1) - p^2/(2 kappa); stresses from derivatives by principal stretch
 contact by a penalty at Gauss points of the top, friction by an elastic slip that returns to Coulomb's cone each
 increment, its tangent not symmetric; the depth is prescribed. A flat punch is a plane with a rounded edge, a sphere a
 sphere. Lengths in thicknesses, stresses in mu_0.
+
+Measured once under a flat punch on a foam and a rubber, elements of 0.025 against 0.0125: at most 0.1 % in force
+without friction, 0.35 % with it; against eitsim's finest mesh 0.1 and 0.6 %, but 0.9 % at a depth of 0.03 with
+friction, where this program's increments count for 0.3 %.
 """
 
 from collections.abc import Callable

@@ -12,7 +12,7 @@ from typing import Any
 from eitsim.scene.drive import MATRICES, Drive, as_tuples, with_matrices
 from eitsim.scene.electrodes import FEWEST, MOST
 from eitsim.scene.scene import scene_from
-from eitsim.scene.triangle_files import TriangleMesh, read_triangles
+from eitsim.scene.triangles.triangle_files import TriangleMesh, read_triangles
 from touchcal.document import check_keys, is_number
 from touchcal.errors import InputFileError
 from touchcal.toml_file import read_toml

@@ -14,7 +14,7 @@ from eitsim.scene.electrodes import FEWEST, MOST, Electrodes
 from eitsim.scene.outline_edge import arc_at, arcs_of, edge_starts
 from eitsim.scene.outline_files import Corners, line_groups, outline_of_file
 from eitsim.scene.polygons import KINDS, Looped, Loops, turned
-from eitsim.scene.punch_files import with_shapes
+from eitsim.scene.triangles.punch_files import with_shapes
 from touchcal.arrays import Array
 from touchcal.csv_numbers import csv_rows
 from touchcal.document import is_number

@@ -60,9 +60,10 @@ def chosen(compared: Sequence[ComparedLaw]) -> str:
 
 
 def others(laws: Iterable[Mapping[str, Any]], kind: str) -> list[Conductivity]:
-    """The laws of a card's or a fit's comparison that count, but the one of a kind that the card holds."""
+    """The known laws of a card's or a fit's comparison that count, but the one of a kind that the card holds."""
+    known = conduction_laws().keys() - {kind}
     return [Conductivity(row["c0_S_per_m"], np.ravel(row["a"] if "a" in row else row["k"]), kind=row["law"])
-            for row in laws if row["counts"] and row["law"] != kind and row.get("c0_S_per_m", 0.0) > 0]
+            for row in laws if row["counts"] and row["law"] in known and row.get("c0_S_per_m", 0.0) > 0]
 
 
 def values_of(laws: Sequence[Conductivity], strain: Array) -> list[Array]:

@@ -143,6 +143,8 @@ def _others(folder: Path) -> tuple[OtherProfile, ...]:
 
 def _profile(tables: Mapping[str, Any]) -> str:
     punch = tables.get("punch", {})
+    if isinstance(punch, Mapping) and punch.get("shape"):
+        return f"shape {Path(str(punch['shape'])).name}"
     stated = punch.get("profile", "flat") if isinstance(punch, Mapping) else "flat"
     one = isinstance(stated, str)
     return f"profile {stated}" if one else "profiles " + ", ".join(map(str, next(iter(stated.values()))))

@@ -41,7 +41,7 @@ class HeldOut:
     cut: Array  # without the frames that follow
     old: Array  # as if the untouched frames were old
     aged: tuple[Array, ...]  # of each of `Known.aged`
-    widening: Array  # (n,) factor of intervals that comes of unlike patterns
+    widening: Array  # (n,) factor of intervals that comes of unlike and of distant patterns
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Fitted, Templates
 from surrogate.recordings.worth import check_worth, distance
 from surrogate.statistics.conformal import FEW, Bounds, Intervals, calibrated, chosen, widened
+from surrogate.statistics.nearness import Nearness, learn_nearness
 from surrogate.statistics.unlikeness import Unlikeness, learn_unlikeness
 from touchcal.arrays import Array, Index, Mask
 
@@ -42,6 +43,7 @@ class TouchReader:
     of_old: OldReadings  # of frames whose untouched frame is old, by the old templates
     whole: Unlikeness  # by the squared distances from the templates of direction and of readings
     along: Unlikeness  # likewise, along the directions of touches, which move the place
+    near: Nearness  # to the training presses, by the view of the templates of direction
     held_out: Array  # (families + 2,) mean held-out distance of each family, of all combined and of the mean, mm
 
 
@@ -52,7 +54,7 @@ class Reading:
     value: Array  # (n, 2) mm
     bounds: Bounds  # mm
     strange: Mask  # (n,) whether the pattern is unlike those of the training presses
-    widening: Array  # (n,) factor of intervals that comes of unlike patterns
+    widening: Array  # (n,) factor of intervals that comes of unlike and of distant patterns
 
 
 def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
@@ -89,14 +91,15 @@ def learn(presses: Presses, place: Array, press: Index, known: Known, seed: int,
     mean = np.broadcast_to(place.mean(axis=0), place.shape)
     check_worth(value, mean, place, press, "the place", "mm")
     whole, along = (np.stack([direction.misfit[:, k], compressed.misfit[:, k]], axis=1) for k in (0, 1))
-    wider = learn_unlikeness(along).widening(along)
+    near, wider = learn_nearness(direction.templates.view.of(kept), blocks)
+    wider = wider * learn_unlikeness(along).widening(along)
     of_cut = learnt.held_out(gone, blocks) if learnt else compressed.seen[0][0]
     of_old = calibrated_by_age(known.aged, place, (old.place, old.sd), old.seen, press)
     reader = TouchReader(signals, projected, spared, ridge, direction.templates, compressed.templates, learnt,
                          old.templates, weights,
                          calibrated((value - place) / wider[:, None], spread, cross, count),
                          calibrated(of_cut - place, np.zeros_like(place), np.zeros(len(place)), count),
-                         of_old, learn_unlikeness(whole), learn_unlikeness(along),
+                         of_old, learn_unlikeness(whole), learn_unlikeness(along), near,
                          np.array([distance(one, place) for one in (*each, value, mean)]))
     fresh, *aged = (of_old.mean + gain * (one - of_old.mean)
                     for gain, one in zip(of_old.gain, (old.place, *(one for one, _ in old.seen)), strict=True))
@@ -107,8 +110,9 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     """Places of presses with their intervals and flags.
 
     Where the frame that follows should hold readings of a press and is not there, intervals are those of the networks,
-    or of the templates of readings, on presses that lack it. Intervals are wider where patterns fit the templates less
-    well than in training, frame by frame and, of frames that are read together, all in all. Where the untouched frame
+    or of the templates of readings, on presses that lack it. Intervals are wider where patterns are far from those
+    taught, and where they fit the templates less well than in training, frame by frame and, of frames that are read
+    together, all in all. Where the untouched frame
     is far older than in training, templates of the signal without the main directions of drift read the place;
     intervals are those of presses against frames as old, as far as training could show them.
     """
@@ -120,6 +124,7 @@ def read(reader: TouchReader, presses: Presses) -> Reading:
     spread = _spread(np.tile(reader.weights, (len(value), 1)), each, value, direction[1], compressed[1])
     whole, along = misfits(direction, compressed)
     wider = np.maximum(reader.along.widening(along), reader.along.shift(along[~old]))
+    wider = wider * reader.near.widening(reader.direction.view.of(kept))
     bounds = reader.intervals.bounds(spread, _cross(np.tile(reader.weights, (len(value), 1)), each, value))
     none = np.zeros_like(value)
     bounds = widened(chosen(signals.cut(presses), reader.of_cut.bounds(none, none[:, 0]), bounds), wider)

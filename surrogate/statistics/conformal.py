@@ -3,7 +3,8 @@ al. 2018).
 
 Of presses, which are few, one factor calibrates the errors along x and y, each counted as one, and spreads have a
 floor: the order statistic of few errors is a noisy one, and their mean a steadier, so that the logarithm of the factor
-is a mean of both, in which the steadier counts as PRIOR_PRESSES presses.
+is a mean of both, in which the steadier counts as PRIOR_PRESSES presses. What few errors leave open of their own size
+makes it as much wider as Student's t is than the normal distribution.
 
 The 90 % ellipse of x and y with half widths h and correlation r is u^2 - 2 r u v + v^2 <= (1 - r^2) e^2, where u and v
 are the errors over h: its box is e times that of the intervals.
@@ -15,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from scipy.special import betaincinv, ndtri
+from scipy.special import betaincinv, ndtri, stdtrit
 
 from touchcal.arrays import Array, Mask
 
@@ -35,10 +36,18 @@ MEAN_ERRORS, ELLIPSE = 2.2, 1.36
 MOST_CORRELATED = 0.95
 
 
-
 def normal(coverage: float) -> float:
     """Standard deviations about the mean that hold this part of a normal variable."""
     return float(ndtri((1 + coverage) / 2))
+
+
+def of_few(errors: int) -> float:
+    """How much wider an interval is whose standard deviation comes of so many errors than one that knows it.
+
+    >>> round(of_few(10), 2), round(of_few(1000), 3)
+    (1.11, 1.001)
+    """
+    return float(stdtrit(errors - 1, (1 + COVERAGE) / 2)) / normal(COVERAGE)
 
 
 def _order(rows: int, coverage: float) -> int:
@@ -195,7 +204,7 @@ def calibrated(error: Array, spread: Array, cross: Array, presses: int | None = 
     for floor in (share * rms for share in (FLOORS if count >= FEW else FLOORS[-1:])):
         sd = np.sqrt(spread**2 + floor**2)
         order = float(conformal_scale(error.reshape(-1, 1), sd.reshape(-1, 1), count * labels)[0])
-        factor = _steadied(order, MEAN_ERRORS * float(np.mean(np.abs(error) / sd)), count)
+        factor = of_few(count) * _steadied(order, MEAN_ERRORS * float(np.mean(np.abs(error) / sd)), count)
         tried.append((float(np.mean(factor * sd)), floor, factor))
     _, floor, factor = min(tried)
     if labels == 1:

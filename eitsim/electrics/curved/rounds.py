@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from eitsim.electrics.cem.assembly import Array, Indices
 from eitsim.electrics.curved.facets import CORNERS, Facets, halved, slopes, split
 from eitsim.electrics.mesh.p2_triangles import EDGES
-from eitsim.scene.surfaces.triangle_surface import flat_nearest
+from eitsim.scene.triangles.solid import flat_nearest
 
 _CHORDS = 8  # Edges about a round part, about, at least: parabolas that leave it its area in the plane.
 _MARGIN = 0.25  # A triangle nearer to the ball's surface than this part of its longest edge is small too.

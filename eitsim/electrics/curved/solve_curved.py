@@ -16,7 +16,7 @@ from eitsim.electrics.curved.rounds import Ball, cut_out, refined_at
 from eitsim.electrics.mesh.p2_triangles import EDGES, sides
 from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
 from eitsim.scene.drive import read_out
-from eitsim.scene.triangle_files import TriangleMesh
+from eitsim.scene.triangles.triangle_files import TriangleMesh
 from touchcal.errors import InputFileError
 from touchcal.jit import cpu_s
 from touchcal.provenance import versions

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import NdBSpline, make_interp_spline
 
-from eitsim.scene.punch_files import punch_surface
 from eitsim.scene.scene import Punch
-from eitsim.scene.surfaces.solid import Solid
-from eitsim.scene.surfaces.triangle_surface import TriangleSurface
+from eitsim.scene.triangles.punch_files import punch_surface
+from eitsim.scene.triangles.solid import Indices, Solid
 from touchcal.arrays import Array
 
 # Points of the grid over the radius, how far it goes outside the punch's radius and below its lowest point, over that
@@ -81,22 +80,22 @@ def shapes_of(punches: Sequence[Punch], thickness_m: float) -> list[PunchShape |
 
 @lru_cache(maxsize=8)
 def _kept(file: str, stamp: int, radius_m: float, height_m: float) -> PunchShape:
-    surface = punch_surface(Path(file))
-    height = surface.nodes_m[:, 2] - surface.nodes_m[:, 2].min()
-    widest = float(np.hypot(*surface.nodes_m[height <= height_m / _SEEN, :2].T).max())
+    nodes, cells = punch_surface(Path(file))
+    height = nodes[:, 2] - nodes[:, 2].min()
+    widest = float(np.hypot(*nodes[height <= height_m / _SEEN, :2].T).max())
     if widest > radius_m * (1 + 1e-5):
         raise ValueError(f"diameter_mm in [punch]: the part of {Path(file).name} that can touch is {2e3 * widest:.4g} "
                          f"mm wide about its axis, and the punch {2e3 * radius_m:.4g} mm; give that diameter.")
-    return punch_shape(surface, radius_m, min(height_m, float(height.max())))
+    return punch_shape(nodes, cells, radius_m, min(height_m, float(height.max())))
 
 
-def punch_shape(surface: TriangleSurface, radius_m: float, height_m: float) -> PunchShape:
-    """The shape of a closed surface whose axis is z through the origin, m, up to a height over its lowest point; what
-    is sharper than its grid, a twenty-fourth of the radius, is rounded."""
+def punch_shape(nodes_m: Array, cells: Indices, radius_m: float, height_m: float) -> PunchShape:
+    """The shape of closed triangles (t, 3) whose axis is z through the origin, m, up to a height over its lowest point;
+    what is sharper than its grid, a twenty-fourth of the radius, is rounded."""
     across = np.linspace(-_OUTSIDE * radius_m, _OUTSIDE * radius_m, int(2 * _OUTSIDE * _POINTS) + 1)
     up = np.linspace(-_BELOW * radius_m, height_m, int((_BELOW + height_m / radius_m) * _POINTS) + 1)
     points = np.stack(np.meshgrid(across, across, up, indexing="ij"), axis=-1)
-    lowest, solid = float(surface.nodes_m[:, 2].min()), Solid(surface, _SIDE * radius_m)
+    lowest, solid = float(nodes_m[:, 2].min()), Solid(nodes_m, cells, _SIDE * radius_m)
     flat = points.reshape(-1, 3) + np.array([0.0, 0.0, lowest])
     parts = [solid.distance(flat[start:start + _TOGETHER]) for start in range(0, len(flat), _TOGETHER)]
     return PunchShape((across, across, up), np.concatenate(parts).reshape(points.shape[:3]))

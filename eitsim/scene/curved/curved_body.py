@@ -16,7 +16,7 @@ from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
 from eitsim.scene.surfaces.triangle_surface import triangle_surface
-from eitsim.scene.triangle_files import TriangleMesh, read_triangles
+from eitsim.scene.triangles.triangle_files import TriangleMesh, read_triangles
 from touchcal.document import is_number
 from touchcal.errors import unknown_key
 

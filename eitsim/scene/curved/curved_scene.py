@@ -13,9 +13,9 @@ from eitsim.scene.curved.curved_body import CurvedBody, curved_body
 from eitsim.scene.curved_skin import CurvedSkin, drive_of, electrodes_of
 from eitsim.scene.drive import Drive, with_matrices
 from eitsim.scene.electrodes import Electrodes
-from eitsim.scene.punch_files import with_shapes
 from eitsim.scene.scene import Accuracy, Hold, Punch, Scene, Skin, read_scene, scene_from, scene_tables
 from eitsim.scene.scene_limits import require
+from eitsim.scene.triangles.punch_files import with_shapes
 from touchcal.arrays import Array
 from touchcal.document import check_keys, is_number
 from touchcal.errors import InputFileError

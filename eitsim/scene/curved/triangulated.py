@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from eitsim.scene.surfaces.curved_surface import CurvedSurface
-from eitsim.scene.triangle_files import Indices, TriangleMesh
+from eitsim.scene.triangles.triangle_files import Indices, TriangleMesh
 from touchcal.arrays import Array
 
 # Triangles around a cylinder, and times that those of an icosahedron are cut in four: quadratic ones are off by 4e-6 of

@@ -11,13 +11,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.spatial import KDTree
 
 from eitsim.scene.surfaces.curved_surface import tangent_frame
 from eitsim.scene.surfaces.projected_chart import ProjectedChart, form_at
-from eitsim.scene.triangle_files import TriangleMesh
+from eitsim.scene.triangles.solid import flat_nearest, open_nodes, outwards
+from eitsim.scene.triangles.triangle_files import TriangleMesh
 from touchcal.arrays import Array
 
 Indices = NDArray[np.int64]
@@ -62,9 +61,7 @@ class TriangleSurface:
     @cached_property
     def rim(self) -> Indices:
         """Nodes on open edges: none of a closed surface."""
-        edges = np.sort(np.vstack([self.cells[:, [0, 1]], self.cells[:, [1, 2]], self.cells[:, [0, 2]]]), axis=1)
-        pairs, times = np.unique(edges, axis=0, return_counts=True)
-        return np.unique(pairs[times == 1])
+        return open_nodes(self.cells)
 
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """As of `CurvedSurface`, on the bent triangles near each point."""
@@ -108,30 +105,7 @@ def triangle_surface(mesh: TriangleMesh) -> TriangleSurface:
     """The surface of a file's triangles, each part turned one way round, outwards where it is closed."""
     used, cells = np.unique(mesh.cells[:, :3], return_inverse=True)
     nodes, cells = mesh.nodes_m[used], cells.reshape(-1, 3)
-    return TriangleSurface(nodes, _turned(nodes, cells))
-
-
-def _turned(nodes: Array, cells: Indices) -> Indices:
-    """Triangles of which neighbours run their common side in opposite directions, part by part, with a volume about the
-    middle that is positive."""
-    one, other = cells.T.ravel(), cells[:, [1, 2, 0]].T.ravel()
-    side = np.minimum(one, other) * len(nodes) + np.maximum(one, other)
-    order = np.argsort(side, kind="stable")
-    pair = np.flatnonzero(side[order][1:] == side[order][:-1])
-    first, second = order[pair], order[pair + 1]
-    left, right, twisted = first % len(cells), second % len(cells), (one[first] == one[second]).astype(float)
-    graph = coo_matrix((1 + twisted, (left, right)), shape=(len(cells),) * 2).tocsr()
-    graph = graph + graph.T
-    odd = np.zeros(len(cells), dtype=bool)
-    count, part = connected_components(graph, directed=False)
-    for k in range(count):
-        way, before = breadth_first_order(graph, int(np.argmax(part == k)), directed=False)
-        for cell in way[1:]:
-            odd[cell] = odd[before[cell]] ^ (graph[before[cell], cell] > 1.5)
-    cells = np.where(odd[:, None], cells[:, ::-1], cells)
-    a, b, c = np.moveaxis(nodes[cells] - nodes.mean(axis=0), 1, 0)
-    volume = np.bincount(part, np.sum(a * np.cross(b, c), axis=1), count)
-    return np.where((volume < 0)[part][:, None], cells[:, ::-1], cells)
+    return TriangleSurface(nodes, outwards(nodes, cells))
 
 
 def _phong(corners: Array, normals: Array, share: Array) -> tuple[Array, Array]:
@@ -148,22 +122,3 @@ def _inside(share: Array) -> Array:
     """Shares (n, 2) moved into the triangle."""
     share = np.maximum(share, 0.0)
     return share / np.maximum(share.sum(axis=1, keepdims=True), 1.0)
-
-
-def flat_nearest(corners: Array, points: Array) -> tuple[Array, Array]:
-    """Shares (..., 2) and squared distances (...) of the nearest places of triangles (..., 3, 3) to points."""
-    origin, sides = corners[..., 0, :], corners[..., 1:, :] - corners[..., :1, :]
-    off = points - origin
-    metric = np.einsum("...ai,...bi->...ab", sides, sides)
-    share = np.linalg.solve(metric, np.einsum("...ai,...i->...a", sides, off)[..., None])[..., 0]
-    best, least = share, np.where((share.min(axis=-1) >= 0) & (share.sum(axis=-1) <= 1), 0.0, np.inf)
-    least = least + np.sum((off - np.einsum("...a,...ai->...i", share, sides)) ** 2, axis=-1)
-    for start, end in (((0, 0), (1, 0)), ((0, 0), (0, 1)), ((1, 0), (0, 1))):
-        way = np.subtract(end, start) @ sides
-        base = np.array(start) @ sides
-        along = np.clip(np.sum((off - base) * way, axis=-1) / np.sum(way**2, axis=-1), 0, 1)
-        miss = np.sum((off - base - along[..., None] * way) ** 2, axis=-1)
-        closer = miss < least
-        edge = np.array(start) + along[..., None] * np.subtract(end, start)
-        best, least = np.where(closer[..., None], edge, best), np.minimum(miss, least)
-    return best, least

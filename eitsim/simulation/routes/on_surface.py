@@ -60,7 +60,10 @@ def pressed(scene: CurvedScene, law: Law, punches: Sequence[Punch], exact: bool 
 
 def alone_on_flat(scene: CurvedScene, material: Material) -> tuple[Touch, ...]:
     """What every touch gives alone, upright, on a flat layer of the same thickness, or at the end of a hold, then
-    without friction; empty where one has no equilibrium there."""
+    without friction; empty where one has no equilibrium there, or a shape, which is solved in three dimensions alone.
+    """
+    if any(punch.shape for punch in scene.punches):
+        return ()
     law, body, hold = material.law, scene.body.flat, scene.hold
     punches = [_upright(punch) for punch in scene.punches]
     try:
@@ -71,4 +74,4 @@ def alone_on_flat(scene: CurvedScene, material: Material) -> tuple[Touch, ...]:
 
 
 def _upright(punch: Punch) -> Punch:
-    return replace(punch, x_m=0.0, y_m=0.0, tilt_rad=0.0, shape="")
+    return replace(punch, x_m=0.0, y_m=0.0, tilt_rad=0.0)

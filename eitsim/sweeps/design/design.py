@@ -9,9 +9,9 @@ from typing import Any
 from eitsim.electrics.forward.gridded_fields import StoredFields, check_on_skin, check_one_grid, fields_from
 from eitsim.scene.curved.curved_scene import AnyScene, any_scene, is_curved
 from eitsim.scene.drive import with_matrices
-from eitsim.scene.punch_files import with_shapes
 from eitsim.scene.scene import Scene, scene_keys
 from eitsim.scene.scene_files import with_files
+from eitsim.scene.triangles.punch_files import with_shapes
 from eitsim.sweeps.design import nested_design
 from eitsim.sweeps.design.card_draws import Material, material_from
 from eitsim.sweeps.design.outline_places import reached

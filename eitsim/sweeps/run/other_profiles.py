@@ -19,7 +19,7 @@ def other_profiles(design: Design) -> Design | None:
     punch = design.tables.get("punch", {})
     if (design.scenes < ENOUGH or design.sampler != "random" or design.source is not None or design.touches is not None
             or is_curved(design.tables) or not isinstance(punch, Mapping)
-            or not isinstance(punch.get("profile", "flat"), str)):
+            or not isinstance(punch.get("profile", "flat"), str) or punch.get("shape")):
         return None
     others = [name for name in profiles() if name != punch.get("profile", "flat")]
     tables = {**design.tables, "punch": {**punch, "profile": {"list": others}}}

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from eitsim.sensors.labels import PLACE, Labels
 from surrogate.recordings import press_reader, stacking, touch_reader
@@ -23,7 +22,7 @@ from surrogate.recordings.session.motion import Motion, find_motion
 from surrogate.recordings.signals import Signals
 from surrogate.recordings.templates import Templates
 from surrogate.recordings.worth import distance
-from surrogate.statistics.conformal import COVERAGE, MEAN_ERRORS, Intervals, normal
+from surrogate.statistics.conformal import MEAN_ERRORS, Intervals, of_few
 from surrogate.statistics.unlikeness import Unlikeness
 from touchcal.arrays import Array
 
@@ -201,8 +200,7 @@ def _factor(ratio: Array, presses: int) -> float:
     """Factor of intervals by errors over their half widths (k, ...), drawn to 1 and never less; of few errors as much
     wider as Student's t is than the normal distribution."""
     mean = MEAN_ERRORS * float(np.mean(np.abs(ratio)))
-    few = float(stdtrit(ratio.size - 1, (1 + COVERAGE) / 2)) / normal(COVERAGE)
-    return few * max(mean ** (presses / (presses + PRIOR_PRESSES)), 1.0)
+    return of_few(ratio.size) * max(mean ** (presses / (presses + PRIOR_PRESSES)), 1.0)
 
 
 def _scaled(intervals: Intervals, factor: float) -> Intervals:

@@ -25,7 +25,7 @@ from eitsim.scene.curved_skin import CurvedSkin, read_curved_skin
 from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.scene import read_scene
-from eitsim.scene.triangle_files import TriangleMesh, read_triangles
+from eitsim.scene.triangles.triangle_files import TriangleMesh, read_triangles
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError, NotConverged
 

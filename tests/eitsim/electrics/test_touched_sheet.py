@@ -20,7 +20,7 @@ from eitsim.scene.edges.outline import Outline
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Punch, Skin
-from eitsim.scene.triangle_files import TriangleMesh
+from eitsim.scene.triangles.triangle_files import TriangleMesh
 from eitsim.sheet.sheet_conductance import principal_conductances, surface_metric
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam

@@ -13,9 +13,9 @@ from eitsim.mechanics.general.meshing.levels import COARSE, ROUGH
 from eitsim.mechanics.general.solve_general import solve_general
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.mesh_file import read_mesh
-from eitsim.scene.punch_files import punch_surface, with_shapes
 from eitsim.scene.scene import Body, Punch, scene_from, scene_tables
-from eitsim.scene.surfaces.solid import Solid
+from eitsim.scene.triangles.punch_files import punch_surface, with_shapes
+from eitsim.scene.triangles.solid import Solid
 from matcal.laws.hyperfoam import Hyperfoam
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
@@ -63,7 +63,7 @@ def scene_file(path: Path, **keys: float | str) -> Path:
 
 
 def test_distances_to_a_box_are_exact_inside_and_out(tmp_path: Path) -> None:
-    solid = Solid(punch_surface(box(tmp_path / "box.stl", (-4, -3, 0), (4, 3, 5))), 5e-4)
+    solid = Solid(*punch_surface(box(tmp_path / "box.stl", (-4, -3, 0), (4, 3, 5))), 5e-4)
     points = np.random.default_rng(3).uniform([-6, -5, -2], [6, 5, 7], (4000, 3))
     beyond = np.abs(points - [0, 0, 2.5]) - [4, 3, 2.5]
     exact = -np.where((beyond < 0).all(axis=1), beyond.max(axis=1), np.linalg.norm(np.maximum(beyond, 0), axis=1))
@@ -96,7 +96,7 @@ def test_what_is_no_punch_is_refused_with_what_to_do(tmp_path: Path) -> None:
     good = box(tmp_path / "good.stl", (-4, -3, 0), (4, 3, 5))
     for keys, words in (({"friction": "stick"}, "friction in .punch.* leave it out where shape"),
                         ({"diameter_mm": 3.0}, "diameter_mm in .punch. has no effect with shape"),
-                        ({"tilt_deg": 3.0, "conductor": 1}, "conductor")):
+                        ({"tilt_deg": 3.0, "conductor": 1}, "conductor"), ({"shape": 3}, "must name one file")):
         with pytest.raises(InputFileError, match=words):
             eitsim.read_scene(scene_file(good, **keys))
     mesh = read_mesh(good)
@@ -112,14 +112,14 @@ def test_what_is_no_punch_is_refused_with_what_to_do(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("outline", "profile"), [(BALL, {"profile": "sphere"}), (FLAT, {"fillet_m": 7e-4})])
-def test_triangles_press_as_the_profile_does(tmp_path: Path, outline: list[tuple[float, float]],
-                                             profile: dict[str, float | str]) -> None:
-    body, force = Body(Disc(0.1)), {"force_N": 0.5}
-    punch = shaped(revolved(tmp_path / "punch.stl", outline), **force)
+@pytest.mark.parametrize(("outline", "same"), [(BALL, Punch(force_N=0.5, profile="sphere")),
+                                               (FLAT, Punch(force_N=0.5, fillet_m=7e-4))])
+def test_triangles_press_as_the_profile_does(tmp_path: Path, outline: list[tuple[float, float]], same: Punch) -> None:
+    body = Body(Disc(0.1))
+    punch = shaped(revolved(tmp_path / "punch.stl", outline), force_N=0.5)
     (touch,) = solve_general(LAW, body, [punch], level=COARSE, coarser=ROUGH,
                              shapes=shapes_of([punch], body.thickness_m)).touches
-    (exact,) = solve_general(LAW, body, [Punch(**force, **profile)], level=COARSE, coarser=ROUGH).touches
+    (exact,) = solve_general(LAW, body, [same], level=COARSE, coarser=ROUGH).touches
     assert touch.depth_m == pytest.approx(exact.depth_m, rel=0.01)
     assert touch.contact_area_m2 == pytest.approx(exact.contact_area_m2, rel=0.02)
 

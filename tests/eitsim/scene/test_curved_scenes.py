@@ -14,7 +14,7 @@ from eitsim.electrics.curved.facets import slopes
 from eitsim.scene.curved.curved_body import curved_body
 from eitsim.scene.curved.curved_scene import CurvedScene, curved_scene, curved_tables, read_any_scene
 from eitsim.scene.scene import Scene, read_scene
-from eitsim.scene.triangle_files import TriangleMesh
+from eitsim.scene.triangles.triangle_files import TriangleMesh
 from touchcal.errors import InputFileError
 
 ROOT = Path(__file__).parents[3]

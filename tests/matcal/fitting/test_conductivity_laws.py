@@ -12,7 +12,7 @@ import pytest
 from matcal.card import as_json, read_card, write_card
 from matcal.fitting.calibrate import calibrate
 from matcal.fitting.conductivity_fit import fit_conductivity
-from matcal.fitting.conductivity_laws import chosen, compared_laws
+from matcal.fitting.conductivity_laws import chosen, compared_laws, others
 from matcal.fitting.fit_options import FitOptions
 from matcal.laws.conduction_laws import CUBIC, LAWS
 from matcal.laws.conductivity import Conductivity, NotPositive, conductivity
@@ -124,6 +124,15 @@ def test_a_card_of_another_law_is_written_read_drawn_and_exported(tmp_path) -> N
     drawn = card_of(Draws({}, conductivity_S_per_m=np.array([[3e-3, -6e-3]])), read, 0).conductivity
     assert drawn == replace(read.conductivity, c0_S_per_m=3e-3, a=np.array([-2.0]))
     assert "c(e) = 0.003 * exp((-2.0) * e)" in _conductivity(drawn)
+
+
+def test_comparisons_of_earlier_cards_and_of_laws_that_are_not_installed_are_read() -> None:
+    rows = [{"law": "cubic", "counts": True}, {"law": "exponential", "c0_S_per_m": 2.0, "k": -1.0, "counts": True},
+            {"law": "foreign", "c0_S_per_m": 2.0, "a": [1.0, 2.0], "counts": True},
+            {"law": "power", "c0_S_per_m": 2.0, "a": [-1.0], "counts": False}]
+    (found,) = others(rows, CUBIC)
+    assert (found.kind, found.a.tolist()) == ("exponential", [-1.0])
+    assert others(rows, "exponential") == []
 
 
 def test_what_no_law_is_or_gives_is_refused() -> None:

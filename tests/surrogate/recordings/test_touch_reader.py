@@ -316,3 +316,19 @@ def test_the_commands_train_and_predict(tmp_path: Path, quick: object, monkeypat
     refused = run.invoke(app, ["train", f"{tmp_path}/frames.csv", "--out", f"{tmp_path}/other"])
     assert isinstance(refused.exception, ValueError)
     assert "which needs its labels: give --labels touches.csv" in str(refused.exception)
+
+
+def test_what_was_not_taught_is_wider_than_what_was() -> None:
+    presses, place = synthetic_presses(3, 200)
+    left = np.flatnonzero(place[:, 0] < 0)[:30]
+    reader = press_reader.fit(taken(presses, left), labels_at(place[left]))
+    rest = np.setdiff1d(np.arange(200), left)
+    found = reader.whole(taken(presses, rest)).place
+    assert found
+    assert reader.place
+    grown = reader.place.near.widening(reader.place.direction.view.of(reader.signals.whole(taken(presses, rest))))
+    half, x = found.bounds.half_width.mean(axis=1), place[rest, 0]
+    assert grown[x > 25].mean() > 1.3 * grown[x < 0].mean()
+    assert half[x > 25].mean() > 1.3 * half[x < 0].mean()
+    inside = np.abs(found.value - place[rest]) <= found.bounds.half_width
+    assert min(inside[x < 0].mean(), inside[x > 25].mean()) > 0.85

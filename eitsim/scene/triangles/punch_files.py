@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from eitsim.scene.surfaces.triangle_surface import TriangleSurface, triangle_surface
-from eitsim.scene.triangle_files import read_triangles
+from eitsim.scene.triangles.solid import Indices, open_nodes, outwards
+from eitsim.scene.triangles.triangle_files import read_triangles
+from touchcal.arrays import Array
 from touchcal.document import is_number
 from touchcal.errors import InputFileError
 
@@ -26,8 +27,10 @@ def with_shapes(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _with_shape(touch: Any, raw: Mapping[str, Any], folder: Path) -> Any:
-    if not isinstance(touch, Mapping) or not isinstance(touch.get("shape"), str) or not touch["shape"]:
+    if not isinstance(touch, Mapping) or "shape" not in touch:
         return touch
+    if not isinstance(touch["shape"], str) or not touch["shape"]:
+        raise ValueError(f"shape in [punch] must name one file of triangles, got {touch['shape']!r:.80}.")
     path = (folder / touch["shape"]).resolve()
     about = _about(path, _thickness_mm(raw))
     for key, value in about.items():
@@ -36,23 +39,26 @@ def _with_shape(touch: Any, raw: Mapping[str, Any], folder: Path) -> Any:
     return {**touch, "shape": str(path), **about}
 
 
-def punch_surface(path: Path) -> TriangleSurface:
-    """The closed surface of a file of triangles in mm; InputFileError where it is open, or in another unit."""
-    surface = triangle_surface(read_triangles(path))
-    if len(surface.rim):
-        x, y, z = 1e3 * surface.nodes_m[surface.rim[0]]
+def punch_surface(path: Path) -> tuple[Array, Indices]:
+    """Nodes (n, 3), m, and triangles (t, 3), outwards, of the closed surface that a file holds in mm; InputFileError
+    where it is open, or in another unit."""
+    mesh = read_triangles(path)
+    used, cells = np.unique(mesh.cells[:, :3], return_inverse=True)
+    nodes, cells = mesh.nodes_m[used], cells.reshape(-1, 3)
+    if len(rim := open_nodes(cells)):
+        x, y, z = 1e3 * nodes[rim[0]]
         raise InputFileError(path, f"a punch is closed, and this surface is open, at ({x:.4g}, {y:.4g}, {z:.4g}) mm. "
                                    "Fill its holes.")
-    if (width := 1e3 * float(np.ptp(surface.nodes_m[:, :2], axis=0).max())) < _LEAST_MM:
+    if (width := 1e3 * float(np.ptp(nodes[:, :2], axis=0).max())) < _LEAST_MM:
         raise InputFileError(path, f"the punch is {width:.3g} mm wide if its lengths are mm. Save it in mm.")
-    return surface
+    return nodes, outwards(nodes, cells)
 
 
 def _about(path: Path, reached_mm: float) -> dict[str, Any]:
     """Diameter, profile and fillet, mm, of a punch of revolution that is about the lowest part of a surface: half an
     ellipse whose mean height over its width is that of the faces that look down, or a flat face."""
-    surface = punch_surface(path)
-    nodes, corners = surface.nodes_m, surface.nodes_m[surface.cells]
+    nodes, cells = punch_surface(path)
+    corners = nodes[cells]
     for axis, name in enumerate("xy"):
         low, high = 1e3 * nodes[:, axis].min(), 1e3 * nodes[:, axis].max()
         if not low < 0 < high:
@@ -61,7 +67,7 @@ def _about(path: Path, reached_mm: float) -> dict[str, Any]:
     height = 1e3 * (nodes[:, 2] - nodes[:, 2].min())
     radius = 1e3 * float(np.hypot(*nodes[height <= max(reached_mm, 1e-3 * np.ptp(height)), :2].T).max())
     seen = -np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
-    middle = height[surface.cells].mean(axis=1)
+    middle = height[cells].mean(axis=1)
     down = (seen > 0) & (middle <= reached_mm)
     tall = 3 * float(seen[down] @ middle[down] / seen[down].sum()) / radius
     profile, fillet = ("flat", _EDGE * radius) if tall < _FLAT else ("ellipse", min(tall, 1.0) ** 2 * radius)

@@ -1,0 +1,1 @@
+"""Triangles in space: their files, solids that they bound, and punches of such shapes."""
