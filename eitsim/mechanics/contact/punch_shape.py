@@ -49,7 +49,7 @@ class PunchShape:
         for axis, line in enumerate(self.lines):
             one = make_interp_spline(line, values, k=3, axis=axis)
             knots.append(one.t)
-            values = np.moveaxis(one.c, 0, axis) if one.c.shape != values.shape else one.c
+            values = np.moveaxis(one.c, 0, axis)
         return NdBSpline(tuple(knots), values, 3)
 
     def penetration(self, points: Array) -> Array:

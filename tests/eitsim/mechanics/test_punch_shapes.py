@@ -83,6 +83,18 @@ def test_a_shape_is_round_where_its_file_is(tmp_path: Path) -> None:
     assert slope == pytest.approx(-away[near] / np.linalg.norm(away[near], axis=1, keepdims=True), abs=0.06)
 
 
+def test_a_shape_lies_as_its_file_does(tmp_path: Path) -> None:
+    turn = np.array([[0.96, 0.0, 0.28], [0.0, 1.0, 0.0], [-0.28, 0.0, 0.96]])
+    file = revolved(tmp_path / "leaning.stl", FLAT, turn)
+    (shape,) = shapes_of([shaped(file)], 0.01)
+    assert shape is not None
+    nodes, cells = punch_surface(file)
+    points = np.random.default_rng(1).uniform([-4e-3, -4e-3, -1e-3], [6e-3, 4e-3, 2e-3], (400, 3))
+    exact = Solid(nodes, cells, 5e-4).distance(points + [0, 0, nodes[:, 2].min()])
+    near = np.abs(exact) < 5e-4
+    assert np.median(np.abs(shape.penetration(points[near]) - exact[near])) < 1e-6
+
+
 def test_the_profile_that_is_about_a_shape_is_found(tmp_path: Path) -> None:
     ball, flat = (shaped(revolved(tmp_path / f"{name}.stl", of)) for name, of in (("ball", BALL), ("flat", FLAT)))
     assert (ball.profile, flat.profile) == ("ellipse", "flat")
