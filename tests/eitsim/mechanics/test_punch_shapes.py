@@ -90,7 +90,7 @@ def test_a_shape_lies_as_its_file_does(tmp_path: Path) -> None:
     assert shape is not None
     nodes, cells = punch_surface(file)
     points = np.random.default_rng(1).uniform([-4e-3, -4e-3, -1e-3], [6e-3, 4e-3, 2e-3], (400, 3))
-    exact = Solid(nodes, cells, 5e-4).distance(points + [0, 0, nodes[:, 2].min()])
+    exact = Solid(nodes, cells, 5e-4).distance(points + np.array([0, 0, nodes[:, 2].min()]))
     near = np.abs(exact) < 5e-4
     assert np.median(np.abs(shape.penetration(points[near]) - exact[near])) < 1e-6
 
