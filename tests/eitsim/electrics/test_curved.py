@@ -218,7 +218,7 @@ def test_the_command_gives_readings_without_and_with_the_patch(command: Callable
     ("factor = 0.5", "factor = 1", r"factor in \[\[patch\]\] is 1, which changes nothing"),
     ("x_mm = [-45, -15, 15, 45]\ny_mm = [0, 0, 0, 0]\nz_mm = [0, 0, 0, 0]\nwidth_mm = 10", "groups = [true, 2, 3, 4]",
      r"groups in \[electrodes\] must hold whole numbers or names, got True"),
-    ("sheet.stl", "none.stl", r"no such file, which \[body\] names"),
+    ("sheet.stl", "none.stl", "no such file. Check the name"),
     ("width_mm = 10", "widht_mm = 10", "Did you mean 'width_mm'"),
 ])
 def test_what_cannot_be_is_refused(skin_file: Path, old: str, new: str, message: str) -> None:

@@ -262,5 +262,5 @@ def test_derivatives_near_an_edge_say_what_to_do():
 
 
 def test_derivatives_of_a_leaning_punch_are_refused():
-    with pytest.raises(ValueError, match="a leaning punch; leave out tilt_deg"):
+    with pytest.raises(ValueError, match="a punch that leans or has a shape"):
         check_differentiable(Scene(punches=[Punch(diameter_m=0.014, force_N=1.0, tilt_rad=0.1)]))
