@@ -93,20 +93,20 @@ def gp(signal: Array, place: Array, tested: Array, _: int) -> Read:
     """y ~ N(mean, a^2 exp(-d^2 / 2 l^2) + s^2), x and y of one kernel."""
     features, mean, spread = learn_features(signal), place.mean(axis=0), place.std()
     rows, asked, y = features.of(signal), features.of(tested), (place - mean) / spread
-    apart = squared_distance(rows, rows)
-    usual = float(np.median(apart[apart > 0]))
+    between = squared_distance(rows, rows)
+    usual = float(np.median(between[between > 0]))
 
     def kernel(square: Array, log: Array) -> Array:
         return np.exp(2 * log[0] - square / (2 * usual * np.exp(2 * log[1])))
 
     def missed(log: Array) -> float:
-        factor = cho_factor(kernel(apart, log) + np.exp(2 * log[2]) * np.eye(len(y)), lower=True)
+        factor = cho_factor(kernel(between, log) + np.exp(2 * log[2]) * np.eye(len(y)), lower=True)
         return float(np.sum(y * cho_solve(factor, y)) / 2 + 2 * np.sum(np.log(np.diag(factor[0]))))
 
     starts = ([0.0, length, noise] for length in (-0.5, 0.5) for noise in (-2.0, -0.7))
     log = min((minimize(missed, start, method="L-BFGS-B", bounds=[(-3, 3), (-2, 3), (-5, 1)]) for start in starts),
               key=lambda one: one.fun).x
-    factor = cho_factor(kernel(apart, log) + np.exp(2 * log[2]) * np.eye(len(y)))
+    factor = cho_factor(kernel(between, log) + np.exp(2 * log[2]) * np.eye(len(y)))
     across = kernel(squared_distance(asked, rows), log)
     variance = np.exp(2 * log[0]) + np.exp(2 * log[2]) - np.sum(across * cho_solve(factor, across.T).T, axis=1)
     return about(mean + spread * across @ cho_solve(factor, y), normal(COVERAGE) * spread * np.sqrt(variance)[:, None])

@@ -253,8 +253,8 @@ _REFUSALS = {
         "is known where a touch is axisymmetric, from a gap of one thickness on: {thickness_mm:g} mm. Move the punch "
         "inwards."),
     Why.LAYER_TILT: (
-        "tilt_deg in [punch]: the inside of a layer that conducts in its volume is known where a touch is "
-        "axisymmetric; leave it out."),
+        "tilt_deg and shape in [punch]: the inside of a layer that conducts in its volume is known where a touch is "
+        "axisymmetric; leave them out."),
     Why.LAYER_TOGETHER: (
         "touches this close change each other, and the inside of a layer that conducts in its volume is known where "
         "each is axisymmetric; move them from each other, or ask for less accuracy (a larger signal in [accuracy])."),

@@ -15,7 +15,7 @@ from touchcal.errors import InputFileError
 from touchcal.json_file import digest, file_digest, read_json, write_json
 from touchcal.whole_file import written
 
-SCHEMA = 14
+SCHEMA = 15
 RECORDED = ("presses", "sets")  # kinds of models that are learnt from a recording
 DESCRIPTION, ARRAYS = "model.json", "arrays.npz"
 EVALUATION, PREDICTIONS = "evaluation.json", "predictions.parquet"
@@ -157,10 +157,12 @@ def of_recording(folder: Path) -> bool:
 
 
 def _today(text: dict[str, Any]) -> dict[str, Any]:
-    """What model.json of an earlier schema, whose arrays are today's, says in today's words."""
+    """What model.json of an earlier schema says in today's words, of today's schema where its arrays are today's."""
     match text.get("schema"), text.get("method"):
         case 4, "recording":
-            return text | {"schema": SCHEMA, "learnt_from": "presses", "method": "families"}
+            return text | {"learnt_from": "presses", "method": "families"}
         case 13, method if method != "recording":
             return text | {"schema": SCHEMA, "learnt_from": "sweep"}
+        case 14, method if method != "families":
+            return text | {"schema": SCHEMA}
     return text if "learnt_from" in text and "schema" in text else {"schema": None}

@@ -73,9 +73,14 @@ class PunchShape:
 
 def shapes_of(punches: Sequence[Punch], thickness_m: float) -> list[PunchShape | None]:
     """The shapes that the punches' files hold, up to where a layer of a thickness, m, can reach; None of those with a
-    profile."""
-    return [_kept(punch.shape, Path(punch.shape).stat().st_mtime_ns, punch.diameter_m / 2, _SEEN * thickness_m)
-            if punch.shape else None for punch in punches]
+    profile. InputFileError of a file that is no punch; ValueError of one that is wider than the punch says."""
+    return [_kept(punch.shape, _stamp(punch.shape), punch.diameter_m / 2, _SEEN * thickness_m) if punch.shape else None
+            for punch in punches]
+
+
+def _stamp(file: str) -> int:
+    """When a file was last written; 0 where there is none, which its reader says."""
+    return Path(file).stat().st_mtime_ns if Path(file).is_file() else 0
 
 
 @lru_cache(maxsize=8)

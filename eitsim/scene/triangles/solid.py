@@ -37,8 +37,8 @@ class Solid:
         above = np.sum((points[:, None] - corners[near][:, :, 0]) * normal, axis=2) / np.linalg.norm(normal, axis=2)
         least = square.min(axis=1)
         nearest = square <= least[:, None] + _SAME * self.longest_m**2
-        told = np.argmax(np.where(nearest, np.abs(above), -1.0), axis=1)
-        return -np.sign(above[np.arange(len(points)), told]) * np.sqrt(least)
+        tells = np.argmax(np.where(nearest, np.abs(above), -1.0), axis=1)
+        return -np.sign(above[np.arange(len(points)), tells]) * np.sqrt(least)
 
     @cached_property
     def _corners(self) -> tuple[Array, KDTree]:

@@ -119,6 +119,8 @@ def test_what_is_no_punch_is_refused_with_what_to_do(tmp_path: Path) -> None:
                         ("aside", "misses it: x goes from 4 to 8 mm"), ("absent", "no such file")):
         with pytest.raises(InputFileError, match=words):
             eitsim.read_scene(scene_file(tmp_path / f"{name}.stl"))
+    with pytest.raises(InputFileError, match="no such file"):
+        shapes_of([Punch(shape="absent.stl")], 0.01)
     with pytest.raises(ValueError, match="give that diameter"):
         shapes_of([Punch(shape=str(good), diameter_m=0.004)], 0.01)
 

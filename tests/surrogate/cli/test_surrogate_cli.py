@@ -87,7 +87,7 @@ def write_frames(path: Path, frames: Array, header: list[str] | None = None) -> 
 
 def test_training_leaves_a_model_its_scores_and_its_predictions(inner: Path) -> None:
     model, scores = (json.loads((inner / name).read_text()) for name in ("model.json", "evaluation.json"))
-    assert (model["schema"], model["method"], model["seed"]) == (14, "forward", 1)
+    assert (model["schema"], model["method"], model["seed"]) == (15, "forward", 1)
     assert model["dataset"]["split"] == {"train": 70, "val": 15, "test": 15}
     assert len(model["dataset"]["sha256"]) == 64
     assert {"touchcal", "numpy", "scipy"} <= set(model["versions"])

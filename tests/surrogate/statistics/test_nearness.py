@@ -22,13 +22,13 @@ def test_far_patterns_are_held_as_often_as_near_ones_however_errors_grow(power: 
         near, held_out = learn_nearness(pattern, blocks)
 
         def errors(at: Array, taught: Array, rng: np.random.Generator = rng) -> tuple[Array, Array]:
-            apart = np.linalg.norm(at[:, None] - taught, axis=2).min(axis=1)
-            return (0.1 + apart[:, None] ** power) * rng.standard_normal((len(at), 2)), apart
+            away = np.linalg.norm(at[:, None] - taught, axis=2).min(axis=1)
+            return (0.1 + away[:, None] ** power) * rng.standard_normal((len(at), 2)), away
 
         known = np.concatenate([errors(pattern[[k]], np.delete(pattern, k, axis=0))[0] for k in range(20)])
-        error, apart = errors(new, pattern)
+        error, away = errors(new, pattern)
         none = np.zeros((len(error), 2))
-        far = apart > np.quantile(apart, 2 / 3)
+        far = away > np.quantile(away, 2 / 3)
         for held, wider, old in ((parts, near.widening(new), held_out), (plain, np.ones(900), np.ones(20))):
             half = calibrated(known / old[:, None], none[:20], none[:20, 0]).half_width(none) * wider[:, None]
             held.append([np.mean(np.abs(error)[rows] <= half[rows]) for rows in (far, ~far)])
