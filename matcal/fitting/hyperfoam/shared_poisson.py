@@ -5,7 +5,7 @@ is descended in exponents and nu together, the moduli being solved for.
 Source: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, DOI 10.1137/0710036 (variable projection).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,8 +22,11 @@ from touchcal.arrays import Array
 # values of nu tried first, starts at each and the step at which they stop, valleys that are descended
 _COARSE, _FEW, _LOOSE, _VALLEYS = 13, 3, 1e-4, 3
 # a profile: nodes at first, nodes at most, cost above the least (in units) up to which it is resolved, step between
-# nodes in roots of that cost, least distance of two nodes
-_FIRST, _MOST, _FAR, _STEP, _LEAST_STEP = 9, 45, 14.0, 0.8, 1e-6
+# nodes in roots of that cost, least distance of two nodes; turns of records and law at most, and the move of a
+# correction, in its standard deviations, that ends them
+_FIRST, _MOST, _FAR, _STEP, _LEAST_STEP, _TURNS, _STILL = 9, 45, 14.0, 0.8, 1e-6, 6, 0.05
+# (records, law) -> the records as that law wants them, and by how many standard deviations one of them moved at most
+Settle = Callable[[tuple[Curve, ...], Hyperfoam], tuple[tuple[Curve, ...], float]]
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,16 @@ class Profile:
     nu: Array  # (K,) increasing
     cost: Array  # (K,) sum of squares of weighted stress and lateral strain
     laws: tuple[Hyperfoam, ...]  # the best law at each
+    records: tuple[tuple[Curve, ...], ...]  # the curves as each wants them
+
+
+@dataclass(frozen=True)
+class _Held:
+    """The best law with one nu."""
+
+    cost: float
+    law: Hyperfoam
+    records: tuple[Curve, ...]
 
 
 def with_coarse_nu(curves: Sequence[Curve]) -> tuple[Problem, ...]:
@@ -63,33 +76,39 @@ def lateral_of(curves: Sequence[Curve], nu: float) -> float:
     return lateral_cost(curves, _plain(nu))
 
 
-def profile(curves: Sequence[Curve], law: Hyperfoam, unit: float) -> Profile:
+def profile(curves: Sequence[Curve], law: Hyperfoam, unit: float, settle: Settle,
+            price: Callable[[tuple[Curve, ...]], float]) -> Profile:
     """The profile of the order of `law`, the best one, over all of NU_BOUNDS, with nodes where the cost is within
-    `_FAR` units of the least so close that its root changes by `_STEP` between them."""
+    `_FAR` units of the least so close that its root changes by `_STEP` between them. Each nu has its own corrections of
+    the records, at their `price`: the valley bends with them."""
     order = law.alpha.size
-    held: dict[float, tuple[float, Hyperfoam]] = {}
+    held: dict[float, _Held] = {}
 
-    def add(nu: float, starts: int, more: Sequence[Array]) -> None:
-        problem = pose(curves, nu)
-        found = best_law(problem, order, starts, more)
-        held[nu] = (found.cost + lateral_of(curves, nu),
-                    replace(law, mu_Pa=found.mu_Pa, alpha=found.alpha, nu=np.full(order, nu)))
+    def add(nu: float, starts: int, more: Sequence[Array], records: tuple[Curve, ...]) -> None:
+        found = best_law(pose(records, nu), order, starts, more)
+        for _ in range(_TURNS):
+            settled, most = settle(records, _with_nu(law, found, nu))
+            if most < _STILL:
+                break
+            records, found = settled, best_law(pose(settled, nu), order, 0, [found.alpha])
+        held[nu] = _Held(found.cost + lateral_of(records, nu) + price(records), _with_nu(law, found, nu), records)
 
-    add(float(law.nu[0]), 0, [law.alpha])
+    add(float(law.nu[0]), 0, [law.alpha], tuple(curves))
     for nu in np.linspace(*NU_BOUNDS, _FIRST):
-        add(float(nu), 2, [law.alpha])
+        add(float(nu), 2, [law.alpha], tuple(curves))
     while len(held) < _MOST and (widest := _unresolved(held, unit)) is not None:
-        a, b = widest
-        add((a + b) / 2, 1, [held[a][1].alpha, held[b][1].alpha])
-    nu = sorted(held)
-    return Profile(np.array(nu), np.array([held[v][0] for v in nu]), tuple(held[v][1] for v in nu))
+        a, b = (held[v] for v in widest)
+        add(sum(widest) / 2, 1, [a.law.alpha, b.law.alpha], min(a, b, key=lambda node: node.cost).records)
+    nodes = [held[nu] for nu in sorted(held)]
+    return Profile(np.array(sorted(held)), np.array([node.cost for node in nodes]), tuple(node.law for node in nodes),
+                   tuple(node.records for node in nodes))
 
 
-def _unresolved(held: dict[float, tuple[float, Hyperfoam]], unit: float) -> tuple[float, float] | None:
+def _unresolved(held: dict[float, _Held], unit: float) -> tuple[float, float] | None:
     """The pair of neighbouring nu between which the root of the cost changes most, where that matters; None where none
     is left."""
     nu = np.array(sorted(held))
-    cost = np.array([held[v][0] for v in nu])
+    cost = np.array([held[v].cost for v in nu])
     least = int(np.argmin(cost))
     root = np.sqrt(np.maximum(cost - cost[least], 0.0) / unit)
     change = np.abs(np.diff(np.where(np.arange(nu.size) < least, -root, root)))
@@ -117,6 +136,10 @@ def _descended(problem: Problem, alpha: Array) -> tuple[float, float, Array]:
     out: Any = least_squares(residual, start, bounds=(lowest, highest), x_scale="jac", xtol=1e-10, ftol=1e-12,
                              gtol=1e-14, max_nfev=200)
     return 2 * float(out.cost), float(out.x[-1]), exponents(out.x[:-1], allowed)
+
+
+def _with_nu(law: Hyperfoam, found: Optimum, nu: float) -> Hyperfoam:
+    return replace(law, mu_Pa=found.mu_Pa, alpha=found.alpha, nu=np.full(found.alpha.size, nu))
 
 
 def _plain(nu: float) -> Hyperfoam:

@@ -1,9 +1,10 @@
 """What a fitted nu leaves open: the laws along its profile, how likely each is, and what each leaves open by itself.
 
 Where tests hardly see nu its profile is flat or has several valleys, and no slope at its bottom says so. The density of
-nu is therefore that of its profile, Student's in the root of the cost over a unit. The unit is the cost of one standard
-deviation of nu by the errors' own covariance, correlated as they are (Godambe's adjustment), nuisances free. The laws
-of the next orders, which may see less of nu, come in with Akaike's weights. Quantities are mixtures over all of these.
+nu is therefore that of its profile, Student's in the root of the cost over a unit; zeros and drifts of the records are
+fitted again at each nu, for the valley bends with them. The unit is the cost of one standard deviation of nu by the
+errors' own covariance, correlated as they are (Godambe's adjustment), nuisances free. The laws of the next orders,
+which may see less of nu, come in with Akaike's weights. Quantities are mixtures over all of these.
 
 Source: Pace, Salvan & Sartori, Statistica Sinica 21 (2011) 129 (adjusted composite likelihood ratio); Burnham &
 Anderson, Model Selection and Multimodel Inference (2002), DOI 10.1007/b97636, 2.9 (weights).
@@ -15,10 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtr
 
+from matcal.fitting.hyperfoam.curves import Curve
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
 from matcal.fitting.hyperfoam.order_selection import RESOLVED
 from matcal.fitting.hyperfoam.shared_poisson import Profile, lateral_of, profile
 from matcal.fitting.uncertainty import linear_response
+from matcal.fitting.uncertainty.nuisance import settled_records, surprise, uncertain
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.statistics.residual_correlation import Errors, propagated
 from touchcal.arrays import Array
@@ -73,17 +76,30 @@ def ridges(fit: Fit, effect: Array, errors: Sequence[Errors], spare: float) -> t
         return ()
     variance = linear_response.effective_variance(errors)
     first = fit.free or fit.law
+
+    def settle(records: tuple[Curve, ...], law: Hyperfoam) -> tuple[tuple[Curve, ...], float]:
+        return settled_records(replace(fit, law=law, curves=records, nu_how="given"), variance)
+
+    def price(records: tuple[Curve, ...]) -> float:
+        return variance * surprise(records)
+
     least, out = _cost(fit, first), []
     for law in (first, *fit.neighbours):
-        gain = (least - _cost(fit, law)) / variance - 4 * (law.alpha.size - first.alpha.size)
-        share = 1.0 if law is first else float(np.exp(0.5 * min(gain, 0.0)))
-        if share < _LEAST_SHARE:
-            continue
         own = replace(fit, law=law)
+        if _share((least - _cost(fit, law)) / variance, law, first) < _LEAST_SHARE:
+            continue
         unit = _given(own, effect, errors, variance).unit
-        nodes = _nodes(own, profile(fit.curves, law, unit), effect, errors, variance, unit, spare)
-        out.append(Ridge(law, nodes, share))
+        found = profile(fit.curves, law, unit, settle, price)
+        lowest = float(found.cost.min())
+        least = lowest if law is first else least
+        share = 1.0 if law is first else _share((least - lowest) / variance, law, first)
+        out.append(Ridge(law, _nodes(own, found, effect, errors, variance, unit, spare), share))
     return tuple(out)
+
+
+def _share(gain: float, law: Hyperfoam, first: Hyperfoam) -> float:
+    """Akaike's weight of an order over that of the chosen one."""
+    return float(np.exp(0.5 * min(gain - 4 * (law.alpha.size - first.alpha.size), 0.0)))
 
 
 def with_stated(ridge: Ridge, stated: Array) -> Ridge:
@@ -130,7 +146,7 @@ def _nodes(fit: Fit, found: Profile, effect: Array, errors: Sequence[Errors], va
     seen |= np.r_[seen[1:], False] | np.r_[False, seen[:-1]]
     out = []
     for k in np.flatnonzero(seen):
-        given = _given(replace(fit, law=found.laws[k]), effect, errors, variance)
+        given = _given(replace(fit, law=found.laws[k], curves=found.records[k]), effect, errors, variance)
         out.append(Node(found.laws[k], given.covariance - np.outer(given.pull, given.pull), root[k] * given.pull,
                         float(log[k])))
     return tuple(out)
@@ -144,7 +160,8 @@ def _given(fit: Fit, effect: Array, errors: Sequence[Errors], variance: float) -
     hold = linear_response.prior_precision(fit)[:width, :width]
     gain = linear_response.joint_gain(slopes, effect, variance, hold)[:width]
     data, prior = free @ gain[:, :n], free @ gain[:, n:]
-    along, doubt, spread, unit = _direction(own, slopes, effect, errors, variance)
+    settled = sum(len(uncertain(c)) for c in fit.curves)
+    along, doubt, spread, unit = _direction(own, slopes, effect, errors, variance, settled)
     joint = propagated(errors, np.vstack([data, along]))
     pull = (joint[:-1, -1] + variance * prior @ doubt) / np.sqrt(max(spread, 1e-300))
     return _Given(joint[:-1, :-1] + variance * prior @ prior.T, pull, unit)
@@ -157,18 +174,25 @@ def unit_of_term(fit: Fit, term: int, effect: Array, errors: Sequence[Errors], v
     return _direction(nu[:, term], others, effect, errors, variance)[3]
 
 
-def _direction(own: Array, slopes: Array, effect: Array, errors: Sequence[Errors], variance: float
+def _direction(own: Array, slopes: Array, effect: Array, errors: Sequence[Errors], variance: float, settled: int = 0
                ) -> tuple[Array, Array, float, float]:
     """Unit direction in data (n,) and nuisances (J,) by which a parameter with slope `own` is known next to those with
-    `slopes`, the variance along it, and the cost of one standard deviation of the parameter."""
-    n, numbers = slopes.shape[0], effect.shape[1]
-    known = np.hstack([np.zeros((numbers, slopes.shape[1])), np.sqrt(variance) * np.eye(numbers)])
-    alone, seen = _left(own, slopes), _left(np.r_[own, np.zeros(numbers)],
-                                            np.vstack([np.hstack([slopes, effect]), known]))
+    `slopes`, the variance along it, and the cost of one standard deviation of the parameter, which counts the first
+    `settled` nuisances as well."""
+    n = slopes.shape[0]
+    alone, seen = (_left(*_with_prior(own, slopes, effect[:, :numbers], variance))
+                   for numbers in (settled, effect.shape[1]))
     size = max(float(np.linalg.norm(seen)), 1e-9 * float(np.linalg.norm(own)), 1e-300)
     along, doubt = seen[:n] / size, seen[n:] / size
     spread = float(propagated(errors, along[None])[0, 0] + variance * doubt @ doubt)
     return along, doubt, spread, max(spread * (float(np.linalg.norm(alone)) / size) ** 2, RESOLVED**2 / n)
+
+
+def _with_prior(own: Array, slopes: Array, effect: Array, variance: float) -> tuple[Array, Array]:
+    """A parameter's slope and those of the others, nuisances with their prior rows."""
+    numbers = effect.shape[1]
+    known = np.hstack([np.zeros((numbers, slopes.shape[1])), np.sqrt(variance) * np.eye(numbers)])
+    return np.r_[own, np.zeros(numbers)], np.vstack([np.hstack([slopes, effect]), known])
 
 
 def _left(column: Array, others: Array) -> Array:

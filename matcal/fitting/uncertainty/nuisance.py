@@ -113,8 +113,13 @@ def refined_records(fit: Fit) -> tuple[tuple[Curve, ...], float]:
     """The curves with zeros and drift where the whole curve wants them under their priors, to first order, and by how
     many of its standard deviations one was moved at most."""
     known = nuisance(fit)
+    return settled_records(fit, linear_response.effective_variance(linear_response.errors_of(fit, known.effect)), known)
+
+
+def settled_records(fit: Fit, variance: float, known: Nuisance | None = None) -> tuple[tuple[Curve, ...], float]:
+    """`refined_records` where the variance of independent errors is known."""
+    known = known or nuisance(fit)
     slopes, effect = linear_response.fitted_slopes(fit), linear_response.padded(fit, known.effect)
-    variance = linear_response.effective_variance(linear_response.errors_of(fit, known.effect))
     gain = linear_response.joint_gain(slopes, effect, variance, linear_response.prior_precision(fit))
     miss = np.r_[-np.concatenate(linear_response.misses(fit)), np.sqrt(variance) * known.mean]
     curves, most = list(fit.curves), 0.0
