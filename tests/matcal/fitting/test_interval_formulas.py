@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from matcal.fitting.hyperfoam.curves import weigh, weighted_model, with_history
+from matcal.fitting.hyperfoam.curves import Curve, weigh, weighted_model, with_history
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents, fit
 from matcal.fitting.hyperfoam.poisson import NU_BOUNDS
-from matcal.fitting.hyperfoam.shared_poisson import Profile
+from matcal.fitting.hyperfoam.shared_poisson import Profile, profile
 from matcal.fitting.uncertainty import nu_ridge
 from matcal.fitting.uncertainty.intervals import (
     Uncertainty,
@@ -21,9 +21,16 @@ from matcal.fitting.uncertainty.intervals import (
     measured_quantities,
     plateau_reached,
 )
-from matcal.fitting.uncertainty.linear_response import prior_precision
+from matcal.fitting.uncertainty.linear_response import effective_variance, errors_of, prior_precision
 from matcal.fitting.uncertainty.nu_ridge import RESOLVED, Node, Ridge, _direction, mixed
-from matcal.fitting.uncertainty.nuisance import moved_sentences, nuisance, refined_records, surprise, with_drift
+from matcal.fitting.uncertainty.nuisance import (
+    moved_sentences,
+    nuisance,
+    refined_records,
+    settled_records,
+    surprise,
+    with_drift,
+)
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -347,6 +354,8 @@ def test_the_cost_of_one_standard_deviation_is_that_of_the_parameter_next_to_the
     assert along @ along + doubt @ doubt == pytest.approx(1.0)
     assert spread == pytest.approx(noise**2, rel=1e-9)
     assert unit == pytest.approx(max(variance * alone @ alone, RESOLVED**2 / n), rel=1e-9)
+    settled = _direction(own, slopes, effect, errors, noise**2, 3)[3]  # of a profile in which all nuisances are free
+    assert settled == pytest.approx(max(noise**2, RESOLVED**2 / n), rel=1e-9)
 
 
 def test_a_quantity_of_one_node_spreads_about_the_law_that_is_stated() -> None:
@@ -365,12 +374,37 @@ def test_nodes_on_both_sides_of_the_best_nu_are_moved_to_either_side(white: Fit,
     pull = np.array([2.0, -1.0])
     monkeypatch.setattr(nu_ridge, "_given", lambda *_: nu_ridge._Given(np.diag([9.0, 4.0]), pull, 0.5))
     laws = tuple(Hyperfoam([MU], [ALPHA], [nu]) for nu in (0.0, 0.1, 0.2))
-    profile = Profile(np.array([0.0, 0.1, 0.2]), np.array([3.0, 1.0, 1.5]), laws)
-    found = nu_ridge._nodes(white, profile, np.zeros((1, 0)), [], 1.0, 0.5, 4.0)
+    found = nu_ridge._nodes(white, Profile(np.array([0.0, 0.1, 0.2]), np.array([3.0, 1.0, 1.5]), laws,
+                                           (white.curves,) * 3), np.zeros((1, 0)), [], 1.0, 0.5, 4.0)
     for node, root in zip(found, (-2.0, 0.0, 1.0), strict=True):
         assert node.shift == pytest.approx(root * pull)
         assert node.log_density == pytest.approx(-2.5 * np.log1p(root**2 / 4))
         assert node.covariance == pytest.approx(np.array([[5.0, 2.0], [2.0, 3.0]]))
+
+
+def test_each_nu_of_a_profile_has_zeros_of_its_own() -> None:
+    """They settle where the residual and their prior want them, which costs no more than zeros that are held."""
+    law, sd = Hyperfoam([MU], [ALPHA], [0.2]), 3e-3
+    tests = [Experiment(mode, strain, nominal_stress(law, mode, strain + sd) + NOISE_Pa * rng.normal(size=strain.size),
+                        None, ("a",), facts={"strain_zero_sd": sd})
+             for mode, strain, rng in (("uniaxial", np.linspace(-0.01, -0.5, 40), np.random.default_rng(1)),
+                                       ("shear", np.linspace(0.01, 0.6, 40), np.random.default_rng(2)))]
+    found = fit(weigh(tests), 1, "fit", thorough=False)
+    variance = effective_variance(errors_of(found, nuisance(found).effect))
+
+    def settle(records: tuple[Curve, ...], own: Hyperfoam) -> tuple[tuple[Curve, ...], float]:
+        return settled_records(replace(found, law=own, curves=records, nu_how="given"), variance)
+
+    free = profile(found.curves, found.law, variance, settle, lambda records: variance * surprise(records))
+    held = profile(found.curves, found.law, variance, lambda records, _: (records, 0.0), lambda _: 0.0)
+    both = [(free.cost[k], held.cost[held.nu == nu][0]) for k, nu in enumerate(free.nu) if nu in held.nu]
+    assert len(both) >= 9
+    assert all(own <= fixed * (1 + 1e-6) for own, fixed in both)
+    moved = [records[0].experiment.facts["strain_zero_moved"] for records in free.records]
+    assert moved[0] != pytest.approx(moved[-1], abs=0.5 * sd)
+    counts = np.flatnonzero(free.cost < free.cost.min() + 16 * variance)  # four standard deviations of nu
+    assert counts.size >= 5
+    assert max(settle(free.records[k], free.laws[k])[1] for k in counts) < 0.1
 
 
 def test_a_nu_of_a_term_counts_by_what_its_uniform_standard_deviation_changes(white: Fit) -> None:
