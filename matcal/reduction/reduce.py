@@ -227,11 +227,13 @@ def _of_kind(kind: str, recordings: list[Recording], why: str, specimen: Path | 
 
 
 def _conductivity(recordings: list[Recording], why: str, specimen: Path | None) -> tuple[Experiment, tuple[Path, ...]]:
+    from matcal.reduction.electric.hysteresis import with_hysteresis
     from matcal.reduction.electric.strip_conductivity import reduce_rows, reduce_stretch
 
     first = recordings[0]
     if len(recordings) == 1 and "conductivity" in first.columns and {"strain", "stretch"} & set(first.columns):
-        return _said(reduce_table("conductivity", first, stated_direction("conductivity", first, specimen)), why), ()
+        made = reduce_table("conductivity", first, stated_direction("conductivity", first, specimen))
+        return _said(with_hysteresis(made), why), ()
     sizes, where, files = specimen_of("conductivity", first, specimen)
     assert isinstance(sizes, Strip)
     try:
@@ -242,7 +244,7 @@ def _conductivity(recordings: list[Recording], why: str, specimen: Path | None) 
     except ValueError as error:
         raise _unreduced(first, "conductivity", error) from error
     facts = {"specimen_area_mm2": 1e6 * sizes.ring_area_m2, "specimen_length_mm": 1e3 * sizes.length_m, **made.facts}
-    return _said(replace(made, facts=facts), why, *where), files
+    return _said(with_hysteresis(replace(made, facts=facts)), why, *where), files
 
 
 def _unreduced(recording: Recording, kind: str, error: ValueError) -> InputFileError:

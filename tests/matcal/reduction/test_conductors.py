@@ -163,3 +163,21 @@ def test_resistance_by_number_of_a_file_of_three_clocks() -> None:
     rows = np.genfromtxt(folder / "rig.csv", delimiter=",")
     expected = 0.04 * (1 + got.strain) / 2.8e-6
     assert np.median(got.value / (expected / np.median(rows[-200:, 0]))) == pytest.approx(1, rel=0.1)
+
+
+@pytest.mark.parametrize(("change", "noise", "said"), [(0.06, 0.01, True), (-0.1, 0.005, True), (0.0, 0.02, False),
+                                                       (0.0, 0.1, False)])
+def test_what_unloading_conducts_otherwise_is_said_with_its_size(change: float, noise: float, said: bool,
+                                                                 tmp_path: Path) -> None:
+    """Unless there is none; of 400 tables with 10 % of noise and none, 3 said one."""
+    strain = np.r_[np.linspace(0, 0.4, 40), np.linspace(0.4, 0, 40)]
+    value = 30 * (1 - 2 * strain + 2 * strain**2) * (1 + change * (np.arange(80) >= 40))
+    value *= 1 + noise * np.random.default_rng(7).standard_normal(80)
+    file = tmp_path / "tension.csv"
+    file.write_text("strain,conductivity\n-,S/m\n" + "".join(f"{e:.6g},{c:.6g}\n" for e, c in zip(
+        strain, value, strict=True)), encoding="utf-8")
+    test = read_and_reduce([("conductivity", (file,))]).experiments[0]
+    if said:
+        assert test.facts["conduction_hysteresis"] == pytest.approx(change, abs=0.01)
+    assert ("conduction_hysteresis" in test.facts) == said
+    assert any("(hysteresis)" in sentence for sentence in test.cautions) == said
