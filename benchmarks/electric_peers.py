@@ -1,4 +1,5 @@
-"""EIDORS and pyEIT on a mesh of linear triangles that is given: readings of the adjacent patterns and their CPU times.
+"""EIDORS and pyEIT on a mesh that is given, of linear triangles, for EIDORS of linear tetrahedra too: readings of the
+adjacent patterns and their CPU times.
 
 EIDORS, under Octave, solves the same complete electrode model; EIDORS_PATH names the folder with eidors_startup.m.
 pyEIT has point electrodes, another model; PYEIT_PYTHON may name an interpreter that has it. A peer that is absent or
@@ -19,6 +20,7 @@ from scipy.io import loadmat, savemat
 from scipy.spatial import Delaunay
 
 from eitsim.electrics.cem.assembly import SkinMesh
+from eitsim.electrics.volume.volume_cem import VolumeMesh
 
 RADIUS_M, ELECTRODES, CONTACT_OHM_M = 0.1, 16, 1.0
 PEERS = Path(__file__).parent / "peers"
@@ -79,7 +81,8 @@ def peers(mesh: SkinMesh, cases: np.ndarray) -> Iterator[Answers]:
             yield found
 
 
-def eidors(mesh: SkinMesh, cases: np.ndarray) -> Answers | None:
+def eidors(mesh: SkinMesh | VolumeMesh, cases: np.ndarray, contact: float | np.ndarray = CONTACT_OHM_M
+           ) -> Answers | None:
     home, octave = os.environ.get("EIDORS_PATH", ""), shutil.which("octave-cli")
     if not octave or not (Path(home) / "eidors_startup.m").exists():
         print("EIDORS: not found (EIDORS_PATH names the folder with eidors_startup.m; Octave must be installed)")
@@ -89,7 +92,7 @@ def eidors(mesh: SkinMesh, cases: np.ndarray) -> Answers | None:
         for k in range(mesh.count):
             electrode[k] = np.unique(mesh.under[mesh.electrode == k]) + 1.0
         savemat(Path(folder) / "problem.mat", {"nodes": mesh.nodes_m, "elems": mesh.cells + 1.0, "electrode": electrode,
-                                               "z": CONTACT_OHM_M, "conductivity": cases})
+                                               "z": np.broadcast_to(contact, mesh.count), "conductivity": cases})
         answered([octave, PEERS / "eidors_readings.m", home, folder])
         found = loadmat(Path(folder) / "found.mat", squeeze_me=True)
     return Answers("EIDORS", str(found["version"]), True, found["readings"], found["seconds"], found["currents"],

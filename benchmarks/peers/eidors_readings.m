@@ -1,6 +1,6 @@
 % Readings of a complete electrode model by EIDORS: octave-cli eidors_readings.m EIDORS FOLDER
-% FOLDER/problem.mat holds nodes (m), elems, electrode (nodes of each, a cell), z (Ohm m) and conductivity (elements,
-% cases); FOLDER/found.mat receives the readings of the adjacent patterns, the patterns and the CPU seconds of each case.
+% FOLDER/problem.mat holds nodes (m, in 2 or 3 dimensions), elems, electrode (nodes of each, a cell), z (of each, Ohm m or
+% Ohm m^2) and conductivity (elements, cases); FOLDER/found.mat receives the readings of the adjacent patterns, the patterns and the CPU seconds of each case.
 1;
 arguments = argv();
 folder = arguments{2};
@@ -12,7 +12,7 @@ model = struct('type', 'fwd_model', 'name', 'disc', 'nodes', given.nodes, 'elems
 model.boundary = find_boundary(model.elems);
 for k = 1:numel(given.electrode)
   model.electrode(k).nodes = given.electrode{k}(:)';
-  model.electrode(k).z_contact = given.z;
+  model.electrode(k).z_contact = given.z(k);
 end
 model.stimulation = mk_stim_patterns(numel(given.electrode), 1, '{ad}', '{ad}', {}, 1);
 found.readings = found.seconds = [];
