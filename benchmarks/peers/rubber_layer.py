@@ -1,7 +1,8 @@
-"""A ball pressed into a layer of rubber on a rigid plate, by scikit-fem alone.
+"""A ball pressed into a layer of rubber on a rigid plate, or bonded to a base of another material, by scikit-fem alone.
 
 Shares no code with eitsim: axisymmetric Taylor-Hood elements, u biquadratic and p bilinear, of W = mu/2 (J^(-2/3) I_1
-- 3) + p (J - 1) - p^2/(2 kappa); a frictionless ball by a penalty on undeformed area, raised until it does not matter.
+- 3) + p (J - 1) - p^2/(2 kappa), p with a jump where layer and base meet; a frictionless ball by a penalty on
+undeformed area, raised until it does not matter.
 Lengths in mm, moduli in kPa, forces in mN.
 """
 
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
-from scipy.sparse import bmat
+from scipy.sparse import block_diag, bmat, hstack
 from scipy.sparse.linalg import splu
 from skfem import Basis, BilinearForm, ElementQuad1, ElementQuad2, ElementVector, FacetBasis, LinearForm, MeshQuad
 
@@ -29,11 +30,13 @@ class Problem:
     far: float = 28.0  # radius where the layer is held
     element: float = 0.12  # about the contact
     layers: int = 12
+    base: tuple[float, float, float] | None = None  # mu, kappa and thickness of what is under the layer; None: a plate
+    free: bool = False  # whether the layer is free at `far`
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """Displacements by radius and height, the top at 0, and the force, mN."""
+    """The layer's displacements by radius and height, the top at 0, and the force, mN."""
 
     u_r: RectBivariateSpline
     u_z: RectBivariateSpline
@@ -55,44 +58,60 @@ def pressed(given: Problem) -> Pressed:
     """Equilibrium at the depth, in even steps from rest."""
     r = _widening(1.6 * np.sqrt(2 * given.ball * given.depth), given.element, given.far)
     z = -given.thickness * (1 + np.cos(np.linspace(0, np.pi, given.layers + 1))) / 2
+    parts, bottom = [(given.mu, given.kappa)], given.thickness
+    if given.base is not None:
+        parts, bottom = [*parts, given.base[:2]], given.thickness + given.base[2]
+        step = given.thickness / given.layers
+        z = np.append(-given.thickness - _widening(0.0, step, given.base[2])[:0:-1], z)
     mesh = MeshQuad.init_tensor(r, z)
     u_basis = Basis(mesh, ElementVector(ElementQuad2()), intorder=5)
-    p_basis = u_basis.with_element(ElementQuad1())
+    layer = mesh.p[1, mesh.t].mean(axis=0) > -given.thickness
+    regions = []
+    for (mu, kappa), cells in zip(parts, (layer, ~layer), strict=False):
+        own = Basis(mesh, ElementVector(ElementQuad2()), intorder=5, elements=np.flatnonzero(cells))
+        regions.append((mu, kappa, own, own.with_element(ElementQuad1()),
+                        np.asarray(own.global_coordinates())[0]))
     top = FacetBasis(mesh, ElementVector(ElementQuad2()), facets=mesh.facets_satisfying(lambda x: np.isclose(x[1], 0)),
                      intorder=8)
-    n = u_basis.N
+    n, pressures = u_basis.N, regions[0][3].N
     place = u_basis.doflocs
     is_r = np.zeros(n, bool)
     for part in (u_basis.nodal_dofs, u_basis.facet_dofs, u_basis.interior_dofs):
         is_r[part[0]] = True
-    held = np.isclose(place[1], -given.thickness) | np.isclose(place[0], given.far) | (is_r & np.isclose(place[0], 0))
-    free = np.append(~held, np.ones(p_basis.N, bool))
-    x = np.zeros(n + p_basis.N)
-    radius = np.asarray(u_basis.global_coordinates())[0]
+    held = np.isclose(place[1], -bottom) | (is_r & np.isclose(place[0], 0))
+    if not given.free:
+        held |= np.isclose(place[0], given.far)
+    free = np.concatenate([~held, *(np.isin(np.arange(pressures), p_basis.element_dofs) for _, _, _, p_basis, _ in
+                                    regions)])
+    x = np.zeros(n + pressures * len(regions))
     soft, done = 40 * given.mu / given.element, 0.0
     for depth, penalty in [*((given.depth * k / STEPS, soft) for k in range(1, STEPS + 1)),
                            *((given.depth, soft * by) for by in (4, 16, 64))]:
         centre, x, done = given.ball - depth, x * (depth / done if done else 1), depth
         for _ in range(MOST):
-            f = _gradient(u_basis.interpolate(x[:n]), radius)
-            j, h, i1 = _parts(f)
-            at = {"f": f, "j": j, "h": h, "i1": i1, "p": np.asarray(p_basis.interpolate(x[n:])), "mu": given.mu}
-            a = _stiffness.assemble(u_basis, **at)
-            b, c = _coupling.assemble(p_basis, u_basis, **at), _bulk.assemble(p_basis, kappa=given.kappa)
-            residual = np.append(_stress.assemble(u_basis, **at), _volume.assemble(p_basis, **at) - c @ x[n:])
             on_top = top.interpolate(x[:n])
             contact = {"u": on_top, "centre": centre, "ball": given.ball, "penalty": penalty}
-            pushed = _push.assemble(top, **contact)
-            a = a + _push_tangent.assemble(top, **contact)
-            residual[:n] += pushed
-            size = np.linalg.norm(residual[free])
+            pushed, a = _push.assemble(top, **contact), _push_tangent.assemble(top, **contact)
+            residual, coupled, bulk = [pushed.copy()], [], []
+            for (mu, kappa, own, p_basis, radius), p in zip(regions, np.split(x[n:], len(regions)), strict=True):
+                f = _gradient(own.interpolate(x[:n]), radius)
+                j, h, i1 = _parts(f)
+                at = {"f": f, "j": j, "h": h, "i1": i1, "p": np.asarray(p_basis.interpolate(p)), "mu": mu}
+                a = a + _stiffness.assemble(own, **at)
+                coupled.append(_coupling.assemble(p_basis, own, **at))
+                bulk.append(_bulk.assemble(p_basis, kappa=kappa))
+                residual[0] += _stress.assemble(own, **at)
+                residual.append(_volume.assemble(p_basis, **at) - bulk[-1] @ p)
+            left = np.concatenate(residual)[free]
+            size = np.linalg.norm(left)
             if size < TOLERANCE * given.mu * given.ball**2:
                 break
-            whole = bmat([[a, b], [b.T, -c]], format="csc")[free][:, free]
-            x[free] -= splu(whole).solve(residual[free])
+            b = hstack(coupled)
+            whole = bmat([[a, b], [b.T, -block_diag(bulk)]], format="csc")[free][:, free]
+            x[free] -= splu(whole).solve(left)
         else:
             raise RuntimeError(f"no equilibrium at {depth:g} mm: {size:g}")
-    return _splines(u_basis, mesh, x[:n], given, float(np.sum(pushed[~is_r])))
+    return _splines(u_basis, x[:n], given, float(np.sum(pushed[~is_r])))
 
 
 def _widening(fine: float, size: float, end: float) -> Array:
@@ -105,9 +124,10 @@ def _widening(fine: float, size: float, end: float) -> Array:
     return np.append(out[:-1], end) if end - out[-1] < step / 2 else np.append(out, end)
 
 
-def _splines(basis: Basis, mesh: MeshQuad, u: Array, given: Problem, force: float) -> Pressed:
-    """Cubic splines through the displacements of all nodes, which lie on a grid."""
+def _splines(basis: Basis, u: Array, given: Problem, force: float) -> Pressed:
+    """Cubic splines through the displacements of the layer's nodes, which lie on a grid."""
     dofs = np.concatenate([basis.nodal_dofs, basis.facet_dofs, basis.interior_dofs], axis=1)
+    dofs = dofs[:, basis.doflocs[1, dofs[0]] > -given.thickness - 1e-9]
     r, z = basis.doflocs[:, dofs[0]]
     lines = [np.unique(one.round(9)) for one in (r, z)]
     cell = tuple(np.searchsorted(line, one.round(9)) for line, one in zip(lines, (r, z), strict=True))

@@ -58,11 +58,15 @@ class Skin:
     thickness_m: float = 20e-6  # of the coating or the layer, m
     strain: str = "principal"  # what drives its conductivity, one of STRAINS, of a layer one of LAYER_STRAINS
     # "coating", a sheet on foam; or "layer", which conducts in its volume and is itself the body, on a rigid plate:
-    # the body's thickness is then this one
+    # the body's thickness is then this one, and that of its base
     kind: str = "coating"
     # change of the logarithm of a piezoresistive layer's resistivity by logarithmic strain along the current and across
     along: float = 0.0
     across: float = 0.0
+    # a layer's soft base, which does not conduct, between it and the rigid plate: thickness, m, and the file of its
+    # card; 0 and empty: none
+    base_m: float = 0.0
+    base_card: str = ""
 
     @property
     def fills(self) -> bool:
@@ -84,6 +88,11 @@ def check_skin(skin: Skin) -> None:
     for name in ("along", "across"):
         require(skin.strain == "piezoresistive" or getattr(skin, name) == 0, f"{name} in [skin]",
                 'has no effect without strain = "piezoresistive", which layers have; leave it out', getattr(skin, name))
+    for key, own, other in (("base_thickness_mm", skin.base_m, skin.base_card),
+                            ("base_card", skin.base_card, skin.base_m)):
+        require(skin.fills or not own, f"{key} in [skin]", 'has no effect without kind = "layer"; leave it out', own)
+        require(bool(own) or not other, f"{key} in [skin]",
+                "must be given: a soft base has a thickness and a card of its own", own or "none")
 
 
 @dataclass(frozen=True)

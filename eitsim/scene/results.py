@@ -113,7 +113,8 @@ class SpaceField(Protocol):
 
 @dataclass(frozen=True)
 class Section:
-    """The foam's displacement on the half-plane through the punch's axis, on its elements."""
+    """The foam's displacement on the half-plane through the punch's axis, on its elements; the layer's alone where it
+    lies on a soft base."""
 
     nodes_m: Array  # (nodes, 2) reference position (r, z), m, z = 0 at the top
     # (elements, 4 or 9) nodes: corners counter-clockwise; of order 2 middles of edges, centre

@@ -43,10 +43,16 @@ MOST_TOUCHES = 100
 
 @dataclass(frozen=True)
 class Body:
-    """Foam of one thickness, bottom fixed."""
+    """Foam of one thickness, bottom fixed, or a layer on a soft base."""
 
     edge: Edge = field(default_factory=Disc)  # where it ends, and its coating with it
-    thickness_m: float = 0.01  # of the foam, m
+    thickness_m: float = 0.01  # of the foam, or of layer and base together, m
+    base_m: float = 0.0  # of that the base's, m; 0: there is none
+
+    @property
+    def layer_m(self) -> float:
+        """Thickness of what lies on the base, m."""
+        return self.thickness_m - self.base_m if self.base_m else self.thickness_m
 
     @property
     def has_outline(self) -> bool:
@@ -98,7 +104,8 @@ class Scene:
     def __post_init__(self) -> None:
         object.__setattr__(self, "punches", tuple(self.punches))
         if self.skin.fills:
-            object.__setattr__(self, "body", replace(self.body, thickness_m=self.skin.thickness_m))
+            object.__setattr__(self, "body", replace(
+                self.body, thickness_m=self.skin.thickness_m + self.skin.base_m, base_m=self.skin.base_m))
         object.__setattr__(self, "electrodes", self.body.edge.placed(self.electrodes))
 
 
@@ -142,7 +149,8 @@ _KEYS: dict[str, dict[str, tuple[str, float | None]]] = {
               "friction_coefficient": ("friction_coefficient", 1.0),
               "conductor": ("conductor", None), "contact_impedance_Ohm_m2": ("contact_impedance_Ohm_m2", 1.0)},
     "skin": {"kind": ("kind", None), "thickness_um": ("thickness_m", 1e6), "thickness_mm": ("thickness_m", 1e3),
-             "strain": ("strain", None), "along": ("along", 1.0), "across": ("across", 1.0)},
+             "strain": ("strain", None), "along": ("along", 1.0), "across": ("across", 1.0),
+             "base_thickness_mm": ("base_m", 1e3), "base_card": ("base_card", None)},
     "electrodes": {"kind": ("kind", None), "count": ("count", None), "width_mm": ("width_m", 1e3),
                    "length_mm": ("length_m", 1e3), "first_angle_deg": ("first_angle_rad", 180 / math.pi),
                    "clockwise": ("clockwise", None), "angles_deg": ("angles_rad", 180 / math.pi),
@@ -258,6 +266,8 @@ def _without_idle(scene: Scene, tables: dict[str, Any]) -> None:
         del skin["along"], skin["across"]
     if not scene.skin.fills:
         del skin["kind"]
+    if not scene.skin.base_m:
+        del skin["base_thickness_mm"], skin["base_card"]
     if not scene.skin.fills or scene.electrodes.along_edge:
         del electrodes["side"]
     if not scene.skin.fills or scene.electrodes.over_thickness or not scene.electrodes.along_edge:
@@ -398,14 +408,23 @@ def _check_thickness(scene: Scene, raw: Mapping[str, Any]) -> None:
     key, other = ("thickness_mm", "thickness_um") if fills else ("thickness_um", "thickness_mm")
     require(other not in skin, f"{other} in [skin]", f"is not of a {scene.skin.kind}; give {key}", skin.get(other))
     require(not fills or key in skin, "thickness_mm in [skin]", "must be given with kind = \"layer\"", "none")
-    require(not fills or body.get(key, skin.get(key)) == skin.get(key), "thickness_mm in [body]",
-            f"must be left out, or that of the layer in [skin], {skin.get(key)}: the layer is the body, on a rigid "
-            "plate (a soft base under it is not built)", body.get(key))
+    whole_mm = 1e3 * scene.body.thickness_m
+    require(not fills or math.isclose(body.get(key, whole_mm), whole_mm), "thickness_mm in [body]",
+            f"must be left out, or that of layer and base in [skin], {whole_mm:g}: they are the body, on a rigid plate",
+            body.get(key))
 
 
 def _check_layer(scene: Scene) -> None:
     """ValueError where what layers alone have is given of a coating, or electrodes reach outside a layer."""
     check_skin(scene.skin)
+    if scene.skin.base_m:
+        require(not scene.hold.time_s, "time_s in [hold]",
+                "is not built with a soft base, which relaxes by another Prony series than the layer; leave it out",
+                list(scene.hold.time_s))
+        require(len(scene.punches) == 1, "[[punch]]", "must be one touch with a soft base: how far touches change each "
+                "other is measured on one material", f"{len(scene.punches)}")
+        require(scene.electrodes.soft, "soft in [electrodes]", "must be true with a soft base: what stiff electrodes "
+                "change is measured on one material alone", "false")
     electrodes, thickness_m = scene.electrodes, scene.skin.thickness_m
     if not scene.skin.fills:
         for key, given in (("side", electrodes.side != "top"), ("low_mm", electrodes.low_m),

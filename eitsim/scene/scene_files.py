@@ -34,13 +34,15 @@ _NUMBERED = re.compile(r"(.*?)(\d+)")
 def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables of a scene, design or sensor file that need no other file from here on: matrices and pairs of [drive],
     the outline of [body], and the grid, the places, the groups of lines or the calibrated sensor of [electrodes]
-    written out, files of shapes in [punch] by their whole paths. Names are relative to `folder`; ValueError names the
-    key, InputFileError the file."""
+    written out, files of shapes in [punch] and of the base's card in [skin] by their whole paths. Names are relative to
+    `folder`; ValueError names the key, InputFileError the file."""
     tables = with_calibrated(with_shapes(with_matrices(raw, folder), folder), folder)
     if isinstance(body := tables.get("body"), Mapping):
         tables["body"] = _with_outline(body, tables.get("electrodes", {}), folder)
         if isinstance(own := tables.get("electrodes", {}), Mapping):
             tables |= _from_lines(own, body, tables["body"], folder)
+    if isinstance(skin := tables.get("skin"), Mapping) and isinstance(name := skin.get("base_card"), str) and name:
+        tables["skin"] = {**skin, "base_card": str((folder / name).resolve())}
     if isinstance(electrodes := tables.get("electrodes"), Mapping):
         tables["electrodes"] = _with_places(electrodes, folder)
     if isinstance(drive := tables.get("drive"), Mapping) and "pairs" in drive:

@@ -16,7 +16,7 @@ _OF_KEYS = {"x_mm": (-1e4, 1e4), "y_mm": (-1e4, 1e4), "depth_mm": (0.0, 1e4), "h
             "points_mm": (-1e4, 1e4), "holes_mm": (-1e4, 1e4), "corner_radius_mm": (0.0, 1e4),
             "gains": (-100.0, 100.0), "current_factors": (0.0, 100.0), "sheet_modes": (-10.0, 10.0),
             "size_error": (0.0, 10.0), "low_mm": (0.0, 1e4), "high_mm": (0.0, 1e4), "along": (-100.0, 100.0),
-            "across": (-100.0, 100.0)}
+            "across": (-100.0, 100.0), "base_thickness_mm": (0.0, 1e4)}
 
 
 def value_of(where: str, value: Any, per: float | None, default: Any) -> Any:

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 
 from eitsim.electrics.outline.adapted_mesh import READINGS
 from eitsim.mechanics.load_paths.types import Table
@@ -64,7 +65,7 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     yield Choice(Kind.OUTSIDE_FITS, cost=None)
     if card.conductivity is not None and (least := positive_from(card.conductivity)) is not None:
         yield Choice(Kind.POSITIVE_IN_PART, {"strain": least})
-    yield from _layer(scene) if scene.skin.fills else (Choice(Kind.STRAIN, {
+    yield from _layer(chosen) if scene.skin.fills else (Choice(Kind.STRAIN, {
         "strain": scene.skin.strain, "conducts": any(p.conductor for p in scene.punches)}, None),)
     yield Choice(Kind.ONE_CARD, cost=None)
     for i, way in enumerate(chosen.ways):
@@ -83,10 +84,15 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     yield Choice(Kind.ONE_MATRIX, {"patterns": protocol(scene.drive, scene.electrodes.count).shape[0]})
 
 
-def _layer(scene: Scene) -> Iterator[Choice]:
+def _layer(chosen: Chosen) -> Iterator[Choice]:
     """Of a layer that conducts in its volume."""
-    skin = scene.skin
+    scene, base, skin = chosen.scene, chosen.material.base, chosen.scene.skin
     yield Choice(Kind.LAYER, {"strain": skin.strain, "along": skin.along, "across": skin.across}, None)
+    if base is not None:
+        stiffer = chosen.material.law.mu_0_Pa / base.mu_0_Pa
+        yield Choice(Kind.LAYER_BASE, {
+            "base_m": skin.base_m, "card": Path(skin.base_card).name, "moduli": base.moduli, "stiffer": stiffer},
+            chosen.ways[0].case.by_edges_of(stiffer) - chosen.ways[0].case.by_edges)
     yield Choice(Kind.LAYER_TOUCH, {"sheet": SHEET_ERROR[scene.skin.strain]}) if scene.electrodes.over_thickness else (
         Choice(Kind.LAYER_ELECTRODES, {"plane": PLANE}))
 

@@ -72,7 +72,7 @@ class Chosen:
 
     def touches(self) -> tuple[Touch, ...]:
         """All touches, solved as chosen."""
-        law, keep = self.material.law, self.table is not None
+        law, keep = self.material.solid, self.table is not None
         found = [way.touch or way.route.solve(way.case, law, keep) if way is self.way_of(i) else way.touch
                  for i, way in enumerate(self.ways)]
         for way in self.clusters:
@@ -122,7 +122,7 @@ def choose(scene: Scene, material: Material, *, exact: bool = False, bodies: boo
     exact: leave nothing out that a route can solve; bodies: as of `Case`; table: load paths, of which those touches are
     taken that they hold to the requested error, not with exact.
     """
-    ways_of = partial(choose_ways, exact=exact, bodies=bodies, keeps_volume=projects(material.law))
+    ways_of = partial(choose_ways, exact=exact, bodies=bodies, keeps_volume=projects(material.solid))
     ways, clusters = ways_of(scene)
     if elastic := _creeps_otherwise(ways):
         ways, clusters = ways_of(_loaded(scene))

@@ -18,6 +18,9 @@ _GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
 _RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.031, 0.008]),
                "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
                "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
+# How much further edges change a layer on a soft base, by the power of mu_0 of the layer over that of the base: the
+# layer's stretch dies out as the base shears (benchmarks/soft_base.py).
+_SPREAD = 1 / 6
 # Part of the requested signal error that neglecting edges may use up.
 EDGE_SHARE = 0.5
 # What one edge changes of another's change, over the product of both as tabulated (benchmarks/several_edges.py): above
@@ -43,11 +46,13 @@ def rim_effect(gap_m: float, thickness_m: float, strain: str) -> float:
     return float(effect[-1] * math.exp(-rate * (gap - _GAP[-1])))
 
 
-def effect_of_edges(scene: Scene, punch: Punch) -> float:
+def effect_of_edges(scene: Scene, punch: Punch, stiffer: float = 1.0) -> float:
     """What neglecting the rim, or all edges and holes of an outline, may cost: the sum of what the rim of a disc would,
-    as near as the nearest part of them in each quarter about the punch."""
+    as near as the nearest part of them in each quarter about the punch; of a layer so many times as stiff as its base.
+    """
     gaps = scene.body.edge.quarters_m((punch.x_m, punch.y_m)) - punch.diameter_m / 2
-    return sum(rim_effect(gap, scene.body.thickness_m, scene.skin.surface_strain) for gap in gaps.tolist())
+    unit_m = scene.body.thickness_m * max(stiffer, 1.0) ** _SPREAD
+    return sum(rim_effect(gap, unit_m, scene.skin.surface_strain) for gap in gaps.tolist())
 
 
 def far_edges_effect(scene: Scene, punch: Punch, outside: float) -> float:

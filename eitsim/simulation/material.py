@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass, replace
 
+from eitsim.mechanics.solid.bonded_laws import Bonded
 from eitsim.scene.scene import Scene
-from matcal.card import MaterialCard, require, with_moduli
+from matcal.card import MaterialCard, read_card, require, with_moduli
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
@@ -19,6 +20,12 @@ class Material:
     # modulus is finite
     law: Law
     c0_S_per_m: float | None = None  # conductivity of the untouched skin by a calibrated sensor; None: the card's
+    base: Law | None = None  # law of the soft base under the layer, as `law`; None without one
+
+    @property
+    def solid(self) -> Law:
+        """What is pressed: the foam's law, or the laws of a layer and its base."""
+        return self.law if self.base is None else Bonded(self.law, self.base)
 
     @property
     def series(self) -> Prony:
@@ -42,6 +49,8 @@ def material_of(scene: Scene, card: MaterialCard | Material) -> Material:
     calibrated = scene.channels.conductance_S
     c0 = calibrated[0] / scene.skin.thickness_m if calibrated else None
     if not scene.hold.time_s:
-        return Material(card, nearly_incompressible(with_moduli(card, scene.hold.moduli)), c0)
+        base = with_moduli(read_card(scene.skin.base_card), scene.hold.moduli) if scene.skin.base_m else None
+        return Material(card, nearly_incompressible(with_moduli(card, scene.hold.moduli)), c0,
+                        None if base is None else nearly_incompressible(base))
     require(card, "prony", "a hold (time_s in [hold])")
     return Material(card, nearly_incompressible(with_moduli(card, "instantaneous")), c0)

@@ -91,6 +91,11 @@ _LINES: dict[Kind, Words] = {
     Kind.SHEET: (
         "the skin is a sheet, solved on the surface", "its thickness is {over_fillet:.2f} of the punch's fillet, the "
         "shortest length over which it changes; the cost is of second order in that"),
+    Kind.LAYER_BASE: (
+        "the layer lies on a soft base of {base_mm:g} mm, bonded to it and to a rigid plate", "the base does not "
+        "conduct; its law is that of card '{card}', {moduli} moduli, the layer's mu_0 {stiffer:.3g} times its. A stiff "
+        "layer carries strain further: what edges then change more than of one material counts here "
+        "(benchmarks/soft_base.py)"),
     Kind.LAYER_TOUCH: (
         "the touched layer is a sheet of its resultants, or solved in its volume", "without current across the layer "
         "it conducts as a sheet; of random touches that was up to {sheet:.0%} off in dV. The first harmonics of each "
@@ -177,8 +182,8 @@ def _layer(of: Values) -> Words:
     by = {"principal": "the largest principal strain at every place", "volume": "the change of volume at every place",
           "piezoresistive": f"strain along the current ({of['along']:g}) and across it ({of['across']:g}), as changes "
           "of the logarithm of the resistivity by logarithmic strain"}
-    return (f"the layer conducts in its volume and follows {by[of['strain']]}", "the layer is the body, bonded to a "
-            "rigid plate; what of a measured law holds under compression is unknown, and not in the bound")
+    return (f"the layer conducts in its volume and follows {by[of['strain']]}", "it is bonded to what is under it; "
+            "what of a measured law holds under compression is unknown, and not in the bound")
 
 
 def _friction(of: Values) -> Words:

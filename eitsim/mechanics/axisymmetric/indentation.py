@@ -15,13 +15,14 @@ from eitsim.mechanics.contact import punch_contact as contact
 from eitsim.mechanics.contact.friction import FrictionState, Nearest
 from eitsim.mechanics.contact.punch_contact import ContactState, Facets, RigidPunch
 from eitsim.mechanics.solid import axisymmetric_assembly
+from eitsim.mechanics.solid.bonded_laws import by_part, laid_on
 from eitsim.mechanics.solid.cap_grid import on_cap
 from eitsim.mechanics.solid.grid import Grid, default_element_m, feature_m, foam_grid, lagrange
 from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
 from eitsim.numerics.newton import System, minimise
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
-from matcal.laws.law import Law, over
+from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 
@@ -79,7 +80,7 @@ def indentation_problem(law: Law, body: Body, punch: Punch, element_m: float, pe
     feature = feature_m(body, punch)
     rigid = RigidPunch(profile, penalty * unit / feature, _FIRM * feature / unit)
     facets = contact.top_facets(grid, profile.radius + _REACH)
-    return IndentationProblem(over(law, law.mu_0_Pa), grid, rigid, facets,
+    return IndentationProblem(laid_on(law, grid, -body.layer_m / unit), grid, rigid, facets,
                               element_m / default_element_m(body, punch))
 
 
@@ -201,7 +202,7 @@ def _elliptic(model: IndentationProblem, x: Array) -> NDArray[np.bool_]:
     grad_u = axisymmetric_assembly.deformation(model.grid, x[:-1])
     inside = axisymmetric_assembly.admissible(grad_u)
     stretches = axisymmetric_assembly.resisted(model.law, model.grid, np.where(inside[..., None], grad_u, 0.0))
-    return inside & strongly_elliptic(model.law, stretches)
+    return inside & by_part(model.law, strongly_elliptic, stretches.reshape(-1, 3)).reshape(inside.shape)
 
 
 def energy(model: IndentationProblem, force: float, x: Array) -> float:

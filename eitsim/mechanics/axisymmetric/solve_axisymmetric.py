@@ -28,6 +28,7 @@ from eitsim.mechanics.axisymmetric.friction_increments import FrictionHistory
 from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, equilibrium
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.solid import axisymmetric_assembly
+from eitsim.mechanics.solid.bonded_laws import Bonded
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
@@ -58,7 +59,8 @@ FACTORISATIONS, UNKNOWNS = 300, 50_000
 
 def solve_touch(law: Law, body: Body, punch: Punch, *, element_m: float | None = None,
                 penalty: float | None = None, order: int = 2) -> Touch:
-    """Equilibrium of the foam under the punch's force, or at its depth where the force is None.
+    """Equilibrium of the foam under the punch's force, or at its depth where the force is None; of a layer on the soft
+    base that a body has where the law is `Bonded`, and its section is then the layer's.
 
     element_m: element size at the punch's edge, m, by default grid.default_element_m; penalty: contact stiffness, mu_0
     over grid.feature_m, by default the profile's; order: of the elements, one of grid.ELEMENTS. ValueError for a
@@ -242,9 +244,19 @@ def touch_of(law: Law, body: Body, levels: list[IndentationProblem], states: lis
         fraction_non_elliptic=indentation.fraction_non_elliptic(model, state.x),
         non_elliptic_m=None if lost is None else lost * unit, iterations=len(residuals), residuals=residuals,
         cpu_s=cpu_s() - started,
-        section=Section(model.grid.nodes * unit, model.grid.counter_clockwise,
-                        axisymmetric_assembly.nodal(model.grid, state.x[:-1]) * unit, law,
-                        axisymmetric_assembly.volume_modes(model.law, model.grid, state.x[:-1])))
+        section=_section(law, model, state.x[:-1], unit))
+
+
+def _section(law: Law, model: IndentationProblem, u: Array, unit: float) -> Section:
+    """Displacements (unknowns,) on the elements of the foam, or of the layer alone where it lies on a soft base."""
+    grid, volume = model.grid, axisymmetric_assembly.volume_modes(model.law, model.grid, u)
+    nodes, elements, moved = grid.nodes * unit, grid.counter_clockwise, axisymmetric_assembly.nodal(grid, u) * unit
+    if not isinstance(law, Bonded) or not isinstance(model.law, Bonded) or model.law.below is None:
+        return Section(nodes, elements, moved, law, volume)
+    layer = ~model.law.below
+    kept, elements = np.unique(elements[layer], return_inverse=True)
+    return Section(nodes[kept], elements.reshape(int(layer.sum()), -1), moved[kept], law.layer,
+                   None if volume is None else volume[layer])
 
 
 def _errors(levels: list[IndentationProblem], states: list[Equilibrium]) -> tuple[float, Array]:

@@ -81,8 +81,9 @@ class Grid:
 
 
 def feature_m(body: Body, punch: Punch) -> float:
-    """Length that sets the element size, m: the fillet radius, at most a twentieth of the foam's thickness."""
-    return min(punch.fillet_m, _FEATURE * body.thickness_m)
+    """Length that sets the element size, m: the fillet radius, at most a twentieth of the foam's thickness, or of
+    its layer's on a soft base."""
+    return min(punch.fillet_m, _FEATURE * body.layer_m)
 
 
 def default_element_m(body: Body, punch: Punch) -> float:
@@ -92,10 +93,10 @@ def default_element_m(body: Body, punch: Punch) -> float:
 
 def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2, even: float = 0.0) -> Grid:
     """Grid of a foam disc about the punch's axis, lengths over its thickness, bottom fixed, top at z = 0. Lines lie at
-    the edge of the punch and its edge radius inwards from there. element_m is the element size there, m; elements widen
-    with the distance from there, outwards after so many even ones as fill that many feature lengths, and all of them
-    halve with it. ValueError unless 0 < element_m < thickness, the punch is smaller than the disc and the elements'
-    order is one of ELEMENTS."""
+    the edge of the punch and its edge radius inwards from there, and where a layer meets its base. element_m is the
+    element size at the edge, m; elements widen with the distance from there, outwards after so many even ones as fill
+    that many feature lengths, and all of them halve with it. ValueError unless 0 < element_m < thickness, the punch is
+    smaller than the disc and the elements' order is one of ELEMENTS."""
     unit = body.thickness_m
     if not 0 < element_m < unit:
         raise ValueError(f"element_m must lie between 0 and the thickness of {unit} m, got {element_m}.")
@@ -105,7 +106,7 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2, even: 
         raise ValueError(f"the punch (diameter {punch.diameter_m} m) must be smaller than the disc (radius "
                          f"{body.edge.size_m} m).")
     size, feature = element_m / unit, feature_m(body, punch) / unit
-    widest = (_WIDEST_UNDER_TIP if tip else _WIDEST) * size / (_ELEMENT * feature)
+    widest = (_WIDEST_UNDER_TIP if tip else _WIDEST) * body.layer_m / unit * size / (_ELEMENT * feature)
     start = max(edge - profile.edge_radius, 0.0)
 
     def width(r: Array) -> Array:
@@ -124,7 +125,9 @@ def foam_grid(body: Body, punch: Punch, element_m: float, order: int = 2, even: 
 
     stops = sorted({0.0, start, edge, rim})
     r = np.concatenate([[0.0], *(spread(a, b, width) for a, b in itertools.pairwise(stops))])
-    return tensor_grid(r, np.concatenate([[-1.0], spread(-1.0, 0.0, height)]), order=order)
+    heights = [-1.0, *([-body.layer_m / unit] if body.base_m else []), 0.0]
+    z = np.concatenate([[-1.0], *(spread(a, b, height) for a, b in itertools.pairwise(heights))])
+    return tensor_grid(r, z, order=order)
 
 
 def tensor_grid(r: Array, z: Array, *, plane: bool = False, free: bool = False, order: int = 2) -> Grid:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eitsim.mechanics.solid.bonded_laws import by_part
 from eitsim.mechanics.solid.principal_stretches import differentiate
 from eitsim.mechanics.solid.volume_projection import VolumeProjection, split
 from matcal.laws.compiled_response import energies, responses
@@ -36,7 +37,7 @@ def response(law: Law, grad_u: Array, negative_curvature_scale: float = 1.0,
     stress, tangent = np.empty(points.shape), np.empty((*points.shape, 5))
     x, mean, half = _stretches(points)
     shift = _shift(x, projection)
-    force, block, slope = responses(law, x + shift, mean + shift, half)
+    force, block, slope = by_part(law, responses, x + shift, mean + shift, half)
     by_volume = None
     if projection is not None:
         elements = projection.weight.shape
@@ -57,7 +58,7 @@ def _shift(x: Array, projection: VolumeProjection | None) -> Array | float:
 def energy_density(law: Law, grad_u: Array, projection: VolumeProjection | None = None) -> Array:
     """Energy per reference volume (...) at F = 1 + grad_u (..., 5), as `response`."""
     x, _, _ = _stretches(np.ascontiguousarray(grad_u).reshape(-1, 5))
-    return energies(law, x + _shift(x, projection)).reshape(grad_u.shape[:-1])
+    return by_part(law, energies, x + _shift(x, projection)).reshape(grad_u.shape[:-1])
 
 
 def _stretches(points: Array) -> tuple[Array, Array, Array]:

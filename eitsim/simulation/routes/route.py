@@ -76,6 +76,10 @@ class Case:
         """What all edges may change of the signal, at most."""
         return max(effect_of_edges(self.scene, punch) for punch in self.punches)
 
+    def by_edges_of(self, stiffer: float) -> float:
+        """As `by_edges`, of a layer so many times as stiff as its base."""
+        return max(effect_of_edges(self.scene, punch, stiffer) for punch in self.punches)
+
     @property
     def near(self) -> bool:
         """Whether neglecting edges may cost more of the signal than its share of the requested error."""
