@@ -75,10 +75,6 @@ _LINES: dict[Kind, Words] = {
         "whether the touch compresses the skin that far is known once its mechanics is solved, and refused then"),
     Kind.ONE_CARD: (
         "one card, not its uncertainty", "the card's own laws are taken as exact; not in the bound"),
-    Kind.DRAWN_CARDS: (
-        "{count} cards drawn from the posterior", "{varying} vary as its draws do, other parts are the card's own and "
-        "taken as exact; a mean over cards is off by 1/sqrt({count}) = {spread:.2g} of their spread, what the "
-        "posterior does not hold by what is unknown; not in the bound"),
     Kind.NO_FRICTION: (
         "no friction", "friction is none in [punch]; a punch that sticks stands up to 6 % less and 1 % deeper "
         "(Table 1, 10 to 18 mm, 0.1 to 3 N); the signal's cost is unknown and not in the bound"),
@@ -228,7 +224,20 @@ def _missing(of: Values) -> Words:
             "[electrodes]: no current passes; readings that need one are null")
 
 
+_SPECIMENS = {True: "each that of a further specimen, as those tested scatter",
+              False: "all of the mean of the specimens tested, since specimen is false in [material]",
+              None: "how specimens differ is not in it"}
+
+
+def _drawn_cards(of: Values) -> Words:
+    return f"{of['count']} cards drawn from the posterior", (
+        f"{_SPECIMENS[of['further']]}; {of['varying']} vary as its draws do, other parts are the card's own and taken "
+        f"as exact; a mean over cards is off by 1/sqrt({of['count']}) = {of['spread']:.2g} of their spread, what the "
+        "posterior does not hold by what is unknown; not in the bound")
+
+
 _MADE: dict[str, Callable[[Values], Words]] = {
+    Kind.DRAWN_CARDS: _drawn_cards,
     Kind.STORED: _stored, Kind.ALONE: _alone,
     Kind.NO_VISCOELASTICITY: _no_viscoelasticity, Kind.STRAIN: _strain, Kind.FRICTION: _friction,
     Kind.SOFT_ELECTRODES: _soft_electrodes, Kind.STIFF_ELECTRODES: _stiff_electrodes, Kind.MESH: _mesh,

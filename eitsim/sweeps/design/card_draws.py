@@ -28,7 +28,9 @@ class Material:
     draws: int = 0  # number of distinct cards; 0: as many as the posterior holds
     rows_per_draw: int = 1  # neighbouring rows that share a card
     parts: tuple[str, ...] = ()  # parts of the card that vary, some of PARTS; empty: all that the posterior holds
-    specimen: bool = False  # whether each card is that of a further specimen, stiffer or softer as replicates scatter
+    # whether each card is that of a further specimen, stiffer or softer as replicates scatter; None: where the
+    # posterior says how they do
+    specimen: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,7 @@ class Cards:
     # name and hash of the posterior's file; empty where the card itself serves
     source: Mapping[str, str] = field(default_factory=dict)
     in_pairs: bool = False  # whether numbers 2 b and 2 b + 1 meet cards that differ
+    further: bool | None = None  # whether each is of a further specimen, not of the mean; None: scatter is not known
 
     @property
     def cycle(self) -> int:
@@ -73,7 +76,7 @@ def material_from(raw: Any) -> Material | None:
     if not raw.get("posterior", True):
         return None
     return Material(int(raw.get("draws", 0)), int(raw.get("rows_per_draw", 1)), tuple(p for p in PARTS if p in parts),
-                    raw.get("specimen", False))
+                    raw.get("specimen"))
 
 
 def cards_for(material: Material | None, seed: int, card: MaterialCard, *, in_pairs: bool = False) -> Cards:
@@ -104,10 +107,12 @@ def cards_for(material: Material | None, seed: int, card: MaterialCard, *, in_pa
         raise ValueError(f"a nested design gives each block two cards, and the posterior of {card_path} holds "
                          f"{len(held)}. Fit the card again with more draws.")
     chosen = _rng(seed, _CHOICE, 0).permutation(len(held))[:material.draws or len(held)]
-    factor = _stiffness(held, chosen, seed, card_path) if material.specimen else np.ones(len(chosen))
+    scatter = "law" in parts and held.omega is not None and bool(np.any(held.omega))
+    further = scatter if material.specimen is None else material.specimen
+    factor = _stiffness(held, chosen, seed, card_path) if further else np.ones(len(chosen))
     source = file_identity(card_path.parent / str(card.posterior["file"]), card_path.parent)
     return Cards(card, _as_labelled(_taken(held, chosen, parts), card, factor), chosen, material.rows_per_draw, seed,
-                 source, in_pairs)
+                 source, in_pairs, further if scatter else None)
 
 
 def draw_of(cards: Cards, number: int) -> int:

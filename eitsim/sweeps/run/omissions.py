@@ -81,7 +81,8 @@ def _of_drawn_cards(design: Design, cards: Cards) -> Iterator[Decision]:
         return
     used = count_in_use(cards, card_number(design, design.scenes - 1) + 1)
     varying = " and ".join(held_by(cards.draws))
-    yield words.decision(Choice(Kind.DRAWN_CARDS, {"count": used, "varying": varying, "spread": used**-0.5}, None))
+    yield words.decision(Choice(Kind.DRAWN_CARDS, {"count": used, "varying": varying, "spread": used**-0.5,
+                                                    "further": cards.further}, None))
 
 
 def omissions_of(manifest: Mapping[str, Any]) -> list[Omission]:

@@ -27,6 +27,7 @@ from eitsim.sweeps.design.card_draws import (
 )
 from eitsim.sweeps.design.design import card_number, design_from, scene_at
 from eitsim.sweeps.run.account import account_of
+from eitsim.sweeps.run.omissions import omissions
 from eitsim.sweeps.run.rows import solve_rows
 from eitsim.sweeps.run.sweep import sweep
 from matcal.card import MaterialCard, read_card, write_card
@@ -134,6 +135,22 @@ def test_specimens_scatter_as_replicates_do_and_keep_their_shape(tmp_path: Path)
     again = cards_for(Material(draws=10, specimen=True), made.seed, read_card(p))
     assert again.draws is not None
     assert again.draws.law["mu_Pa"].tolist() == made.draws.law["mu_Pa"][:10].tolist()
+
+
+def test_cards_are_of_further_specimens_where_scatter_is_known(card: Path, tmp_path: Path) -> None:
+    own, asked, mean = cards(card), cards(card, specimen=True), cards(card, specimen=False)
+    assert own.draws is not None
+    assert asked.draws is not None
+    assert own.draws.law["mu_Pa"].tolist() == asked.draws.law["mu_Pa"].tolist()
+    assert (own.further, mean.further, cards(card, parts=["conductivity"]).further) == (True, False, None)
+    alone = cards(written(tmp_path, posterior()))
+    assert alone.further is None
+    design, said = design_from(RAW, 3), {}
+    for made in (own, mean, alone):
+        (said[made.further],) = (o.reason for o in omissions(design, made, exact=False) if o.kind == Kind.DRAWN_CARDS)
+    assert "a further specimen" in said[True]
+    assert "the mean of the specimens tested" in said[False]
+    assert "not in it" in said[None]
 
 
 def test_draws_are_labelled_as_the_card(tmp_path: Path) -> None:
