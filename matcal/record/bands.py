@@ -2,6 +2,7 @@
 
 A band comes from the posterior's draws where there are any, otherwise from the linearised covariance of the fit. Modes
 that were not fitted are given over the principal stretches that the fitted ones reached, and marked as extrapolated.
+Outside the tests a nu that was assumed counts as one more standard deviation: what the law fitted with another says.
 """
 
 from __future__ import annotations
@@ -49,21 +50,42 @@ def spans(fitted: Ranges, modes: Sequence[str] = MODES) -> dict[str, tuple[float
     return out
 
 
-def stress_bands(law: Law, source: Draws | Uncertainty) -> Columns:
+def stress_bands(law: Law, source: Draws | Uncertainty, about: Uncertainty | None = None) -> Columns:
     """Rows (mode, strain, stress_Pa, stress_lo_Pa, stress_hi_Pa, extrapolated) of a long-term law in all modes, without
-    those where a law near nu = 0.5 has no finite stress, or where free faces find no place."""
+    those where a law near nu = 0.5 has no finite stress, or where free faces find no place. `about` says what an
+    assumed nu hides outside the tests."""
     tables = []
     for mode, span in spans(law.strain_range, modes_of(law)).items():
         strain = np.unique(np.r_[np.linspace(*span, _POINTS), 1.0 if mode == "volumetric" else 0.0])
         strain = strain[existing(law, mode, strain)]
-        with np.errstate(over="ignore", invalid="ignore"):
-            stress, (low, high) = nominal_stress(law, mode, strain), _band(source, mode, strain)
-        lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
+        stress, low, high, outer = band_in(law, mode, strain, source, about)
         table = {"mode": np.full(strain.size, mode), "strain": strain, "stress_Pa": stress, "stress_lo_Pa": low,
-                 "stress_hi_Pa": high, "extrapolated": (strain < lo) | (strain > hi)}
+                 "stress_hi_Pa": high, "extrapolated": outer}
         finite = np.isfinite(stress) & np.isfinite(low) & np.isfinite(high)
         tables.append({name: column[finite] for name, column in table.items()})
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+
+
+def band_in(law: Law, mode: str, strain: Array, source: Draws | Uncertainty, about: Uncertainty | None = None
+            ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Stress of one mode at strains (n,), the ends of its band, all (n,), Pa, and which rows lie outside the tests."""
+    lo, hi = law.strain_range.get(mode, (np.inf, -np.inf))
+    outer = (strain < lo) | (strain > hi)
+    with np.errstate(over="ignore", invalid="ignore"):
+        stress, ends = nominal_stress(law, mode, strain), _band(source, mode, strain)
+        if about is not None and about.other_nu is not None:
+            ends = with_other_nu(stress, ends, nominal_stress(about.other_nu, mode, strain), about.reach, outer)
+    return stress, *ends, outer
+
+
+def with_other_nu(stress: Array, ends: tuple[Array, Array], other: Array, reach: float,
+                  outer: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Ends (n,) of a band about a stress, Pa, those of rows `outer` wider by `reach` times what the law of another nu
+    changes."""
+    more = np.where(outer, reach * np.abs(other - stress), 0.0)
+    low, high = np.minimum(*ends), np.maximum(*ends)
+    return (np.where(outer, stress - np.hypot(stress - low, more), low),
+            np.where(outer, stress + np.hypot(high - stress, more), high))
 
 
 def share_inside(curve: Curve, law: Law, source: Draws | Uncertainty) -> float:

@@ -53,6 +53,8 @@ def summary(found: FittedLaws, draws: Draws | None = None) -> dict[str, Any]:
         if found.two_nu is not None:
             out["nu"] |= {"by_lateral_strain": list(found.two_nu.lateral), "without": list(found.two_nu.other),
                           "contradicted": found.two_nu.contradict}
+        if (other := found.uncertainty.other_nu) is not None:
+            out["other_nu"] = {"parameters": values_of(other), "reach": found.uncertainty.reach}
         out["not_determined"] = list(found.uncertainty.not_determined)
         out["effective_points"] = found.uncertainty.effective_points
         if not found.uncertainty.ridges:  # about a fitted nu nothing is linear

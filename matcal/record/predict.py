@@ -19,6 +19,7 @@ from matcal.laws.known_laws import law_of
 from matcal.laws.prony import Prony, relaxation
 from matcal.laws.stability import stability
 from matcal.posterior.draws import Draws, card_of, quantiles, read_draws
+from matcal.record.bands import with_other_nu
 
 PREDICTED = (*MODES, "relaxation", "conductivity")
 
@@ -82,6 +83,8 @@ def predict(card: MaterialCard | Path | str, mode: str, at: ArrayLike, *,
     draws = _draws(card)
     if draws is not None and _drawn(draws, name):
         low, high = quantiles(lambda k: _value(card_of(draws, card, k), mode, at), len(draws))
+        if name == "stress_Pa":
+            low, high = _over_nu(card, mode, columns, (low, high))
         columns |= {stem.format("_lo"): low, stem.format("_hi"): high}
     elif name == "stress_Pa" and (band := laws_band(card, mode, at)) is not None:
         columns |= {"stress_lo_Pa": band[0], "stress_hi_Pa": band[1]}
@@ -167,6 +170,16 @@ def laws_band(card: MaterialCard, mode: str, at: np.ndarray) -> tuple[np.ndarray
                    np.array(row["covariance"], dtype=float), row["fitted"], row["predicted"], (), (), row["weight"])
             for row in rows]
     return band_over(laws, mode, at)
+
+
+def _over_nu(card: MaterialCard, mode: str, columns: Mapping[str, Any], ends: tuple[np.ndarray, np.ndarray]
+             ) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of a band of stress, wider outside the tests where the card's nu was assumed."""
+    outer = _extrapolated(card, mode, columns["strain"])
+    if (kept := card.fit.get("other_nu")) is None or outer is None or card.law is None:
+        return ends
+    other = nominal_stress(law_of(card.law.name, kept["parameters"]), mode, columns["strain"])
+    return with_other_nu(columns["stress_Pa"], ends, other, kept["reach"], outer)
 
 
 def check(card: MaterialCard | Path | str) -> dict[str, Any]:

@@ -146,7 +146,8 @@ def _write_folder(found: FittedLaws, posterior: Posterior | None, folder: Path) 
     write_json({name: list(group) for name, group in said(found).items()}, folder / "decisions.json")
     draws = posterior.draws if posterior is not None else None
     if found.fit and found.uncertainty:
-        write_table(stress_bands(found.fit.law, draws or found.uncertainty), folder / "bands.parquet")
+        bands = stress_bands(found.fit.law, draws or found.uncertainty, found.uncertainty)
+        write_table(bands, folder / "bands.parquet")
     if found.conductivity:
         write_table(conductivity_band(found.conductivity, draws), folder / "conductivity_band.parquet")
     if posterior is not None and draws is not None:

@@ -28,7 +28,15 @@ from matcal.fitting.hyperfoam.order_selection import (
     order_sentences,
 )
 from matcal.fitting.hyperfoam.per_term_poisson import refine, with_nu
-from matcal.fitting.hyperfoam.poisson import FITTED, KEPT_VOLUME, NU_BOUNDS, Poisson, checked_poisson, nu_sentences
+from matcal.fitting.hyperfoam.poisson import (
+    FITTED,
+    KEPT_VOLUME,
+    NU_BOUNDS,
+    PRIOR_NU,
+    Poisson,
+    checked_poisson,
+    nu_sentences,
+)
 from matcal.fitting.hyperfoam.shared_poisson import best_at_any_nu, with_coarse_nu
 from matcal.fitting.hyperfoam.stable_fit import StabilityRows, keeps, search_stable
 from matcal.fitting.hyperfoam.variable_projection import Optimum
@@ -92,6 +100,8 @@ class Fit:
     parameters: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     # names of parameters that were given, of a law other than a hyperfoam
     given: tuple[str, ...] = ()
+    # law of the same order whose nu is PRIOR_NU more, where nu was assumed: what that hides in modes without a test
+    other_nu: Hyperfoam | None = None
 
     @property
     def sees_lateral(self) -> bool:
@@ -142,7 +152,8 @@ def fit(curves: Sequence[Curve], order: int | str = "auto", poisson: Poisson | N
                        ) if thorough else ()
     return Fit(law, curves, found, rows, near, alone, decisions, time.process_time() - start, free,
                {} if fitted or not thorough else _kept_volume(curves, best.order),
-               fitted or ("assumed" if poisson is None else "given"))
+               fitted or ("assumed" if poisson is None else "given"),
+               other_nu=_other_nu(curves, best.order, nu, starts) if thorough and poisson is None else None)
 
 
 def quick_law(curves: Sequence[Curve], order: int | str, nu: float) -> Hyperfoam:
@@ -290,6 +301,11 @@ def _neighbours(curves: tuple[Curve, ...], tried: _Tried, find: _Find, found: Op
     near = [(n, tried.get(n) or find(n)) for n in (order + 1, order - 1) if 0 < 2 * n < most]
     return tuple(_law(optimum, problem.nu, problem.curves) for n, (problem, optimum) in near
                  if n > order or optimum.cost < NEARLY**2 * found.cost)
+
+
+def _other_nu(curves: tuple[Curve, ...], order: int, nu: float, starts: int) -> Hyperfoam:
+    other = nu + PRIOR_NU
+    return _law(best_law(pose(curves, other), order, max(1, starts // 2)), other, curves)
 
 
 def _row(problem: Problem, optimum: Optimum, fitted: str | None) -> OrderRow:

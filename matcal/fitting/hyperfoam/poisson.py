@@ -24,6 +24,8 @@ FITTED = ("fit", "fit-each")
 FOAM = 0.0
 # values that a fit may take
 NU_BOUNDS = (-0.4, 0.4999)
+# standard deviation of a nu that is uniform between them
+PRIOR_NU = (NU_BOUNDS[1] - NU_BOUNDS[0]) / 12**0.5
 # values between which a material counts as one that nearly keeps its volume
 KEPT_VOLUME = (0.45, 0.4999)
 # share of the range of NU_BOUNDS within which a value counts as at the bound; coarse values tried first

@@ -6,7 +6,8 @@ residuals show (`matcal.statistics.residual_correlation`), so that misfit counts
 many. What the order of the law hides is seen by adding one term, or by leaving one out where that fits nearly as well:
 the larger difference enters as one more standard deviation. A fitted nu is not linearised: see
 `matcal.fitting.uncertainty.nu_ridge`; fitted term by term it moves with the moduli, its prior uniform, and its own
-intervals are those of profiles (`matcal.fitting.uncertainty.nu_each`).
+intervals are those of profiles (`matcal.fitting.uncertainty.nu_each`). One that was assumed is in no interval of what
+was tested; outside the tests `matcal.record.bands` counts it.
 Replicates and stated scatter are in it (`matcal.fitting.hyperfoam.specimen_factors`); without either, scatter from
 specimen to specimen is left out, as are errors in the specimen's size.
 """
@@ -20,7 +21,7 @@ from scipy.linalg import block_diag
 from scipy.special import ndtri, stdtrit
 
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit
-from matcal.fitting.hyperfoam.poisson import AT_BOUND, NU_BOUNDS
+from matcal.fitting.hyperfoam.poisson import AT_BOUND, NU_BOUNDS, PRIOR_NU
 from matcal.fitting.hyperfoam.specimen_factors import Specimens, specimens
 from matcal.fitting.relaxation.series import Series
 from matcal.fitting.uncertainty import linear_response
@@ -72,6 +73,7 @@ class Uncertainty:
     spare: float = 1e6  # points to spare in Student's law
     ridges: tuple[Ridge, ...] = ()  # profiles of a fitted nu, which then make the intervals; none where it was given
     nu: tuple[Interval, ...] = ()  # of a fitted nu, one for all terms or one a term
+    other_nu: Law | None = None  # that of a nu a standard deviation off, where it was assumed; None where it was not
 
     @property
     def not_determined(self) -> tuple[str, ...]:
@@ -126,7 +128,7 @@ def linearised(fit: Fit, prony: Series | None = None) -> Uncertainty:
     covariance = from_data + variance * prior @ prior.T + stated @ stated.T
     over = tuple(with_stated(ridge, stated) for ridge in ridges(fit, effect, errors, spare))
     bare = Uncertainty({}, covariance, _effective_points(fit, data, from_data), fit.law, fit.neighbours, reach, {}, (),
-                       spare, over)
+                       spare, over, other_nu=fit.other_nu)
     derived = intervals(bare, measured_quantities)
     mu_0 = _gradients(fit.law, lambda law: {"mu_0_Pa": law.mu_0_Pa}, len(free))["mu_0_Pa"]
     names = [*("nu",) * terms.shape[1], *known.names]
@@ -143,13 +145,13 @@ def _free_directions(fit: Fit) -> Array:
     """Directions in (mu, alpha), and in nu where that was fitted term by term, that the search was free to take."""
     free = linear_response.free_directions(fit)
     more = fit.law.nu.size if fit.nu_fitted == "fit-each" else 0
-    return np.asarray(block_diag(free, linear_response.PRIOR_NU * np.eye(more)), dtype=float)
+    return np.asarray(block_diag(free, PRIOR_NU * np.eye(more)), dtype=float)
 
 
 def _nu_effects(fit: Fit) -> Array:
     """(n + l, N) effects of nu fitted term by term, each one standard deviation of a uniform nu; else no columns."""
     slopes = linear_response.nu_slopes(fit)
-    return linear_response.PRIOR_NU * slopes if fit.nu_fitted == "fit-each" else slopes[:, :0]
+    return PRIOR_NU * slopes if fit.nu_fitted == "fit-each" else slopes[:, :0]
 
 
 def _nu_intervals(fit: Fit, about: Uncertainty, effect: Array, errors: Sequence[Errors]) -> tuple[Interval, ...]:

@@ -8,15 +8,13 @@ from scipy.linalg import block_diag
 
 from matcal.fitting.hyperfoam.curves import weighted_design, weighted_model, weighted_stress
 from matcal.fitting.hyperfoam.hyperfoam_fit import Fit, allowed_exponents
-from matcal.fitting.hyperfoam.poisson import NU_BOUNDS, lateral_residual
+from matcal.fitting.hyperfoam.poisson import PRIOR_NU, lateral_residual
 from matcal.laws.law import units, vector, with_vector
 from matcal.statistics.residual_correlation import Errors, correlated_errors
 from touchcal.arrays import Array
 
 # standard deviations of a prior so wide that it only holds directions that no curve sees: exponents, moduli over mu_0
 PRIOR_ALPHA, PRIOR_MODULI = 10.0, 100.0
-# that of a uniform nu between its bounds
-PRIOR_NU = (NU_BOUNDS[1] - NU_BOUNDS[0]) / 12**0.5
 
 
 def free_slopes(fit: Fit) -> Array:
