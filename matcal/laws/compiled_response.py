@@ -1,4 +1,5 @@
-"""Energy and response of a law at many points, in loops that are compiled once a law and kept on disk."""
+"""Energy and response of a law at many points, in loops that are compiled once a law and kept on disk; without numba
+the law's functions of arrays."""
 
 import functools
 from collections.abc import Callable
@@ -7,11 +8,13 @@ import numpy as np
 
 from matcal.laws.law import Law
 from touchcal.arrays import Array
-from touchcal.jit import compilable, compiled
+from touchcal.jit import compilable, compiled, compiles
 
 
 def energies(law: Law, x: Array) -> Array:
     """(n,) energies, Pa, at logarithmic stretches x (n, 3)."""
+    if not compiles():
+        return law.energy(x)
     out = np.empty(len(x))
     _energies(type(law))(law.numbers, x, out)
     return out
@@ -20,6 +23,8 @@ def energies(law: Law, x: Array) -> Array:
 def responses(law: Law, x: Array, mean: Array, half: Array) -> tuple[Array, Array, Array]:
     """Kirchhoff stresses (n, 3), their derivatives (n, 3, 3) and divided differences (n, pairs), Pa, at logarithmic
     stretches x (n, 3); mean, half (n, pairs) belong to the first of the pairs (1, 2), (1, 3), (2, 3)."""
+    if not compiles():
+        return law.kirchhoff(x), law.tangent(x), law.difference(mean, half, x[:, ::-1][:, :mean.shape[1]])
     tau, tangent, slope = np.empty(x.shape), np.empty((*x.shape, 3)), np.empty(mean.shape)
     _responses(type(law))(law.numbers, x, mean, half, tau, tangent, slope)
     return tau, tangent, slope

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid, Indices, modes
-from eitsim.mechanics.solid.meridian_response import energy_density, response
+from eitsim.mechanics.solid.meridian_response import area_change, energy_density, log_stretches, response
 from eitsim.mechanics.solid.volume_projection import (
     VolumeProjection,
     element_stiffness,
@@ -16,7 +16,6 @@ from eitsim.mechanics.solid.volume_projection import (
 )
 from matcal.laws.law import Law
 from touchcal.arrays import Array
-from touchcal.jit import compiled
 
 # Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
 _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
@@ -38,27 +37,14 @@ def nodal(grid: Grid, u: Array) -> Array:
 
 def admissible(grad_u: Array) -> NDArray[np.bool_]:
     """Where F = 1 + grad_u (..., 5) keeps its orientation."""
-    return (_area_change(grad_u) > -1) & (grad_u[..., 4] > -1)
-
-
-def _area_change(grad_u: Array) -> Array:
-    rr, rz, zr, zz = np.moveaxis(grad_u[..., :4], -1, 0)
-    return rr + zz + rr * zz - rz * zr
-
-
-def log_stretches(grad_u: Array) -> Array:
-    """Logarithmic principal stretches (..., 3) of F = 1 + grad_u (..., 5): in-plane larger, smaller, hoop."""
-    rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
-    mean = np.log1p(_area_change(grad_u)) / 2
-    half = np.arctanh(np.hypot(rr - zz, rz + zr) / np.hypot(2 + rr + zz, rz - zr))
-    return np.stack([mean + half, mean - half, np.log1p(hoop)], axis=-1)
+    return (area_change(grad_u) > -1) & (grad_u[..., 4] > -1)
 
 
 def second_piola(law: Law, grad_u: Array, projection: VolumeProjection | None = None) -> Array:
     """Second Piola-Kirchhoff stress (..., 4), parts rr, rz, zz and hoop, F^-1 P, at F = 1 + grad_u (..., 5)."""
     rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
     p = response(law, grad_u, projection=projection).stress
-    area = 1 + _area_change(grad_u)
+    area = 1 + area_change(grad_u)
     return np.stack([((1 + zz) * p[..., 0] - rz * p[..., 2]) / area, ((1 + zz) * p[..., 1] - rz * p[..., 3]) / area,
                      ((1 + rr) * p[..., 3] - zr * p[..., 1]) / area, p[..., 4] / (1 + hoop)], axis=-1)
 
@@ -118,11 +104,10 @@ def residual_and_tangent(law: Law, grid: Grid, u: Array, negative_curvature_scal
         force = force + push_forward(prestress, grad_u)
         tangent = tangent + geometric_stiffness(prestress, negative_curvature_scale)
     force, tangent = force * grid.weight[..., None], tangent * grid.weight[..., None, None]
-    gradient, band = np.zeros(grid.unknowns), np.zeros((grid.unknowns, grid.bandwidth + 1))
-    assemble(grid.gradient, grid.elements, grid.unknown, force, tangent, gradient, band)
+    load, stiffness = element_integrals(grid, force, tangent)
     if projection is not None and at.by_volume is not None:
-        add_stiffness(grid.elements, grid.unknown, element_stiffness(grid, projection, grad_u, at.by_volume), band)
-    return gradient, band
+        stiffness += element_stiffness(grid, projection, grad_u, at.by_volume)
+    return assemble(grid, load, stiffness)
 
 
 def resisted(law: Law, grid: Grid, grad_u: Array) -> Array:
@@ -157,49 +142,20 @@ def projection_of(law: Law, grid: Grid) -> VolumeProjection | None:
     return volume_projection(grid) if projects(law) else None
 
 
-@compiled
-def add_stiffness(elements, unknown, local, band):
-    """Add stiffnesses (elements, n, n) of the elements' unknowns (u_r, u_z) node after node to the lower band."""
-    for e in range(elements.shape[0]):
-        for a in range(local.shape[1]):
-            i = unknown[elements[e, a // 2], a % 2]
-            for b in range(a + 1):
-                j = unknown[elements[e, b // 2], b % 2]
-                if i >= 0 and j >= 0:
-                    band[min(i, j), abs(i - j)] += local[e, a, b]
+def element_integrals(grid: Grid, force: Array, tangent: Array) -> tuple[Array, Array]:
+    """Loads (elements, n) sum_q B' force and stiffnesses (elements, n, n) sum_q B' tangent B of the elements' unknowns
+    (u_r, u_z) node after node; B maps them to the parts rr, rz, zr, zz and hoop of F."""
+    parts = grid.parts
+    elements, points, _, n = parts.shape
+    flat = parts.reshape(elements, 5 * points, n)
+    load = (force.reshape(elements, 1, 5 * points) @ flat)[:, 0]
+    return load, np.swapaxes(flat, 1, 2) @ (tangent @ parts).reshape(flat.shape)
 
 
-@compiled
-def assemble(shape, elements, unknown, force, tangent, gradient, band):
-    """Add element forces sum_q B' force and stiffnesses sum_q B' tangent B to gradient and to the lower band. B maps
-    node a's (u_r, u_z) to the parts (rr, rz, zr, zz, hoop) of F through N_,r, N_,z and N/r in shape."""
-    nodes = shape.shape[2]
-    local = np.empty((2 * nodes, 2 * nodes))
-    load = np.empty(2 * nodes)
-    row = np.empty((2, 5))
-    for e in range(elements.shape[0]):
-        local[:] = 0.0
-        load[:] = 0.0
-        for q in range(shape.shape[1]):
-            p, c = force[e, q], tangent[e, q]
-            for a in range(nodes):
-                r, z, h = shape[e, q, a, 0], shape[e, q, a, 1], shape[e, q, a, 2]
-                load[2 * a] += r * p[0] + z * p[1] + h * p[4]
-                load[2 * a + 1] += r * p[2] + z * p[3]
-                for k in range(5):
-                    row[0, k] = r * c[0, k] + z * c[1, k] + h * c[4, k]
-                    row[1, k] = r * c[2, k] + z * c[3, k]
-                for b in range(a + 1):
-                    r, z, h = shape[e, q, b, 0], shape[e, q, b, 1], shape[e, q, b, 2]
-                    for i in range(2):
-                        local[2 * a + i, 2 * b] += row[i, 0] * r + row[i, 1] * z + row[i, 4] * h
-                        local[2 * a + i, 2 * b + 1] += row[i, 2] * r + row[i, 3] * z
-        for a in range(2 * nodes):
-            i = unknown[elements[e, a // 2], a % 2]
-            if i < 0:
-                continue
-            gradient[i] += load[a]
-            for b in range(a + 1):
-                j = unknown[elements[e, b // 2], b % 2]
-                if j >= 0:
-                    band[min(i, j), abs(i - j)] += local[a, b]
+def assemble(grid: Grid, load: Array, stiffness: Array) -> tuple[Array, Array]:
+    """Sums (unknowns,) of the elements' loads and, as a lower band, of their stiffnesses."""
+    width = grid.bandwidth + 1
+    single, pair = grid.places
+    gradient = np.bincount(single, load.ravel(), grid.unknowns + 1)[:-1]
+    band = np.bincount(pair, stiffness.ravel(), grid.unknowns * width + 1)[:-1]
+    return np.asarray(gradient, dtype=float), np.asarray(band.reshape(-1, width), dtype=float)

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,11 +74,30 @@ class Grid:
     def unknowns(self) -> int:
         return int(self.unknown.max()) + 1
 
-    @property
+    @cached_property
     def bandwidth(self) -> int:
         """Largest distance between two unknowns of one element."""
         numbers = self.unknown[self.elements].reshape(len(self.elements), -1)
         return int((numbers.max(axis=1) - np.where(numbers < 0, numbers.max(), numbers).min(axis=1)).max())
+
+    @cached_property
+    def parts(self) -> Array:
+        """(elements, points, 5, n) parts rr, rz, zr, zz and hoop of F by an element's unknowns (u_r, u_z)."""
+        elements, points, nodes, _ = self.gradient.shape
+        parts = np.zeros((elements, points, 5, nodes, 2))
+        for part, slope, direction in ((0, 0, 0), (1, 1, 0), (2, 0, 1), (3, 1, 1), (4, 2, 0)):
+            parts[:, :, part, :, direction] = self.gradient[..., slope]
+        return parts.reshape(elements, points, 5, 2 * nodes)
+
+    @cached_property
+    def places(self) -> tuple[Indices, Indices]:
+        """Where the elements' loads stand in (unknowns,), and their stiffnesses in a raveled lower band (unknowns,
+        bandwidth + 1); one past the end where an unknown is fixed or a pair is above the diagonal."""
+        number = self.unknown[self.elements].reshape(len(self.elements), -1)
+        row, column, width = number[:, :, None], number[:, None, :], self.bandwidth + 1
+        lower = (column >= 0) & (row >= column)
+        pair = np.where(lower, row - column + column * width, self.unknowns * width)
+        return np.where(number < 0, self.unknowns, number).ravel(), pair.ravel()
 
 
 def feature_m(body: Body, punch: Punch) -> float:

@@ -61,20 +61,23 @@ def energy_density(law: Law, grad_u: Array, projection: VolumeProjection | None 
     return by_part(law, energies, x + _shift(x, projection)).reshape(grad_u.shape[:-1])
 
 
-def _stretches(points: Array) -> tuple[Array, Array, Array]:
-    """Logarithmic stretches (n, 3), and mean and half difference (n, 1) of those in the plane, at points (n, 5)."""
-    x, mean, half = np.empty((len(points), 3)), np.empty((len(points), 1)), np.empty((len(points), 1))
-    _fill_stretches(points, x, mean, half)
-    return x, mean, half
+def area_change(grad_u: Array) -> Array:
+    """det F - 1 in the meridian plane at F = 1 + grad_u (..., 5)."""
+    rr, rz, zr, zz = np.moveaxis(grad_u[..., :4], -1, 0)
+    return rr + zz + rr * zz - rz * zr
 
 
-@compiled
-def _fill_stretches(grad_u, x, mean, half):
-    for p in range(grad_u.shape[0]):
-        rr, rz, zr, zz, hoop = grad_u[p]
-        mean[p, 0] = math.log1p(rr + zz + rr * zz - rz * zr) / 2
-        half[p, 0] = math.atanh(math.hypot(rr - zz, rz + zr) / math.hypot(2 + rr + zz, rz - zr))
-        x[p, 0], x[p, 1], x[p, 2] = mean[p, 0] + half[p, 0], mean[p, 0] - half[p, 0], math.log1p(hoop)
+def log_stretches(grad_u: Array) -> Array:
+    """Logarithmic principal stretches (..., 3) of F = 1 + grad_u (..., 5): in-plane larger, smaller, hoop."""
+    return _stretches(grad_u)[0]
+
+
+def _stretches(grad_u: Array) -> tuple[Array, Array, Array]:
+    """Logarithmic stretches (..., 3), and mean and half difference (..., 1) of those in the plane."""
+    rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
+    mean = np.log1p(area_change(grad_u)) / 2
+    half = np.arctanh(np.hypot(rr - zz, rz + zr) / np.hypot(2 + rr + zz, rz - zr))
+    return np.stack([mean + half, mean - half, np.log1p(hoop)], axis=-1), mean[..., None], half[..., None]
 
 
 @compiled

@@ -12,11 +12,11 @@ SOLVE = """
 import json
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.scene import Body, Punch
-from eitsim.mechanics.solid.axisymmetric_assembly import assemble
+from eitsim.mechanics.solid.meridian_response import _compose
 from matcal.laws.hyperfoam import Hyperfoam
 law = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
 touch = solve_touch(law, Body(), Punch(force_N=0.5), element_m=0.8e-3)
-print(json.dumps({"compiled": hasattr(assemble, "py_func"), "depth": touch.depth_m, "moved": list(touch.u_z_m)}))
+print(json.dumps({"compiled": hasattr(_compose, "py_func"), "depth": touch.depth_m, "moved": list(touch.u_z_m)}))
 """
 
 COMPILED = """

@@ -76,7 +76,9 @@ def test_no_axis_is_preferred_and_rest_is_free_of_stress(drawn) -> None:
     assert law.kirchhoff(np.zeros(3)) == pytest.approx([0, 0, 0], abs=1e-9)
 
 
-def test_compiled_loops_do_what_arrays_do(drawn) -> None:
+@pytest.mark.parametrize("numba", [True, False])
+def test_compiled_loops_do_what_arrays_do(drawn, numba, monkeypatch) -> None:
+    monkeypatch.setattr("matcal.laws.compiled_response.compiles", lambda: numba)
     law, x = drawn
     one, other = x[:, [0, 0, 1]], x[:, [1, 2, 2]]
     mean, half = (one + other) / 2, (one - other) / 2
@@ -86,6 +88,7 @@ def test_compiled_loops_do_what_arrays_do(drawn) -> None:
     np.testing.assert_allclose(tau, law.kirchhoff(x), rtol=1e-11, atol=1e-11 * size)
     np.testing.assert_allclose(tangent, law.tangent(x), rtol=1e-11, atol=1e-11 * size)
     np.testing.assert_allclose(slope, law.difference(mean, half, x[:, ::-1]), rtol=1e-11)
+    np.testing.assert_array_equal(responses(law, x, mean[:, :1], half[:, :1])[2], slope[:, :1])
 
 
 def test_moduli_at_rest_are_those_of_small_strains(drawn) -> None:
