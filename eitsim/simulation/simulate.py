@@ -29,6 +29,7 @@ from matcal.card import MaterialCard, as_card, lacking
 from matcal.laws.conductivity import Conductivity, NotPositive
 from touchcal.errors import NotConverged
 from touchcal.jit import compilation_s, cpu_s
+from touchcal.parallel.one_thread import ONE_THREAD
 
 # Part of the requested signal error, or of what the touches themselves miss where more, that electrics may use up.
 ELECTRICS_SHARE = 0.2
@@ -131,6 +132,7 @@ def _read(scene: AnyScene | Path | str) -> AnyScene:
     return known if isinstance(known, CurvedScene) else as_scene(known)
 
 
+@ONE_THREAD
 def solve_scene(scene: Scene, card: MaterialCard | Material, *, exact: bool = False, bodies: bool = True,
                 table: Table | None = None) -> Result:
     """Solve a scene with a card or its material; a refusal or a failure of a solver is the result's outcome, which its

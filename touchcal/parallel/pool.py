@@ -1,6 +1,5 @@
 """Handing tasks to whoever works on them, a few at a time, and again where a worker was lost."""
 
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
@@ -8,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
-from threadpoolctl import threadpool_limits
+from touchcal.parallel.one_thread import ONE_THREAD
 
 Task = Callable[[Any], Any]
 Submit = Callable[[Any], Future[Any]]  # hands one item to the task that the pool was given
@@ -62,7 +61,7 @@ def answers(pool: WorkerPool, task: Task, items: Iterable[Any], tries: int = 2) 
     """Yield (item, task(item)) as they come, or (item, Failed) where the task raises or `tries` workers were lost on
     it. Items are taken from their iterable as workers become free. PoolUnavailable where there is nobody to work. This
     process has one thread of linear algebra meanwhile, as its workers have."""
-    with _ONE_THREAD:
+    with ONE_THREAD:
         yield from _answers(pool, task, items, tries)
 
 
@@ -105,32 +104,8 @@ def _outcome(future: Future[Any], losses: tuple[type[BaseException], ...]) -> An
 
 def _on_one_thread(task: Task, item: Any) -> Any:
     """Threads of linear algebra would take each other's cores, and their number changes the last digits of sums."""
-    with _ONE_THREAD:
+    with ONE_THREAD:
         return task(item)
-
-
-class _OneThread:
-    """The limit is the process's own, and the thread that sets it keeps others from changing it: the first of several
-    that ask for it at a time sets it, the last one lifts it. So `answers` asks before tasks on other threads do."""
-
-    def __init__(self) -> None:
-        self._lock, self._users = threading.Lock(), 0
-        self._limit: threadpool_limits | None = None
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if not self._users:
-                self._limit = threadpool_limits(1)
-            self._users += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._users -= 1
-            if not self._users and self._limit is not None:
-                self._limit.restore_original_limits()
-
-
-_ONE_THREAD = _OneThread()
 
 
 @dataclass(frozen=True)

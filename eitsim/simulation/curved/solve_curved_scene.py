@@ -38,10 +38,12 @@ from matcal.laws.conductivity import Conductivity
 from touchcal.arrays import Array
 from touchcal.errors import NotConverged
 from touchcal.jit import compilation_s, cpu_s
+from touchcal.parallel.one_thread import ONE_THREAD
 
 ELECTRICS_SHARE = 0.2  # Part of the requested signal error, or of the touches' own where more, for electrics.
 
 
+@ONE_THREAD
 def solve_curved_scene(scene: CurvedScene, card: MaterialCard | Material, *, exact: bool = False,
                        table: MovedTable | None = None, compared: bool = True) -> Result:
     """Solve a scene on a curved body; a refusal or a failure of a solver is the result's outcome, which its message
