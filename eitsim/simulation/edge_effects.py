@@ -18,9 +18,9 @@ _GAP = np.array([0.05, 0.5, 1.0, 2.0, 3.0, 4.0])
 _RIM_EFFECT = {"normal": np.array([0.18, 0.18, 0.14, 0.057, 0.031, 0.008]),
                "principal": np.array([0.27, 0.26, 0.13, 0.034, 0.0095, 0.0026]),
                "areal": np.array([0.49, 0.36, 0.215, 0.05, 0.017, 0.0045])}
-# How much further edges change a layer on a soft base, by the power of mu_0 of the layer over that of the base: the
-# layer's stretch dies out as the base shears (benchmarks/soft_base.py).
-_SPREAD = 1 / 6
+# How much further edges change a layer on a soft base, by the power of mu_0 of the layer over that of the base: as that
+# of the length over which a plate bends on what it lies on (benchmarks/soft_base.py).
+_SPREAD = 1 / 4
 # Part of the requested signal error that neglecting edges may use up.
 EDGE_SHARE = 0.5
 # What one edge changes of another's change, over the product of both as tabulated (benchmarks/several_edges.py): above
