@@ -20,6 +20,7 @@ from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.electrodes import Electrodes
 from eitsim.scene.pressing import Punch, Skin
+from eitsim.scene.results import Touch
 from eitsim.scene.scene import Body, Drive, Scene
 from eitsim.sheet.layer_conductivity import sheet_law, sheet_skin
 from eitsim.simulation.layers.layer_readings import TouchedLayer
@@ -53,9 +54,15 @@ def skins(thickness_m: float, along: float) -> list[Skin]:
 def rows(k: int) -> list[dict[str, object]]:
     name, body, punch, along = drawn(k)
     touch = solve_touch(LAWS[name], body, punch, element_m=1.5 * default_element_m(body, punch))
+    return [{"touch": k, "law": name, **one} for one in
+            compared(body, punch, touch, skins(body.thickness_m, along))]
+
+
+def compared(body: Body, punch: Punch, touch: Touch, own: list[Skin]) -> list[dict[str, object]]:
+    """A touch read with each of the skins, as a sheet and by its volume."""
     out: list[dict[str, object]] = []
-    for i, skin in enumerate(skins(body.thickness_m, along)):
-        layer = TouchedLayer(Scene(body, (punch,), skin), (touch,), BY_STRAIN)
+    for i, skin in enumerate(own):
+        layer = TouchedLayer(Scene(body, (punch,), skin, Electrodes(soft=True)), (touch,), BY_STRAIN)
         electrodes = Electrodes(width_m=0.1 * body.edge.size_m, contact_impedance_Ohm_m=0.02)
         begun, found = time.process_time(), []
         stated = layer.sheet_error
@@ -66,9 +73,9 @@ def rows(k: int) -> list[dict[str, object]]:
                                method="multipole").signal_V)
             times.append(time.process_time() - begun)
         off = np.linalg.norm(found[0] - found[1]) / np.linalg.norm(found[1])
-        out.append({"touch": k, "law": name, "skin": f"{skin.strain} {i}", "profile": punch.profile,
-                    "thickness_mm": body.thickness_m * 1e3, "d_mm": punch.diameter_m * 1e3,
-                    "deep": punch.depth_m / body.thickness_m, "off": off, "stated": stated,
+        out.append({"skin": f"{skin.strain} {i}", "profile": punch.profile,
+                    "thickness_mm": skin.thickness_m * 1e3, "d_mm": punch.diameter_m * 1e3,
+                    "deep": (punch.depth_m or 0.0) / skin.thickness_m, "off": off, "stated": stated,
                     "sheet_cpu_s": times[0] + times[1], "volume_cpu_s": times[2], **conditions()})
     return out
 

@@ -5,7 +5,8 @@ Poisson's ratio of 0.2 to 0.4995, a ball of 6 to 12 mm, 10 to 35 % of the layer 
 (`peers/rubber_layer.py`, two mixed regions) and quadratic tetrahedra of the whole layer (`peers/disc_volume.py`).
 "force_off" and "off" are the relative differences of the force and of all signals (2-norm); "equal_off" that of the
 force on a base of the layer's own law from one thick body, "stiff_off" on a base STIFF times as stiff from the layer on
-a plate. results/soft_base.csv.
+a plate. results/soft_base.csv. Further touches as a sheet of resultants and by their volume, as in `layers`:
+results/soft_base_sheets.csv.
 
 "rim" is what a rim all around the punch at a gap changes of the dipole moment of the layer's conductance, by the
 largest principal strain and by volume, "bound" what a plan counts for an edge as near in each of the four quarters
@@ -13,10 +14,11 @@ about it. results/soft_base_rim.csv. Run by `make bench`, which pins threads.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from conditions import conditions, quick, shown, written
+from layers import compared, skins
 from peers.disc_volume import changed
 from peers.rubber_layer import Problem, pressed
 from touched_layer import LAW, by_largest
@@ -38,7 +40,7 @@ from matcal.laws.known_laws import law_of
 from matcal.laws.law import Law, scaled
 from matcal.laws.volumetric import bulk_modulus
 
-TOUCHES, SEED, DISC_M, AT_M, Z = quick(3, 1), 50, 0.04, 0.008, 0.05
+TOUCHES, SHEETS, SEED, DISC_M, AT_M, Z = quick(3, 1), quick(12, 1), 50, 0.04, 0.008, 0.05
 MU, NU, STIFF = 1e5, 0.4995, 1e4
 # Peer: size of its elements about the contact, mm, layers of them, size of its tetrahedra and their levels.
 PEER = quick((0.5, 6, 0.8, 4), (0.8, 4, 1.2, 3))
@@ -113,6 +115,16 @@ def row(k: int) -> dict[str, object]:
             "cpu_s": found.cpu_s, "peer_cpu_s": time.process_time() - begun, **conditions()}
 
 
+def sheet_rows(k: int) -> list[dict[str, object]]:
+    """A touch as a sheet and by its volume, with four conductivities."""
+    one, along = drawn(k), float(np.random.default_rng((SEED, k, 1)).uniform(1, 8))
+    touch = solve_touch(Bonded(RUBBER, one.base), one.body, one.punch,
+                        element_m=2 * default_element_m(one.body, one.punch))
+    on_base = [replace(skin, base_m=one.base_m, base_card="base.json") for skin in skins(one.layer_m, along)]
+    return [{"touch": k, "base_mm": 1e3 * one.base_m, "stiffer": MU / one.mu_Pa, **each}
+            for each in compared(one.body, one.punch, touch, on_base)]
+
+
 def rim_rows(layer_m: float, stiffer: float) -> list[dict[str, object]]:
     """What the rim changes around a ball of 8 mm, 1 mm deep in a layer so many times as stiff as the foam under it."""
     foam, punch = matcal.Hyperfoam([3e4], [4.0], [0.2]), Punch(0, 0, 0.008, depth_m=1e-3, profile="sphere")
@@ -136,6 +148,8 @@ def rim_rows(layer_m: float, stiffer: float) -> list[dict[str, object]]:
 
 def main() -> None:
     shown(written([row(k) for k in range(TOUCHES)], "soft_base"))
+    sheets = written([one for k in range(TOUCHES, TOUCHES + SHEETS) for one in sheet_rows(k)], "soft_base_sheets")
+    print(f"the sheet's stated error holds in {(sheets['off'] <= sheets['stated']).mean():.0%} of {len(sheets)}")
     table = written([row for one in LAYERS for row in rim_rows(*one)], "soft_base_rim")
     shown(table)
     print(f"the bound holds in {(table['rim'] <= table['bound']).mean():.0%} of {len(table)}")
