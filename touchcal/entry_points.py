@@ -1,4 +1,6 @@
-"""Parts that installed packages add: readers, exporters, formats, profiles, laws, learners, without a fork."""
+"""Parts that installed packages add: readers, exporters, formats, profiles, laws, learners, without a fork.
+
+Upper packages of this project add to lower ones in the same way."""
 
 import warnings
 from functools import cache
@@ -6,7 +8,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 # what may be added, each the group `touchcal.WORD` of entry points
-KINDS = ("readers", "exporters", "formats", "profiles", "laws", "conduction", "learners")
+KINDS = ("readers", "exporters", "formats", "profiles", "laws", "conduction", "learners", "quantities")
 
 
 @cache

@@ -4,6 +4,7 @@ ln force is nearly linear in them, far more than in a law's own parameters, of w
 stress; a prior of them means something too.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,15 +86,25 @@ def features(law: Law, vectors: Array) -> Array:
         named = {p.name: part for p, part in zip(law.parameters, parts, strict=True)}
         return stress_of(Draws(named, Hyperfoam), mode, strain)
 
+    return _logarithms(stress)
+
+
+def features_of(draws: Draws) -> Array:
+    """Those of the laws of draws, (D, q)."""
+    return _logarithms(lambda mode, strain: stress_of(draws, mode, strain))
+
+
+def _logarithms(stress: Callable[[str, Array], Array]) -> Array:
     with np.errstate(all="ignore"):
         found = np.hstack([np.sign(e) * stress(mode, np.array(e)) for mode, e in _STRAINS.items()])
         return np.where(found > 0, np.log(np.maximum(found, 1e-300)), np.nan)
 
 
-def by_features(prior: LawPrior, white: Array, by_law: Array) -> Array:
-    """(n, q) derivatives by features of least size that give those by the law's parameters, by_law (n, K)."""
+def by_features(prior: LawPrior, white: Array, by_law: Array, kept: Mask | slice = slice(None)) -> Array:
+    """(n, q) derivatives by the features that are kept, of least size, that give those by the law's parameters, by_law
+    (n, K)."""
     p = len(white)
     moved = white + _STEP * np.vstack([np.eye(p), -np.eye(p)])
-    found = features(prior.law, prior.vectors(moved))
+    found = features(prior.law, prior.vectors(moved))[:, kept]
     slope = (found[:p] - found[p:]) / (2 * _STEP)
     return by_law[:, prior.free] * prior.size @ np.linalg.pinv(slope.T, rcond=_RELATIVE)

@@ -192,7 +192,7 @@ def next_command(
         card: CardFile,
         quantity: Annotated[str, typer.Option("--for", metavar="QUANTITY", help=(
             "What is to be narrowed: mu_0, E_0, plateau, g_infinity, mu_0_instantaneous, nu, or "
-            "stress:MODE:STRAIN."))] = "mu_0",
+            "stress:MODE:STRAIN, or touch:SCENE, the depth of a touch."))] = "mu_0",
         minutes: Annotated[list[str] | None, typer.Option(metavar="KIND=MIN,...", help=(
             "What a test of a kind takes; tests are then in the order of what they narrow a minute, and other kinds "
             "are left out."))] = None,

@@ -75,7 +75,7 @@ def next_tests(card: MaterialCard | Path | str, quantity: str = "mu_0", *,
         the laws that were compared, else by the covariance of its law.
     quantity
         `mu_0`, `E_0`, `plateau`, with a series `g_infinity` and `mu_0_instantaneous`, `nu` where it was sampled;
-        `stress:MODE:STRAIN` for the nominal stress of a mode.
+        `stress:MODE:STRAIN` for the nominal stress of a mode; `touch:SCENE` for the depth of the touch of a scene file.
     minutes
         Kind of test -> what one specimen takes, min; tests are then in the order of ln(sd before/sd after) a minute,
         and kinds without an entry are left out. None: in the order of what they narrow.
@@ -104,7 +104,7 @@ def next_tests(card: MaterialCard | Path | str, quantity: str = "mu_0", *,
     own = [law.spread(of_draws) for law in laws]
     if not all(np.all(np.isfinite(rows)) for _, rows in own):
         raise ValueError(f"`for` {quantity}: not every law that the card leaves open has this value. Choose a smaller "
-                         "strain.")
+                         "strain, or a touch of less force.")
     omega, listed = _omega(laws), [*candidates(card, laws[0].draws, aim_of(quantity, card))]
     if minutes is not None:
         _check_minutes(minutes, list(dict.fromkeys(test.kind for test in listed)))

@@ -7,20 +7,24 @@ from matcal.laws.deformation_modes import modes_of
 from matcal.posterior.derived_quantities import derived_of
 from matcal.posterior.drawn_laws import stress_of
 from matcal.record.next_test.open_laws import OpenLaw, Predicted
+from touchcal.entry_points import added
 
 STRESS = "stress"
 
 
 def named(quantity: str, card: MaterialCard, laws: tuple[OpenLaw, ...]) -> tuple[str, Predicted]:
     """Name with its unit, and the quantity (D, 1) of draws; ValueError for one that the card does not leave open."""
+    kind, _, where = quantity.partition(":")
+    if where and kind in (more := added("quantities")):
+        return more[kind](where, card)
     if (aim := aim_of(quantity, card)) is not None:
         mode, strain = aim
         return f"{mode} stress at {strain:g}, Pa", lambda draws: stress_of(draws, mode, np.array([strain]))
     known = {name.removesuffix("_Pa"): name for name in _derived_of_all(laws)}
     name = known.get(quantity.removesuffix("_Pa"))
     if name is None:
-        raise ValueError(f"`for` '{quantity}' is unknown; known for this card: {', '.join(known)}, and "
-                         f"{STRESS}:MODE:STRAIN.")
+        raise ValueError(f"`for` '{quantity}' is unknown; known for this card: {', '.join(known)}, "
+                         f"{STRESS}:MODE:STRAIN" + "".join(f", {one}:FILE" for one in added("quantities")) + ".")
     return name, lambda draws: derived_of(draws)[name][:, None]
 
 
