@@ -17,7 +17,7 @@ from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
 from eitsim.sensors.calibration.placement import Placement, placement
 from eitsim.sensors.calibration.skin_errors import errors_of_instrument
 from eitsim.sensors.calibration.skin_fit import FEWEST, SkinFit, fit_skin
-from eitsim.sensors.calibration.skin_law import SkinPresses, check_skin, held_label, skin_presses
+from eitsim.sensors.calibration.skin_law import SkinPresses, check_sheet, check_skin, held_label, skin_presses
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit, fit_best, random_starts, staged
 from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame
@@ -99,6 +99,7 @@ def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None
     if labels is not None and card is not None:
         held_label(labels)
         check_skin(card)
+        check_sheet(sensor.skin)
     found = _absolute(sensor, recording, seed)
     if labels is None:
         return found

@@ -13,7 +13,7 @@ import numpy as np
 
 from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.results import Touch
-from eitsim.scene.scene import Accuracy, Punch, Scene
+from eitsim.scene.scene import Accuracy, Punch, Scene, Skin
 from eitsim.sensors.labels import PLACE, Labels, unit_of
 from eitsim.simulation.choose import served
 from eitsim.simulation.material import material_of
@@ -90,6 +90,7 @@ def skin_presses(scene: Scene, card: MaterialCard, labels: Labels, places_m: Arr
     scene = replace(scene, accuracy=Accuracy(_SIGNAL))
     held = held_label(labels)
     check_skin(card)
+    check_sheet(scene.skin)
     diameter, size = (labels.values[:, labels.names.index(name)] for name in ("d_mm", held))
     made = [Punch(x, y, 1e-3 * d, force_N=value) if held == "F_N" else Punch(x, y, 1e-3 * d, depth_m=1e-3 * value)
             for (x, y), d, value in zip(places_m.tolist(), diameter.tolist(), size.tolist(), strict=True)]
@@ -131,6 +132,14 @@ def held_label(labels: Labels) -> str:
 def check_skin(card: MaterialCard) -> None:
     """ValueError where a card has no conductivity."""
     _skin_of(card)
+
+
+def check_sheet(skin: Skin) -> None:
+    """ValueError for a layer that conducts in its volume."""
+    if skin.fills:
+        raise ValueError('kind = "layer" in [skin]: a skin\'s law is fitted along stored load paths, which hold the '
+                         "surface of a touch, and a layer conducts below it too. Leave out --card, and learn the "
+                         "presses by `surrogate learn --sensor`.")
 
 
 def changed(card: MaterialCard, values: Mapping[str, float]) -> MaterialCard:
