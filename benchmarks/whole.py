@@ -30,8 +30,8 @@ GIVEN = {"frame_drift": ("sweep",), "inversion_limit": ("forward", "sweep", "car
          "surrogate_noise": ("sweep",), "three_touches": ("forward", "sweep", "card.json"),
          "two_touches": ("forward", "sweep", "card.json"),
          "variants": ("card.json",)}
-# what needs the paper's sweep of 4,000 scenes, or a GPU, or measures nothing, and is run by hand
-APART = ("carry_over", "contacts", "faithful", "gpu", "identify", "mutants", "paced_stream", "ridge",
+# what needs the paper's sweep of 4,000 scenes, files of others or a GPU, or measures nothing, and is run by hand
+APART = ("carry_over", "contacts", "faithful", "foams", "gpu", "identify", "mutants", "paced_stream", "ridge",
          "silent_answers", "simulated_prior", "surrogates", "tracker", "transfer", "treloar", "unchanged",
          "untouched_frame", "whole_disc")
 CHAIN = (
