@@ -31,9 +31,9 @@ GIVEN = {"frame_drift": ("sweep",), "inversion_limit": ("forward", "sweep", "car
          "two_touches": ("forward", "sweep", "card.json"),
          "variants": ("card.json",)}
 # what needs the paper's sweep of 4,000 scenes, files of others or a GPU, or measures nothing, and is run by hand
-APART = ("carry_over", "contacts", "faithful", "foams", "gpu", "identify", "mutants", "paced_stream", "ridge",
-         "silent_answers", "simulated_prior", "surrogates", "tracker", "transfer", "treloar", "unchanged",
-         "untouched_frame", "whole_disc")
+APART = ("carry_over", "contacts", "faithful", "foams", "gpu", "identify", "mutants", "next_test",
+         "paced_stream", "ridge", "silent_answers", "simulated_prior", "surrogates", "tracker", "transfer", "treloar",
+         "unchanged", "untouched_frame", "whole_disc")
 CHAIN = (
     ("matcal", "fit", RAW / "uniaxial.csv", RAW / "shear.csv",
      f"conductivity={RAW / 'mts_stretch.txt'},{RAW / 'nova_stretch.txt'}", "--specimen", RAW / "specimen.toml",

@@ -210,7 +210,8 @@ def _whole(reader: PressReader, presses: Presses) -> PressReading:
         apart = one.ridge.nearest(signal)
         if not place:
             strange |= one.unlikeness.odd(apart)
-        bounds = chosen(signals.cut(presses), one.of_cut.bounds(*np.zeros((2, len(signal), 1))), bounds)
+        none = np.zeros((len(signal), 1))
+        bounds = chosen(signals.cut(presses), one.of_cut.bounds(none, none[:, 0]), bounds)
         bounds = widened(bounds, place.widening if place else np.maximum(
             one.unlikeness.widening(apart), one.unlikeness.shift(apart)))
         old, of_old = scalar_reader.read_old(one, spared, where, presses.age)

@@ -19,11 +19,11 @@ HALF = 20.0  # chi^2 over the least from which a point counts half in the fit
 
 @dataclass(frozen=True, eq=False)
 class Emulator:
-    """chi^2 of touches u (n, 4) inside a box."""
+    """chi^2 of touches u (n, q) inside a box."""
 
-    middle: Array  # (4,) middle of the points
-    half: Array  # (4,) half their range
-    factor: Array  # (k, k) triangular factor: chi^2 = |factor phi|^2
+    middle: Array  # (q,) middle of the points
+    half: Array  # (q,) half their range
+    factor: Array  # (rows, k) triangular factor: chi^2 = |factor phi|^2
 
 
 def requested(unknowns: int) -> int:

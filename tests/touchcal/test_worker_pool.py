@@ -135,7 +135,7 @@ class Losing:
 
 def test_values_are_kept_as_arrays_and_nothing_of_others_is_run(tmp_path) -> None:
     node = Node(0.1, numpy.asfortranarray(numpy.random.default_rng(1).random((6, 4))), numpy.full((6, 4), numpy.nan),
-                numpy.arange(6.0), numpy.zeros(6), 1 / 3, ())
+                numpy.arange(6.0), numpy.zeros(11), 1 / 3, ())
     value = ([node], (None, 0.1, "a", True), Deviation(1e-3, numpy.full(3, 0.2), numpy.float64(0.5)),
              numpy.float32([0.1]))
     numpy.savez(tmp_path / "a.npz", **to_arrays(value))

@@ -31,7 +31,7 @@ class SkinMesh:
     """The skin's reference surface cut into elements, and what of it lies under electrodes: edges under lines, whole
     elements under patches."""
 
-    # (n, 2) nodes, m, or (n, 3) of a sheet in space; the elements are isoparametric, so middle nodes may lie on curves
+    # (n, d) nodes, m, d = 2, or 3 of a sheet in space; elements are isoparametric, so middle nodes may lie on curves
     nodes_m: Array
     cells: Indices  # (cells, k) node numbers of each element, in scikit-fem's local order of degrees of freedom
     # (parts, m) node numbers of the edges under electrodes, m = 2 or 3: both ends, then the middle where the element

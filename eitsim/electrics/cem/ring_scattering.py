@@ -113,7 +113,7 @@ class Scattered:
     """What circles make of the field of 1 A into each electrode and 1/N A out of every one, circle by circle."""
 
     impedance_Ohm: Array  # (N, N) change of the impedance matrix
-    # (m, N), V: c_m goes out as Re conj(c_m) (zeta/reach)^-m, and comes back as Re d_m (zeta/reach)^m
+    # (m, drives), V: c_m goes out as Re conj(c_m) (zeta/reach)^-m, and comes back as Re d_m (zeta/reach)^m
     outgoing: Complex
     returned: Complex
 

@@ -24,15 +24,14 @@ _SENSITIVITY = -2.0
 
 @dataclass(frozen=True)
 class Stretch:
-    """Deformation of the surface at points of facets, all arrays (facets, points)."""
+    """Deformation of the surface at points of facets, all arrays (facets, points), or (n,) points in a row."""
 
-    # (facets, points, 2) current position
-    position: Array
+    position: Array  # (facets, points, 2) or (n, 2) current position
     meridian: Array
     hoop: Array
     normal: Array  # through the thickness: J over the areal stretch
     widening: Array  # current radius over the reference radius, times its derivative by the reference radius
-    # (facets, points, 2) derivatives of the position by the reference radius and by the height
+    # (facets, points, 2) or (n, 2) derivatives of the position by the reference radius and by the height
     along: Array
     up: Array
 

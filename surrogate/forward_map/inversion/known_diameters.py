@@ -23,7 +23,8 @@ class Selected:
     """The most probable punch of each frame."""
 
     end: Minimum  # where its fit ended, the information of a held diameter included
-    # (n, k) states (x, y, log d, g, discrepancies) of every candidate, the free one first, and their probabilities
+    # (n, punches, k) states (x, y, log d, g, discrepancies) of every candidate, the free one first, and their
+    # probabilities
     states: Array
     probability: Array
 

@@ -1,13 +1,13 @@
 """Recorded presses read by any learner of the registry: signals in, labels out, with intervals of held-out blocks."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from eitsim.sensors.labels import PLACE, Labels, unit_of
 from surrogate.data.samples import Samples, take
-from surrogate.learners.base import Estimate, Learner, Training
+from surrogate.learners.base import Learner, Training
 from surrogate.learners.registry import method_of
 from surrogate.recordings import kernel_ridge
 from surrogate.recordings.ageing import learn_known
@@ -69,7 +69,7 @@ class PlainReader:
         strange, wider = self.unlikeness.odd(distance), self.unlikeness.widening(distance)
         place, scalars = None, []
         for one in self.outputs:
-            value, spread = _of(found, self.columns, one.name)
+            value, spread = _of((found.value, found.sd), self.columns, one.name)
             bounds = widened(one.intervals.bounds(spread, np.zeros(len(spread))), wider)
             if one.name == "place":
                 place = Reading(value, bounds, strange, wider)
@@ -116,20 +116,18 @@ def fit(method: str, presses: Presses, labels: Labels, seed: int = 0) -> PlainRe
                        chosen.learner().fit(rows, training))
 
 
-def _held_out(learner: type[Learner], rows: PressSamples, training: Training) -> Estimate:
-    """Estimates of all rows, each by a learner that was taught without its block in time."""
+def _held_out(learner: type[Learner], rows: PressSamples, training: Training) -> tuple[Array, Array]:
+    """Values and standard deviations (n, outputs) of all rows, by learners taught without their block in time."""
     blocks = press_blocks(rows.group.astype(np.intp))
     value, sd = np.empty_like(rows.target), np.empty_like(rows.target)
-    found = None
     for block in np.unique(blocks):
         gone = blocks == block
         found = learner.fit(take(rows, ~gone), training).estimate(rows.signal_V[gone], 0.0)
         value[gone], sd[gone] = found.value, found.sd
-    assert found is not None
-    return replace(found, value=value, sd=sd)
+    return value, sd
 
 
-def _output(name: str, rows: PressSamples, held: Estimate, press: Index) -> Output:
+def _output(name: str, rows: PressSamples, held: tuple[Array, Array], press: Index) -> Output:
     target = rows.targets(PLACE if name == "place" else (name,))
     value, spread = _of(held, rows.names, name)
     mean = np.broadcast_to(target.mean(axis=0), target.shape)
@@ -139,10 +137,11 @@ def _output(name: str, rows: PressSamples, held: Estimate, press: Index) -> Outp
                   np.array([distance(value, target), distance(mean, target)]))
 
 
-def _of(found: Estimate, columns: tuple[str, ...], name: str) -> tuple[Array, Array]:
+def _of(found: tuple[Array, Array], columns: tuple[str, ...], name: str) -> tuple[Array, Array]:
     """(n, k) values and standard deviations of an output."""
     rows = [columns.index(one) for one in (PLACE if name == "place" else (name,))]
-    return found.value[:, rows], found.sd[:, rows]
+    value, sd = found
+    return value[:, rows], sd[:, rows]
 
 
 def _unit(name: str) -> str:

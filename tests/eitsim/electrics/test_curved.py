@@ -56,7 +56,7 @@ def test_folding_a_sheet_along_lines_of_its_mesh_changes_nothing(skins: ModuleTy
         return np.column_stack([np.interp(s, columns, bend[:, 0]), np.interp(s, columns, bend[:, 1]), z])
 
     nodes, cells, middle = skins.sheet(columns, rows, folded)
-    plane, same, _ = skins.sheet(columns, rows, lambda s, z: np.column_stack([s, z]))
+    plane, same, _ = skins.sheet(columns, rows, lambda s, z: np.column_stack([s, z, 0 * s]))
     assert np.array_equal(cells, same)
     corner = (np.abs(middle[:, 0] - 0.05) > 0.03) & (np.abs(middle[:, 1] - 0.03) > 0.01)
     electrode = np.where(corner, 2 * (middle[:, 0] > 0.05) + (middle[:, 1] > 0.03), -1)

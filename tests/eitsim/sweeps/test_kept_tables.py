@@ -23,7 +23,7 @@ def random(*shape: int) -> np.ndarray:
 
 def made_table() -> Table:
     """Arrays by chance, of the dimensions of a table's."""
-    return Table(SHAPE, np.linspace(0.1, 0.5, 5), random(4), random(1, 5, 30), 1 + random(1, 5, 30), random(1, 5, 10),
+    return Table(SHAPE, np.linspace(0.1, 0.5, 5), random(4), random(1, 5, 30), 1 + random(1, 5, 30), random(1, 5, 11),
                  Deviation(0.1, np.array([0.2, 0.3, 0.4]), 0.5), 7, 8.5)
 
 
