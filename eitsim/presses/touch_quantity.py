@@ -48,12 +48,19 @@ class _Pressed:
 
 def touch_depth(path: str, card: MaterialCard) -> tuple[str, Predicted]:
     """The name with its unit, and the depths, mm, (D, 1) of the laws of D draws under the scene's force; InputFileError
-    for a scene of several touches or of a given depth, or where the card's law does not carry the force."""
+    for a scene of several touches or of a given depth, with a base, a hold, friction or a punch that is not upright, or
+    where the card's law does not carry the force."""
     scene = read_scene(path)
     punch, *more = scene.punches
     if more or punch.force_N is None:
         raise InputFileError(Path(path), "the depth under the force of one touch is narrowed, and the scene has "
                                          "several touches or a given depth. Give one [punch] with force_N.")
+    for key, asked in (("base_card in [skin]", scene.skin.base_m), ("time_s in [hold]", scene.hold.time_s),
+                       ("friction in [punch]", punch.friction != "none"),
+                       ("tilt_deg or shape in [punch]", not punch.axisymmetric)):
+        if asked:
+            raise InputFileError(Path(path), f"{key}: the touch is taken on one material without friction, under an "
+                                             "upright punch, just after it was loaded. Leave the key out here.")
     try:
         own = _pressed(scene, with_moduli(card, "longterm"))
     except NotConverged:

@@ -41,13 +41,23 @@ def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         tables["body"] = _with_outline(body, tables.get("electrodes", {}), folder)
         if isinstance(own := tables.get("electrodes", {}), Mapping):
             tables |= _from_lines(own, body, tables["body"], folder)
-    if isinstance(skin := tables.get("skin"), Mapping) and isinstance(name := skin.get("base_card"), str) and name:
-        tables["skin"] = {**skin, "base_card": str((folder / name).resolve())}
+    if isinstance(skin := tables.get("skin"), Mapping) and (name := skin.get("base_card")):
+        tables["skin"] = {**skin, "base_card": _base_card(name, folder)}
     if isinstance(electrodes := tables.get("electrodes"), Mapping):
         tables["electrodes"] = _with_places(electrodes, folder)
     if isinstance(drive := tables.get("drive"), Mapping) and "pairs" in drive:
         tables["drive"] = with_pairs(drive, _count(tables.get("electrodes", {})), folder)
     return tables
+
+
+def _base_card(name: Any, folder: Path) -> str:
+    """The whole path of a base's card; ValueError where it is no name of a file that is there."""
+    if not isinstance(name, str):
+        raise ValueError(f"base_card in [skin] must be the name of one card, got {name!r:.80}; a design of each base "
+                         "has it fixed.")
+    if not (path := (folder / name).resolve()).is_file():
+        raise ValueError(f"base_card in [skin]: there is no file {name}, relative to the scene's folder.")
+    return str(path)
 
 
 def _count(electrodes: Any) -> int:

@@ -11,7 +11,8 @@ from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, curved_table
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
 from eitsim.scene.scene import Scene, scene_tables
 from eitsim.simulation.error_budget import error_budget, numerical_errors
-from matcal.card import MaterialCard, as_card, card_identity
+from eitsim.simulation.material import cards_identity
+from matcal.card import MaterialCard, as_card
 from touchcal.provenance import versions
 
 
@@ -42,8 +43,8 @@ def result_document(result: Result, scene: AnyScene, card: MaterialCard | Path |
     """
     card = as_card(card)
     tables = curved_tables(scene) if isinstance(scene, CurvedScene) else scene_tables(scene)
-    return {"schema": 1, "scene": tables, "card": card_identity(card), "versions": versions()} | as_json(
-        result, scene, card)
+    return {"schema": 1, "scene": tables, "card": cards_identity(card, scene.skin.base_card),
+            "versions": versions()} | as_json(result, scene, card)
 
 
 def as_json(result: Result, scene: AnyScene, card: MaterialCard) -> dict[str, Any]:

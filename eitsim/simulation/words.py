@@ -89,9 +89,9 @@ _LINES: dict[Kind, Words] = {
         "shortest length over which it changes; the cost is of second order in that"),
     Kind.LAYER_BASE: (
         "the layer lies on a soft base of {base_mm:g} mm, bonded to it and to a rigid plate", "the base does not "
-        "conduct; its law is that of card '{card}', {moduli} moduli, the layer's mu_0 {stiffer:.3g} times its. A stiff "
-        "layer carries strain further: what edges then change more than of one material counts here "
-        "(benchmarks/soft_base.py)"),
+        "conduct; its law is that of card '{card}', {moduli} moduli, the layer's mu_0 {stiffer:.3g} times its. Its "
+        "strains are not compared with those of its tests. A stiff layer carries strain further: what edges then "
+        "change more than of one material counts here (benchmarks/soft_base.py)"),
     Kind.LAYER_TOUCH: (
         "the touched layer is a sheet of its resultants, or solved in its volume", "without current across the layer "
         "it conducts as a sheet; of random touches that was up to {sheet:.0%} off in dV. The first harmonics of each "

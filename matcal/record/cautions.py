@@ -300,9 +300,8 @@ def _two_nu(card: MaterialCard) -> Iterator[str]:
 def _undetermined(card: MaterialCard) -> Iterator[str]:
     row = card.fit.get("derived", {}).get("mu_0_Pa")
     if row is not None and row["lo"] <= 0:
-        fewer = card.hyperfoam.mu_Pa.size - 1 if card.hyperfoam else 0
-        yield ("The tests do not determine mu_0 with this law: its 95 % interval holds 0. Measure smaller strains"
-               + (f", or give --order {fewer}." if fewer else "."))
+        yield ("The tests do not determine mu_0 with this law: its 95 % interval holds 0. Measure smaller strains, or "
+               "try another --order: --verbose lists what each gives.")
 
 
 def _safer(chosen: int, tried: Iterable[Mapping[str, Any]]) -> str:

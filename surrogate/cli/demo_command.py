@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from touchcal.errors import InputFileError
 from touchcal.terminal import application, check_out, run, waiting
 
 app = application("Fit a soft material, simulate touches of its skin, read them from voltages. The commands are "
@@ -33,7 +34,7 @@ def demo(out: Annotated[Path, typer.Option(help="Folder of what is written.")] =
     """Write a page where one presses a simulated skin, then solve one touch of it.
 
     The foam and all readings are made up. The first touch compiles the solvers, once; without the extra `fast` it
-    takes half a minute.
+    takes ten seconds.
 
     Example: touchcal demo
     """
@@ -44,6 +45,9 @@ def demo(out: Annotated[Path, typer.Option(help="Folder of what is written.")] =
     from surrogate.live.whole_page import page_with
 
     check_out(out, folder=True)
+    if (out / SCENE).exists() and (out / SCENE).read_bytes() != _SCENE.encode():
+        raise InputFileError(out / SCENE, "it was edited, and would be written anew. Give another folder by --out, or "
+                                          f"solve it: eitsim run {out / SCENE} --card {out / CARD}.")
     out.mkdir(parents=True, exist_ok=True)
     page = out / PAGE
     page.write_text(page_with(_LEARNED.read_text(encoding="utf-8")), encoding="utf-8")

@@ -98,12 +98,12 @@ def curved_scene(raw: Mapping[str, Any], folder: Path) -> CurvedScene:
     touches = touches if isinstance(touches, list) else [touches]
     if not touches:
         raise ValueError("punch is an empty list; give one [[punch]] a touch.")
+    require(raw.get("skin", {}).get("kind") != "layer", "kind in [skin]",
+            "is not built on curved bodies, whose skin is a sheet in space; leave it out", "layer")
     flat = scene_from({key: raw[key] for key in ("skin", "hold", "accuracy", "card") if key in raw})
     electrodes = _on_surface(electrodes_of(raw.get("electrodes", {})), body)
     places = np.array([_place(table, body) for table in touches])
     punches = tuple(_punch(table, body) for table in touches)
-    require(not flat.skin.fills, "kind in [skin]", "is not built on curved bodies, whose skin is a sheet in space; "
-            "leave it out", flat.skin.kind)
     scene = CurvedScene(body, punches, places, electrodes, flat.skin, drive_of(raw.get("drive", {}), electrodes),
                         flat.hold, flat.accuracy, flat.card)
     _check_apart(scene.sheet(1.0))

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.load_paths.types import Table
+from eitsim.simulation.material import cards_identity
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.code_history import by_this_code, check_columns
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import GROWING, Design, same_or_grown
 from eitsim.sweeps.run.load_path_choice import AnyTable
-from matcal.card import MaterialCard, card_identity
+from matcal.card import MaterialCard
 from touchcal.cache import key_of
 from touchcal.errors import InputFileError
 from touchcal.json_file import digest
@@ -78,7 +79,8 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
     """Write the manifest or check the one that stands there, and the rows; returns it, with how touches are solved and
     the size of parts as the folder was started, and what stands there."""
     plain = json.loads(json.dumps(asdict(design)))  # a design as JSON holds it
-    manifest = {"design": plain, "card": card_identity(cards.card), "versions": versions(),
+    base = design.tables.get("skin", {}).get("base_card", "")
+    manifest = {"design": plain, "card": cards_identity(cards.card, base), "versions": versions(),
                 "method": method, "rows_per_part": rows_per_part, "code": key_of({}), "posterior": dict(cards.source)}
     manifest[parquet.IDENTITY] = digest({key: manifest[key] for key in ("design", "card", "method", "posterior")})
     manifest |= _relaxation(design, cards.card)

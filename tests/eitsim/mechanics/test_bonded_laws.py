@@ -14,6 +14,8 @@ from eitsim.scene.choices import Kind
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.pressing import Punch
 from eitsim.scene.scene import Body, scene_from, scene_tables
+from eitsim.scene.scene_files import with_files
+from eitsim.simulation.material import cards_identity
 from matcal.laws.law import scaled
 from matcal.laws.neo_hooke import NeoHooke
 
@@ -95,3 +97,20 @@ def test_a_base_is_of_layers_and_of_one_touch(tmp_path):
         scene_from({**given, "skin": {"base_thickness_mm": 6, "base_card": "foam.json"}})
     with pytest.raises(ValueError, match="must be one touch"):
         scene_from({**given, "punch": [{"x_mm": 20}, {"x_mm": -20}]})
+
+
+def test_a_result_states_the_card_of_the_base(tmp_path):
+    rubber = matcal.MaterialCard("rubber", RUBBER, conductivity=matcal.Conductivity(5.0, [-2, 2, -1], (-0.3, 1)))
+    scene = scene_from(tables(tmp_path))
+    before = cards_identity(rubber, scene.skin.base_card)
+    softer = matcal.MaterialCard("foam", scaled(FOAM, 0.1), provenance={"synthetic": True})
+    matcal.write_card(softer, tmp_path / "foam.json")
+    after = cards_identity(rubber, scene.skin.base_card)
+    assert before["sha256"] != after["sha256"] != cards_identity(rubber)["sha256"]
+    assert (before["synthetic"], after["synthetic"], after["base"]["name"]) == (False, True, "foam")
+
+
+def test_the_card_of_a_base_is_one_file_that_is_there(tmp_path):
+    for name, said in (("none.json", "there is no file none.json"), ({"choice": ["a", "b"]}, "the name of one card")):
+        with pytest.raises(ValueError, match=said):
+            with_files({"skin": {"kind": "layer", "base_card": name}}, tmp_path)

@@ -92,3 +92,13 @@ def test_touches_that_have_no_such_depth_are_refused(card: matcal.MaterialCard, 
     (tmp_path / "two.toml").write_text(f"[[punch]]\n{two}\n", encoding="utf-8")
     with pytest.raises(InputFileError, match="several touches"):
         touch_depth(str(tmp_path / "two.toml"), card)
+
+
+@pytest.mark.parametrize(("scene", "key"), [
+    ("[hold]\ntime_s = [1.0]", "time_s in .hold."), ("tilt_deg = 5", "tilt_deg"), ('friction = "stick"', "friction"),
+    ('[skin]\nkind = "layer"\nthickness_mm = 3\nbase_thickness_mm = 6\nbase_card = "base.json"\n'
+     "[electrodes]\nsoft = true", "base_card in .skin.")])
+def test_what_the_touch_of_one_material_does_not_hold_is_refused(card, scene, key, tmp_path):
+    matcal.write_card(card, tmp_path / "base.json")
+    with pytest.raises(InputFileError, match=f"{key}.*Leave the key out"):
+        touch_depth(scene_file(tmp_path, f"diameter_mm = 8\nforce_N = 0.2\n{scene}"), card)

@@ -11,6 +11,7 @@ import eitsim
 import matcal
 from surrogate.cli.demo_command import CARD, PAGE, SCENE, app
 from surrogate.live.export_page import export_page
+from touchcal.errors import InputFileError
 
 
 def learned(page: Path) -> dict[str, Any]:
@@ -41,3 +42,12 @@ def test_a_file_in_place_of_the_folder_is_kept(tmp_path: Path) -> None:
     ran = CliRunner().invoke(app, ["demo", "--out", str(tmp_path / "out"), "--no-browser"])
     assert isinstance(ran.exception, ValueError)
     assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_an_edited_scene_is_kept(tmp_path: Path) -> None:
+    (tmp_path / SCENE).write_text("[punch]\nforce_N = 2\n")
+    ran = CliRunner().invoke(app, ["demo", "--out", str(tmp_path), "--no-browser"])
+    assert isinstance(ran.exception, InputFileError)
+    assert "--out" in str(ran.exception)
+    assert [path.name for path in tmp_path.iterdir()] == [SCENE]
+    assert (tmp_path / SCENE).read_text() == "[punch]\nforce_N = 2\n"
