@@ -23,6 +23,10 @@ CHANGED = {"nearest_edge", "all_edges", "whole_disc", "pair", *TOGETHER}
 RUN_AGAIN = "Run `eitsim run` again with --skin."
 NO_MAPS = ("No maps of the skin: the result names no file of them. `eitsim run --skin skin.vtu --out result.json` "
            "writes one.")
+NO_SHEET = "No maps of a skin: the layer conducts in its volume. The current through it is drawn above."
+LAYER = "The punch is rigid and pressed into a layer that conducts in its volume, read by electrodes. "
+ON_PLATE = "It is bonded to a rigid plate."
+ON_BASE = "It is bonded to a soft base, which does not conduct, and that to a rigid plate."
 NO_VOLTAGES = "No voltages: the result holds no readings, since its outcome is \"{outcome}\"."
 
 
@@ -42,6 +46,8 @@ def report(path: Path) -> Report:
     if "scene" in result:
         tables["scene"] = _scene_table(result["scene"])
         prose["drive"] = drive_sentence(result["scene"]["drive"])
+        if _layered(result):
+            prose["layer"] = LAYER + (ON_BASE if "base_card" in result["scene"]["skin"] else ON_PLATE)
     else:
         absent["scene"] = "The result does not hold its scene."
     tables["quality"] = _quality_table(result)
@@ -50,6 +56,11 @@ def report(path: Path) -> Report:
     card = f"Card {provenance.card_words(result['card'])}, " if result.get("card") else ""
     return Report("touch", "Touch simulation", f"{card}outcome: {result['outcome']}", footer, _findings(result), plates,
                   tables, absent, prose, verdict=_verdict(result), cautions=_cautions(result))
+
+
+def _layered(result: Mapping[str, Any]) -> bool:
+    """Whether the skin of a result conducts in its volume."""
+    return result.get("scene", {}).get("skin", {}).get("kind") == "layer"
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -164,7 +175,7 @@ def _maps(path: Path, result: Mapping[str, Any], absent: dict[str, str]) -> list
     """Maps of the skin where the result names the file that holds them; else `absent` says why there are none."""
     file = _skin_file(path, result)
     if file is None or "scene" not in result:
-        absent["maps"] = NO_MAPS
+        absent["maps"] = NO_SHEET if _layered(result) else NO_MAPS
         return []
     if not file.is_file():
         absent["maps"] = f"No maps: {file.name}, which the result names, is not next to it."
