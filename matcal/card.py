@@ -278,6 +278,16 @@ def card_identity(card: MaterialCard) -> dict[str, Any]:
             "synthetic": bool(card.provenance.get("synthetic", False))}
 
 
+def cards_identity(card: MaterialCard, base_card: str = "") -> dict[str, Any]:
+    """As `card_identity`, of a card and that of a soft base together: one hash, synthetic where either is."""
+    own = card_identity(card)
+    if not base_card:
+        return own
+    base = card_identity(read_card(base_card))
+    return own | {"sha256": hashlib.sha256((own["sha256"] + base["sha256"]).encode()).hexdigest(),
+                  "synthetic": own["synthetic"] or base["synthetic"], "base": base}
+
+
 def write_card(card: MaterialCard, path: Path | str) -> None:
     """Write a card in one step, so that a reader never sees half of it.
 

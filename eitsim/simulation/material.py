@@ -1,26 +1,14 @@
 """A card's laws as one scene takes them, resolved once."""
 
-import hashlib
 from dataclasses import dataclass, replace
-from typing import Any
 
 from eitsim.mechanics.solid.bonded_laws import Bonded
 from eitsim.scene.scene import Scene
-from matcal.card import MaterialCard, card_identity, read_card, require, with_moduli
+from matcal.card import MaterialCard, read_card, require, with_moduli
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony
 from matcal.laws.volumetric import nearly_incompressible
-
-
-def cards_identity(card: MaterialCard, base_card: str = "") -> dict[str, Any]:
-    """As `card_identity`, of a card and that of a soft base together: one hash, synthetic where either is."""
-    own = card_identity(card)
-    if not base_card:
-        return own
-    base = card_identity(read_card(base_card))
-    return own | {"sha256": hashlib.sha256((own["sha256"] + base["sha256"]).encode()).hexdigest(),
-                  "synthetic": own["synthetic"] or base["synthetic"], "base": base}
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from eitsim.scene.curved.curved_scene import AnyScene, CurvedScene, curved_table
 from eitsim.scene.results import Array, Moment, Plan, Result, Touch
 from eitsim.scene.scene import Scene, scene_tables
 from eitsim.simulation.error_budget import error_budget, numerical_errors
-from eitsim.simulation.material import cards_identity
-from matcal.card import MaterialCard, as_card
+from matcal.card import MaterialCard, as_card, cards_identity
 from touchcal.provenance import versions
 
 

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.load_paths.types import Table
-from eitsim.simulation.material import cards_identity
 from eitsim.sweeps.dataset import parquet
 from eitsim.sweeps.dataset.code_history import by_this_code, check_columns
 from eitsim.sweeps.dataset.outcome_counts import OutcomeCounts, count_outcomes
 from eitsim.sweeps.design.card_draws import Cards
 from eitsim.sweeps.design.design import GROWING, Design, same_or_grown
 from eitsim.sweeps.run.load_path_choice import AnyTable
-from matcal.card import MaterialCard
+from matcal.card import MaterialCard, cards_identity
 from touchcal.cache import key_of
 from touchcal.errors import InputFileError
 from touchcal.json_file import digest

@@ -15,7 +15,7 @@ from eitsim.scene.edges.disc import Disc
 from eitsim.scene.pressing import Punch
 from eitsim.scene.scene import Body, scene_from, scene_tables
 from eitsim.scene.scene_files import with_files
-from eitsim.simulation.material import cards_identity
+from matcal.card import cards_identity
 from matcal.laws.law import scaled
 from matcal.laws.neo_hooke import NeoHooke
 
