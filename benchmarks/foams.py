@@ -9,7 +9,7 @@ results/foams.csv: each specimen in turn is left out of a hyperfoam fit; the row
 95 % band of the mean foam and of the next specimen, how far the fitted law is off, and how far lmfit from one start is.
 results/foam_shares.csv: what shares a right interval gives, by specimens drawn as those measured scatter (synthetic).
 results/foam_modes.csv: compression, tension and shear left out in turn, of both foams and of synthetic ones whose nu is
-not told; the share of the mode within the band, without and with what the assumed nu hides.
+not given; the share of the mode within the band, without and with what the assumed nu hides.
 """
 
 import sys
@@ -161,7 +161,7 @@ def drawn(number: int) -> dict[str, Experiment]:
 
 
 def mode_row(tests: dict[str, Experiment], left: str) -> dict[str, object]:
-    """One mode left out of a fit to the others, nu not told."""
+    """One mode left out of a fit to the others, nu not given."""
     begun, others = time.process_time(), [test for mode, test in tests.items() if mode != left]
     found = matcal.fit(others)
     known, out = found.laws.uncertainty, tests[left]

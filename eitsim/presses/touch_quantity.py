@@ -1,7 +1,7 @@
 """How deep a touch goes, as the number that a further test is to narrow: `matcal next --for touch:SCENE`.
 
 About one path of a law, ln depth under a force changes by -g dp/q, with g what the law's parameters p change of ln
-force at equal depth and q = d ln force/d ln depth. Draws of a posterior are too far apart for that: theirs are -h df/q,
+force at equal depth and q = d ln force/d ln depth. Draws of a posterior differ too much for that: theirs are -h df/q,
 with f the logarithms of stresses in simple modes, in which ln force is nearly linear, at strains where every draw has
 one. The touch is taken far from the edges and without friction: of what a law changes of a depth, both are a small
 part. A law of the next order under which the touch finds no equilibrium is none, for the touch does; it counts as no

@@ -202,7 +202,8 @@ def _next(card: MaterialCard, out: Path) -> list[tuple[str, str]]:
         strain = 0.5 * (at[0] if abs(at[0]) > abs(at[1]) else at[1])
         said += [(f"matcal check {out}", "where the law is stable"),
                  (f"matcal predict {out} {mode} --strain={strain:.2g}",
-                  "stress, with its band" if card.posterior else "stress; after --posterior with its band"),
+                  "stress, with its band" if card.posterior or card.fit.get("laws") else
+                  "stress; after --posterior with its band"),
                  (f"matcal export {out} --to {targets()[0]}", f"or {', '.join(targets()[1:])}")]
     elif card.prony is not None:
         said.append((f"matcal predict {out} relaxation --time=1,10,100", "normalised stress"))

@@ -98,7 +98,8 @@ def curved_scene(raw: Mapping[str, Any], folder: Path) -> CurvedScene:
     touches = touches if isinstance(touches, list) else [touches]
     if not touches:
         raise ValueError("punch is an empty list; give one [[punch]] a touch.")
-    require(raw.get("skin", {}).get("kind") != "layer", "kind in [skin]",
+    skin = raw.get("skin")
+    require(not (isinstance(skin, Mapping) and skin.get("kind") == "layer"), "kind in [skin]",
             "is not built on curved bodies, whose skin is a sheet in space; leave it out", "layer")
     flat = scene_from({key: raw[key] for key in ("skin", "hold", "accuracy", "card") if key in raw})
     electrodes = _on_surface(electrodes_of(raw.get("electrodes", {})), body)

@@ -11,6 +11,7 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.bonded_laws import Bonded
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.choices import Kind
+from eitsim.scene.curved.curved_scene import curved_scene
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.pressing import Punch
 from eitsim.scene.scene import Body, scene_from, scene_tables
@@ -114,3 +115,12 @@ def test_the_card_of_a_base_is_one_file_that_is_there(tmp_path):
     for name, said in (("none.json", "there is no file none.json"), ({"choice": ["a", "b"]}, "the name of one card")):
         with pytest.raises(ValueError, match=said):
             with_files({"skin": {"kind": "layer", "base_card": name}}, tmp_path)
+
+
+def test_curved_bodies_take_no_layer_whatever_else_it_has(tmp_path):
+    given = {"body": {"surface": "cylinder", "radius_mm": 45, "length_mm": 120, "thickness_mm": 5},
+             "punch": {"force_N": 0.2}}
+    with pytest.raises(ValueError, match=r"kind in .skin. is not built on curved bodies"):
+        curved_scene({**given, "skin": tables(tmp_path)["skin"]}, tmp_path)
+    with pytest.raises(ValueError, match="skin"):
+        curved_scene({**given, "skin": 3}, tmp_path)
