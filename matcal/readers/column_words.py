@@ -8,14 +8,15 @@ unknown.
 # quantity -> heads; several words between commas are one head
 HEADS = {
     "time": """
-        time, elapsed, time stamp, timestamp, date time, datetime, time of day, zeitstempel, uhrzeit,
+        time, elapsed, time stamp, timestamp, date time, datetime, time of day, clock, seconds, zeitstempel, uhrzeit,
         heure, zeit, laufzeit, temps, temps ecoule, duree, tiempo, tiempo transcurrido,
         tempo, tijd, czas, čas, cas, doba, zaman, süre, tid, aika, время, час, време, vrijeme, vreme, idő, timp, χρόνος,
         时间, 時間, 時刻, 시간, 경과시간, thời gian""",
     "displacement": """
         displacement, crosshead, cross head, extension, ext, position, pos, disp, displ, travel, stroke, deflection,
         distance, separation, grip to grip separation, tool distance, indentation, actuator, lvdt, gap,
-        weg, verschiebung, traverse, traversenposition, verlängerung, längenänderung, längung, hub, position,
+        x head, weg, wegaufnehmer, eindrückung, verschiebung, traverse, traversenposition, verlängerung,
+        längenänderung, längung, hub, position,
         eindringweg,
         déplacement, course, allongement, enfoncement, flèche,
         desplazamiento, recorrido, alargamiento, carrera, posición, extensión, deslocamento, extensão, curso, posição,
@@ -38,7 +39,8 @@ HEADS = {
         负载, 荷载, 試験力, 试验力, 하중, 힘, 시험력, lực, tải trọng""",
     "stretch": "stretch, stretch ratio, lambda, λ, streckung, 伸长比, 伸長比",
     "strain": """
-        strain, angle, scherwinkel, schubwinkel, schiebungswinkel, gleitwinkel, angle de cisaillement,
+        strain, microstrain, eyy, exy, exz, eyz, poměrná deformace, angle, winkel, scherwinkel, schubwinkel,
+        schiebungswinkel, gleitwinkel, angle de cisaillement,
         eps, epsilon, ε, gamma, γ, dehnung, feindehnung, stauchung, verzerrung, scherung, gleitung, rek,
         deformación, deformazione, deformação, odkształcenie, přetvoření, pomerne predlzenie, poměrné prodloužení,
         gerinim, gerinme, birim uzama, birim şekil değiştirme, şekil değiştirme, töjning, tøyning, tøjning, venymä,
@@ -47,17 +49,21 @@ HEADS = {
         신장율, 연신율,
         biến dạng""",
     "stress": """
-        stress, sigma, σ, tau, τ, pk1, spannung, contrainte, esfuerzo, sforzo, spanning, naprężenie, napětí, napätie,
+        stress, sigma, σ, tau, τ, pk1, spannung, contrainte, esfuerzo, sforzo, spanning, naprężenie, napětí,
+        napätie,
         gerilme, spänning, spenning, spænding, jännitys, напряжение, напруження, напрежение, naprezanje, feszültség,
         efort unitar, tensiune, τάση, 应力, 應力, 応力, 응력, ứng suất""",
     "current": """
-        current, curr, im, strom, strøm, stromstärke, courant, intensité, corriente, intensidad, corrente, stroom, prąd,
+        current, curr, im, measure i, strom, strøm, stromstärke, courant, intensité, corriente, intensidad, corrente,
+        stroom, prąd,
         proud, prúd, akım, ström, virta, ток, струм, áram, curent, ρεύμα, 电流, 電流, 전류""",
     "potential": """
-        potential, voltage, volt, volts, vf, ewe, bias, potentiel, potencial, potenziale, potenciál, voltaje, voltagem,
+        potential, voltage, volt, volts, vout, vf, ewe, bias, potentiel, potencial, potenziale, potenciál,
+        voltaje, voltagem,
         elektrische spannung, napięcie, gerilim, voltaj, jännite, потенциал, 电压, 電壓, 電圧, 电位, 전압, điện áp""",
     "resistance": """
-        resistance, res, resist, widerstand, résistance, resistencia, resistência, resistenza, weerstand, opór,
+        resistance, res, resist, rdc, ohms, widerstand, résistance, resistencia, resistência,
+        resistenza, weerstand, opór,
         rezystancja,
         odpor, direnç, resistans, motstand, modstand, resistanssi, сопротивление, опір, съпротивление, ellenállás,
         rezistență, αντίσταση, 电阻, 電阻, 抵抗, 저항, điện trở""",
@@ -86,6 +92,7 @@ SHARED_HEADS = {
     "compression, elongation, verformung, alongamento, allungamento, wydłużenie, удлинение, удължение, ściskanie, "
     "odkształcenie trwałe, uzama, allongement, alargamiento, verlängerung, prodloužení, extensão, "
     "变形, 變形, 변형, 伸び, 신장, elongación, kompression, stauchweg, écrasement": ("displacement", "strain"),
+    "dmm": ("resistance", "potential", "current"),
     "tension, tensión, tensão, tensione": ("stress", "potential", "force"),
     "spannung, spanning, spänning, spenning, spænding, napětí, napätie, "
     "напряжение, напруження, напрежение, feszültség, "
@@ -96,7 +103,9 @@ SHARED_HEADS = {
 # symbols, known only alone or with qualifiers; those in capitals and small letters are one
 SYMBOLS = {"t": ("time",), "f": ("force",), "p": ("stress", "force", "pressure"), "e": ("strain", "potential"),
            "u": ("potential", "displacement"), "v": ("potential",), "i": ("current",), "r": ("resistance",),
-           "c": ("conductivity",), "j": ("volume_ratio",), "charge": ("force",)}
+           "c": ("conductivity",), "j": ("volume_ratio",), "charge": ("force",),
+           "vx": ("potential",), "rs": ("resistance",), "rp": ("resistance",), "rx": ("resistance",),
+           "p11": ("stress",)}
 
 # words around a head that leave it what it is
 QUALIFIERS = """
@@ -104,8 +113,10 @@ QUALIFIERS = """
     machine actuator piston ram crosshead digital linear standard std primary applied measured meas actual act absolute
     abs raw net mean filtered tool grip specimen sample compressive compression tensile tension flexure
     flexural bending shear nominal engineering eng normal vertical uniaxial biaxial planar piola volumetric volume axial
-    stroke travel displacement extensometer extenso video laser optical dic clip gauge z we smu smua smub source sense
-    channel ch analog input output dic xx yy zz wire 4-wire 2-wire 4wire 2wire 4w 2w four two point terminal probe
+    stroke travel displacement extensometer extenso video laser optical dic eyy clip gauge z we smu smua smub source
+    sense
+    channel ch analog input output dic xx yy zz xy xz yz tensor tensorial wire 4-wire 2-wire 4wire 2wire 4w 2w four
+    two point terminal probe
     kelvin pt from preload working electrode value signal
     gleichmass prüf pruf absolut abs gemessen gesamt aktuell nominell nominelle technische axiale f
     axiale nominale totale total réel de la du traverse machine essai mesurée mesuré corrigé verin vérin

@@ -11,10 +11,12 @@ from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.column_words import HOLDS_MORE, SECOND_CHOICE
 from matcal.readers.complete_rows import complete
-from matcal.readers.dynamic_words import absolute_temperature, is_angular
+from matcal.readers.dynamic_words import absolute_temperature, is_angular, is_phase
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
+from matcal.readers.shear_angle import is_tensorial, names_angle
 from matcal.readers.specimens import labels_of
+from matcal.readers.unit_table import readings
 from matcal.readers.units import (
     COMMON,
     dynamic_in,
@@ -28,6 +30,7 @@ from matcal.readers.units import (
     weighs,
 )
 from matcal.readers.vocabulary import (
+    dynamic_quantity,
     is_dynamic,
     is_symbol,
     preference,
@@ -43,10 +46,13 @@ _LOOKED = 100  # rows that show how numbers are written
 _SAME = 1e-3  # two columns of one quantity that differ by no more than this share of their range are one
 _ANOTHER = 2.0  # ratio of two measures of one thing from which on they are of two things, as along and across
 _OTHER_UNIT = 4.0  # ratio of the ranges of two columns of one quantity from which on they have two units
-_INVERSE = {"a conductance": "a resistance", "a resistivity": "a conductivity"}
+_INVERSE = {"a conductance": "resistance", "a resistivity": "conductivity"}
+# what a displacement and a force are of
+_REDUCED = {"strain": "displacement", "stretch": "displacement", "stress": "force"}
 _TOGETHER = 0.95  # correlation from which on two columns run in the same way
 _SHIFTED = {"time", "displacement", "force", "strain", "stretch", "stress"}  # quantities whose zero is found
 _MEASURED = {"strain", "stretch", "stress", "displacement", "force", "resistance"}
+_LOGARITHM = re.compile(r"(log|lg|ln)[ _]?(10)?[\s_(\[{]", re.IGNORECASE)
 _ORDERED = re.compile(r"\bset|soll|command|demand|target|peak|\bmax|\bmin|limit|consigne|specif")
 _UNITS = {"Pa": "MPa", "m": "mm", "N": "N", "s": "s", "A": "A", "V": "V", "ohm": "ohm", "S/m": "S/m", "Hz": "Hz",
           "K": "C", "1/Pa": "1/MPa"}
@@ -69,6 +75,12 @@ class _Column:
     name: str
     unit: str | None
     chosen: bool = False  # whether the unit is the user's word
+
+    @property
+    def inverse(self) -> str | None:
+        """The quantity whose inverse a column holds by its unit: resistance of a conductance, conductivity of a
+        resistivity."""
+        return _INVERSE.get(measured(self.unit or "") or "")
 
 
 def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection | None = None, *,
@@ -130,6 +142,8 @@ def _widened(grid: Grid, header: Header, said: list[str]) -> Header:
 def _about(grid: Grid, quantity: str, column: _Column) -> list[str]:
     if quantity == "time" and column.index in grid.clocks:
         return [f"column '{shown(column.name)}' is a clock: seconds from its first row."]
+    if column.inverse == quantity:
+        return [f"column '{shown(column.name)}' is {measured(column.unit or '')}: {quantity} is its inverse."]
     if quantity == "force" and column.unit and weighs(column.unit):
         return [f"column '{shown(column.name)}' is in {column.unit}, a mass: the force is its weight, at 9.80665 N/kg."]
     return []
@@ -145,10 +159,13 @@ def _add_changes(columns: Mapping[str, _Column], values: dict[str, Array], said:
 
 
 def _absolute(columns: Mapping[str, _Column], values: dict[str, Array], said: list[str]) -> None:
-    """Temperatures in K, and frequencies without radians, in place."""
+    """Temperatures in K, phases as loss tangents, and frequencies without radians, in place."""
     if (column := columns.get("temperature")) is not None:
         values["temperature"] = absolute_temperature(values["temperature"], column.unit or "C")
         said += [] if column.unit else [f"column '{shown(column.name)}' has no unit: read as degrees Celsius."]
+    if (column := columns.get("loss_tangent")) is not None and is_phase(column.name):
+        values["loss_tangent"] = np.tan(values["loss_tangent"])
+        said.append(f"column '{shown(column.name)}' is the phase: loss tangent = tan(phase).")
     if (column := columns.get("frequency")) is not None and not column.unit:
         said.append(f"column '{shown(column.name)}' has no unit: read in {_of_frequency(column)}.")
 
@@ -228,6 +245,12 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
     for n, (name, unit) in enumerate(header.cells):
         if (quantity := quantities[n] or _ratio(name, {q for q in quantities if q})) is not None:
             found.setdefault(quantity, []).append(_Column(n, name, unit))
+    for n, (name, unit) in enumerate(header.cells):  # a conductance or a resistivity, where nothing else says as much
+        column = _Column(n, name, unit)
+        if quantities[n] is None and not dynamic and column.inverse and not {"current", column.inverse} & set(found):
+            found[column.inverse] = [column]
+    if len(found.get("strain", ())) > 1:  # shear components next to the strain along the load
+        found["strain"] = [c for c in found["strain"] if not is_tensorial(c.name)] or found["strain"]
     # the table of a relaxation, without its strain
     if "time" in found and not {"stress", "force"} & set(found) and not dynamic:
         for n, (name, unit) in enumerate(header.cells):
@@ -236,13 +259,15 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
     true = [(quantity, name) for name, _ in header.cells if (quantity := true_quantity(name)) is not None]
     if true and not ({"strain", "stress"} <= set(found) or {"displacement", "force"} <= set(found)):
         raise _true(grid, header, *true[0])
-    inverse = next((f"Column '{shown(name)}' is {word}: give its inverse, {_INVERSE[word]}. " for name, unit in
-                    header.cells if quantity_in(name, unit) is None and (word := measured(unit or "")) in _INVERSE), "")
+    logs = [f"'{shown(name)}'" for name, _ in header.cells if _LOGARITHM.match(name.strip())]
+    if logs and (len(found) < 2 or (dynamic and "frequency" not in found)):
+        raise InputFileError(grid.path, f"column {logs[0]} is a logarithm: give the number itself (10^x, or e^x of "
+                                        f"ln), with its unit. {_listed(header)}", line=header.line)
     if len(found) < 2:
-        raise InputFileError(grid.path, f"fewer than two columns are known by name. {inverse}{_listed(header)} Name "
-                                        "them strain and stress, or displacement and force (and time), with a line of "
-                                        f"units below, or say which is which: {flag_for(grid, header)}",
-                             line=header.line)
+        raise InputFileError(grid.path, f"fewer than two columns are known by name. {_listed(header)} Name them strain "
+                                        "and stress, or displacement and force (and time), or strain and resistance, "
+                                        "or time and modulus, with a line of units below, or say which is which: "
+                                        f"{flag_for(grid, header)}", line=header.line)
     out = {quantity: _one_of(grid, header, quantity, columns, said, warned) for quantity, columns in found.items()}
     labelled, _ = labels_of(grid, [name for name, _ in header.cells], header.rows)
     taken = {column.index for columns in found.values() for column in columns}
@@ -264,7 +289,8 @@ def _left_alike(grid: Grid, header: Header, used: Mapping[str, _Column], left: S
     """Cautions of columns left out that run like one in use, of the same unit or of a name that holds its quantity."""
     out: dict[str, list[str]] = {}
     for column in left:
-        may = {_last_words(column.name), _last_words(column.name.split()[0]), *measures(column.unit or "")}
+        may = {*_words_within(column.name), *measures(column.unit or "")}
+        may |= {_REDUCED[q] for q in may & set(_REDUCED) if q not in used}
         for quantity in sorted(may & set(used) & _MEASURED):
             if true_quantity(column.name) is None and not _ORDERED.search(column.name.lower()) \
                     and _runs_like(grid, header, quantity, used[quantity], column):
@@ -277,9 +303,14 @@ def _left_alike(grid: Grid, header: Header, used: Mapping[str, _Column], left: S
 def _runs_like(grid: Grid, header: Header, quantity: str, used: _Column, other: _Column) -> bool:
     """Whether another column rises and falls with one in use, over a similar range, and is not it again."""
     try:
-        a, b = (_in_si(grid, header, quantity, column) for column in (used, other))
+        a = _in_si(grid, header, quantity, used)
+        reduced = _REDUCED.get(quantity) is None and any(
+            _REDUCED.get(word) == quantity for word in _words_within(other.name))
+        b = grid.numbers(header.rows, other.index, other.name) if reduced else _in_si(grid, header, quantity, other)
     except InputFileError:
         return False
+    if reduced:
+        return bool(np.ptp(a) and np.ptp(b)) and abs(float(np.corrcoef(a, b)[0, 1])) > _TOGETHER
     one, two = float(np.ptp(a)), float(np.ptp(b))
     if not one or not 1 / _OTHER_UNIT < two / one < _OTHER_UNIT:
         return False
@@ -356,8 +387,14 @@ def _measured_apart(grid: Grid, header: Header, quantity: str, first: _Column, o
 
 
 def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
-    scale = _factor(grid, header, quantity, column)
     values = grid.numbers(header.rows, column.index, column.name)
+    if column.inverse == quantity:
+        if not values.all():
+            line = grid.lines[header.rows[int(np.argmin(np.abs(values)))]]
+            raise InputFileError(grid.path, f"column '{shown(column.name)}' is 0, of which no {quantity} follows. "
+                                            "Delete the row.", line=line)
+        return 1 / (values * readings(column.unit or "")[0][0])
+    scale = _factor(grid, header, quantity, column)
     with np.errstate(over="ignore"):
         values = values * scale
     if not np.all(np.isfinite(values)):
@@ -367,13 +404,19 @@ def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
     return values
 
 
+def _is_angle(quantity: str, name: str) -> bool:
+    """Whether a column of plain numbers is an angle by its name, so that its unit is asked for."""
+    return is_phase(name) if quantity == "loss_tangent" else quantity == "strain" and names_angle(name)
+
+
 def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float:
     unit = column.unit or {"temperature": "C", "frequency": _of_frequency(column)}.get(quantity, "")
     if quantity == "frequency" and is_angular(column.name) and "hz" not in unit.lower():
         unit = "rad/s"
     value = 1.0 if quantity == "time" and column.index in grid.clocks else si_factor(unit, quantity)
-    unclear = not unit and quantity == "strain" and not column.chosen and is_symbol(column.name) \
-        and len(column.name.strip()) > 1
+    angle = _is_angle(quantity, column.name)
+    unclear = not unit and (angle or (quantity == "strain" and not column.chosen and is_symbol(column.name)
+                                      and len(column.name.strip()) > 1))
     if value is not None and not unclear:
         return value
     name = shown(column.name)
@@ -391,9 +434,11 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
                    f"{flag_for(grid, header)}")
         raise InputFileError(grid.path, f"column '{name}' {problem}", line=header.line)
     problem = f"has the unit '{shown(unit)}', which is no unit of {quantity}" if unit else "has no unit"
-    example = {"Pa": "kPa", "m": "mm", "A": "mA", "": "-"}.get(QUANTITIES[quantity], QUANTITIES[quantity])
+    example = {"Pa": "kPa", "m": "mm", "A": "mA", "": "deg" if angle else "-"}.get(QUANTITIES[quantity],
+                                                                                   QUANTITIES[quantity])
     raise InputFileError(grid.path, f"column '{name}' {problem}. Put a row of units below the names (for example "
-                                    f"-,kPa), write '{name} ({example})', or give `columns` with the unit, for example "
+                                    f"{'deg' if angle else '-'},kPa), write '{name} ({example})', or give `columns` "
+                                    "with the unit, for example "
                                     f"{flag_for(grid, header)}", line=header.line)
 
 
@@ -410,7 +455,8 @@ def check_clock(recording: Recording) -> Recording:
 
 def flag_for(grid: Grid, header: Header) -> str:
     """`--columns "..."` with quantities that the names suggest, else a guess from the numbers, as one sentence."""
-    guess = _from_abaqus(grid) or _from_names(header) or _from_units(header) or _from_numbers(grid, header)
+    guess = (_from_abaqus(grid) or _from_dynamic(header) or _from_names(header) or _from_units(header)
+             or _from_numbers(grid, header))
     items = [f"{quantity}={n + 1}{_unit(header, quantity, n)}" for quantity, n in guess.items()]
     return _flag(grid, items or ["strain=NUMBER", "stress=NUMBER:kPa"])
 
@@ -425,7 +471,7 @@ def _unit(header: Header, quantity: str, column: int) -> str:
     if own is not None and si_factor(own, quantity) is not None and own.strip():
         return ""
     if not QUANTITIES[quantity]:
-        return ""
+        return ":deg" if column < len(header.cells) and _is_angle(quantity, header.cells[column][0]) else ""
     units = [unit for _, unit in header.cells if unit and si_factor(unit, quantity) is not None]
     return f":{units[0] if units else _UNITS[QUANTITIES[quantity]]}"
 
@@ -437,6 +483,13 @@ def _from_abaqus(grid: Grid) -> dict[str, int]:
         return {"pressure": 0, "volume_ratio": 1} if found[1] == "VOLUMETRIC" else {"stress": 0, "strain": 1} | (
             {} if found[1] == "SIMPLE SHEAR" or max(map(len, grid.rows[-3:])) < 3 else {"lateral": 2})
     return {}
+
+
+def _from_dynamic(header: Header) -> dict[str, int]:
+    """The columns of a dynamic test, by name."""
+    names = [name for name, _ in header.cells]
+    found = {quantity: n for n, name in enumerate(names) if (quantity := dynamic_quantity(name)) is not None}
+    return found if is_dynamic(tuple(names)) else {}
 
 
 def _from_names(header: Header) -> dict[str, int]:
@@ -457,6 +510,12 @@ def _last_words(name: str) -> str | None:
     """The quantity that a name, or its end, stands for."""
     words = re.split(r"[\s_\-.:]+|(?<=[a-z])(?=[A-Z])", re.sub(r"\s*[(\[][^()\[\]]*[)\]]\s*$", "", name))
     return next((found for k in range(min(len(words), 8)) if (found := quantity_of(" ".join(words[k:])))), None)
+
+
+def _words_within(name: str) -> set[str]:
+    """The quantities that a name, its end, or one of its words stands for."""
+    found = {_last_words(name), *(quantity_of(word) for word in re.split(r"[\s_\-.:()\[\]]+", name) if len(word) > 2)}
+    return {quantity for quantity in found if quantity is not None}
 
 
 def _from_units(header: Header) -> dict[str, int]:

@@ -10,10 +10,12 @@ _STORAGE = r"stor|speicher|conservation|almacen|armazen|conservativ|accumulo|储
 _LOSS = r"loss|verlust|perte|perdida|perda|perdita|dissip|损耗|損失|손실|потерь"
 _TANGENT = (r"tan( ?\(?(delta|δ|d)\)?)?|tand|(mechanical )?(loss|dissipation|damping) (factor|tangent)|verlustfaktor"
             r"|facteur de perte|损耗因子|損失正接|損失係数")
+_PHASE = (r"(loss |phase )angle|phase( angle| shift| lag)?|delta|δ|phasen(winkel|verschiebung)|verlustwinkel|dephasage"
+          r"|(angulo de|angolo di) (fase|perdita)|相位角|位相角")
 _OTHER = r"complian|viscos|stiff|rate|nachgieb|visk|energy|energie|work"
 # quantity -> pattern of a whole plain name; the first that matches counts
 _WORDS = (
-    ("loss_tangent", _TANGENT),
+    ("loss_tangent", rf"{_TANGENT}|{_PHASE}"),
     ("complex_modulus", r"\|?[eg]\*\|?|(abs(olute)? )?(complex|dynamic) (\w+ )?modulus( [eg]\*)?|komplexer modul"),
     ("storage", rf"[eg]'(?!')( .*)?|.*({_STORAGE}).*"),
     ("loss", rf"[eg]''( .*)?|.*({_LOSS}).*"),
@@ -40,6 +42,11 @@ def dynamic_of(name: str) -> str | None:
 def is_compliance(name: str) -> bool:
     """Whether a lower-case column name is that of a creep compliance."""
     return _COMPLIANCE.fullmatch(name.strip().replace("_", " ")) is not None
+
+
+def is_phase(name: str) -> bool:
+    """Whether a column name is that of the angle of which the loss tangent is the tangent."""
+    return re.fullmatch(_PHASE, name.strip().lower().replace("_", " ")) is not None
 
 
 def is_angular(name: str) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 from matcal.readers.cells import Grid, shown
 from matcal.readers.recording import QUANTITIES
-from matcal.readers.shear_angle import gamma_of, is_angle
+from matcal.readers.shear_angle import gamma_of, is_angle, is_tensorial
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -61,6 +61,10 @@ def _ratios(values: dict[str, Array], names: dict[str, str], units: dict[str, st
 
 def _angles(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],
             said: list[str], warned: list[str]) -> None:
+    if "strain" in values and is_tensorial(names["strain"]):
+        values["strain"] = 2 * values["strain"]
+        warned.append(f"Column '{shown(names['strain'])}' is a component of the strain tensor by its name: gamma is "
+                      "twice it, and was taken so. If it is gamma itself, name it gamma.")
     if "strain" not in values or not is_angle(units["strain"]):
         return
     try:

@@ -1,5 +1,7 @@
 """A shear that is given as an angle: gamma = tan(angle)."""
 
+import re
+
 import numpy as np
 
 from matcal.readers.unit_table import ANGLE, readings
@@ -11,6 +13,17 @@ MOST = 1.45  # rad; no shear test turns its specimen further
 def is_angle(unit: str) -> bool:
     """Whether a unit is one of angles."""
     return any(dimensions == ANGLE for _, dimensions in readings(unit))
+
+
+def names_angle(name: str) -> bool:
+    """Whether a column's name is that of an angle, so that a number without a unit may be degrees or radians."""
+    return re.search(r"\b(angle|angulo|ángulo|angolo)|winkel", name.lower()) is not None
+
+
+def is_tensorial(name: str) -> bool:
+    """Whether a column's name is that of a component of the strain tensor, of which gamma is twice."""
+    pattern = r"\btensor(ial)?\b|^(eps|epsilon|ε|e)[ _]?(xy|xz|yz|yx|zx|zy|12|13|23)$"
+    return re.search(pattern, name.strip().lower()) is not None
 
 
 def gamma_of(angle: Array, unit: str, name: str) -> tuple[Array, str, str]:

@@ -56,6 +56,8 @@ def si_factor(unit: str, quantity: str) -> float | None:
     for factor, dimensions in readings(unit):
         if dimensions == needed or (quantity == "strain" and dimensions == ANGLE):
             return factor
+        if quantity == "loss_tangent" and dimensions == ANGLE:
+            return factor
         if quantity == "frequency" and dimensions == ANGULAR:
             return factor / (2 * math.pi)
         if needed in (FORCE, PRESSURE) and _weight(dimensions) == needed:
@@ -74,8 +76,10 @@ def measures(unit: str) -> list[str]:
 
 
 def modulus_by_unit(name: str, unit: str | None) -> str | None:
-    """`modulus` for the letter E with a unit of stress, which without one is a strain; else None."""
-    return "modulus" if name.strip() == "E" and unit and si_factor(unit, "modulus") is not None else None
+    """`modulus` for the letter E with a unit of stress, which without one is a strain, `compliance` for J or D with a
+    unit of it; else None."""
+    quantity = {"E": "modulus", "J": "compliance", "D": "compliance"}.get(name.strip())
+    return quantity if quantity and unit and si_factor(unit, quantity) is not None else None
 
 
 @cache
@@ -101,6 +105,8 @@ def quantity_in(name: str, unit: str | None) -> str | None:
     """The quantity of a column by its name and its unit: `Tension` in V is a potential and in MPa a stress, `T` is a
     time only in a unit of time. None where the name is unknown, or is a letter and the unit is of something else."""
     if name.strip() == "T" and (unit is None or si_factor(unit, "time") is None):
+        return None
+    if relaxing_of(name) == "compliance":
         return None
     found = quantities_of(name)
     fitting = [quantity for quantity in found if unit and si_factor(unit, quantity) is not None]

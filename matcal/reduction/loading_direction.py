@@ -10,9 +10,10 @@ from touchcal.arrays import Array
 
 DIRECTIONS = ("compression", "tension")
 SIGNS = {"compression": -1.0, "tension": 1.0}
-_WORDS = {"compression": r"\bcomp\b|\bcompr|(?<!aus)druck(?!er|sensor)|stauch|schiacc|\buc\b|压缩|圧縮",
-          "tension": r"\btension|\btensile|\bstretch(?!er)|\bzug|zugvers|\btraction|\btracci|\btrazione|\but\b"
-                     r"|拉伸|引張"}
+_WORDS = {"compression": r"\bcomp\b|\bkompr|\bcompr|(?<!aus)druck(?!er|sensor)|stauch|schiacc"
+                         r"|[eé]crasement|puristus|ściskan|sciskan|stlačen|stlacen|сжати|\buc\b|压缩|壓縮|圧縮|압축",
+          "tension": r"\btension|\btensile|\bstretch(?!er)|\bzug|zugvers|\btraction|\btracci|\btrazione|rozciąg|rozciag"
+                     r"|растяж|\but\b|拉伸|引張|인장"}
 
 
 def named_direction(texts: Sequence[str]) -> str | None:

@@ -123,8 +123,10 @@ def _frame_and_meter(recordings: Sequence[Recording], strip: Strip) -> tuple[Rec
             raise no_resistance(other[0])
         if not found or not (timed := [r for r in found if "time" in r.columns]):
             missing = "time with it" if found else what + (" or resistance" if what == "current" else "")
+            named = "" if found or what != "current" else ("name the column with --columns resistance=COLUMN:ohm (of a "
+                                                           "divider potential=COLUMN:V), or ")
             raise InputFileError(recordings[0].paths[0], f"a conductivity test needs time with displacement and time "
-                                 f"with current or resistance; {files} has no {missing}. Give "
+                                 f"with current or resistance; {files} has no {missing}: {named}give "
                                  "conductivity=FRAME_FILE,POTENTIOSTAT_FILE.")
         found[:] = timed
     return moving[0], electric[0]

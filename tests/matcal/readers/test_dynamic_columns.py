@@ -48,6 +48,21 @@ def test_the_loss_tangent_gives_the_modulus_that_is_missing(names: str, tmp_path
     np.testing.assert_allclose([found.value, found.sweep.loss_Pa], [STORAGE, LOSS], rtol=1e-8)
 
 
+@pytest.mark.parametrize(("names", "units"), [("f,|G*|,Phase", "Hz,Pa,deg"), ("f,E*,loss angle", "Hz,Pa,rad")])
+def test_the_phase_is_the_angle_of_the_loss_tangent(names: str, units: str, tmp_path: Path) -> None:
+    phase = np.arctan2(LOSS, STORAGE) * (180 / np.pi if units.endswith("deg") else 1)
+    (found,) = reduce_tests([(None, (table(tmp_path, names, units, FREQUENCY, np.hypot(STORAGE, LOSS), phase),))])
+    assert found.sweep is not None
+    np.testing.assert_allclose([found.value, found.sweep.loss_Pa], [STORAGE, LOSS], rtol=1e-8)
+    with pytest.raises(InputFileError, match=r"no unit.*loss_tangent=3:deg"):
+        reduce_tests([(None, (table(tmp_path, "f,|G*|,phase", "Hz,Pa,", FREQUENCY, STORAGE, phase),))])
+
+
+def test_a_logarithm_is_asked_for_as_the_number(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match="'log f' is a logarithm: give the number itself"):
+        reduce_tests([("dma", (table(tmp_path, "log f,E',E''", "-,Pa,Pa", np.log10(FREQUENCY), STORAGE, LOSS),))])
+
+
 @pytest.mark.parametrize(("unit", "of"), [("C", lambda k: k - 273.15), ("K", lambda k: k),
                                           ("°F", lambda k: 1.8 * k - 459.67)])
 def test_rows_of_one_temperature_are_one_sweep_in_any_order_and_unit(unit: str, of, tmp_path: Path) -> None:

@@ -23,6 +23,8 @@ LISTED = Path(__file__).parents[4] / "shared" / "cases" / "material" / "31_heade
 MACHINES = {
     "WaveMatrix": ("Total Time (s)|Position(Linear:Position) (mm)|Load(8800 (0,1):Load) (kN)",
                    "time displacement force"),
+    "DIC, Keithley, divider": ("Clock (s)|DIC strain Eyy (%)|P11 (kPa)|Measure I (A)|Vout (V)|Rs (Ohm)|X-head (mm)",
+                               "time strain stress current potential resistance displacement"),
     "Nexygen": ("Load (N)|Machine Extension (mm)|Time (sec)|Extension from Preload (mm)",
                 "force displacement time displacement"),
     "Exponent": ("Force (g)|Distance (mm)|Time (sec)", "force displacement time"),

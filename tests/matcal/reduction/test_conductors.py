@@ -39,6 +39,16 @@ def _record(side: int) -> tuple[np.ndarray, np.ndarray]:
     return time, side * 0.5 * np.clip(time - 5, 0, None) / 55
 
 
+@pytest.mark.parametrize(("head", "of"), [
+    ("Conductance (uS)", lambda e: 1e6 / _resistance(e)), ("Leitwert [mS]", lambda e: 1e3 / _resistance(e)),
+    ("rho (Ohm cm)", lambda e: 100 / _conductivity(e)), ("Resistivity (Ohm m)", lambda e: 1 / _conductivity(e))])
+def test_a_conductance_or_a_resistivity_is_read_by_its_unit(head: str, of, tmp_path: Path) -> None:
+    strain = -np.linspace(0, 0.5, 13)
+    got = _experiment(tmp_path, BLOCK, foam={"Kompression (%)": -100 * strain, head: of(strain)})
+    assert got.strain == pytest.approx(strain)
+    assert got.value == pytest.approx(_conductivity(strain), rel=1e-6)
+
+
 @pytest.mark.parametrize("relative", [False, True])
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_table_of_strain_and_resistance(relative: bool, side: int, tmp_path: Path) -> None:

@@ -32,6 +32,14 @@ def test_a_held_load_is_creep(seed: int, kind: str | None, tmp_path: Path) -> No
         reduce_tests([("uniaxial", (path,))])
 
 
+@pytest.mark.parametrize("head", ["J(t)", "J", "D", "compliance"])
+def test_a_compliance_by_its_letter_and_unit(head: str, tmp_path: Path) -> None:
+    rows = "".join(f"{t:.6g},{2 + np.log10(t):.9g}\n" for t in TIME)
+    (tmp_path / "creep.csv").write_text(f"t,{head}\ns,1/MPa\n{rows}", encoding="utf-8")
+    (found,) = reduce_tests([(None, (tmp_path / "creep.csv",))])
+    np.testing.assert_allclose(found.value, 1e-6 * (2 + np.log10(TIME)), rtol=1e-5)
+
+
 @pytest.mark.parametrize("case", ["relaxation", "ramp", "plateau"])
 def test_no_other_test_is_creep(case: str, tmp_path: Path) -> None:
     strain, stress = {"relaxation": (np.full(80, -0.3), -4 - 2 * np.exp(-TIME / 20)),

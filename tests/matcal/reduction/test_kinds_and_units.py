@@ -33,7 +33,8 @@ def _experiment(path: Path, kind: str | None, columns: str = "") -> Experiment:
     ("Compressive strain (Extension) 1", "compression"), ("extension", None), ("Tensile test", "tension"),
     ("PU_U1comp_1", "compression"), ("decompression", None), ("tension_3", "tension"), ("Drucksensor", None),
     ("Druckversuch", "compression"), ("extensometer", None), ("hypertension", None), ("stretcher", None),
-    ("stretch-to-failure", "tension"), ("компрессия", None)])
+    ("stretch-to-failure", "tension"), ("компрессия", None), ("Kompression", "compression"),
+    ("압축시험", "compression"), ("rozciąganie", "tension")])
 def test_a_direction_is_a_word_and_no_part_of_one(text: str, direction: str | None) -> None:
     assert named_direction([text]) == direction
 
@@ -57,6 +58,25 @@ def test_an_angle_of_shear_is_no_gamma(head: str, unit: float, most: float, tmp_
     assert bool(got.cautions) == ("rad" in head)
     with pytest.raises(InputFileError, match="is an angle"):
         _experiment(path, "uniaxial")
+
+
+@pytest.mark.parametrize("degrees", [False, True])
+def test_an_angle_without_a_unit_is_asked_for(degrees: bool, tmp_path: Path) -> None:
+    angle = np.linspace(0, 0.7, 31)
+    path = _table(tmp_path, "shear.csv", "shear angle,tau (kPa)", np.degrees(angle) if degrees else angle,
+                  1e-3 * MODULUS_Pa * np.tan(angle))
+    with pytest.raises(InputFileError, match=r"has no unit.*strain=1:deg"):
+        _experiment(path, None)
+    unit = "deg" if degrees else "rad"
+    assert _experiment(path, None, f"strain=1:{unit},stress=2").strain == pytest.approx(np.tan(angle), rel=1e-6)
+
+
+@pytest.mark.parametrize("head", ["eps_xy", "tensorial shear strain", "Exy"])
+def test_gamma_is_twice_the_component_of_the_tensor(head: str, tmp_path: Path) -> None:
+    gamma = np.linspace(0, 0.8, 31)
+    got = _experiment(_table(tmp_path, "shear.csv", f"{head} (-),sigma_xy (kPa)", gamma / 2, 10 * gamma), None)
+    assert got.strain == pytest.approx(gamma)
+    assert any("twice" in caution for caution in got.cautions)
 
 
 def test_an_angle_that_no_shear_has_is_refused(tmp_path: Path) -> None:

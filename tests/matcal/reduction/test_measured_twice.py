@@ -40,6 +40,13 @@ def _columns(strain: np.ndarray, rng: np.random.Generator, compliance_mm_per_N: 
             "Strain (%)": 100 * (strain + noise * rng.normal(size=strain.size))}
 
 
+def test_a_strain_by_a_name_that_is_not_known_is_not_dropped_without_a_word(tmp_path: Path) -> None:
+    columns = _columns(_strain(), np.random.default_rng(0), 0.15, 2e-4)
+    columns["Strain ROI-7 upper (%)"] = columns.pop("Strain (%)")
+    got = _record(tmp_path, columns)
+    assert any("not 'Strain ROI-7 upper'" in caution and "--columns" in caution for caution in got.cautions)
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("cycles", [1, 2])
 @pytest.mark.parametrize("stress", [False, True])
