@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,8 @@ from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 from touchcal.whole_file import written
 
+DEAD = ("", "nan", "na", "n/a")  # cells, in small letters, of a reading that was not measured
+
 
 @dataclass(frozen=True, eq=False)
 class NumberTable:
@@ -25,28 +28,43 @@ class NumberTable:
     line: NDArray[np.int64]  # (rows,) line numbers from 1
 
 
-def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
-    """Rows of a CSV of `what` with their line numbers from 1, cells stripped, blank rows left out; InputFileError where
-    it is no text."""
+def csv_lines(path: Path, what: str) -> list[tuple[int, list[str]]]:
+    """Rows of a CSV of `what` with their line numbers from 1, cells stripped; comments (#) are left out, but one that
+    names as many columns as the row below has. Cells may be separated as `with_commas` says. InputFileError where it is
+    no text."""
     try:
         with open(regular(path), newline="", encoding="utf-8-sig") as file:
-            rows = [[cell.strip() for cell in cells] for cells in csv.reader(file)]
+            reader = csv.reader(with_commas(line) for line in file)
+            rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputFileError(path, f"not a text file ({error}). Expected a CSV of {what}.") from None
-    found = [(number, cells) for number, cells in enumerate(rows, start=1) if any(cells)]
-    check_commas(path, found)
-    return found
+    out = []
+    for (line, cells), below in zip(rows, [*(cells for _, cells in rows[1:]), []], strict=False):
+        if not (cells and cells[0].startswith("#")):
+            out.append((line, cells))
+        elif len(cells) == len(below) > 1 and not out and not below[0].startswith("#"):
+            out.append((line, [cells[0].lstrip("# "), *cells[1:]]))
+    return out
 
 
-def check_commas(path: Path, rows: Sequence[tuple[int, list[str]]]) -> None:
-    """InputFileError where the first of the rows of a CSV, with their lines, separates its cells otherwise."""
-    if rows and any(";" in cell or "\t" in cell for cell in rows[0][1]):
-        raise InputFileError(path, "its cells are separated by semicolons or tabs. Use commas between cells, and "
-                                   "points in numbers.", line=rows[0][0])
-    if rows and len(rows[0][1]) == 1 and len(parts := rows[0][1][0].split()) > 1 and all(
-            map(is_numeric, parts)):
-        raise InputFileError(path, "its cells are separated by spaces. Use commas between cells; in Python "
-                                   "numpy.savetxt(..., delimiter=\",\").", line=rows[0][0])
+def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
+    """`csv_lines` without blank rows."""
+    return [(number, cells) for number, cells in csv_lines(path, what) if any(cells)]
+
+
+def with_commas(line: str) -> str:
+    """A line whose cells semicolons or tabs separate, in which a comma between digits is a decimal mark, or blanks
+    between numbers, with commas between its cells.
+
+    >>> [with_commas(line) for line in ("x_mm;F_N", "1,5;2", "a\\t-0,5", "1.5  2 3", "1,2")]
+    ['x_mm,F_N', '1.5,2', 'a,-0.5', '1.5,2,3', '1,2']
+    """
+    if (";" in line or "\t" in line) and line.count(",") == len(re.findall(r"(?<=\d),(?=\d)", line)):
+        mark = ";" if ";" in line else "\t"
+        return re.sub(r"(?<=\d),(?=\d)", ".", line).replace(mark, ",")
+    if "," not in line and len(parts := line.split()) > 1 and all(map(is_numeric, parts)):
+        return ",".join(parts) + line[len(line.rstrip("\r\n")):]
+    return line
 
 
 def without_last_commas(rows: list[tuple[int, list[str]]], width: int | None = None) -> list[tuple[int, list[str]]]:
@@ -89,7 +107,7 @@ def read_numbers(path: Path | str, columns: int | None = None, *, what: str = "n
         names, rows = tuple(rows[0][1]), rows[1:]
     if not rows:
         raise InputFileError(path, f"it holds no rows of {what}.")
-    values = np.array([[math.nan if blanks and not cell else _value(path, number, column, cell, what)
+    values = np.array([[math.nan if blanks and cell.lower() in DEAD else _value(path, number, column, cell, what)
                         for column, cell in enumerate(cells, start=1)] for number, cells in rows])
     return NumberTable(names, values, np.array([number for number, _ in rows], np.int64))
 

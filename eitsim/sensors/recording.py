@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from eitsim.scene.drive import voltage_columns
 from eitsim.scene.frames import LEADING
 from touchcal.arrays import Array, Complex, Mask
+from touchcal.csv_numbers import DEAD, csv_lines, finite, is_numeric, without_last_commas
 from touchcal.csv_numbers import cells as written_cells
-from touchcal.csv_numbers import check_commas, finite, is_numeric, without_last_commas
 from touchcal.errors import InputFileError
-from touchcal.input_file import regular
 from touchcal.whole_file import written
 
 # What a reading is: a signed voltage, its size alone, or a touched voltage less the untouched one.
@@ -125,15 +124,9 @@ def check_kind(kind: object, where: str) -> None:
 
 def _rows(path: Path, readings: int | None) -> list[tuple[int, list[str]]]:
     """Lines from 1 with their cells, blank lines and commas at the end of every line left out, all of one width."""
-    try:
-        with open(regular(path), newline="", encoding="utf-8-sig") as file:
-            rows = [(line, [cell.strip() for cell in cells]) for line, cells in enumerate(csv.reader(file), start=1)
-                    if len(cells) > 1 or (cells and cells[0].strip())]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of one row a frame.") from None
+    rows = [(line, cells) for line, cells in csv_lines(path, "one row a frame") if len(cells) > 1 or any(cells)]
     if not rows:
         raise InputFileError(path, "the file is empty. Expected a CSV of one row a frame.")
-    check_commas(path, rows)
     leading = sum(cell in LEADING for cell in rows[0][1])
     rows = without_last_commas(rows, None if readings is None else readings + leading)
     for line, cells in rows:
@@ -181,6 +174,6 @@ def _readings(path: Path, body: Sequence[tuple[int, list[str]]], first: int) -> 
     except ValueError:
         values = np.array([np.nan])
     if np.isinf(values).any() or np.isnan(values).any():  # look at each cell for what is wrong; empty ones are not
-        return np.array([[finite(path, line, f"reading {k}", cell, _DEAD) if cell else np.nan
+        return np.array([[np.nan if cell.lower() in DEAD else finite(path, line, f"reading {k}", cell, _DEAD)
                           for k, cell in enumerate(cells[first:])] for line, cells in body])
     return values

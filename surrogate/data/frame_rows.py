@@ -16,7 +16,7 @@ from eitsim.sensors.formats.open_file import is_board_file, open_recording
 from eitsim.sensors.formats.serial_magnitudes import labelled
 from eitsim.sensors.recording import in_phase
 from touchcal.arrays import Array, Index
-from touchcal.csv_numbers import is_numeric
+from touchcal.csv_numbers import is_numeric, with_commas
 from touchcal.errors import InputFileError
 from touchcal.input_file import regular
 
@@ -104,8 +104,14 @@ def frames_as_they_come(source: BufferedIOBase, readings: int) -> Iterator[Lines
 
 def _is_frame(text: str, readings: int) -> bool:
     """Whether a line holds as many numbers as there are readings, labelled or not."""
-    cells = (labelled(text) or text).split(",")
+    cells = _cells(labelled(text) or text, readings)
     return len(cells) == readings and all(is_numeric(cell) for cell in cells)
+
+
+def _cells(text: str, count: int) -> list[str]:
+    """The cells of a line, without the comma behind `count` of them that loops print."""
+    cells = text.split(",")
+    return cells[:-1] if len(cells) == count + 1 and not cells[-1].strip() else cells
 
 
 def _is_banner(text: str, readings: int) -> bool:
@@ -115,8 +121,8 @@ def _is_banner(text: str, readings: int) -> bool:
 
 
 def text_of(line: bytes) -> str:
-    """A line without its end, whatever its bytes are."""
-    return line.decode("utf-8-sig", errors="replace").strip()
+    """A line without its end, whatever its bytes are, with commas between its cells."""
+    return with_commas(line.decode("utf-8-sig", errors="replace").strip())
 
 
 def header_of(text: str, readings: int) -> Columns | None:
@@ -129,7 +135,7 @@ def header_of(text: str, readings: int) -> Columns | None:
 
 def frame_of(text: str, columns: Columns) -> Array:
     """(readings,) V of a line of these columns, NaN for an empty cell; ValueError where it is none."""
-    cells = text.split(",")
+    cells = _cells(text, columns.count)
     if len(cells) != columns.count:
         raise ValueError(f"{len(cells)} columns, expected {columns.count} voltages separated by commas")
     places = columns.place.tolist()

@@ -1,6 +1,5 @@
 """A CSV table of scenes as a design: one row a scene, a column a key, the other keys from a scene file."""
 
-import csv
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,9 +12,8 @@ from eitsim.sweeps.design.design import Design, design_from, read_design, with_s
 from eitsim.sweeps.design.sampling import row_tables
 from eitsim.sweeps.design.variables import SENSOR, layout_of
 from eitsim.sweeps.run.row_columns import OWN, key_column, numbered
-from touchcal.csv_numbers import check_commas
+from touchcal.csv_numbers import csv_rows
 from touchcal.errors import InputFileError
-from touchcal.input_file import regular
 from touchcal.toml_file import read_toml
 
 MOST_TOUCHES = 20  # Touches that a table may have columns for.
@@ -94,18 +92,11 @@ def _base(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _read(path: Path) -> _Cells:
-    try:
-        with open(regular(path), newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            found = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputFileError(path, f"not a text file ({error}). Expected a CSV of scenes.") from None
-    found = [(line, row) for line, row in found if any(row)]
+    found = csv_rows(path, "scenes")
     if len(found) < 2:
         raise InputFileError(path, "it holds no scenes. Expected a header such as x_mm,y_mm,d_mm,F_N and one row a "
                                    "scene.")
     (line, header), *rows = found
-    check_commas(path, found)
     columns = _columns(path, header, line)
     return _Cells(columns, tuple(_row(path, columns, row, line) for line, row in rows), tuple(n for n, _ in rows))
 

@@ -22,8 +22,12 @@ FROM_0 = "A;B;M;N;R [kOhm]\n0;3;1;2;1.5e-3\n1;0;2;3;-0.25e-3\n2;1;0;3;1\n3;2;1;0
 NAMED = "n,a,b,m,r/Ohm\n3,1,4,2,1.5\n4,2,1,3,-0.25\n"
 
 
+GERMAN = "a;b;m;n;r\n1;4;2;3;1,5\n2;1;3;4;-0,25\n"
+APPARENT = "a b m n rhoa k\n1 4 2 3 3 2\n2 1 3 4 -1 4\n"
+
+
 @pytest.mark.parametrize(("name", "text"), [("a.ohm", BERT), ("protocol.dat", R2), ("a.csv", NAMED), ("ert.txt", ERT),
-                                            ("zero.csv", FROM_0)])
+                                            ("zero.csv", FROM_0), ("german.csv", GERMAN), ("apparent.dat", APPARENT)])
 def test_quadrupoles_are_pairs_and_a_frame(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     found = open_recording(tmp_path / name)
@@ -36,11 +40,20 @@ def test_quadrupoles_are_pairs_and_a_frame(tmp_path: Path, name: str, text: str)
 @pytest.mark.parametrize(("text", "words"), [
     (BERT.replace("2 1 3 4", "2 0 3 4"), "line 10: electrode 0 stands for one that is far away"),
     (BERT.replace("2 1 3 4", "2 2 3 4"), "line 10: a and b, or m and n, are the same electrode"),
+    (APPARENT.replace(" k", ""), "it holds an apparent resistivity"),
+    ("a,b,m,n,r\n1,4,2,3,1,5\n", "line 2: 6 cells below 5 names. Write numbers with a point"),
     (BERT.replace("4 3 2 1 2e-3\n", ""), "2 rows of quadrupoles, and it states 3")])
 def test_quadrupoles_that_are_none_are_refused(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "a.ohm").write_text(text, encoding="utf-8")
     with pytest.raises(InputFileError, match=words):
         open_recording(tmp_path / "a.ohm")
+
+
+def test_a_list_of_quadrupoles_that_is_repeated_is_frames(tmp_path: Path) -> None:
+    rows = NAMED.split("\n", 1)[1]
+    (tmp_path / "a.csv").write_text(NAMED + rows.replace("1.5", "1.6") + rows, encoding="utf-8")
+    found = open_recording(tmp_path / "a.csv")
+    assert found.readings.tolist() == [[1.5, -0.25], [1.6, -0.25], [1.5, -0.25]]
 
 
 def test_eidors_stimulations_anywhere_in_the_file_state_the_order(tmp_path: Path) -> None:

@@ -91,7 +91,6 @@ def test_hash_and_content_are_kept_and_rows_may_be_added(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(("lines", "line", "named"), [
-    (["x_mm;y_mm", "1,5;2"], 1, "separated by semicolons or tabs. Use commas"),
     (["x_mm,F_N", "1,5,0,5"], 2, "4 cells, expected 2 as in the header. A decimal comma .* use points"),
     (["x_mm,wide", "1,2"], 1, "column 'wide' is unknown; known: x_mm, y_mm, d_mm, F_N"),
     (["d_mm,diameter_mm", "1,2"], 1, "'diameter_mm' says again"), (["x_mm,y_mm", "1,2", "1"], 3, "1 cells, expected 2"),

@@ -50,6 +50,13 @@ def test_a_port_is_read_from_its_first_whole_line_of_numbers(line: tuple[int, st
     assert frames_of_port(line, text, 2, 2) == expected
 
 
+@pytest.mark.parametrize("text", [b"0.5,1,\n1.5,2,\n", b"0.5, 1, \r\n1.5, 2, \r\n", b"0,5;1\n1,5;2\n",
+                                  b"0.5\t1\n1.5\t2\n", b"ready\n0.5 1\n1.5 2\n"])
+def test_lines_of_a_stream_are_separated_as_boards_do_it(text: bytes) -> None:
+    read = list(frames_as_they_come(io.BytesIO(text), 2))
+    assert np.concatenate([one.volts for one in read]).tolist() == [[0.5, 1.0], [1.5, 2.0]]
+
+
 def test_lines_of_a_board_are_frames_and_what_it_prints_between_is_none() -> None:
     lines = b"Magnitudes: 1,2,\nfps: 20\nmagnitudes : 3,4\nmagnitudes : 5,\n"
     read = list(frames_as_they_come(io.BytesIO(lines), 2))
