@@ -50,8 +50,8 @@ def channel_readings(asked: Protocol, channels: Channels, impedance_Ohm: Array) 
 
 def channel_changes(asked: Protocol, channels: Channels, before_Ohm: Array, after_Ohm: Array,
                     change_Ohm: Array) -> Array:
-    """Change of the readings (patterns, readings), V, where a body's impedance matrix changes by `change_Ohm` from one
-    to the other; of a derivative by a parameter, V over its unit, both are the same matrix.
+    """Change of the readings (..., patterns, readings), V, where a body's impedance matrix changes by `change_Ohm`
+    (..., N, N) from one to the other; of derivatives by parameters, V over their units, both are the same matrix.
 
     Without channels the read-out of the change alone, whatever the matrices. ValueError for a pattern of several sinks.
     """
@@ -61,15 +61,17 @@ def channel_changes(asked: Protocol, channels: Channels, before_Ohm: Array, afte
     gains, factors, leaks = (np.array(given) if given else usual for given, usual in (
         (channels.gains, np.ones(count)), (channels.current_factors, np.ones(count)),
         (channels.leaks_S, np.zeros(count))))
-    potential = np.empty_like(asked.currents_A)
+    potential = np.empty((*change_Ohm.shape[:-2], *asked.currents_A.shape))
     for sink in np.unique(ground):
         own = ground == sink
         driven = (factors * np.maximum(asked.currents_A[own], 0.0)).T
         into = np.linalg.solve(np.eye(count) + leaks[:, None] * _grounded(before_Ohm, sink), driven)
-        raised = _grounded(change_Ohm, sink) @ into
-        potential[own] = np.linalg.solve(np.eye(count) + _grounded(after_Ohm, sink) * leaks, raised).T
+        raised = np.moveaxis(_grounded(change_Ohm, sink) @ into, -2, 0)
+        left = np.linalg.solve(np.eye(count) + _grounded(after_Ohm, sink) * leaks, raised.reshape(count, -1))
+        potential[..., own, :] = np.moveaxis(left.reshape(raised.shape), 0, -1)
     return (asked.weights @ (gains * potential)[..., None])[..., 0]
 
 
 def _grounded(impedance_Ohm: Array, sink: int) -> Array:
-    return impedance_Ohm - impedance_Ohm[sink] - impedance_Ohm[:, [sink]] + impedance_Ohm[sink, sink]
+    row, column = impedance_Ohm[..., [sink], :], impedance_Ohm[..., [sink]]
+    return impedance_Ohm - row - column + row[..., [sink]]

@@ -114,13 +114,13 @@ def matrices(currents_A: ArrayLike, weights: ArrayLike) -> Protocol:
 
 
 def readings(asked: Protocol, impedance_Ohm: Array) -> Array:
-    """Readings (patterns, readings), V, of an impedance matrix (electrodes, electrodes), Ohm, or of a change of it; NaN
-    where one needs an electrode whose row and column are NaN, since it has no contact."""
-    missing = np.isnan(np.diagonal(impedance_Ohm))
-    voltages = asked.currents_A @ np.where(missing | missing[:, None], 0.0, impedance_Ohm).T
-    out = np.einsum("pre,pe->pr", asked.weights, voltages)
-    out[asked.currents_A[:, missing].any(axis=1)] = np.nan
-    out[asked.weights[..., missing].any(axis=-1)] = np.nan
+    """Readings (..., patterns, readings), V, of impedance matrices (..., electrodes, electrodes), Ohm, or of changes of
+    one; NaN where one needs an electrode whose rows and columns are NaN, since it has no contact."""
+    missing = np.isnan(np.diagonal(impedance_Ohm, axis1=-2, axis2=-1)).reshape(-1, impedance_Ohm.shape[-1]).any(axis=0)
+    known = np.where(missing | missing[:, None], 0.0, impedance_Ohm)
+    out = np.einsum("pre,...pe->...pr", asked.weights, asked.currents_A @ known.swapaxes(-1, -2))
+    out[..., asked.currents_A[:, missing].any(axis=1), :] = np.nan
+    out[..., asked.weights[..., missing].any(axis=-1)] = np.nan
     return out
 
 

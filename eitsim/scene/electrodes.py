@@ -209,12 +209,12 @@ def present(electrodes: Electrodes) -> Electrodes:
 
 
 def among_all(electrodes: Electrodes, impedance_Ohm: Array) -> Array:
-    """The impedance matrix of the electrodes with contact within that (count, count) of all, NaN for the others."""
+    """Impedance matrices of the electrodes with contact within those (..., count, count) of all, NaN for the others."""
     kept = there(electrodes)
     if kept.all():
         return impedance_Ohm
-    out = np.full((electrodes.count,) * 2, np.nan)
-    out[np.ix_(kept, kept)] = impedance_Ohm
+    out = np.full((*impedance_Ohm.shape[:-2], *(electrodes.count,) * 2), np.nan)
+    out[..., *np.ix_(kept, kept)] = impedance_Ohm
     return out
 
 

@@ -25,5 +25,5 @@ def signal_by_touch(body: Body, electrodes: Electrodes, conductance_S: float, ch
                     places_m: Array) -> Array:
     """dV/dA (places, readings), V/m^2, of a protocol through channels, pattern by pattern."""
     before = untouched_impedance(body, electrodes, conductance_S)
-    return np.stack([channel_changes(asked, channels, before, before, one).ravel()
-                     for one in impedance_by_touch(body, electrodes, conductance_S, places_m)])
+    by = impedance_by_touch(body, electrodes, conductance_S, places_m)
+    return channel_changes(asked, channels, before, before, by).reshape(len(by), -1)

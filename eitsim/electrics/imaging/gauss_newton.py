@@ -258,8 +258,8 @@ def _uniform(mesh: SkinMesh, electrodes: Electrodes, drive: Drive, channels: Cha
 def _by(drive: Drive, electrodes: Electrodes, channels: Channels, impedance_Ohm: Array, impedance_by: Array) -> Array:
     """Derivatives of the readings (readings, p); 0 where an electrode without contact is needed."""
     asked, whole = protocol(drive, electrodes.count), among_all(electrodes, impedance_Ohm)
-    return np.nan_to_num(np.column_stack([
-        channel_changes(asked, channels, whole, whole, among_all(electrodes, one)).ravel() for one in impedance_by]))
+    changes = channel_changes(asked, channels, whole, whole, among_all(electrodes, impedance_by))
+    return np.nan_to_num(changes.reshape(len(impedance_by), -1).T)
 
 
 def _solved(prior: str, untouched: Untouched, columns: Array) -> Array:
