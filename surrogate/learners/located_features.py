@@ -150,14 +150,15 @@ def _weights(sheet: CurvedSheet, places_mm: Array, radius_mm: float, mix: Array)
     radius = np.hypot(x, y)
     cosine, sine = x / np.maximum(radius, 1e-9), y / np.maximum(radius, 1e-9)
     columns = np.concatenate([3 * at + k for k in range(3)])
+    shape = len(places_mm), 3 * len(sheet.points_mm)
+    order = csr_matrix((np.arange(len(columns)), (np.tile(row, 3), columns)), shape=shape)
+    rings = [np.exp(-(((radius - middle) / width) ** 2) / 2) for middle, width in zip(middles, widths, strict=True)]
     for each in mix.reshape(len(mix), len(_RINGS), _WAYS):
-        out, around, even = (sheet.areas_mm2[at] * sum(
-            c * np.exp(-(((radius - middle) / width) ** 2) / 2) for c, middle, width in zip(
-                size, middles, widths, strict=True)) for size in each.T.tolist())
+        out, around, even = (sheet.areas_mm2[at] * sum(c * ring for c, ring in zip(size, rings, strict=True))
+                             for size in each.T.tolist())
         change = (out * cosine**2 + around * sine**2 + even, (out - around) * cosine * sine,
                   out * sine**2 + around * cosine**2 - even)
-        yield csr_matrix((np.concatenate(change), (np.tile(row, 3), columns)),
-                         shape=(len(places_mm), 3 * len(sheet.points_mm)))
+        yield csr_matrix((np.concatenate(change)[order.data], order.indices, order.indptr), shape=shape)
 
 
 def _quadratic(at: Array) -> Array:

@@ -172,8 +172,9 @@ def _starts(design: Design, target: Array, order: int, allowed: Exponents, count
 
 def _extended(choices: Combinations, size: int) -> Combinations:
     """Every increasing combination that adds one of `size` members to a combination, (K, N) -> (K', N + 1)."""
-    grown = np.sort([[*c, k] for c in choices for k in range(size) if k not in c], axis=1)
-    return np.unique(grown, axis=0)
+    grown = np.column_stack([np.repeat(choices, size, axis=0), np.tile(np.arange(size), len(choices))])
+    another = (grown[:, :-1] != grown[:, -1:]).all(axis=1)
+    return np.unique(np.sort(grown[another], axis=1), axis=0)
 
 
 def _by(missed: Callable[[Combinations], Array], choices: Combinations) -> Combinations:
