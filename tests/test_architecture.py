@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -58,6 +58,26 @@ def room_of(module: str) -> tuple[str, str]:
     return package, rest[0] if len(rest) > 1 or (rest and rest[0] in HOUSE[package]) else ""
 
 
+class Source(NamedTuple):
+    """What a module imports, what it raises, as written, names of its sentences, and what it compares or searches."""
+
+    imports: list[ast.Import | ast.ImportFrom]
+    raised: list[str]
+    sentences: set[str]
+    comparisons: list[tuple[int, bool, set[str]]]
+
+
+@functools.cache
+def source(path: Path) -> Source:
+    """A module, read and walked once."""
+    text = path.read_text(encoding="utf-8")
+    tree, lines = ast.parse(text), text.splitlines()
+    nodes = list(ast.walk(tree))
+    return Source([node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)],
+                  ["\n".join(lines[node.lineno - 1:node.end_lineno]) for node in nodes if isinstance(node, ast.Raise)],
+                  sentences_of(tree), comparisons(nodes))
+
+
 @functools.cache
 def imports() -> dict[str, set[str]]:
     """Module -> modules of these packages that it imports, inside functions too; relative imports are refused."""
@@ -65,10 +85,10 @@ def imports() -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for path in modules():
         own: set[str] = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in source(path).imports:
             if isinstance(node, ast.Import):
                 own |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
+            else:
                 assert node.level == 0, f"{path}: a relative import"
                 own |= {full if (full := f"{node.module}.{alias.name}") in names else str(node.module)
                         for alias in node.names}
@@ -79,10 +99,10 @@ def imports() -> dict[str, set[str]]:
 def outside(path: Path) -> set[str]:
     """Top-level names of everything that a module imports."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in source(path).imports:
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             found.add((node.module or "").split(".")[0])
     return found
 
@@ -242,7 +262,7 @@ def test_a_command_imports_what_it_needs(work: str, may: set[str]) -> None:
 def test_how_a_touch_is_solved_is_decided_in_one_place(names: set[str], room: str, asks: set[str]) -> None:
     """Who asks, above the room that answers, whether edges and neighbours count, and who solves."""
     paths = [path for path in (ROOT / "eitsim").rglob("*.py") if room_of(name_of(path)) != ("eitsim", room)]
-    found = {name_of(path) for path in paths for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    found = {name_of(path) for path in paths for node in source(path).imports
              if isinstance(node, ast.ImportFrom) for alias in node.names if alias.name in names}
     assert {re.sub(r"(routes)\..*", r"\1", name) for name in found} == asks
 
@@ -269,10 +289,10 @@ def operands(node: ast.AST) -> list[ast.AST]:
     return [node]
 
 
-def compared(tree: ast.Module, known: set[str]) -> list[int]:
-    """Lines where code compares or searches a sentence, by its text or by a name that holds one."""
-    found: list[int] = []
-    for node in ast.walk(tree):
+def comparisons(nodes: list[ast.AST]) -> list[tuple[int, bool, set[str]]]:
+    """Lines where code compares or searches, whether with a sentence, and the names with which."""
+    found: list[tuple[int, bool, set[str]]] = []
+    for node in nodes:
         parts: list[ast.AST] = []
         if isinstance(node, ast.Compare):
             parts = [node.left, *node.comparators]
@@ -281,25 +301,30 @@ def compared(tree: ast.Module, known: set[str]) -> list[int]:
         elif isinstance(node, ast.match_case):
             parts = [node.pattern]
         inner = [part for one in parts for part in operands(one)]
-        if any(is_sentence(part) or (isinstance(part, ast.Name) and part.id in known)
-               or (isinstance(part, ast.Attribute) and part.attr in known) for part in inner):
-            found.append(getattr(node, "lineno", 0))
+        names = {part.id if isinstance(part, ast.Name) else part.attr for part in inner
+                 if isinstance(part, ast.Name | ast.Attribute)}
+        if inner:
+            found.append((getattr(node, "lineno", 0), any(map(is_sentence, inner)), names))
     return found
+
+
+def compared(found: list[tuple[int, bool, set[str]]], known: set[str]) -> list[int]:
+    """Lines of those where a sentence is compared or searched, by its text or by a name that holds one."""
+    return [line for line, sentence, names in found if sentence or names & known]
 
 
 def test_code_compares_kinds_and_no_sentences() -> None:
     """What is decided, or wrong, is a kind; its words are for people alone."""
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in modules()
-             if not path.relative_to(ROOT).as_posix().startswith(OTHERS_TEXTS)}
-    own = {name_of(path): sentences_of(tree) for path, tree in trees.items()}
+    paths = [path for path in modules() if not path.relative_to(ROOT).as_posix().startswith(OTHERS_TEXTS)]
+    own = {name_of(path): source(path).sentences for path in paths}
     wrong = []
-    for path, tree in trees.items():
-        known = own[name_of(path)] | {
-            alias.asname or alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
-            for alias in node.names if alias.name in own.get(node.module or "", set())}
-        known |= {name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
-                  for name in own.get(f"{node.module}.{alias.name}", set())}
-        wrong += [f"{path.relative_to(ROOT)}:{line}" for line in compared(tree, known)]
+    for path in paths:
+        froms = [(node.module, alias) for node in source(path).imports if isinstance(node, ast.ImportFrom)
+                 for alias in node.names]
+        known = own[name_of(path)] | {alias.asname or alias.name for module, alias in froms
+                                      if alias.name in own.get(module or "", set())}
+        known |= {name for module, alias in froms for name in own.get(f"{module}.{alias.name}", set())}
+        wrong += [f"{path.relative_to(ROOT)}:{line}" for line in compared(source(path).comparisons, known)]
     assert wrong == []
 
 
@@ -308,7 +333,7 @@ def test_code_compares_kinds_and_no_sentences() -> None:
                                   "match a:\n    case 'two words':\n        pass"])
 def test_a_comparison_of_a_sentence_is_found(code: str) -> None:
     tree = ast.parse(code)
-    assert compared(tree, sentences_of(tree))
+    assert compared(comparisons(list(ast.walk(tree))), sentences_of(tree))
 
 
 def test_no_module_is_named_after_nothing() -> None:
@@ -321,10 +346,8 @@ def test_library_errors_name_arguments_not_options() -> None:
     for path in modules():
         if path.relative_to(ROOT).parts[0] in ("matcal", "surrogate", "reports") and room_of(name_of(path))[1] not in (
                 "cli", ""):
-            text = path.read_text(encoding="utf-8")
-            raised = [ast.get_source_segment(text, node) or "" for node in ast.walk(ast.parse(text))
-                      if isinstance(node, ast.Raise)]
-            wrong += [f"{path.name}: {one}" for one in raised if re.search(r"--[a-z]", re.sub(r"`[^`]*`", "", one))]
+            wrong += [f"{path.name}: {one}" for one in source(path).raised
+                      if re.search(r"--[a-z]", re.sub(r"`[^`]*`", "", one))]
     assert not wrong
 
 
