@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 
 import surrogate
 
-WIDTH, HEIGHT = 1280, 800
+WIDTH, HEIGHT, RECTANGLE_NOISE_V = 1280, 800, 1e-7
 # Where a place, mm, is on the canvas of the skin, from its middle, pixels.
 PIXEL = """const b = document.getElementById('skin').getBoundingClientRect(), v = viewOf(shown().skin.picture, b.width);
 return [v.X(arguments[0]) - b.width / 2, v.Y(arguments[1]) - b.height / 2];"""
@@ -40,10 +41,9 @@ def rectangle_folder(rectangle_model: surrogate.Model, tmp_path_factory: pytest.
 Start = Callable[..., tuple[subprocess.Popen[str], str]]
 
 
-@pytest.fixture(scope="module")
-def start() -> Iterator[Start]:
-    """(words of `surrogate live`, standard input) -> its process, and the address that it prints. It goes on reading
-    without a browser too, so all end with their module."""
+@contextmanager
+def started() -> Iterator[Start]:
+    """(words of `surrogate live`, standard input) -> its process, and the address that it prints; all end with it."""
     for name in ("starlette", "uvicorn", "websockets"):
         pytest.importorskip(name)
     running: list[subprocess.Popen[str]] = []
@@ -56,16 +56,33 @@ def start() -> Iterator[Start]:
         assert process.stdout is not None
         return process, process.stdout.readline().strip()
 
-    yield begin
-    for process in running:
-        process.kill()
-        process.wait()
+    try:
+        yield begin
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """`started`, for a test: what it starts goes on reading without a browser too."""
+    with started() as begin:
+        yield begin
 
 
 @pytest.fixture(scope="module")
-def address(start: Start, live_folder: Path) -> str:
+def address(live_folder: Path) -> Iterator[str]:
     """The address of a page whose presses the model's own map answers, in little noise."""
-    return start(live_folder, "--noise-V", "1e-6")[1]
+    with started() as begin:
+        yield begin(live_folder, "--noise-V", "1e-6")[1]
+
+
+@pytest.fixture(scope="module")
+def rectangle_address(rectangle_folder: Path) -> Iterator[str]:
+    """The address of a page of a rectangle, in less noise."""
+    with started() as begin:
+        yield begin(rectangle_folder, "--noise-V", str(RECTANGLE_NOISE_V))[1]
 
 
 @dataclass(frozen=True)
@@ -135,8 +152,8 @@ class Page:
         return self.browser.execute_cdp_cmd(name, given)
 
 
-@pytest.fixture
-def page() -> Iterator[Page]:
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
     """Chromium without a window, whose log tells every request."""
     webdriver = pytest.importorskip("selenium.webdriver")
     chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
@@ -149,7 +166,22 @@ def page() -> Iterator[Page]:
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"performance": "ALL", "browser": "ALL"})
     window = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    window.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
-                           {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False})
-    yield Page(window)
+    yield window
     window.quit()
+
+
+@pytest.fixture
+def page(chromium: Any) -> Iterator[Page]:
+    """A tab of its own: it ends with its test, and what was emulated in it."""
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    first = chromium.current_window_handle
+    chromium.switch_to.new_window("tab")
+    chromium.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
+                             {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False})
+    for kind in ("performance", "browser"):
+        chromium.get_log(kind)
+    yield Page(chromium)
+    ActionChains(chromium).reset_actions()
+    chromium.close()
+    chromium.switch_to.window(first)

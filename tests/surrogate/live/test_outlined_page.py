@@ -23,11 +23,6 @@ PLACE_MM = 0.2  # the most that a place read in the browser may differ from that
 NEAR_EDGE = "not pressed: nearer to an edge than the model knows"
 
 
-@pytest.fixture(scope="module")
-def rectangle_address(start: Callable[..., Any], rectangle_folder: Path) -> str:
-    return start(rectangle_folder, "--noise-V", str(NOISE_V))[1]
-
-
 def steady(page: Any) -> None:
     """The force does not grow."""
     page.run("document.getElementById('grow').checked = false")
