@@ -36,11 +36,12 @@ surrogate.train(sys.argv[4], "trainbr", "x0", epochs=1).save("trained")
 """
 
 
-def test_models_are_read_scored_and_followed_without_torch(sweep: Path, samples: SweepSamples, tmp_path: Path) -> None:
-    for method in ("ridge", "forward"):
-        surrogate.train(samples, method, ("x0", "y0", "d", "F"), seed=1).save(tmp_path / method)
+def test_models_are_read_scored_and_followed_without_torch(inner_model: surrogate.Model, sweep: Path,
+                                                           samples: SweepSamples, tmp_path: Path) -> None:
+    inner_model.save(tmp_path / "forward")
+    surrogate.train(samples, "ridge", ("x0", "y0", "d", "F"), seed=1).save(tmp_path / "ridge")
     np.save(tmp_path / "frames.npy", np.vstack([samples.baseline_V[:1], samples.baseline_V[:3] + samples.signal_V[:3]]))
-    done = subprocess.run([sys.executable, "-c", BLOCKED, "ridge", "forward", "frames.npy", str(sweep)], cwd=tmp_path,
+    done = subprocess.run([sys.executable, "-c", BLOCKED, "forward", "ridge", "frames.npy", str(sweep)], cwd=tmp_path,
                           capture_output=True, text=True, check=False)
     assert not done.returncode, done.stderr
     assert (tmp_path / "trained/model.json").is_file()

@@ -71,7 +71,7 @@ def test_distances_to_a_box_are_exact_inside_and_out(tmp_path: Path) -> None:
 
 
 def test_a_shape_is_round_where_its_file_is(tmp_path: Path) -> None:
-    (shape,) = shapes_of([shaped(revolved(tmp_path / "ball.stl", BALL))], 0.01)
+    (shape,) = shapes_of([shaped(revolved(tmp_path / "ball.stl", BALL))], 0.005)
     assert shape is not None
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(-5, 5, (500, 2)), rng.uniform(-1, 4, 500)])
@@ -86,7 +86,7 @@ def test_a_shape_is_round_where_its_file_is(tmp_path: Path) -> None:
 def test_a_shape_lies_as_its_file_does(tmp_path: Path) -> None:
     turn = np.array([[0.96, 0.0, 0.28], [0.0, 1.0, 0.0], [-0.28, 0.0, 0.96]])
     file = revolved(tmp_path / "leaning.stl", FLAT, turn)
-    (shape,) = shapes_of([shaped(file)], 0.01)
+    (shape,) = shapes_of([shaped(file)], 0.003)
     assert shape is not None
     nodes, cells = punch_surface(file)
     points = np.random.default_rng(1).uniform([-4e-3, -4e-3, -1e-3], [6e-3, 4e-3, 2e-3], (400, 3))

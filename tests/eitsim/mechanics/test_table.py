@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import force_unit, solve_touch, touch_of, under_force
+from eitsim.mechanics.load_paths import build_table
 from eitsim.mechanics.load_paths.build_table import build
 from eitsim.mechanics.load_paths.load_path import ERRORS, course_of
 from eitsim.mechanics.load_paths.table import carried_over, parts_of, shape_of, state, touch_from
@@ -35,7 +36,10 @@ LOW_M, HIGH_M = 0.013, 0.0145
 
 @pytest.fixture(scope="module")
 def table():
-    return build(shape_of(FOAM, Body(), Punch(), [LOW_M, HIGH_M], spans=True), depths=DEPTHS)
+    """With few of the touches that it is checked by."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(build_table, "_CHECKS", 6)
+        return build(shape_of(FOAM, Body(), Punch(), [LOW_M, HIGH_M], spans=True), depths=DEPTHS)
 
 
 def pressed(table, diameter_m: float = 0.0137, depth: float = 0.07) -> Punch:

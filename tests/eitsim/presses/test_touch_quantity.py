@@ -43,9 +43,8 @@ def scene_file(folder: Path, punch: str) -> str:
     return str(folder / "scene.toml")
 
 
-@pytest.mark.parametrize("punch", ["diameter_mm = 14\nforce_N = 1",
-                                   "diameter_mm = 10\nforce_N = 0.3\nprofile = 'sphere'"])
-@pytest.mark.parametrize("sampled", [False, True])
+@pytest.mark.parametrize(("punch", "sampled"), [
+    ("diameter_mm = 14\nforce_N = 1", False), ("diameter_mm = 10\nforce_N = 0.3\nprofile = 'sphere'", True)])
 def test_depths_of_other_laws_are_those_of_their_own_paths(punch: str, sampled: bool, tmp_path: Path) -> None:
     laws = [matcal.Hyperfoam(stiffer * MU, ALPHA + np.array([more, 0.0]), np.zeros(2))
             for stiffer, more in ((1.0, 0.0), (0.97, 0.0), (1.0, 0.3), (1.03, -0.2))]
@@ -78,7 +77,7 @@ def test_the_test_that_is_named_narrows_the_depth_as_promised(card: matcal.Mater
     found = matcal.next_tests(card, f"touch:{file}")
     best, after = found.tests[0], []
     assert best.narrows_by > 0.3
-    for seed in range(3):
+    for seed in range(2):
         more = measured(best.test.kind, best.test.strain_to, np.random.default_rng([3, seed]))
         after.append(matcal.next_tests(matcal.fit([*first(), more], order=2).card, f"touch:{file}").sd)
     assert 1 - np.median(after) / found.sd == pytest.approx(best.narrows_by, rel=0.25)

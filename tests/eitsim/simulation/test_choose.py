@@ -88,13 +88,13 @@ def check_solved(seed: int, *, exact: bool) -> None:
     assert set(named) == set(found) if "general" in found else named == found
 
 
-@pytest.mark.parametrize("seed", range(1))
+@pytest.mark.parametrize("seed", [17])
 def test_the_plan_names_what_solved_touches_hold(seed: int) -> None:
     check_solved(seed, exact=False)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 12))
+@pytest.mark.parametrize("seed", range(12))
 def test_more_plans_name_what_solved_touches_hold(seed: int) -> None:
     check_solved(seed, exact=seed % 4 == 3)
 
