@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 from touchcal.csv_numbers import read_numbers
 from touchcal.errors import InputFileError
 
@@ -116,7 +116,8 @@ def matrices(currents_A: ArrayLike, weights: ArrayLike) -> Protocol:
 def readings(asked: Protocol, impedance_Ohm: Array) -> Array:
     """Readings (..., patterns, readings), V, of impedance matrices (..., electrodes, electrodes), Ohm, or of changes of
     one; NaN where one needs an electrode whose rows and columns are NaN, since it has no contact."""
-    missing = np.isnan(np.diagonal(impedance_Ohm, axis1=-2, axis2=-1)).reshape(-1, impedance_Ohm.shape[-1]).any(axis=0)
+    diagonals = np.diagonal(impedance_Ohm, axis1=-2, axis2=-1).reshape(-1, impedance_Ohm.shape[-1])
+    missing: Mask = np.isnan(diagonals).max(axis=0)
     known = np.where(missing | missing[:, None], 0.0, impedance_Ohm)
     out = np.einsum("pre,...pe->...pr", asked.weights, asked.currents_A @ known.swapaxes(-1, -2))
     out[..., asked.currents_A[:, missing].any(axis=1), :] = np.nan

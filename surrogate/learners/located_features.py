@@ -151,14 +151,15 @@ def _weights(sheet: CurvedSheet, places_mm: Array, radius_mm: float, mix: Array)
     cosine, sine = x / np.maximum(radius, 1e-9), y / np.maximum(radius, 1e-9)
     columns = np.concatenate([3 * at + k for k in range(3)])
     shape = len(places_mm), 3 * len(sheet.points_mm)
-    order = csr_matrix((np.arange(len(columns)), (np.tile(row, 3), columns)), shape=shape)
+    matrix = csr_matrix((np.arange(len(columns)), (np.tile(row, 3), columns)), shape=shape)
+    order = matrix.data.astype(np.int64)
     rings = [np.exp(-(((radius - middle) / width) ** 2) / 2) for middle, width in zip(middles, widths, strict=True)]
     for each in mix.reshape(len(mix), len(_RINGS), _WAYS):
         out, around, even = (sheet.areas_mm2[at] * sum(c * ring for c, ring in zip(size, rings, strict=True))
                              for size in each.T.tolist())
         change = (out * cosine**2 + around * sine**2 + even, (out - around) * cosine * sine,
                   out * sine**2 + around * cosine**2 - even)
-        yield csr_matrix((np.concatenate(change)[order.data], order.indices, order.indptr), shape=shape)
+        yield csr_matrix((np.concatenate(change)[order], matrix.indices, matrix.indptr), shape=shape)
 
 
 def _quadratic(at: Array) -> Array:
