@@ -6,7 +6,7 @@ import numpy as np
 
 from eitsim.mechanics.solid.grid import lagrange, modes
 from eitsim.scene.results import Section
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
 
 # By order of the elements, the places of their nodes among order + 1 in each direction: corners counter-clockwise,
 # middles of the edges from the first on, centre, as in VTK.
@@ -30,12 +30,17 @@ def shapes(order: int, at: Array) -> tuple[Array, Array, Array]:
 def displacement_gradient(section: Section, at: Array) -> Array:
     """F - 1 (elements, points, 5), parts rr, rz, zr, zz and hoop, at points (points, 2) in [-1, 1] of every element;
     u_r,r for the hoop at the axis."""
-    place, moved = section.nodes_m[section.elements], section.displacement_m[section.elements]
-    shape, by_r, by_z = shapes(order_of(section), at)
-    half = (place[:, 2] - place[:, 0]) / 2
-    along_r = np.einsum("na,eai->eni", by_r, moved) / half[:, None, :1]
-    along_z = np.einsum("na,eai->eni", by_z, moved) / half[:, None, 1:]
-    radius, outwards = place[..., 0] @ shape.T, moved[..., 0] @ shape.T
+    return _gradient(section, np.arange(len(section.elements))[:, None], at)
+
+
+def _gradient(section: Section, element: Index, at: Array) -> Array:
+    """The same (..., 5) at points (points, 2) of elements (..., points or 1)."""
+    place, moved = (nodes[section.elements[element]] for nodes in (section.nodes_m, section.displacement_m))
+    shape, *slopes = shapes(order_of(section), at)
+    half = (place[..., 2, :] - place[..., 0, :]) / 2
+    along_r, along_z = (np.einsum("...a,...ai->...i", slope, moved) / half[..., i:i + 1]
+                        for i, slope in enumerate(slopes))
+    radius, outwards = (np.einsum("...a,...a->...", shape, nodes[..., 0]) for nodes in (place, moved))
     axis = radius == 0
     hoop = np.where(axis, along_r[..., 0], outwards / np.where(axis, 1.0, radius))
     return np.stack([along_r[..., 0], along_z[..., 0], along_r[..., 1], along_z[..., 1], hoop], axis=-1)
@@ -52,10 +57,14 @@ def deformation_of(grad_u: Array) -> Array:
 def resisted_deformation(section: Section, grad_u: Array, at: Array) -> Array:
     """Deformation gradients (elements, points, 3, 3) of F - 1 (elements, points, 5) at points (points, 2) of every
     element, of the change of volume that a nearly incompressible law resists."""
+    return _resisted(section, grad_u, np.arange(len(section.elements))[:, None], at)
+
+
+def _resisted(section: Section, grad_u: Array, element: Index, at: Array) -> Array:
     gradient = deformation_of(grad_u)
     if section.log_volume is None:
         return gradient
-    resisted = section.log_volume @ modes(at[:, 0], at[:, 1], order_of(section)).T
+    resisted = np.sum(section.log_volume[element] * modes(at[:, 0], at[:, 1], order_of(section)), axis=-1)
     return gradient * np.exp((resisted - np.log(np.linalg.det(gradient))) / 3)[..., None, None]
 
 
@@ -72,17 +81,6 @@ def gradient_at(section: Section, radius_m: Array, height_m: Array) -> Array:
     at = np.column_stack([2 * (x - line[i]) / (line[i + 1] - line[i]) - 1
                           for x, line, i in zip(flat, lines, index, strict=True)])
     element = number[tuple(index)]
-    place, moved = section.nodes_m[section.elements[element]], section.displacement_m[section.elements[element]]
-    shape, by_r, by_z = shapes(order_of(section), at)
-    half = (place[:, 2] - place[:, 0]) / 2
-    along_r, along_z = (np.einsum("na,nai->ni", slope, moved) / half[:, i:i + 1]
-                        for i, slope in enumerate((by_r, by_z)))
-    outwards, axis = np.sum(shape * moved[..., 0], axis=1), flat[0] == 0
-    hoop = np.where(axis, along_r[:, 0], outwards / np.where(axis, 1.0, flat[0]))
-    gradient = deformation_of(np.stack([along_r[:, 0], along_z[:, 0], along_r[:, 1], along_z[:, 1], hoop], axis=-1))
-    if section.log_volume is not None:
-        span = modes(at[:, 0], at[:, 1], order_of(section))
-        resisted = np.sum(section.log_volume[element] * span, axis=1)
-        gradient *= np.exp((resisted - np.log(np.linalg.det(gradient))) / 3)[:, None, None]
+    gradient = _resisted(section, _gradient(section, element, at), element, at)
     gradient[np.ravel(radius_m) > lines[0][-1]] = np.eye(3)
     return gradient.reshape(*np.shape(radius_m), 3, 3)
