@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eitsim.sweeps.run import forecast
 from matcal.posterior import ensembles
 
 SCREEN = 40
@@ -25,10 +26,11 @@ AFTER = [("matcal", "check", "card.json"), ("matcal", "inspect", RAW / "mts_unia
 
 
 def test_default_outputs_fit_a_screen(command: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Chains that are as long as the first check prints as many lines as those that pass it."""
+    """Short chains, and a forecast by one row, print as many lines as long ones and by many."""
     monkeypatch.setenv("COLUMNS", "80")
-    for name, value in {"CHUNK": 120, "RHAT": 10.0, "ESS": 1.0, "TIMES": 0.0}.items():
+    for name, value in {"CHUNK": 120, "_COOLING_STEPS": 8, "RHAT": 10.0, "ESS": 1.0, "TIMES": 0.0}.items():
         monkeypatch.setattr(ensembles, name, value)
+    monkeypatch.setattr(forecast, "SAMPLED", 1)
     for program, *words in [("matcal", "fit", *FIT), *AFTER]:
         done = command(program, *words, cwd=tmp_path)
         assert done.returncode == 0, done.stderr

@@ -147,6 +147,7 @@ def record(path: Path, touches: list[str], signal: Iterable[Array]) -> None:
     pd.DataFrame(rows, columns=["index", "touch", *voltage_columns(208)]).to_csv(path, index=False)
 
 
+@pytest.mark.slow
 def test_every_function_has_an_example_that_runs(folder: Path, samples: SweepSamples,
                                                  monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)

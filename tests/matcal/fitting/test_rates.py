@@ -17,14 +17,14 @@ FAST = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0],
 SPEED, HEIGHT = 5 / 60, 20.0
 
 
-def ramp(mode: str, to: float, speed: float = SPEED, points: int = 400) -> Experiment:
+def ramp(mode: str, to: float, speed: float = SPEED, points: int = 200) -> Experiment:
     t = np.linspace(0, abs(to) * HEIGHT / speed, points)
     strain = to * t / t[-1]
     return Experiment(mode, strain, hereditary_stress(FAST, SERIES, mode, t, strain), t, (f"{mode}_{speed:g}.csv",))
 
 
 def hold(to: float = -0.5, ramp_s: float = 1.0, end_s: float = 600.0) -> Experiment:
-    t = np.r_[np.linspace(0, ramp_s, 101), ramp_s + np.geomspace(0.02, end_s, 400)]
+    t = np.r_[np.linspace(0, ramp_s, 101), ramp_s + np.geomspace(0.02, end_s, 200)]
     strain = to * np.minimum(t / ramp_s, 1.0)
     return Experiment("relaxation", strain, hereditary_stress(FAST, SERIES, "uniaxial", t, strain), t, ("hold.csv",),
                       held=(t > ramp_s).astype(float))
