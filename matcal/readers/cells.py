@@ -115,7 +115,7 @@ def with_seconds(grid: Grid) -> Grid:
     found: dict[int, int] = {}
     for row in grid.rows[-_TELLING:]:
         for column, cell in enumerate(row):
-            if ":" in cell and seconds_of(cell) is not None:
+            if seconds_of(cell) is not None:
                 found[column] = found.get(column, 0) + 1
     clocks = [column for column, count in found.items() if 2 * count >= min(len(grid.rows), _TELLING)
               or (count > 1 and 3 * count >= len(grid.rows))]

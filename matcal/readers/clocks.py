@@ -12,12 +12,32 @@ _DATED = re.compile(r"(\d{1,4})([-./])(\d{1,2})\2(\d{1,4})[T ,;]+" + _OF_DAY
                     + r"\s*([ap]m)?\s*(?:Z|[-+]\d{2}:?\d{2})?", re.IGNORECASE)
 
 
+# 20240131T100000.5, and 31-Jan-2024 10:00:00 or Jan 31, 2024 10:00:00 PM
+_BASIC = re.compile(r"(\d{4})(\d{2})(\d{2})[T_ -]?(\d{2})(\d{2})(\d{2}(?:[.,]\d{1,9})?)(?:Z|[-+]\d{2}:?\d{2})?")
+_MONTH = r"([^\W\d_]{3,9})\.?"
+_NAMED = re.compile(rf"(?:[^\W\d_]{{2,9}}[.,]* )?(?:(\d{{1,2}})\.?[- /]{_MONTH}|{_MONTH} (\d{{1,2}}),?)[- /](\d{{4}})"
+                    + r"[T ,;]+" + _OF_DAY + r"\s*([ap]m)?", re.IGNORECASE)
+_MONTHS = ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
+
+
 @cache
 def seconds_of(cell: str) -> float | None:
-    """Seconds of a cell such as 00:01:02.5, 01:02 (minutes and seconds), 2024-01-31T10:00:00 or 31.01.2024 10:00:00;
-    None where it is no clock."""
-    if ":" not in cell or len(cell) > 40:
+    """Seconds of a cell such as 00:01:02.5, 01:02 (minutes and seconds), 2024-01-31T10:00:00, 20240131T100000,
+    31.01.2024 10:00:00 or 31-Jan-2024 10:00:00; None where it is no clock."""
+    if len(cell) > 40:
         return None
+    if "T" in cell and (found := _BASIC.fullmatch(cell)):
+        year, month, date, *clock = found.groups()
+        day, clock_s = _day(year, month, date, "-"), _of_day(*clock)
+        return None if day is None or clock_s is None else day + clock_s
+    if ":" not in cell:
+        return None
+    if found := _NAMED.fullmatch(cell):
+        first, named, name, second, year, *clock = found.groups()
+        month = next((k for k, words in enumerate(_MONTHS, 1)
+                      if any((named or name).lower().startswith(word) for word in words.split())), 0)
+        day, clock_s = _day(year, str(month), first or second, "-"), _of_day(*clock)
+        return None if day is None or clock_s is None else day + clock_s
     if found := _CLOCK.fullmatch(cell):
         return _of_day(*found.groups())
     if found := _DATED.fullmatch(cell):

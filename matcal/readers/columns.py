@@ -52,6 +52,7 @@ _REDUCED = {"strain": "displacement", "stretch": "displacement", "stress": "forc
 _TOGETHER = 0.95  # correlation from which on two columns run in the same way
 _SHIFTED = {"time", "displacement", "force", "strain", "stretch", "stress"}  # quantities whose zero is found
 _MEASURED = {"strain", "stretch", "stress", "displacement", "force", "resistance"}
+_DAYS = (36500.0, 55000.0)  # days since 1900 of the years 2000 to 2050, as spreadsheets number dates
 _LOGARITHM = re.compile(r"(log|lg|ln)[ _]?(10)?[\s_(\[{]", re.IGNORECASE)
 _ORDERED = re.compile(r"\bset|soll|command|demand|target|peak|\bmax|\bmin|limit|consigne|specif")
 _UNITS = {"Pa": "MPa", "m": "mm", "N": "N", "s": "s", "A": "A", "V": "V", "ohm": "ohm", "S/m": "S/m", "Hz": "Hz",
@@ -433,6 +434,12 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
                    "or columns, look exchanged. If the numbers are right, say which column is which: "
                    f"{flag_for(grid, header)}")
         raise InputFileError(grid.path, f"column '{name}' {problem}", line=header.line)
+    if quantity == "time" and not unit and _DAYS[0] < float(np.median(grid.numbers(header.rows, column.index, name))) \
+            < _DAYS[1] and re.search(r"dat|stamp|stempel|zeitpunkt", column.name.lower()):
+        flag = flag_for(grid, header)
+        days = re.sub(rf"time={column.index + 1}:s", f"time={column.index + 1}:d", flag)
+        raise InputFileError(grid.path, f"column '{name}' has no unit, and its numbers are those of a spreadsheet's "
+                                        f"dates, days since 1900. Give them as days: {days}", line=header.line)
     problem = f"has the unit '{shown(unit)}', which is no unit of {quantity}" if unit else "has no unit"
     example = {"Pa": "kPa", "m": "mm", "A": "mA", "": "deg" if angle else "-"}.get(QUANTITIES[quantity],
                                                                                    QUANTITIES[quantity])
@@ -446,6 +453,8 @@ def check_clock(recording: Recording) -> Recording:
     """The recording, if its time does not run backwards; InputFileError with the first such step otherwise."""
     time = recording.columns.get("time")
     if time is not None and np.any(back := np.diff(time) < 0):
+        if np.all(np.diff(time) <= 0):
+            raise InputFileError(recording.paths[0], "the time runs backwards in every row. Sort the rows by time.")
         at = int(np.argmax(back))
         raise InputFileError(
             recording.paths[0], f"the time runs backwards, from {time[at]:.9g} s to {time[at + 1]:.9g} s in sample "

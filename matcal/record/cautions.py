@@ -28,6 +28,7 @@ _DOUBTED_ZERO = 0.002  # error of a strain zero whose effect on a conductivity i
 _RUBBER_PA = 2e7  # largest mu_0 of a rubber
 _RUBBER = 0.49  # nu above which a rubber's was given
 _PULLED = 0.02  # strain in tension from which on a test is more than compression
+_ON_BOUND = 1.01  # times the shortest time that is searched up to which a fitted one is on it
 _LOST = 0.02  # share of the work that a cycle loses from which on it is said
 _RAMPS_S = (10.0, 1000.0)  # durations of a loading for which the effect of its rate is said where it has no clock
 # relative RMS of a loss modulus, and its ratio to that of the storage modulus, from which on it is said; decades
@@ -42,9 +43,9 @@ _CLOSE = 0.05  # strain from the fitted ones within which lost stability is said
 
 def cautions(card: MaterialCard) -> tuple[str, ...]:
     """One sentence each, the gravest first; empty where there is nothing to warn of."""
-    parts = (_origin, _units, _undecided, _volume, _assumed_nu, _convergence, _long_term, _agreement, _stability, _edge,
-             _assumed, _set, _held, _rate, _misfit, _at_bound, _open_nu, _two_nu, _undetermined, _band, _predictions,
-             _coverage, _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
+    parts = (_origin, _units, _undecided, _volume, _assumed_nu, _convergence, _long_term, _fastest, _agreement,
+             _stability, _edge, _assumed, _set, _held, _rate, _misfit, _at_bound, _open_nu, _two_nu, _undetermined,
+             _band, _predictions, _coverage, _loss, _softened, _cycled_before, _series, _dynamic, _step, _skin)
     return tuple(sentence for part in parts for sentence in part(card))
 
 
@@ -171,6 +172,17 @@ def _long_term(card: MaterialCard) -> Iterator[str]:
     yield (f"The long-term moduli are not determined by this record: nothing bounds its slowest relaxation time above "
            f"({slowest['value']:.3g} s as fitted, with a 95 % interval from {slowest['lo']:.3g} s on). Hold longer, or "
            "give fewer --prony-terms.")
+
+
+def _fastest(card: MaterialCard) -> Iterator[str]:
+    """A fastest time on the shortest that is searched, of times that were."""
+    found = card.fit.get("prony", {})
+    if card.prony is None or "shortest_s" not in found or not any(found["tau_sd_s"]) or not np.any(card.prony.g):
+        return
+    if (fastest := float(np.min(card.prony.tau_s))) <= _ON_BOUND * found["shortest_s"]:
+        yield (f"The fastest relaxation time, {fastest:.3g} s, ended on the shortest that is searched in this record: "
+               "what relaxes faster is not told from it, and instantaneous moduli are not determined. Load faster, or "
+               "record finer.")
 
 
 def _agreement(card: MaterialCard) -> Iterator[str]:

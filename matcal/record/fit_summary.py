@@ -166,7 +166,8 @@ def _comparison_part(found: FittedLaws) -> dict[str, Any]:
 def _series_part(prony: PronyFit, relaxing: Sequence[Experiment]) -> dict[str, Any]:
     out = {"g_sd": prony.g_sd, "tau_sd_s": prony.tau_sd_s, "g_infinity_sd": prony.g_infinity_sd,
            "orders": [{"order": row.terms, "rms": row.rms, "bic": row.bic} for row in prony.orders],
-           "slowest_s": {"value": prony.slowest.tau_s, "lo": prony.slowest.lo_s, "hi": prony.slowest.hi_s}}
+           "slowest_s": {"value": prony.slowest.tau_s, "lo": prony.slowest.lo_s, "hi": prony.slowest.hi_s},
+           "shortest_s": prony.bounds_s[0]}
     moduli = {}
     for k, experiment in enumerate(relaxing):
         for name, symbol in _MODULI.items():

@@ -21,7 +21,7 @@ def find_holds(time: Array, travel: Array) -> list[tuple[int, int]]:
         span = float(time[until - 1] - time[at])
         moved, ramp_s = abs(travel[at] - travel[ramp_from]), float(time[at] - time[ramp_from])
         # a crosshead that overshoots and settles leaves a hold by a small and slow move, which is no ramp
-        speed = moved / ramp_s if moved > _RAMP * band else speed
+        speed = moved / ramp_s if moved > _RAMP * band and ramp_s > 0 else speed
         slow = span * speed * _SLOWER > 2 * band
         if slow and until - at >= 3 and abs(travel[at]) > 10 * band:
             out.append((at, until))

@@ -17,7 +17,7 @@ from matcal.laws.deformation_modes import push_forward
 from matcal.laws.law import Law
 from matcal.laws.prony import Prony, decaying
 from matcal.reduction.experiment import Experiment
-from matcal.reduction.hold_segments import loading_start
+from matcal.reduction.hold_segments import band_of, loading_start
 from touchcal.arrays import Array
 
 _HELD = 0.999  # a hold begins where the strain first reaches this share of its largest, unless the experiment marks it
@@ -41,6 +41,7 @@ class Hold:
     held: NDArray[np.bool_]  # (n,) whether the strain is held
     shape: str  # where the columns come from: "law", "ramp" or "straight"; "step" where no ramp was recorded
     step: bool = False  # whether the strain is held from the first sample on
+    last_ramp_s: float = 0.0  # duration of the motion that ends in the first hold, s
 
     @property
     def ramp_s(self) -> float:
@@ -105,7 +106,16 @@ def hold_of(experiment: Experiment, law: Law | None, terms: int, held: NDArray[n
         shape = "ramp" if shaped else "straight"
     precision = np.where(held | ((shape == "ramp") & (e != 0)), np.sqrt(count) / noise, 0.0)
     return Hold(t, fine_s, at, columns, push_forward("uniaxial", e)[:, 0], experiment.value, precision, held, shape,
-                step)
+                step, _last_ramp_s(t, e, int(np.argmax(held))))
+
+
+def _last_ramp_s(time_s: Array, strain: Array, end: int) -> float:
+    """Duration of the motion that ends at a sample, back to where the strain rested or turned."""
+    far, band = np.abs(strain[end] - strain[end::-1]), band_of(strain)
+    most = np.maximum.accumulate(far)
+    back = far < most - band
+    most = most[:int(np.argmax(back)) if back.any() else most.size]
+    return float(time_s[end] - time_s[end - int(np.argmax(most >= most[-1] - band))])
 
 
 def _refined(time_s: Array, strain: Array) -> tuple[Array, NDArray[np.intp]]:

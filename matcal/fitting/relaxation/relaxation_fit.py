@@ -223,9 +223,10 @@ def _allowed(terms: int | str, holds: Sequence[Hold], bounds_s: tuple[float, flo
 
 
 def _time_bounds(holds: Sequence[Hold]) -> tuple[float, float]:
-    """Shortest and longest time that a term may have: a tenth of the ramp, many times the holds."""
-    ramp = min(h.ramp_s for h in holds)
-    steps = [np.diff(h.time_s[h.held]) for h in holds]
+    """Shortest and longest time that a term may have: a tenth of the last ramp before a hold, or the finest step of
+    what is compared; many times the holds."""
+    ramp = min(h.last_ramp_s for h in holds)
+    steps = [np.diff(h.time_s[h.precision > 0]) for h in holds]
     first = min(float(np.min(s[s > 0], initial=np.inf)) for s in steps)
     longest = max(h.hold_s for h in holds)
     return min(max(first if ramp == 0 else min(first, ramp), 0.1 * ramp), longest / 4), _LONGEST * longest

@@ -265,8 +265,8 @@ def test_a_hold_falls_by_four_standard_errors_of_a_line_in_log_time(noise_Pa: fl
     (0.1, 5.0, 100.0, 0.1)])
 def test_times_are_searched_from_a_tenth_of_the_ramp_to_twenty_holds(ramp_s: float, first_s: float, hold_s: float,
                                                                      shortest_s: float) -> None:
-    hold: Any = SimpleNamespace(ramp_s=ramp_s, hold_s=hold_s, time_s=ramp_s + np.r_[0, first_s, 9 * first_s, hold_s],
-                                held=np.ones(4, dtype=bool))
+    hold: Any = SimpleNamespace(last_ramp_s=ramp_s, hold_s=hold_s, precision=np.ones(4),
+                                time_s=ramp_s + np.r_[0, first_s, 9 * first_s, hold_s])
     assert relaxation_fit._time_bounds([hold]) == (pytest.approx(shortest_s), pytest.approx(20 * hold_s))
 
 

@@ -24,6 +24,13 @@ def _rows() -> list[str]:
     return [f"{e:.6f},{p:.6f},0.83" for e, p in zip(E, P, strict=True)]
 
 
+def test_the_dates_of_a_spreadsheet_are_days(tmp_path: Path) -> None:
+    rows = [f"{row},{45358.5 + n / 86400:.10g}" for n, row in enumerate(_rows())]
+    path = _write(tmp_path, rows, "strain,stress (kPa),C2 (V),Date/Time")
+    with pytest.raises(InputFileError, match=r"days since 1900.*time=4:d"):
+        read(path)
+
+
 @pytest.mark.parametrize("tail", [1, 15, 19, 20, 25, 50])
 @pytest.mark.parametrize("place", ["end", "start"])
 def test_one_column_runs_on(tail: int, place: str, tmp_path: Path) -> None:
@@ -56,6 +63,9 @@ def test_a_column_that_ends_half_way_is_named(tmp_path: Path) -> None:
     ("01:02.5", "01:03.0", 0.5),
     ("2024-01-31T23:59:59", "2024-02-01T00:00:01.5", 2.5), ("2024-01-31 10:00:00Z", "2024-01-31 10:01:00Z", 60.0),
     ("31.01.2024 23:59:59,5", "01.02.2024 00:00:00,5", 1.0), ("1/31/2024 11:59:59 AM", "1/31/2024 12:00:00 PM", 1.0),
+    ("20241231T235959.5", "20250101T000001Z", 1.5), ("31-Dec-2024 23:59:59", "1 Jan 2025 00:00:00", 1.0),
+    ("Jan 31, 2024 11:59:59 AM", "Jan 31, 2024 12:00:00 PM", 1.0),
+    ("Do, 7. März 2024 10:00:00", "7. Mai 2024 10:00:00", 5270400.0),
     ("23:59:59", "00:00:01", 2.0), ("100:00:00", "100:00:01", 1.0)])
 def test_a_clock_is_seconds_from_the_first_row(first: str, second: str, seconds: float) -> None:
     assert elapsed([first, second, "word"]) == [0.0, pytest.approx(seconds), None]

@@ -216,3 +216,26 @@ def test_the_direction_of_a_relaxation_is_in_doubt_next_to_a_law_alone(tmp_path:
     both = matcal.fit([{"uniaxial": {"strain": law[:, 0], "stress_Pa": law[:, 1]}}, {"relaxation": held}]).card
     assert [any("compression from tension in relaxation" in said for said in cautions(card))
             for card in (alone, both)] == [False, True]
+
+
+def _loaded_before(turns_s: Sequence[float], turns: Sequence[float], fine_s: float) -> dict[str, np.ndarray]:
+    """A record of strains that turn at given times, sampled twice a second and finer on the last ramp of a second."""
+    last = turns_s[-2] - 1.0
+    time = np.unique(np.r_[np.arange(0, last, 0.5), np.arange(last, last + 1, fine_s),
+                           last + 1 + np.geomspace(0.05, turns_s[-1] - last - 1, 150)])
+    strain = np.interp(time, turns_s, turns)
+    finest = np.unique(np.r_[time, np.arange(0, turns_s[-1], 0.05)])
+    stress = hereditary_stress(LAW, Prony(np.array([0.2, 0.2]), np.array([0.4, 40.0])), "uniaxial", finest,
+                               np.interp(finest, turns_s, turns))
+    return {"time_s": time, "strain": strain, "stress_Pa": np.interp(time, finest, stress)}
+
+
+@pytest.mark.parametrize(("turns_s", "turns"), [
+    ((0, 1, 200), (0, -0.4, -0.4)), ((0, 10, 20, 30, 40, 200, 201, 400), (0, -0.4, 0, -0.4, 0, 0, -0.4, -0.4))],
+    ids=["at once", "preconditioned"])
+def test_fast_times_are_searched_whatever_was_recorded_before_the_last_ramp(
+        turns_s: tuple[float, ...], turns: tuple[float, ...]) -> None:
+    columns = _loaded_before(turns_s, turns, 0.05)
+    found = fit_prony([matcal.read_test({"relaxation": columns})], None, 2).prony
+    assert found.tau_s[0] == pytest.approx(0.4, rel=0.2)
+    assert found.g[0] == pytest.approx(0.2, rel=0.1)
