@@ -15,6 +15,7 @@ from surrogate.statistics.mixture import interval
 from touchcal.arrays import Array, Index, Mask
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
+MOST_FACTOR, HALVINGS = 1024.0, 32  # of standard deviations that hold a truth, and of the range that it is sought in
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,23 @@ class Estimate:
         low, high = interval(mode, short, far, ndtr(-np.asarray(of_normal)))
         below[..., open_], above[..., open_] = self.value[:, open_] - low, high - self.value[:, open_]
         return np.maximum(below, self.past_below * of_normal), np.maximum(above, self.past_above * of_normal)
+
+    def least_factor(self, truth: Array, of_normal: float) -> Array:
+        """(n, outputs) the least factor whose interval, as `ends` gives it, holds the truth (n, outputs); at most
+        MOST_FACTOR."""
+        off = truth - self.value
+
+        def held(factor: Array) -> Mask:
+            below, above = self.ends(factor, of_normal)
+            return np.where(off < 0, -off <= below, off <= above)
+
+        low, high = np.zeros_like(off), np.full_like(off, MOST_FACTOR)
+        high[held(low)] = 0.0
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            within = held(middle)
+            low, high = np.where(within, low, middle), np.where(within, middle, high)
+        return high
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from surrogate.data.dead_readings import too_many
 from surrogate.data.flags import WORDS, Flag, in_words
 from surrogate.data.frame_drift import FrameDrift, by_gain, no_drift
 from surrogate.data.frame_rows import Lines
-from surrogate.data.outputs import ROUNDING
 from surrogate.data.reading_noise import ReadingNoise, white_noise
 from surrogate.learners.base import Estimate, joined
 from surrogate.learners.novelty import (
@@ -30,15 +29,12 @@ from surrogate.model.drift_choice import drift_groups
 from surrogate.model.holding_time import STRESSES, stress_left
 from surrogate.model.missing_channels import filled_in, named, silent, without
 from surrogate.model.odd_frames import Causes, causes_of, oddness
-from surrogate.model.trained import TrainedModel, estimate, interval_scale, trained_radius_mm
+from surrogate.model.trained import TrainedModel, estimate, interval_scale, outside_range, several_answers
 from surrogate.statistics.conformal import COVERAGE, IntervalScale, at_least, normal, one_factor
 from touchcal.arrays import Array, Index, Mask
 
-# An interval of F wider than this part of its training range says that d and F have several answers.
-SEVERAL_PART = 0.5
 SIZE = "the signal's size"  # in flags
 WEAK = 0.5  # a signal below this part of the weakest training signal is no touch
-SLACK = 0.02  # how far outside the training targets, in their ranges, a value may lie before it is flagged
 MOST_WIDENED = 1000.0  # largest factor by which a strange signal widens the intervals
 # Norm of a signal, over that of the strongest validation row, from which it is outside the training range, and from
 # which no touch is read from it.
@@ -211,14 +207,14 @@ def judged(predictor: Predictor, volts: Array, read: Callable[[Array], Estimate]
     if np.any(touched):
         found = read(signal[touched])
         strange = novelty_score(predictor.novelty, signal[touched], predictor.noise)
-        off = np.column_stack([_outside(model, found), size[touched] > STRONG * predictor.novelty.strongest_V])
+        off = np.column_stack([outside_range(model, found), size[touched] > STRONG * predictor.novelty.strongest_V])
         outside = off.any(axis=1) | ~found.inside
         value[touched] = found.value
         scale = predictor.scale.of(found.sd, found.near_edge)
         below[touched], above[touched] = (_widened(model, side, strange, outside)
                                           for side in found.ends(scale, normal(COVERAGE)))
         plain = np.add(*found.of_profile(scale, normal(COVERAGE)))
-        several[touched] = _several(model, plain) & ~outside
+        several[touched] = several_answers(model, plain) & ~outside
         strange = np.maximum(strange, oddness(predictor.causes, found, model.trained.misfit))
         kinds[touched] = (Flag.OUTSIDE * outside + Flag.MISFIT * (strange > 1)
                           + Flag.OTHER_PUNCH * (found.other & ~outside))
@@ -256,25 +252,6 @@ def _widened(model: TrainedModel, half_width: Array, strange: Array, outside: Ma
     punch = np.array([name not in outputs.PLACES for name in model.names])
     wide = np.maximum(half_width * factor[:, None], np.where(outside[:, None] & punch, span, 0.0))
     return np.minimum(wide, np.where(span > 0, span, np.inf))
-
-
-def _outside(model: TrainedModel, found: Estimate) -> Mask:
-    """(n, outputs) whether a value lies outside its training range, SLACK and rounding aside. The map of a disc is one
-    of every direction: a place is outside where the trained ones lie nearer to the centre, too."""
-    slack = SLACK * (model.trained.highest - model.trained.lowest) + ROUNDING * np.abs(model.trained.highest)
-    off = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
-    if METHODS[model.method].separates_errors and model.ring.sheet is None and {"x0", "y0"} <= set(model.names):
-        k = [model.names.index(name) for name in ("x0", "y0")]
-        off[:, k] &= (np.hypot(*found.value[:, k].T) > trained_radius_mm(model) + slack[k].max())[:, None]
-    return off
-
-
-def _several(model: TrainedModel, width: Array) -> Mask:
-    """(n,) whether the interval of F, of widths (n, outputs), is so wide that F has no one answer."""
-    if "F" not in model.names or not METHODS[model.method].separates_errors:
-        return np.zeros(len(width), bool)
-    k = model.names.index("F")
-    return width[:, k] > SEVERAL_PART * (model.trained.highest - model.trained.lowest)[k]
 
 
 def _name_outside(model: TrainedModel, rows: Index, off: Mask, detailed: list[dict[Flag, str]]) -> None:

@@ -16,11 +16,15 @@ from surrogate.learners.registry import METHODS
 from surrogate.statistics.conformal import COVERAGE, IntervalScale, conformal_scales, normal
 from touchcal import cache
 from touchcal.array_store import fingerprint
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Mask
 
 _CODE = ("surrogate.model.train", "surrogate.model.trained")  # what decides the scales of intervals
 # Frames that calibrate intervals under noise: as many draws of it for each validation row, up to the most.
 NOISY_FRAMES, NOISE_DRAWS = 1000, 4
+FEWEST = 9  # rows from which on their errors have an order statistic at 90 %
+SLACK = 0.02  # how far outside the training targets, in their ranges, a value may lie before it is flagged
+# An interval of F wider than this part of its training range says that d and F have several answers.
+SEVERAL_PART = 0.5
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ def estimate(model: TrainedModel, signal_V: Array, noise: ReadingNoise | float =
 
 def interval_scale(model: TrainedModel, noise: ReadingNoise | float = 0.0) -> IntervalScale:
     """How many standard deviations make a 90 % interval at this noise, from the validation rows and draws of the
-    simulator's own error of their signals."""
+    simulator's own error of their signals; of the rows whose answers promise a coverage."""
     return interval_scales(model, noise, (COVERAGE,))[0]
 
 
@@ -144,13 +148,38 @@ def _scales(model: TrainedModel, noise: ReadingNoise, coverages: Sequence[float]
     # the simulator's error, as the forward map counts it
     noisy += signal * (np.tile(rows.signal_sd, draws) * rng.normal(size=len(target)))[:, None]
     found = estimate(model, noisy, noise)
-    error, branched = found.value - target, model.learner.branched(model.names)
-    sd = np.where(error > 0, found.below, found.above)
+    branched = model.learner.branched(model.names)
     place = np.array([name in outputs.PLACES for name in model.names])  # no direction is another's
-    past = np.where(error > 0, found.past_below, found.past_above)
 
-    def scaled(coverage: float) -> IntervalScale:  # what punches outside the training range add to an interval holds
-        rest = np.where(np.abs(error) > past * normal(coverage), error, 0.0)
-        return conformal_scales(rest, sd, found.sd, len(rows.target), (coverage,), branched, found.near_edge, place)[0]
+    def scaled(coverage: float, sure: Mask) -> IntervalScale:  # of the whole interval, as it is answered
+        least, count = found.least_factor(target, normal(coverage)), round(len(rows.target) * float(sure.mean()))
+        return conformal_scales(least[sure], np.ones_like(least[sure]), found.sd[sure], count, (coverage,), branched,
+                                found.near_edge[sure], place)[0]
 
-    return [scaled(one) for one in coverages]
+    def if_enough(sure: Mask) -> Mask:
+        return sure if len(rows.target) * sure.mean() >= FEWEST else np.ones(len(sure), bool)
+
+    # flagged answers promise no coverage; whether F has several answers is said of its calibrated interval
+    sure = if_enough(found.inside & ~found.other & ~outside_range(model, found).any(axis=1))
+    first = scaled(COVERAGE, sure).of(found.sd, found.near_edge)
+    sure = if_enough(sure & ~several_answers(model, np.add(*found.of_profile(first, normal(COVERAGE)))))
+    return [scaled(one, sure) for one in coverages]
+
+
+def outside_range(model: TrainedModel, found: Estimate) -> Mask:
+    """(n, outputs) whether a value lies outside its training range, SLACK and rounding aside. The map of a disc is one
+    of every direction: a place is outside where the trained ones lie nearer to the centre, too."""
+    slack = SLACK * (model.trained.highest - model.trained.lowest) + outputs.ROUNDING * np.abs(model.trained.highest)
+    off = (found.value < model.trained.lowest - slack) | (found.value > model.trained.highest + slack)
+    if METHODS[model.method].separates_errors and model.ring.sheet is None and {"x0", "y0"} <= set(model.names):
+        k = [model.names.index(name) for name in ("x0", "y0")]
+        off[:, k] &= (np.hypot(*found.value[:, k].T) > trained_radius_mm(model) + slack[k].max())[:, None]
+    return off
+
+
+def several_answers(model: TrainedModel, width: Array) -> Mask:
+    """(n,) whether the interval of F, of widths (n, outputs), is so wide that F has no one answer."""
+    if "F" not in model.names or not METHODS[model.method].separates_errors:
+        return np.zeros(len(width), bool)
+    k = model.names.index("F")
+    return width[:, k] > SEVERAL_PART * (model.trained.highest - model.trained.lowest)[k]

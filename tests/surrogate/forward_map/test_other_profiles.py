@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from surrogate.learners.forward import TouchInversion
 from surrogate.model.assumed_punch import assumed_punch
 from surrogate.model.sweep_model import SweepModel
 from surrogate.model.train import train
-from surrogate.model.trained import TrainedModel
+from surrogate.model.trained import Calibration, TrainedModel, interval_scale
 from touchcal.arrays import Array
 
 HEAVIER = 1.2
@@ -114,3 +116,34 @@ def test_other_profiles_take_no_smaller_punch_from_an_interval_of_the_force() ->
     assert found.ends(z * one, z)[0] < 0.1 * z
     assert wide.ends(z * one, z)[0] == pytest.approx(0.2 * z)
     assert wide.ends(z * one, z)[1] > 0.3
+
+
+def test_the_least_factor_is_that_of_the_interval_which_ends_at_the_truth() -> None:
+    """Mixtures with unequal sides, and punches outside the training range that hold some truths whatever the factor."""
+    rng, n = np.random.default_rng(8), 300
+    value, ratio = rng.uniform(0.5, 2, (n, 1)), np.stack([np.ones((n, 1)), rng.uniform(0.9, 1.3, (n, 1))], axis=2)
+    found = replace(regression(value, (0.1 * value) ** 2), ratio=ratio, ratio_sd=0.03 * (ratio != 1),
+                    above=0.15 * value, past_above=rng.uniform(0, 0.1, (n, 1)))
+    truth, z = value * (1 + 0.15 * rng.normal(size=(n, 1))), float(ndtri(0.95))
+    factor = found.least_factor(truth, z)
+    below, above = found.ends(factor, z)
+    off, asked = truth - value, factor > 0
+    assert 0.1 < asked.mean() < 0.9
+    assert np.where(off < 0, below, above)[asked] == pytest.approx(np.abs(off)[asked], rel=1e-5)
+    assert np.all(np.abs(off)[~asked] <= np.where(off < 0, below, above)[~asked])
+
+
+def test_answers_that_are_flagged_calibrate_no_interval() -> None:
+    """Half of the rows are of punches outside the training range, with errors ten times as large as the others'."""
+    rng, n = np.random.default_rng(9), 400
+    truth, odd = rng.uniform(0, 10, (n, 1)), rng.uniform(size=n) < 0.5
+    value = truth + np.where(odd, 10, 1)[:, None] * rng.normal(size=(n, 1))
+    answer = replace(regression(value, np.ones((n, 1))), other=odd)
+    learner: Any = SimpleNamespace(branched=lambda names: np.zeros(1, bool), estimate=lambda signal_V, noise_V: answer)
+    model: Any = SimpleNamespace(
+        method="ridge", names=("F",), seed=1, learner=learner, ring=SimpleNamespace(sheet=None),
+        calibration=Calibration(np.ones((n, 3)), truth, np.zeros(n)),
+        trained=SimpleNamespace(lowest=np.array([-50.0]), highest=np.array([60.0])))
+    assert 1.4 < interval_scale(model).factor[0, 0] < 1.9
+    answer = replace(answer, other=np.ones(n, bool))
+    assert interval_scale(model).factor[0, 0] > 5

@@ -8,7 +8,8 @@ from eitsim.sweeps.measurement.instrument import below, level_db
 from surrogate.data import outputs
 from surrogate.data.samples import split
 from surrogate.model.evaluate import material_told, transfer
-from surrogate.model.predict import SLACK, _outside, _widened
+from surrogate.model.predict import _widened
+from surrogate.model.trained import SLACK, outside_range
 from surrogate.statistics.conformal import conformal_scale, normal, sure_coverage
 from surrogate.statistics.metrics import score
 
@@ -134,4 +135,4 @@ def test_values_are_outside_from_a_part_of_the_trained_range_past_its_ends() -> 
     slack = SLACK * 10.0
     found: Any = SimpleNamespace(value=np.array([[100 - 2 * slack], [100 - slack / 2], [110 + slack / 2],
                                                  [110 + 2 * slack]]))
-    assert _outside(model, found)[:, 0].tolist() == [True, False, False, True]
+    assert outside_range(model, found)[:, 0].tolist() == [True, False, False, True]
