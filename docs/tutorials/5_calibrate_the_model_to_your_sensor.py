@@ -149,14 +149,12 @@ axis.set(xlabel="signal of the ideal sensor (mV)", ylabel="signal less that of t
 axis.legend()
 
 # %%
-# Images of uncalibrated readings are refused, since no uniform skin explains their untouched frame. Corrected frames
-# give an image.
+# No uniform skin explains the untouched frame of the uncalibrated readings, so that their image is of normalised
+# differences, in which gains cancel and sizes are qualitative. Corrected frames give an image of volts.
 
-try:
-    eitsim.reconstruct(means["as read"][1], means["as read"][0], scene=scene)
-except ValueError as refusal:
-    print(refusal)
-image = eitsim.reconstruct(means["corrected"][1], means["corrected"][0], scene=scene)
+for name, (rest_V, press_V) in means.items():
+    image = eitsim.reconstruct(press_V, rest_V, scene=scene)
+    print(f"{name}: image of {image.differences}", *image.cautions, sep="\n  ")
 figure, axis = plt.subplots(layout="constrained")
 most = np.abs(image.change).max()
 drawn = axis.tripcolor(*(image.pixels.nodes_m * 1e3).T, image.pixels.triangles, image.change[0], cmap="RdBu",
