@@ -11,6 +11,7 @@ equivalent: the mutant may change no number.
 
 import argparse
 import ast
+import functools
 import importlib
 import multiprocessing
 import os
@@ -135,8 +136,14 @@ def importing(module: str) -> list[str]:
     """Files of tests that import a module by its name."""
     folder, _, name = module.removesuffix(".py").replace("/", ".").rpartition(".")
     words = (f"from {folder}.{name} import", f"from {folder} import {name}", f"{folder}.{name} as ")
-    return [path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "tests").rglob("test_*.py"))
-            if any(word in path.read_text(encoding="utf-8") for word in words)]
+    return [name for name, text in test_files().items() if any(word in text for word in words)]
+
+
+@functools.cache
+def test_files() -> dict[str, str]:
+    """Test file -> its text."""
+    return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+            for path in sorted((ROOT / "tests").rglob("test_*.py"))}
 
 
 def modules(names: list[str]) -> dict[str, list[str]]:
