@@ -6,7 +6,10 @@ a factor from 1 on, which is each hypothesis' own: a drift that was never seen i
 touch that no pattern quite is still explains most of its frame. With e = s' C^-1 s of n readings, and T the largest
 squared part of it along a pattern, the log likelihood ratio is l(e - T) - l(e), l(e) = -e/2 to e = n and
 -n/2 (1 + log(e/n)) above. The PARAMETERS of a touch cost half of log n each (Schwarz, Ann. Stat. 6 (1978) 461, DOI
-10.1214/aos/1176344136). The state before speaks by the odds that it stayed, so that what is in doubt stays as it is.
+10.1214/aos/1176344136). The state before speaks by the odds that it stayed, so that what is in doubt stays as it is: at
+50 frames a second of 208 readings a touch is believed from 5.4 standard deviations along its pattern on in each of two
+frames. That is more caution than noise asks: of touches of 0.02 N at 80 dB, 4.6 to 9.1 standard deviations, 26 of 40
+were found within two frames, where one known beforehand is found in 99 % with one false touch in 50,000 frames.
 """
 
 from __future__ import annotations
