@@ -142,6 +142,9 @@ def show_images(document: dict[str, Any], out: Path | None) -> None:
 def _add_ranges(table: Table, stability: dict[str, Any]) -> None:
     """Rows that set the least strain against the fitted ones of the law, and what the skin's law extrapolates."""
     table.add_row("Least strain of the surface", f"{stability['least_strain']:.3f}")
+    for place in filter(None, stability["non_elliptic_mm"]):
+        depths, share = " to ".join(f"{each:.3g}" for each in place["below_mm"]), stability["fraction_non_elliptic"]
+        table.add_row("Strong ellipticity lost, mm below the skin", f"{depths}; {share:.1%} of the points")
     for part, name in (("law", stability["law"]), ("skin", "Skin law")):
         fitted = stability[f"fitted_{part}_strain"]
         words = "not stated by the card"

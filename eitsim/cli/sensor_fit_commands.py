@@ -45,7 +45,7 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     from eitsim.sensors.calibration.calibrate import calibrate
     from eitsim.sensors.calibration.calibration_file import calibration_document
     from eitsim.sensors.calibration.skin_card import card_path, remove_skin_card, write_skin_card
-    from eitsim.sensors.calibration.skin_law import check_sheet, check_skin, held_label
+    from eitsim.sensors.calibration.skin_law import check_skin, check_strain, held_label
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.labels import read_labels
     from eitsim.sensors.sensor_file import read_sensor
@@ -66,7 +66,7 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     if labels and pressed and card and material:
         _named(labels, lambda: held_label(pressed))
         _named(card, lambda: check_skin(material))
-        _named(sensor, lambda: check_sheet(known.skin))
+        _named(sensor, lambda: check_strain(known.skin))
     with waiting("calibrating the sensor"):
         found = calibrate(known, frames, pressed, material)
     skin_card = write_skin_card(found.skin, out).name if found.skin is not None else None

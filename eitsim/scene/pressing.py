@@ -88,11 +88,13 @@ def check_skin(skin: Skin) -> None:
     for name in ("along", "across"):
         require(skin.strain == "piezoresistive" or getattr(skin, name) == 0, f"{name} in [skin]",
                 'has no effect without strain = "piezoresistive", which layers have; leave it out', getattr(skin, name))
-    for key, own, other in (("base_thickness_mm", skin.base_m, skin.base_card),
-                            ("base_card", skin.base_card, skin.base_m)):
+    for key, own in (("base_thickness_mm", 1e3 * skin.base_m), ("base_card", skin.base_card)):
         require(skin.fills or not own, f"{key} in [skin]", 'has no effect without kind = "layer"; leave it out', own)
-        require(bool(own) or not other, f"{key} in [skin]",
-                "must be given: a soft base has a thickness and a card of its own", own or "none")
+    if skin.base_m or skin.base_card:
+        require(skin.base_m > 0, "base_thickness_mm in [skin]", "must be positive with base_card: a soft base has a "
+                "thickness and a card of its own", f"{1e3 * skin.base_m:g}")
+        require(bool(skin.base_card), "base_card in [skin]", "must name the card of the base with base_thickness_mm: a "
+                "soft base has a thickness and a card of its own", "none")
 
 
 @dataclass(frozen=True)

@@ -103,6 +103,9 @@ class Scene:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "punches", tuple(self.punches))
+        if self.body.base_m not in (0.0, self.skin.base_m):
+            raise ValueError(f"base_m of Body is {self.body.base_m:g} m, and that of Skin {self.skin.base_m:g} m. Give "
+                             "a soft base in Skin, with its card: base_m and base_card.")
         if self.skin.fills:
             object.__setattr__(self, "body", replace(
                 self.body, thickness_m=self.skin.thickness_m + self.skin.base_m, base_m=self.skin.base_m))

@@ -53,8 +53,8 @@ def with_files(raw: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 def _base_card(name: Any, folder: Path) -> str:
     """The whole path of a base's card; ValueError where it is no name of a file that is there."""
     if not isinstance(name, str):
-        raise ValueError(f"base_card in [skin] must be the name of one card, got {name!r:.80}; a design of each base "
-                         "has it fixed.")
+        raise ValueError(f"base_card in [skin] must be the name of one card's file, got {name!r:.80}. To vary the "
+                         "base, write a design for each.")
     if not (path := (folder / name).resolve()).is_file():
         raise ValueError(f"base_card in [skin]: there is no file {name}, relative to the scene's folder.")
     return str(path)

@@ -89,7 +89,7 @@ def _layer(chosen: Chosen) -> Iterator[Choice]:
     scene, base, skin = chosen.scene, chosen.material.base, chosen.scene.skin
     yield Choice(Kind.LAYER, {"strain": skin.strain, "along": skin.along, "across": skin.across}, None)
     if base is not None:
-        stiffer = chosen.material.law.mu_0_Pa / base.mu_0_Pa
+        stiffer = chosen.material.stiffer
         yield Choice(Kind.LAYER_BASE, {
             "base_m": skin.base_m, "card": Path(skin.base_card).name, "moduli": base.moduli, "stiffer": stiffer},
             chosen.ways[0].case.by_edges_of(stiffer) - chosen.ways[0].case.by_edges)

@@ -216,6 +216,13 @@ def layer_problem(case: Case) -> Choice | None:
         case.gap_m < thickness_m) else None
 
 
+def without_edges(scene: Scene, material: Material) -> bool:
+    """Whether a scene's one touch of a layer can be solved, and edges may change no more of its signal than their share
+    of the requested error."""
+    case = Case(scene, (0,), bodies=False)
+    return layer_problem(case) is None and case.by_edges_of(material.stiffer) <= case.allowed
+
+
 def _omitted(way: Way) -> float:
     """What it leaves out, with what electrodes that do not give way and the end of a conducting punch's contact may
     cost where it should count them."""

@@ -28,6 +28,11 @@ class Material:
         return self.law if self.base is None else Bonded(self.law, self.base)
 
     @property
+    def stiffer(self) -> float:
+        """mu_0 of the layer over that of its base; 1 without one."""
+        return 1.0 if self.base is None else self.law.mu_0_Pa / self.base.mu_0_Pa
+
+    @property
     def series(self) -> Prony:
         """How the foam relaxes; ValueError where the card lacks it."""
         return require(self.card, "prony", "a hold")
@@ -49,8 +54,17 @@ def material_of(scene: Scene, card: MaterialCard | Material) -> Material:
     calibrated = scene.channels.conductance_S
     c0 = calibrated[0] / scene.skin.thickness_m if calibrated else None
     if not scene.hold.time_s:
-        base = with_moduli(read_card(scene.skin.base_card), scene.hold.moduli) if scene.skin.base_m else None
+        base = _base_law(scene) if scene.skin.base_m else None
         return Material(card, nearly_incompressible(with_moduli(card, scene.hold.moduli)), c0,
                         None if base is None else nearly_incompressible(base))
     require(card, "prony", "a hold (time_s in [hold])")
     return Material(card, nearly_incompressible(with_moduli(card, "instantaneous")), c0)
+
+
+def _base_law(scene: Scene) -> Law:
+    """The law of the soft base's card; ValueError, naming the key, where the card lacks it."""
+    card = read_card(scene.skin.base_card)
+    try:
+        return with_moduli(card, scene.hold.moduli)
+    except ValueError as error:
+        raise ValueError(f"base_card in [skin]: {error}") from None

@@ -17,7 +17,7 @@ interpolated between points, and moves by chance within the facet in which it en
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -84,20 +84,25 @@ def solve_path(law: Law, body: Body, punch: Punch, forces_N: Sequence[float], *,
     friction the order is the way the punch was loaded, and the equilibria depend on it."""
     if not all(0 < force < np.inf for force in forces_N):
         raise ValueError(f"forces_N must be positive (N, pressing into the layer), got {list(forces_N)}.")
+    return list(solved_along(law, body, punch, forces_N, element_m=element_m, penalty=penalty, order=order))
+
+
+def solved_along(law: Law, body: Body, punch: Punch, forces_N: Iterable[float], *, element_m: float | None = None,
+                 penalty: float | None = None, order: int = 2) -> Iterator[Touch]:
+    """As `solve_path`, each touch as it is found, so that who takes them may stop."""
     started, unit = cpu_s(), force_unit(law, body)
     levels, shear_limit = _rubbing(law, body, punch, element_m, penalty, order)
-    touches, states = [], None
+    states = None
     if shear_limit > 0:
         scaled = [force / unit for force in forces_N]
         for course in friction_increments.under_forces(levels[-2], levels[-1], shear_limit, scaled):
-            touches.append(rubbed(law, body, levels, course, started))
+            yield rubbed(law, body, levels, course, started)
             started = cpu_s()
-        return touches
+        return
     for force in forces_N:
         states = under_force(levels, force / unit, states[0] if states else None)
-        touches.append(touch_of(law, body, levels, states, started))
+        yield touch_of(law, body, levels, states, started)
         started = cpu_s()
-    return touches
 
 
 def force_unit(law: Law, body: Body) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 
 from eitsim.electrics.forward.small_touch import signal_by_touch
 from eitsim.electrics.forward.untouched import untouched_impedance
+from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.channels import Channels, channel_readings, sinks
 from eitsim.scene.drive import Protocol
 from eitsim.scene.scene import from_edge_m
@@ -17,7 +18,7 @@ from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
 from eitsim.sensors.calibration.placement import Placement, placement
 from eitsim.sensors.calibration.skin_errors import errors_of_instrument
 from eitsim.sensors.calibration.skin_fit import FEWEST, SkinFit, fit_skin
-from eitsim.sensors.calibration.skin_law import SkinPresses, check_sheet, check_skin, held_label, skin_presses
+from eitsim.sensors.calibration.skin_law import SkinPresses, check_skin, check_strain, held_label, skin_presses
 from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit, fit_best, random_starts, staged
 from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame
@@ -25,6 +26,7 @@ from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 from eitsim.sensors.taken_readings import idle_readings
 from eitsim.sensors.untouched_scatter import change_noise
+from eitsim.simulation.layer_paths import LayerPaths
 from matcal.card import MaterialCard
 from touchcal.arrays import Array
 
@@ -99,7 +101,7 @@ def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None
     if labels is not None and card is not None:
         held_label(labels)
         check_skin(card)
-        check_sheet(sensor.skin)
+        check_strain(sensor.skin)
     found = _absolute(sensor, recording, seed)
     if labels is None:
         return found
@@ -190,18 +192,19 @@ def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCa
     if sensor.kind == "magnitude":
         sign = np.sign(untouched_readings(found.instrument, state, sensor.protocol, "voltage").ravel())[there]
 
-    def pressed(lies: Placement) -> tuple[float, SkinPresses, Placement]:
+    def pressed(lies: Placement, paths: Table | LayerPaths | None = None) -> tuple[float, SkinPresses, Placement]:
         """What the card as it is leaves of the presses there, m. s. of one, and the presses."""
-        held = skin_presses(scene, card, own, lies.placed(presses.place_m))
+        held = skin_presses(scene, card, own, lies.placed(presses.place_m), paths)
         if len(held.rows) < FEWEST:
             return np.inf, held, lies
         left = sign * held.signals({})[:, there] - presses.signal[held.rows][:, there]
         return float(np.mean(left**2)), held, lies
 
-    ways = [found.size.lies]
-    if ways[0] != Placement() and from_edge_m(sensor.body, presses.place_m).min() > 0:
-        ways.append(Placement())  # small touches, by which the labels were placed, are less than the whole model
-    _, held, lies = min(map(pressed, ways), key=lambda one: one[0])
+    ways = [pressed(found.size.lies)]
+    if found.size.lies != Placement() and from_edge_m(sensor.body, presses.place_m).min() > 0:
+        # small touches, by which the labels were placed, are less than the whole model
+        ways.append(pressed(Placement(), ways[0][1].paths))
+    _, held, lies = min(ways, key=lambda one: one[0])
     if len(held.rows) < FEWEST:
         deep = len(held.too_deep)
         raise ValueError(f"{len(held.rows)} labelled presses serve, of {len(own.touch)}; {deep} are deeper than load "

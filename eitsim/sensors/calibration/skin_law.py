@@ -6,7 +6,7 @@ the foam's moduli are times exp(m), and all presses lie further along x and y.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,8 @@ from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Punch, Scene, Skin
 from eitsim.sensors.labels import PLACE, Labels, unit_of
 from eitsim.simulation.choose import served
-from eitsim.simulation.material import material_of
+from eitsim.simulation.layer_paths import LayerPaths, layer_paths
+from eitsim.simulation.material import Material, material_of
 from eitsim.simulation.reuse import shape_for, table_for
 from eitsim.simulation.simulate import readings_of
 from matcal.card import MaterialCard
@@ -49,63 +50,72 @@ class SkinPresses:
     rows: Index  # (k,) which of the labels they are
     too_deep: Index  # of the others, those deeper than load paths are stored; the rest lie near the rim
     card: MaterialCard
-    table: Table
+    paths: Table | LayerPaths
 
     @property
     def groups(self) -> dict[str, dict[str, float]]:
-        """PRIORS of what these presses depend on: the foam's moduli have no part in presses to a depth, and a law that
-        is no cubic, or without a range of strains, keeps its shape."""
+        """PRIORS of what these presses depend on: moduli have no part in presses to a depth but where a soft base keeps
+        its own, and a law that is no cubic, or without a range of strains, keeps its shape."""
         skin = _skin_of(self.card)
-        idle = {"modulus": any(punch.force_N is None for punch in self.punches),
+        idle = {"modulus": not self.scene.skin.base_m and any(punch.force_N is None for punch in self.punches),
                 "shape": skin.kind != CUBIC or not any(skin.strain_range)}
         return {group: sds for group, sds in PRIORS.items() if not idle.get(group, False)}
 
     def signals(self, values: Mapping[str, float]) -> Array:
         """(k, m) V what the presses change of the readings; ValueError where load paths do not reach one of them, or
         the conductivity is not positive."""
-        card = changed(self.card, values)
-        skin = material_of(self.scene, card).skin
-        return np.array([readings_of(scene, (touch,), skin, exact=False).signal_V.ravel()
+        skin, layer = material_of(self.scene, changed(self.card, values)).skin, self.scene.skin.fills
+        return np.array([readings_of(scene, (touch,), skin, exact=layer).signal_V.ravel()
                          for scene, touch in self.touches(values)])
 
     def touches(self, values: Mapping[str, float]) -> Iterator[tuple[Scene, Touch]]:
         """Each press's scene and touch; ValueError as `signals`."""
-        card = changed(self.card, values)
+        material = material_of(self.scene, changed(self.card, values))
         x, y = (1e-3 * values.get(name, 0.0) for name in OFFSETS)
         for punch in self.punches:
             moved = replace(punch, x_m=punch.x_m + x, y_m=punch.y_m + y)
             scene = replace(self.scene, punches=(moved,))
-            if (touch := _touch(self.table, scene, card)) is None:
+            if (touch := _touch(self.paths, scene, material)) is None:
                 raise ValueError(f"the press at {1e3 * moved.x_m:.4g}, {1e3 * moved.y_m:.4g} mm is deeper than load "
                                  "paths reach, or too near the rim, for the skin that the others suggest.")
             yield scene, touch
 
 
-def skin_presses(scene: Scene, card: MaterialCard, labels: Labels, places_m: Array) -> SkinPresses:
+def skin_presses(scene: Scene, card: MaterialCard, labels: Labels, places_m: Array,
+                 paths: Table | LayerPaths | None = None) -> SkinPresses:
     """The presses of labels with d_mm and F_N or depth_mm at places (n, 2) in the sensor's coordinates, those of flat
-    punches as a scene's by default; ValueError naming a label or a part of the card that is missing.
+    punches as a scene's by default; ValueError naming a label or a part of the card or skin that is missing.
 
-    Presses near the rim, or deeper than load paths are stored, are left out.
+    Presses near the rim, or deeper than load paths go, are left out. paths: of the same labels at other places.
     """
     scene = replace(scene, accuracy=Accuracy(_SIGNAL))
     held = held_label(labels)
     check_skin(card)
-    check_sheet(scene.skin)
+    check_strain(scene.skin)
     diameter, size = (labels.values[:, labels.names.index(name)] for name in ("d_mm", held))
     made = [Punch(x, y, 1e-3 * d, force_N=value) if held == "F_N" else Punch(x, y, 1e-3 * d, depth_m=1e-3 * value)
             for (x, y), d, value in zip(places_m.tolist(), diameter.tolist(), size.tolist(), strict=True)]
-    law, sizes = material_of(scene, card).law, sorted({punch.diameter_m for punch in made})
-    spans = len(sizes) > _MOST_DIAMETERS
-    table, _ = table_for(shape_for(replace(scene, punches=tuple(made)), law, [sizes[0], sizes[-1]] if spans else sizes,
-                                   spans))
+    material = material_of(scene, card)
+    paths = paths or _paths(scene, material, made)
 
     def reached(punch: Punch) -> bool:
-        return _touch(table, replace(scene, punches=(punch,)), card) is not None
+        return _touch(paths, replace(scene, punches=(punch,)), material) is not None
 
     rows = [k for k, punch in enumerate(made) if reached(punch)]
     deep = [k for k, punch in enumerate(made) if k not in rows and not reached(replace(punch, x_m=0.0, y_m=0.0))]
     return SkinPresses(scene, tuple(made[k] for k in rows), np.array(rows, dtype=np.intp),
-                       np.array(deep, dtype=np.intp), card, table)
+                       np.array(deep, dtype=np.intp), card, paths)
+
+
+def _paths(scene: Scene, material: Material, punches: Sequence[Punch]) -> Table | LayerPaths:
+    """What touches are taken from: paths of a layer with its inside, or a stored table of the surface."""
+    if scene.skin.fills:
+        return layer_paths(scene, material, punches)
+    sizes = sorted({punch.diameter_m for punch in punches})
+    spans = len(sizes) > _MOST_DIAMETERS
+    shape = shape_for(replace(scene, punches=tuple(punches)), material.law, [sizes[0], sizes[-1]] if spans else sizes,
+                      spans)
+    return table_for(shape)[0]
 
 
 def held_label(labels: Labels) -> str:
@@ -134,11 +144,11 @@ def check_skin(card: MaterialCard) -> None:
     _skin_of(card)
 
 
-def check_sheet(skin: Skin) -> None:
-    """ValueError for a layer that conducts in its volume."""
-    if skin.fills:
-        raise ValueError('kind = "layer" in [skin]: a skin\'s law is fitted along stored load paths, which hold the '
-                         "surface of a touch, and a layer conducts below it too. Leave out --card, and learn the "
+def check_strain(skin: Skin) -> None:
+    """ValueError for a layer whose conductivity does not follow a card's law."""
+    if skin.strain == "piezoresistive":
+        raise ValueError('strain = "piezoresistive" in [skin]: presses fit the card\'s law of conductivity, and this '
+                         "layer follows along and across in [skin] in its place. Leave out --card, and learn the "
                          "presses by `surrogate learn --sensor`.")
 
 
@@ -157,9 +167,12 @@ def changed(card: MaterialCard, values: Mapping[str, float]) -> MaterialCard:
     return replace(card, law=stiffer, conductivity=replace(law, a=a))
 
 
-def _touch(table: Table, scene: Scene, card: MaterialCard) -> Touch | None:
-    """The touch of a scene by stored load paths; None where they do not reach it, or the rim matters."""
-    return served(table, material_of(scene, card).law, replace(scene, accuracy=Accuracy(_NEAR_RIM)))[0]
+def _touch(paths: Table | LayerPaths, scene: Scene, material: Material) -> Touch | None:
+    """The touch of a scene by load paths; None where they do not reach it, or edges matter."""
+    scene = replace(scene, accuracy=Accuracy(_NEAR_RIM))
+    if isinstance(paths, LayerPaths):
+        return paths.touch(scene, material)
+    return served(paths, material.law, scene)[0]
 
 
 def _skin_of(card: MaterialCard) -> Conductivity:

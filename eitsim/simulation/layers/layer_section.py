@@ -6,6 +6,7 @@ conductivity J F^-1 s F^-T. What depends on the height dies out as exp(-pi r / t
 the touch u is even through the thickness, and the energy there is the admittance that a sheet has.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -36,6 +37,9 @@ _HARMONICS = 2  # By which a sheet is compared with the volume.
 # Thicknesses outside the contact as far as the volume is solved: exp(-pi _CORE) is what is left of what depends on the
 # height. Parts that rings between samples are cut into.
 _CORE, _PARTS = 3.0, 2
+# Harmonic m of a touch dies out to its reach as (contact and one thickness over reach)^2m: those of less than this
+# part of the first one's are taken as the sheet's.
+_LEAST_HARMONIC = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +112,15 @@ class LayerSection:
         share = ring_share(radius, reach_m)
         sheet = radius, 1 + share * (meridian - 1), 1 + share * (hoop - 1)
         y = _through_rings(m * np.sqrt(sheet[1][0] * sheet[2][0]), sheet, float(radius[1]), last)
-        y = _through_rings(y * self._by_volume(last, reach_m, sheet, m), sheet, last, max(reach_m, last))
+        volume, there = np.ones(orders), self._orders(reach_m, orders)
+        volume[:there] = self._by_volume(last, reach_m, sheet, m[:there])
+        y = _through_rings(y * volume, sheet, last, max(reach_m, last))
         return (m - y) / (m + y)
+
+    def _orders(self, reach_m: float, orders: int) -> int:
+        """How many harmonics are solved in the volume."""
+        part = (self.contact_m + self.thickness_m) / reach_m
+        return orders if part >= 1 else min(orders, 1 + math.ceil(math.log(_LEAST_HARMONIC) / (2 * math.log(part))))
 
     def first_potential(self) -> tuple[NDArray[np.bool_], Array]:
         """The elements (elements,) in which the volume is solved, and the potential (nodes,) of the first harmonic, 1

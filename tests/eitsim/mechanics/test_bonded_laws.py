@@ -83,7 +83,8 @@ def test_a_scene_on_a_base_is_planned_and_comes_back_from_its_tables(tmp_path):
 
 
 @pytest.mark.parametrize(("table", "key", "value", "said"), [
-    ("skin", "base_card", "", "base_card in .skin. must be given"), ("skin", "base_thickness_mm", 0, "must be given"),
+    ("skin", "base_card", "", "base_card in .skin. must name the card"),
+    ("skin", "base_thickness_mm", 0, "base_thickness_mm in .skin. must be positive with base_card"),
     ("body", "thickness_mm", 3, "that of layer and base in .skin., 9"), ("electrodes", "soft", False, "soft in"),
     ("hold", "time_s", [1.0], "another Prony series")])
 def test_what_is_not_built_on_a_base_is_refused_by_its_key(tmp_path, table, key, value, said):

@@ -63,6 +63,15 @@ def test_depth_pressure_and_strain_settle_towards_incompressibility():
     assert normal == pytest.approx(np.ones_like(normal), abs=1e-3)
 
 
+def test_what_the_bulk_modulus_changes_is_what_it_does_by_linear_elasticity(benchmark_module):
+    """From nu = 0.499 to 0.49999, a sphere and force that the stored table does not have: 0.1 % of the depth, 1 % of
+    the pressure and of the strain, L2 over the surface. The true change of the strain is more than that."""
+    row = benchmark_module("volume_kept").row(0.8, 0.05)
+    assert row["depth_change_off"] < 0.1 < row["true_depth_change"]
+    assert row["pressure_change_off"] < 1
+    assert row["strain_change_off"] < 1 < row["true_strain_change"]
+
+
 @pytest.mark.slow
 def test_depth_on_the_default_mesh_is_that_of_a_mesh_of_half_the_size():
     law, punch = NeoHooke(MU_PA, 0.499), Punch(force_N=2.0)

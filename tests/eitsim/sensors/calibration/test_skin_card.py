@@ -276,9 +276,9 @@ def test_a_skin_is_fitted_from_files_and_serves_a_scene(command: Callable[..., C
     assert "scatter about its model" in " ".join(done.stdout.split())
 
 
-def test_the_law_of_a_layer_is_not_fitted_to_presses() -> None:
-    layer = replace(SENSOR, body=Body(thickness_m=3e-3), skin=Skin(3e-3, "principal", "layer"))
+def test_a_piezoresistive_layer_is_not_fitted_to_presses() -> None:
+    layer = replace(SENSOR, body=Body(thickness_m=3e-3), skin=Skin(3e-3, "piezoresistive", "layer", along=3.0))
     labels = Labels(np.array(["a"]), ("x_mm", "y_mm", "d_mm", "F_N"), np.array([[0.0, 0.0, 8.0, 1.0]]))
-    frames = eitsim.Recording(np.ones((2, 40)), np.array([0]), np.array([1]), np.array(["", "a"]), "voltage", "f.csv")
-    with pytest.raises(ValueError, match=r'kind = "layer" in .skin.: .* Leave out --card'):
+    frames = eitsim.Recording(np.ones((2, 40)), np.arange(2), None, np.array(["", "a"]), "voltage", Path("f.csv"))
+    with pytest.raises(ValueError, match=r'strain = "piezoresistive" in .skin.: .* Leave out --card'):
         eitsim.calibrate(layer, frames, labels, CARD)
