@@ -1,10 +1,10 @@
 """The law of hidden layers that conduct in their volume, fitted to labelled presses.
 
 Usage: python benchmarks/layer_fit.py. Writes results/layer_fit.csv, a row a sensor; rows that are there are kept.
-Synthetic: discs of 100 or 160 mm, 8 or 16 electrodes over the whole height of the rim, contacts, widths and gains hidden
-as in sensor_fit.py; layers of rubber, driven by the largest strain, and of foam, driven by the change of volume, 2 to 4 mm
-thick, on a rigid plate and on a soft base. The skin differs from the card as in skin_fit.py: its law's amplitude by up
-to 20 %, its moduli by up to 15 %, its shape by 0.1, the origin of the labels by 0.5 mm. 16 presses of 5 to 30 kPa by
+Synthetic: discs of 100 or 160 mm, 8 or 16 electrodes over the whole height of the rim, contacts, widths and gains
+hidden as in sensor_fit.py; layers of rubber, driven by the largest strain, and of foam, by the change of volume, 2 to 4
+mm thick, on a rigid plate and on a soft base. The skin differs from the card as in skin_fit.py: its law's amplitude by
+up to 20 %, its moduli by up to 15 %, its shape by 0.1, the origin of the labels by 0.5 mm. 16 presses of 5 to 30 kPa by
 punches of 6, 10 and 14 mm, within 28 mm of the centre, each with an untouched frame before it, white noise 100 dB below
 that, as of many frames averaged. Every press is a scene of the hidden card as `eitsim run` solves it, from rest on its
 own mesh, on to half the element size where it misses its error of 2 %; the fit takes paths of touches on a coarser
@@ -73,8 +73,8 @@ def row_of(seed: int) -> dict[str, Any]:
              **dict(zip(SHAPES, SHAPE_SD * rng.standard_normal(2), strict=True)),
              **dict(zip(OFFSETS, OFFSET_MM * rng.standard_normal(2), strict=True))}
     radius, angle = WITHIN_M * np.sqrt(rng.uniform(size=PRESSES)), rng.uniform(0, 2 * np.pi, PRESSES)
-    d_mm, pressure_Pa = rng.choice(DIAMETERS_MM, PRESSES), np.exp(rng.uniform(*np.log(MEAN_PRESSURES_PA), PRESSES))
-    force_N = pressure_Pa * np.pi / 4 * (1e-3 * d_mm) ** 2
+    d_mm, (low, high) = rng.choice(DIAMETERS_MM, PRESSES), np.log(MEAN_PRESSURES_PA)
+    force_N = np.exp(rng.uniform(low, high, PRESSES)) * np.pi / 4 * (1e-3 * d_mm) ** 2
     labels = Labels(np.array([f"p{k:02d}" for k in range(PRESSES)]), ("x_mm", "y_mm", "d_mm", "F_N"), np.column_stack([
         1e3 * radius * np.cos(angle), 1e3 * radius * np.sin(angle), d_mm, force_N]))
     scene = replace(sensor.scene, electrodes=held.built(state), channels=held.channels(state), accuracy=Accuracy(0.02))
@@ -120,7 +120,7 @@ def main() -> None:
         if seed not in set(table["sensor"]):
             table = written(pd.concat([table, pd.DataFrame([row_of(seed)])], ignore_index=True), "layer_fit")
     inside = [name for name in table.columns if name.endswith("_inside")]
-    print(table.groupby(["layer", "base"])[[*inside, "before", "after", "size_error", "cpu_s"]].mean().T)
+    print(table.groupby(["layer", "base"])[[*inside, "before", "after", "size_error", "cpu_s"]].mean())
 
 
 if __name__ == "__main__":

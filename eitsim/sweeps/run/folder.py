@@ -81,7 +81,7 @@ def start_or_continue(folder: Path, design: Design, cards: Cards, method: Mappin
     base = design.tables.get("skin", {}).get("base_card", "")
     manifest = {"design": plain, "card": cards_identity(cards.card, base), "versions": versions(),
                 "method": method, "rows_per_part": rows_per_part, "code": key_of({}), "posterior": dict(cards.source)}
-    manifest[parquet.IDENTITY] = digest({"design": _without_folders(plain)} | {
+    manifest[parquet.IDENTITY] = digest({"design": without_folders(plain)} | {
         key: manifest[key] for key in ("card", "method", "posterior")})
     manifest |= _relaxation(design, cards.card)
     if (stands := begun(folder, manifest)) is None:
@@ -123,7 +123,7 @@ def _relaxation(design: Design, card: MaterialCard) -> dict[str, Any]:
     return {parquet.RELAXATION: {"g": card.prony.g.tolist(), "tau_s": card.prony.tau_s.tolist(), "moduli": moduli}}
 
 
-def _without_folders(design: Mapping[str, Any]) -> dict[str, Any]:
+def without_folders(design: Mapping[str, Any]) -> dict[str, Any]:
     """A design without the folder of the base's card, whose content the card's hash has."""
     tables = design["tables"]
     if not (base := tables.get("skin", {}).get("base_card")):
@@ -132,7 +132,7 @@ def _without_folders(design: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _check_same_design(folder: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
-    old, new = _without_folders(old), _without_folders(new)
+    old, new = without_folders(old), without_folders(new)
     for key in ("seed", "sampler", "tables", "touches", "material", "fields"):
         if same_or_grown(old[key], new[key]):
             continue

@@ -16,6 +16,7 @@ from eitsim.scene.edges.disc import Disc
 from eitsim.scene.pressing import Punch
 from eitsim.scene.scene import Body, scene_from, scene_tables
 from eitsim.scene.scene_files import with_files
+from eitsim.sweeps.run.folder import without_folders
 from matcal.card import cards_identity
 from matcal.laws.law import scaled
 from matcal.laws.neo_hooke import NeoHooke
@@ -125,3 +126,16 @@ def test_curved_bodies_take_no_layer_whatever_else_it_has(tmp_path):
         curved_scene({**given, "skin": tables(tmp_path)["skin"]}, tmp_path)
     with pytest.raises(ValueError, match="skin"):
         curved_scene({**given, "skin": 3}, tmp_path)
+
+
+def test_a_base_without_a_card_is_refused():
+    with pytest.raises(ValueError, match=r"Give a soft base in Skin, with its card"):
+        eitsim.Scene(Body(Disc(0.04), 0.009, 0.006))
+
+
+def test_a_sweep_knows_the_card_of_a_base_by_content():
+    """A moved folder is the same design."""
+    tables_in = {"skin": {"kind": "layer", "base_card": "/a/foam.json"}, "body": {}}
+    moved = {"skin": {"kind": "layer", "base_card": "/b/foam.json"}, "body": {}}
+    assert without_folders({"tables": tables_in}) == without_folders({"tables": moved})
+    assert without_folders({"tables": {"body": {}}, "seed": 1}) == {"tables": {"body": {}}, "seed": 1}
