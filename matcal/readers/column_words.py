@@ -105,7 +105,7 @@ SYMBOLS = {"t": ("time",), "f": ("force",), "p": ("stress", "force", "pressure")
            "u": ("potential", "displacement"), "v": ("potential",), "i": ("current",), "r": ("resistance",),
            "c": ("conductivity",), "j": ("volume_ratio",), "charge": ("force",),
            "vx": ("potential",), "rs": ("resistance",), "rp": ("resistance",), "rx": ("resistance",),
-           "p11": ("stress",)}
+           "p11": ("stress",), "p 11": ("stress",)}
 
 # words around a head that leave it what it is
 QUALIFIERS = """

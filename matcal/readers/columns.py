@@ -37,6 +37,7 @@ from matcal.readers.vocabulary import (
     quantity_of,
     relative_of,
     relaxing_of,
+    size_of,
     true_quantity,
 )
 from touchcal.arrays import Array
@@ -52,6 +53,8 @@ _REDUCED = {"strain": "displacement", "stretch": "displacement", "stress": "forc
 _TOGETHER = 0.95  # correlation from which on two columns run in the same way
 _SHIFTED = {"time", "displacement", "force", "strain", "stretch", "stress"}  # quantities whose zero is found
 _MEASURED = {"strain", "stretch", "stress", "displacement", "force", "resistance"}
+_POISSON = re.compile(r"poisson|querkontraktion|^(nu|ν|ν_?12)$|泊松|ポアソン")
+_MOVES = 0.005  # share by which a size changes in a test that moves across its load
 _DAYS = (36500.0, 55000.0)  # days since 1900 of the years 2000 to 2050, as spreadsheets number dates
 _LOGARITHM = re.compile(r"(log|lg|ln)[ _]?(10)?[\s_(\[{]", re.IGNORECASE)
 _ORDERED = re.compile(r"\bset|soll|command|demand|target|peak|\bmax|\bmin|limit|consigne|specif")
@@ -277,7 +280,7 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
     rest = [(column.name, column.unit) for column in left]
     unused = {f"'{shown(name)}'": word for name, unit in rest if (word := _unused(name, unit)) is not None}
     others = [name for name in (f"'{shown(name)}'" for name, _ in rest) if name not in unused]
-    warned += _left_alike(grid, header, out, left)
+    warned += _left_alike(grid, header, out, left) + _left_across(grid, header, out, left)
     said += [f"column {name} left out: {word}, which no test uses." for name, word in list(unused.items())[:12]]
     if others:
         said.append(f"column {others[0]} left out: not a known quantity." if len(others) == 1 else
@@ -299,6 +302,29 @@ def _left_alike(grid: Grid, header: Header, used: Mapping[str, _Column], left: S
     return [f"Column '{shown(used[quantity].name)}' of {grid.path.name} is used as {quantity}, and not "
             f"{', '.join(names[:6])}, which runs in the same way with other numbers: if that is the better measure, or "
             "another specimen, choose it with --columns." for quantity, names in out.items()]
+
+
+def _left_across(grid: Grid, header: Header, used: Mapping[str, _Column], left: Sequence[_Column]) -> list[str]:
+    """Cautions of columns left out that say how a specimen moves across its load, where nothing in use does."""
+    if "lateral" in used or "lateral_stretch" in used or not {"stress", "force"} & set(used):
+        return []
+    out = []
+    for column in left:
+        if _POISSON.search(column.name.lower()):
+            out.append(f"Column '{shown(column.name)}' of {grid.path.name} is not used: give its value with --poisson, "
+                       "or the lateral strain.")
+        elif size_of(column.name) in ("diameter", "width", "depth") and _varies(grid, header, column):
+            out.append(f"Column '{shown(column.name)}' of {grid.path.name} is not used: if it was measured during the "
+                       "test, give the lateral strain, its change over its first value, as a column lateral strain.")
+    return out
+
+
+def _varies(grid: Grid, header: Header, column: _Column) -> bool:
+    try:
+        values = grid.numbers(header.rows, column.index, column.name)
+    except InputFileError:
+        return False
+    return float(np.ptp(values)) > _MOVES * abs(float(values[0]))
 
 
 def _runs_like(grid: Grid, header: Header, quantity: str, used: _Column, other: _Column) -> bool:

@@ -8,7 +8,8 @@ from touchcal.arrays import Array
 
 _STORAGE = r"stor|speicher|conservation|almacen|armazen|conservativ|accumulo|储能|儲能|貯蔵|저장|накоплен"
 _LOSS = r"loss|verlust|perte|perdida|perda|perdita|dissip|损耗|損失|손실|потерь"
-_TANGENT = (r"tan( ?\(?(delta|δ|d)\)?)?|tand|(mechanical )?(loss|dissipation|damping) (factor|tangent)|verlustfaktor"
+_TANGENT = (r"tan( ?\(?(delta|δ|d)\)?)?|tand|(mechanical )?(loss|dissipation|damping) (factor|tangent)"
+            r"( (tan )?(δ|delta|η|eta))?|verlustfaktor"
             r"|facteur de perte|损耗因子|損失正接|損失係数")
 _PHASE = (r"(loss |phase )angle|phase( angle| shift| lag)?|delta|δ|phasen(winkel|verschiebung)|verlustwinkel|dephasage"
           r"|(angulo de|angolo di) (fase|perdita)|相位角|位相角")

@@ -23,7 +23,7 @@ KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "
 
 _LATERAL = (
     ("lateral_stretch", r"(lateral|transverse) stretch( ratio)?|(lambda|λ) ?(2|lat|t|lateral|transverse)"),
-    ("lateral", r"(lateral|transverse|transversal|radial) (nominal |engineering )?strain"
+    ("lateral", r"(lateral|transverse|transversal|radial|width|hoop) (nominal |engineering )?strain"
                 r"|(eps|epsilon|ε) ?(2|lat|t|lateral|transverse)|querdehnung|deformation (transversale|laterale)"
                 r"|deforma(cion|cao|zione) (transversale?|trasversale|lateral)|横向应变|橫向應變|横ひずみ"),
     ("deviation", r"(stress )?(std|std ?dev|standard deviation|sd|deviation)|(std|sd|standard deviation) (of )?stress"

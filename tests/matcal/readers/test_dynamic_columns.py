@@ -38,7 +38,7 @@ def test_a_sweep_is_read_whatever_its_columns_are_called(names: str, units: str,
                                [FREQUENCY, STORAGE, LOSS], rtol=1e-9)
 
 
-@pytest.mark.parametrize("names", ["E',tan delta", "|E*|,tan(delta)", "E'',tan_d"])
+@pytest.mark.parametrize("names", ["E',tan delta", "|E*|,tan(delta)", "E'',tan_d", "E',loss factor η"])
 def test_the_loss_tangent_gives_the_modulus_that_is_missing(names: str, tmp_path: Path) -> None:
     tangent = LOSS / STORAGE
     first = {"E'": STORAGE, "|E*|": np.hypot(STORAGE, LOSS), "E''": LOSS}[names.split(",")[0]]

@@ -47,6 +47,14 @@ def test_a_strain_by_a_name_that_is_not_known_is_not_dropped_without_a_word(tmp_
     assert any("not 'Strain ROI-7 upper'" in caution and "--columns" in caution for caution in got.cautions)
 
 
+@pytest.mark.parametrize(("head", "of"), [("Poisson ratio", lambda e: 0.3 + 0 * e),
+                                          ("Diameter (mm)", lambda e: 50 * (1 - 0.3 * e))])
+def test_what_moves_across_the_load_is_not_dropped_without_a_word(head: str, of, tmp_path: Path) -> None:
+    strain = -np.linspace(0, 0.4, 40)
+    got = _record(tmp_path, {"Strain": strain, "Stress (kPa)": 40 * strain, head: of(strain)}, None)
+    assert any("is not used" in caution and "lateral strain" in caution for caution in got.cautions)
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("cycles", [1, 2])
 @pytest.mark.parametrize("stress", [False, True])
