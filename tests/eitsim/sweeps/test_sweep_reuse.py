@@ -7,6 +7,7 @@ from unittest.mock import patch
 import pandas as pd
 import pytest
 
+from eitsim.mechanics.load_paths import build_table
 from eitsim.simulation import reuse
 from eitsim.simulation.routes import axisymmetric
 from eitsim.sweeps.dataset.parquet import COST, read_dataset, read_manifest
@@ -29,6 +30,7 @@ FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0, 0, 0],
 def card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(reuse, "DEPTHS", (0.065, 0.07, 0.075))
+    monkeypatch.setattr(build_table, "_CHECKS", 3)
     write_card(MaterialCard("Table 1", FOAM, None, Conductivity(30.0, [-2, 2, -1], (0, 0.4))), tmp_path / "card.json")
     return tmp_path / "card.json"
 
