@@ -181,8 +181,8 @@ def _fastest(card: MaterialCard) -> Iterator[str]:
         return
     if (fastest := float(np.min(card.prony.tau_s))) <= _ON_BOUND * found["shortest_s"]:
         yield (f"The fastest relaxation time, {fastest:.3g} s, ended on the shortest that is searched in this record: "
-               "what relaxes faster is not told from it, and instantaneous moduli are not determined. Load faster, or "
-               "record finer.")
+               "what relaxes faster is not separated from it, and instantaneous moduli are not determined. Load "
+               "faster, or record finer.")
 
 
 def _agreement(card: MaterialCard) -> Iterator[str]:
