@@ -81,6 +81,14 @@ class Chosen:
                 found[i] = touch
         return tuple(touch for touch in found if touch is not None)
 
+    def finer(self, touches: Sequence[Touch]) -> "Chosen | None":
+        """The same with what is axisymmetric of touches that are solved alone on finer elements; None where that
+        helps none. touches: as solved."""
+        found = tuple(replace(way, case=replace(way.case, finer=True))
+                      if way is self.way_of(i) and way.touch is None and way.route.refinable(way.case, touch) else way
+                      for i, (way, touch) in enumerate(zip(self.ways, touches, strict=True)))
+        return None if self.elastic or found == self.ways else replace(self, ways=found)
+
     def held(self) -> list[tuple[float, tuple[Touch, ...]]]:
         """The held touches at their times, s."""
         law, series, hold = self.material.law, self.material.series, self.scene.hold

@@ -17,9 +17,10 @@ from touchcal.errors import NotConverged
 from touchcal.jit import cpu_s
 
 
-def solve_near_rim(law: Law, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> Touch:
+def solve_near_rim(law: Law, body: Body, punch: Punch, *, finer: bool = False, whole: bool = False,
+                   all_edges: bool = False) -> Touch:
     """As `near_rim_on_two_meshes`, with the errors of signals."""
-    return with_signal_errors(near_rim_on_two_meshes(law, body, punch, whole=whole, all_edges=all_edges))
+    return with_signal_errors(near_rim_on_two_meshes(law, body, punch, finer=finer, whole=whole, all_edges=all_edges))
 
 
 def solved_together(touches: Sequence[Touch], law: Law, body: Body, punches: Sequence[Punch],

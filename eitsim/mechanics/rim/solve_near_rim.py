@@ -133,19 +133,20 @@ class Load:
         return Load(*(None if part is None else part / 2 for part in (self.force, self.depth)))
 
 
-def near_rim_on_two_meshes(law: Law, body: Body, punch: Punch, *, whole: bool = False,
+def near_rim_on_two_meshes(law: Law, body: Body, punch: Punch, *, finer: bool = False, whole: bool = False,
                            all_edges: bool = False) -> TwoMeshes:
     """Equilibrium near the rim, or near an edge of an outline, under the punch's force or at its depth: the
     axisymmetric touch, and what the rim adds. Of an outline the nearest edge alone counts, as part of the rim of a disc
     (see `eitsim.scene.nearest_edge`), on a finer mesh than a rim; or with all_edges the whole of it, corners and holes
-    too, at twice the cost and more. whole: on finer meshes and, on a disc, out to all of it. The punch's edge lies on
-    the skin, and the punch slips freely, sticks or rubs. NotConverged where no equilibrium is found."""
+    too, at twice the cost and more. finer: the axisymmetric touch on elements of half the size; whole: what the rim
+    adds, too, on finer meshes and, on a disc, out to all of it. The punch's edge lies on the skin, and the punch slips
+    freely, sticks or rubs. NotConverged where no equilibrium is found."""
     outlined = not body.edge.is_round
     edge, one_edge = edges_from(body, punch) if all_edges and outlined else None, outlined and not all_edges
+    touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2 if finer or whole else None)
     if not whole:
-        return on_two_meshes(solve_touch(law, body, punch), law, body, punch, edge=edge,
-                             fine=ONE_EDGE if one_edge else FINE, rough=None if edge else ROUGH)
-    touch = solve_touch(law, body, punch, element_m=default_element_m(body, punch) / 2)
+        return on_two_meshes(touch, law, body, punch, edge=edge, fine=ONE_EDGE if one_edge else FINE,
+                             rough=None if edge else ROUGH)
     fine = replace(FULL_DISC, out_to=FINE.out_to) if outlined else FULL_DISC
     return on_two_meshes(touch, law, body, punch, coarse=FINE, edge=edge, fine=ONE_EDGE_FINER if one_edge else fine)
 

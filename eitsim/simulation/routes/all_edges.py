@@ -39,9 +39,13 @@ class AllEdges(Route):
     def expected(self, case: Case) -> float:
         return OF_CHANGE * case.by_edges
 
+    def refinable(self, case: Case, touch: Touch) -> bool:
+        return not (case.exact or case.finer)
+
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
-        solve, at = partial(solve_near_rim, whole=case.exact, all_edges=True), (law, case.scene.body, case.punch)
-        return kept_touch("near several edges", solve, *at)[0] if keep else solve(*at)
+        solve = partial(solve_near_rim, finer=case.finer, whole=case.exact, all_edges=True)
+        at, how = (law, case.scene.body, case.punch), "near several edges" + ", finer" * case.finer
+        return kept_touch(how, solve, *at)[0] if keep else solve(*at)
 
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         if table.rim is None or (touch := touch_from(table, law, case.scene.body, case.punch)) is None:

@@ -35,9 +35,13 @@ class Axisymmetric(Route):
     def leaves_out(self, case: Case) -> float:
         return case.by_edges if case.gap_m > 0 else math.inf
 
+    def refinable(self, case: Case, touch: Touch) -> bool:
+        # without friction one that is not fine enough was refined already, or cannot be
+        return not (case.exact or case.finer) and (case.punch.friction != "none" or fine_enough([touch], case.scene))
+
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         body, punch = case.scene.body, case.punch
-        if not case.exact:
+        if not (case.exact or case.finer):
             with suppress(Unresolved):  # where the default mesh is too coarse to show the foam at the punch's edge
                 touch, nodes = kept_touch("default mesh", solve_touch, law, body, punch) if keep else (
                     with_nodes(solve_touch(law, body, punch)))
@@ -48,7 +52,7 @@ class Axisymmetric(Route):
 
     def solve_held(self, case: Case, law: Law, series: Prony) -> list[tuple[float, Touch]]:
         hold, body, punch = case.scene.hold, case.scene.body, case.punch
-        if not case.exact:
+        if not (case.exact or case.finer):
             found = solve_hold(law, series, body, punch, hold)
             if fine_enough([touch for _, touch in found[1:]], case.scene):
                 return found
@@ -73,6 +77,6 @@ def fine_enough(touches: Sequence[Touch], scene: Scene) -> bool:
 
 
 def _refinable(nodes: int, punch: Punch) -> bool:
-    """Whether half the element size is in reach: of the memory, and not at the end of a load path with friction, which
-    may have to be loaded again from rest on the finer mesh at fifty times the cost."""
+    """Whether half the element size is tried before the readings are known: where it is in reach of the memory, and not
+    at the end of a load path with friction, which may have to be loaded again from rest on the finer mesh."""
     return nodes <= _MOST_NODES and punch.friction == "none"

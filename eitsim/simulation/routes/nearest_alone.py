@@ -40,9 +40,13 @@ class NearestAlone(Route):
     def expected(self, case: Case) -> float:
         return OF_CHANGE * case.by_edges
 
+    def refinable(self, case: Case, touch: Touch) -> bool:
+        return not (case.exact or case.finer)
+
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
-        solve, at = partial(solve_near_rim, whole=case.exact), (law, case.scene.body, case.punch)
-        return kept_touch("near the rim", solve, *at)[0] if keep else solve(*at)
+        solve = partial(solve_near_rim, finer=case.finer, whole=case.exact)
+        at, how = (law, case.scene.body, case.punch), "near the rim" + ", finer" * case.finer
+        return kept_touch(how, solve, *at)[0] if keep else solve(*at)
 
     def stored(self, case: Case, law: Law, table: Table) -> Touch | None:
         touch = touch_from(table, law, case.scene.body, case.punch)

@@ -49,6 +49,7 @@ class Case:
     # the finest way where a rougher one is expected to miss the requested error
     bodies: bool = True
     keeps_volume: bool = False  # whether elements that know displacements alone would lock, as in a rubber
+    finer: bool = False  # whether what is axisymmetric is solved on elements of half the size from the start
 
     @cached_property
     def punches(self) -> tuple[Punch, ...]:
@@ -160,6 +161,10 @@ class Route:
     def outside(self, case: Case) -> float:
         """What edges outside its mesh may change of the signal; its touches' own errors hold it."""
         return 0.0
+
+    def refinable(self, case: Case, touch: Touch) -> bool:
+        """Whether `Case.finer` would make the touch that was solved better."""
+        return False
 
     def solve(self, case: Case, law: Law, keep: bool) -> Touch:
         """One touch; `keep` keeps it by its content, and takes one that was. NotConverged where none is found."""

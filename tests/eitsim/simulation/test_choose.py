@@ -116,7 +116,8 @@ def called(monkeypatch: pytest.MonkeyPatch, touch: Touch) -> list[str]:
             return found
         return solver
 
-    def near(law: Hyperfoam, body: Body, punch: Punch, *, whole: bool = False, all_edges: bool = False) -> str:
+    def near(law: Hyperfoam, body: Body, punch: Punch, *, finer: bool = False, whole: bool = False,
+             all_edges: bool = False) -> str:
         return "all_edges" if all_edges else "whole_disc" if whole and not body.has_outline else (
             "nearest_edge")
 

@@ -10,7 +10,7 @@ from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import STRAINS, Body, Punch, scene_from
 from eitsim.simulation.routes import axisymmetric
 from eitsim.simulation.routes.route import Case
-from eitsim.simulation.simulate import simulate
+from eitsim.simulation.simulate import simulate, solve_scene
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
@@ -28,7 +28,8 @@ def touch():
     ("stick", 0.01, 1.0, 1)])
 def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch, friction, error, nodes, tries):
     """Of the mechanics 0.8 % is wanted; a large mesh, or a path with friction, stays and tells its error."""
-    grown = replace(touch.section, nodes_m=touch.section.nodes_m.repeat(int(nodes), axis=0))
+    grown = replace(touch.section, **{name: getattr(touch.section, name).repeat(int(nodes), axis=0)
+                                      for name in ("nodes_m", "displacement_m")})
     scene, sizes = scene_from({"punch": {"friction": friction}}), []
     of_the_skin = np.array(STRAINS) == scene.skin.strain
 
@@ -40,6 +41,20 @@ def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch,
     refined = axisymmetric.AXISYMMETRIC.solve(Case(scene), FOAM, keep=False)
     assert len(sizes) == tries
     assert refined.signal_errors[of_the_skin] == error
+
+
+def test_finer_elements_are_tried_where_readings_miss_the_accuracy():
+    """Skin and conductor nearly cancel: the mechanics' share is met, the readings' error is not. Sweeps do not try."""
+    card = MaterialCard("foam", Hyperfoam([9530.0], [8.0], [0.0]), None, Conductivity(30.0, [-2, 2, -1], (0.0, 0.4)))
+    tables = {"punch": {"x_mm": 20, "force_N": 1.0, "conductor": True, "contact_impedance_Ohm_m2": 1e-3}}
+    first = simulate(scene_from({**tables, "accuracy": {"signal": 0.5}}), card)
+    error, numerical = first.error_estimate["signal"], first.numerical_error["signal"]
+    scene = scene_from({**tables, "accuracy": {"signal": error - 0.2 * numerical}})
+    met, swept = simulate(scene, card), solve_scene(scene, card, bodies=False)
+    assert met.error_estimate["signal"] <= scene.accuracy.signal < swept.error_estimate["signal"]
+    assert met.touches[0].radius_m.size > 1.5 * swept.touches[0].radius_m.size
+    change = np.linalg.norm(met.readings.signal_V - swept.readings.signal_V) / np.linalg.norm(met.readings.signal_V)
+    assert change < swept.error_estimate["signal"]
 
 
 def test_a_missed_accuracy_is_said_with_its_cause():
