@@ -1,7 +1,8 @@
 """Touches on curved bodies against triquadratic bricks of scikit-fem (`peers/hexahedra.py`).
 
 A ball of 10 mm radius, 3 mm deep in 10 mm of neo-Hooke (nu = 0.25), on top of a sphere, a cylinder and a saddle; and a
-flat punch of 14 mm with a round edge of 2 mm that leans by `tilt_deg`, on a flat layer. Bricks are 2 mm wide under the
+flat punch of 14 mm with a round edge of 2 mm that leans by `tilt_deg`, on a flat layer, and there an egg, a file of
+triangles, of 22 and 14 mm (blunt and sharp halves of 11 and 7 mm). Bricks are 2 mm wide under the
 ball and end 52 mm from the apex (1.1 radii of a saddle at most), 1.8 and 32 mm under the other; ends are free.
 
 force_mu_mm2 is the force over mu; force_difference is to the bricks: on the flat layer, upright, it is what those leave
@@ -11,13 +12,18 @@ the finer mesh and those of the punch alone, 0 where the touch is solved about i
 Run by `make bench`, which pins threads; writes results/curved_touches.csv next to this file.
 """
 
+import tempfile
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 from conditions import quick, shown, written
-from peers.hexahedra import Pressed, RoundedDisc, press
+from materials import SKIN_LAW
+from peers.hexahedra import Egg, Pressed, RoundedDisc, press
 
+import eitsim
 from eitsim.mechanics.curved.solve_on_cap import solve_on_cap
 from eitsim.mechanics.curved.solve_on_surface import solve_on_surface
 from eitsim.mechanics.general.layer.layer_surface import principal_stretches
@@ -30,19 +36,21 @@ from eitsim.scene.surfaces.curved_surface import CurvedSurface
 from eitsim.scene.surfaces.cylinder import Cylinder
 from eitsim.scene.surfaces.saddle import Saddle
 from eitsim.scene.surfaces.sphere import Sphere
+from matcal.card import MaterialCard
 from matcal.laws.neo_hooke import NeoHooke
 
 LAW, THICKNESS_M, SENSITIVITY = NeoHooke(1e4, 0.25), 0.01, -2.0
 BALL = Punch(profile="sphere", diameter_m=0.02, depth_m=0.003)
 LEANING = Punch(diameter_m=0.014, fillet_m=0.002, depth_m=0.003, tilt_rad=np.deg2rad(5))
-RADII_M = (0.04,)
+EGG, CUTS = Egg(7.0, 11.0, 7.0), 96
+RADII_M = (0.04, 0.1, 0.3)
 SIZE_MM, SIZE_LEANING_MM = quick((2.0, 1.8), (2.5, 2.5))
 END_MM = 52.0
 PER_FORCE = 1e6 / LAW.mu_0_Pa  # mu mm^2 per N
 
 
-def bricks(place: Callable[[np.ndarray], np.ndarray], punch: RoundedDisc, size: float, end: float, tilt: float = 0.0
-           ) -> Pressed:
+def bricks(place: Callable[[np.ndarray], np.ndarray], punch: RoundedDisc | Egg, size: float, end: float,
+           tilt: float = 0.0) -> Pressed:
     u = np.append(0.0, spread(0.0, end, lambda x: size * (1 + np.maximum(x - 7, 0) / 2)))
     w = np.append(-10.0, spread(-10.0, 0.0, lambda z: size * (1 - z / 8)))
     lines = (np.append(-u[:0:-1], u) if tilt else u, u, w)
@@ -100,6 +108,36 @@ def rows() -> Iterator[dict[str, Any]]:
     yield row("flat punch", np.inf, touch.force_N, found, straight_N * PER_FORCE, depth_estimate=touch.depth_error,
               signal_estimate=float(touch.signal_errors[1]), unknowns=solution.unknowns, cpu_s=touch.cpu_s) | {
                   "tilt_deg": float(np.rad2deg(LEANING.tilt_rad))}
+    for tilt_deg in quick((0.0, 5.0), (0.0,)):
+        yield egg(tilt_deg)
+
+
+def egg(tilt_deg: float) -> dict[str, Any]:
+    found = bricks(lambda c: c, EGG, SIZE_LEANING_MM, 36.0, np.deg2rad(tilt_deg) or 1e-9)
+    card = MaterialCard("neo-Hooke", LAW, conductivity=SKIN_LAW)
+    with tempfile.TemporaryDirectory() as folder:
+        eggs(Path(folder) / "egg.stl")
+        scene = Path(folder) / "scene.toml"
+        scene.write_text(f'[punch]\nshape = "egg.stl"\ndepth_mm = 3\ntilt_deg = {tilt_deg}\n')
+        result = eitsim.simulate(eitsim.read_scene(scene), card)
+    force = result.touches[0].force_N
+    return row("egg", np.inf, force, found, force * PER_FORCE, depth_estimate=result.error_estimate["depth"],
+               signal_estimate=result.error_estimate["signal"], cpu_s=result.cost["cpu_s"]) | {
+                   "tilt_deg": tilt_deg, "as_if_flat": np.nan}
+
+
+def eggs(path: Path) -> None:
+    """Write the egg's triangles, its lowest point at the origin."""
+    around, down = 2 * np.pi * np.arange(CUTS) / CUTS, np.linspace(0, np.pi, CUTS // 2 + 1)
+    nodes = np.stack([np.outer(np.sin(down), np.cos(around)), np.outer(np.sin(down), np.sin(around)),
+                      np.repeat(1 - np.cos(down), CUTS).reshape(-1, CUTS)], axis=-1)
+    nodes *= EGG.half_width
+    nodes[..., 0] *= np.where(nodes[..., 0] > 0, EGG.sharp, EGG.blunt) / EGG.half_width
+    k, j = np.indices((CUTS // 2, CUTS))
+    a, b, c, d = k * CUTS + j, k * CUTS + (j + 1) % CUTS, (k + 1) * CUTS + (j + 1) % CUTS, (k + 1) * CUTS + j
+    cells = np.concatenate([np.stack([a, b, c], -1)[1:].reshape(-1, 3), np.stack([a, c, d], -1)[:-1].reshape(-1, 3)])
+    meshio.write(path, meshio.Mesh(nodes.reshape(-1, 3), [("triangle", cells)]))
+
 
 def main() -> None:
     found: list[dict[str, Any]] = []

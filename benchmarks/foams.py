@@ -6,21 +6,22 @@ sizes in leap-MODE-measurements.csv), and next to it the workbook of mean curves
 is part of the project.
 
 results/foams.csv: each specimen in turn is left out of a hyperfoam fit; the row says how many of its points lie in the
-95 % band of the mean foam and of the next specimen, how far the fitted law is off, and how far lmfit from one start is.
+95 % band of the mean foam and of the next specimen, how far the fitted law is off, and how far those of others are
+(`peers/foam_fits.py`, which says what to install for them).
 results/foam_shares.csv: what shares a right interval gives, by specimens drawn as those measured scatter (synthetic).
 results/foam_modes.csv: compression, tension and shear left out in turn, of both foams and of synthetic ones whose nu is
-not given; the share of the mode within the band, without and with what the assumed nu hides.
+not given; the share of the mode within the band, without and with what the assumed nu hides; for the real ones the
+errors of others, too.
 """
 
 import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
-import lmfit
 import numpy as np
 from conditions import quick, shown, written
+from peers.foam_fits import PEERS
 
 import matcal
 from matcal.fitting.hyperfoam.curves import weigh
@@ -29,7 +30,6 @@ from matcal.fitting.uncertainty.intervals import intervals
 from matcal.record.bands import band_in
 from matcal.reduction.experiment import Experiment
 
-ALPHA_START = (2.0, 8.0, -2.0)  # of lmfit, with equal moduli
 LEAST_STRAIN = 0.02  # where stresses are compared
 
 
@@ -52,27 +52,15 @@ def _table(folder: Path, mode: str) -> np.ndarray:
     return np.array([[float(cell) for cell in line.split(",")] for line in lines if line.strip()])
 
 
-def by_lmfit(tests: list[Experiment]) -> matcal.Hyperfoam:
-    """Three terms by least squares from one start, nu = 0."""
-    strain, stress = (np.concatenate([getattr(test, name) for test in tests]) for name in ("strain", "value"))
-
-    def law(p: lmfit.Parameters) -> matcal.Hyperfoam:
-        return matcal.Hyperfoam([1e3 * p[f"m{k}"].value for k in range(3)], [p[f"a{k}"].value for k in range(3)],
-                                [0.0] * 3)
-
-    start = lmfit.Parameters()
-    for k, alpha in enumerate(ALPHA_START):
-        start.add(f"m{k}", 100.0)
-        start.add(f"a{k}", alpha, min=-30, max=30)
-
-    def left(p: lmfit.Parameters) -> np.ndarray:
-        try:
-            return np.nan_to_num(matcal.nominal_stress(law(p), "uniaxial", strain) - stress, nan=1e9)
-        except ValueError:
-            return np.full(strain.size, 1e9)
-
-    found: Any = lmfit.minimize(left, start)
-    return law(found.params)
+def errors_of_others(tests: list[Experiment], out: Experiment, use: np.ndarray) -> dict[str, object]:
+    """Root mean square over that of the stress, of each peer's law."""
+    found, value = {}, out.value[use]
+    for name, fitted in PEERS.items():
+        begun = time.process_time()
+        off = fitted(tests, out)[use] - value
+        found |= {f"error_{name}": f"{np.sqrt(np.mean(off**2) / np.mean(value**2)):.3g}",
+                  f"cpu_s_{name}": f"{time.process_time() - begun:.2f}"}
+    return found
 
 
 def row(name: str, tests: dict[str, Experiment]) -> dict[str, object]:
@@ -91,15 +79,12 @@ def row(name: str, tests: dict[str, Experiment]) -> dict[str, object]:
                                   for k in range(strain.size)]).T
     following = next(one for one in found.laws.next_specimens if one.strain[0] * strain[-1] > 0)
     expected = np.interp(np.abs(strain), np.abs(following.strain), np.abs(following.stress_Pa))
-    begun = time.process_time()
-    simple = np.abs(matcal.nominal_stress(by_lmfit(others), "uniaxial", strain))
     return {"left_out": name, "points": strain.size,
             "in_mean_band": f"{np.mean((low <= stress) & (stress <= high)):.3f}",
             "in_next_band": f"{np.mean(np.abs(np.log(stress / expected)) <= following.further):.3f}",
             "half_width": f"{following.further:.3f}",
             "error": f"{np.sqrt(np.mean((middle - stress) ** 2) / np.mean(stress**2)):.3f}",
-            "error_lmfit": f"{np.sqrt(np.mean((simple - stress) ** 2) / np.mean(stress**2)):.3f}",
-            "cpu_s": f"{cpu_s:.2f}", "cpu_s_lmfit": f"{time.process_time() - begun:.2f}"}
+            "cpu_s": f"{cpu_s:.2f}", **errors_of_others(others, out, use)}
 
 
 def shares(tests: dict[str, Experiment], sets: int) -> dict[str, object]:
@@ -172,7 +157,9 @@ def mode_row(tests: dict[str, Experiment], left: str) -> dict[str, object]:
         row |= {f"in_band_{name}": f"{np.mean((low <= value) & (value <= high)):.3f}",
                 f"half_width_{name}": f"{np.median((high - low) / 2 / np.abs(stress)):.3f}"}
     return {"left_out": left, "points": int(use.sum()), **row,
-            "law_over_measured": f"{np.median(stress / value):.3g}", "cpu_s": f"{time.process_time() - begun:.2f}"}
+            "law_over_measured": f"{np.median(stress / value):.3g}",
+            "error": f"{np.sqrt(np.mean((stress - value) ** 2) / np.mean(value**2)):.3g}",
+            "cpu_s": f"{time.process_time() - begun:.2f}"}
 
 
 def main() -> None:
@@ -185,8 +172,10 @@ def main() -> None:
     book = folder.parent / "foam_leap" / "foam_leap_Foam.xlsx"
     foams = [*((name, 0, mean_curves(book, name)) for name in ("leap", "turbo")),
              *(("synthetic", number, drawn(number)) for number in range(quick(20, 1)))]
-    shown(written([{"foam": name, "number": number, **mode_row(modes, left)} for name, number, modes in foams
-                   for left in modes], "foam_modes"))
+    shown(written([{"foam": name, "number": number, **mode_row(modes, left),
+                    **(errors_of_others([test for mode, test in modes.items() if mode != left], modes[left],
+                                        np.abs(modes[left].strain) > LEAST_STRAIN) if name != "synthetic" else {})}
+                   for name, number, modes in foams for left in modes], "foam_modes"))
 
 
 if __name__ == "__main__":

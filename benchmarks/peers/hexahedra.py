@@ -2,7 +2,8 @@
 
 Mesh, elements, stress, contact and iteration are its own; only the elimination is the project's. The law is neo-Hooke,
 P = mu (F - F^-T) + lambda ln J F^-T. The punch is a flat disc, or a point, thickened by a radius. Half or a quarter of
-the layer is solved, cut planes being planes of symmetry. Lengths in mm, stresses over mu.
+the layer is solved, cut planes being planes of symmetry; an egg is met to first order in how deep a point lies in it,
+which the penalty keeps below 0.01 mm. Lengths in mm, stresses over mu.
 """
 
 from collections.abc import Callable
@@ -26,6 +27,37 @@ class RoundedDisc:
     disc: float
     thickened: float
 
+    def gap(self, seen: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Penetration (...), negative outside, and its derivative (..., 3), of points (..., 3) seen from the lowest
+        point on the axis."""
+        seen = seen - self.thickened * axis
+        along = seen @ axis
+        across = seen - along[..., None] * axis
+        radius = np.linalg.norm(across, axis=-1)
+        nearest = across * np.minimum(1.0, self.disc / np.maximum(radius, 1e-300))[..., None]
+        away = seen - nearest
+        length = np.maximum(np.linalg.norm(away, axis=-1), 1e-12)
+        return self.thickened - length, -away / length[..., None]
+
+
+@dataclass(frozen=True)
+class Egg:
+    """A punch: half an ellipsoid towards +x, half of another towards -x; upright it lies on the layer."""
+
+    sharp: float  # half length towards +x
+    blunt: float  # towards -x
+    half_width: float  # across and in height
+
+    def gap(self, seen: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As of a disc."""
+        ways = np.stack([np.array([axis[2], 0.0, -axis[0]]), np.array([0.0, 1.0, 0.0]), axis])  # own x, y, z
+        own = seen @ ways.T - np.array([0.0, 0.0, self.half_width])
+        half = np.stack(np.broadcast_arrays(np.where(own[..., 0] > 0, self.sharp, self.blunt), self.half_width,
+                                            self.half_width), axis=-1)
+        level, slope = np.linalg.norm(own / half, axis=-1), own / half**2
+        steep = np.maximum(np.linalg.norm(slope, axis=-1), 1e-12)
+        return level * (1 - level) / steep, -(slope / steep[..., None]) @ ways
+
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
@@ -40,7 +72,7 @@ class Pressed:
 
 
 def press(place: Callable[[np.ndarray], np.ndarray], lines: tuple[np.ndarray, np.ndarray, np.ndarray],
-          punch: RoundedDisc, nu: float, depths: np.ndarray, tilt: float = 0.0) -> Pressed:
+          punch: RoundedDisc | Egg, nu: float, depths: np.ndarray, tilt: float = 0.0) -> Pressed:
     """Press a punch to depths one after another, from where it begins to touch at the origin, its axis leaning by an
     angle towards x. The layer is a grid of lines u, v and w, the last from the bottom to 0, placed into space, (n, 3)
     to (n, 3); v = 0 and, if it is the first of u, u = 0 are planes of symmetry."""
@@ -78,24 +110,11 @@ def press(place: Callable[[np.ndarray], np.ndarray], lines: tuple[np.ndarray, np
                    top.dx.ravel(), gradient.reshape(-1, 3, 3), int(unknown.max()) + 1)
 
 
-def _gap(points: np.ndarray, punch: RoundedDisc, axis: np.ndarray, height: float) -> tuple[np.ndarray, np.ndarray]:
-    """Penetration (...), negative outside, and its derivative (..., 3), of points under a punch whose lowest point on
-    its axis stands at a height along it."""
-    seen = points - (height + punch.thickened) * axis
-    along = seen @ axis
-    across = seen - along[..., None] * axis
-    radius = np.linalg.norm(across, axis=-1)
-    nearest = across * np.minimum(1.0, punch.disc / np.maximum(radius, 1e-300))[..., None]
-    away = seen - nearest
-    length = np.maximum(np.linalg.norm(away, axis=-1), 1e-12)
-    return punch.thickened - length, -away / length[..., None]
-
-
-def _first(points: np.ndarray, punch: RoundedDisc, axis: np.ndarray) -> float:
+def _first(points: np.ndarray, punch: RoundedDisc | Egg, axis: np.ndarray) -> float:
     low, high = -5.0, 5.0
     while high - low > 1e-10:
         middle = (low + high) / 2
-        low, high = (middle, high) if _gap(points, punch, axis, middle)[0].max() > 0 else (low, middle)
+        low, high = (middle, high) if punch.gap(points - middle * axis, axis)[0].max() > 0 else (low, middle)
     return high
 
 
@@ -113,7 +132,7 @@ def _equilibrium(moved, nodes, unknown, slope, weight, shape, area, on, order, a
         matrix = matrix + np.einsum("eqak,eqbi,eq->eaibk", pulled, pulled, weight * (1 - volume), optimize=True)
         matrix += bulk * np.einsum("eqai,eqbk,eq->eaibk", pulled, pulled, weight, optimize=True)
         points = at_rest + np.einsum("fpa,fai->fpi", shape, moved[nodes[on]])
-        gap, normal = _gap(points, punch, axis, height)
+        gap, normal = punch.gap(points - height * axis, axis)
         pressure = PENALTY * np.maximum(gap, 0.0) * area
         np.add.at(push, nodes[on], np.einsum("fp,fpi,fpa->fai", pressure, normal, shape))
         stiff = np.einsum("fp,fpi,fpk,fpa,fpb->faibk", PENALTY * (gap > 0) * area, normal, normal, shape, shape,
