@@ -28,12 +28,12 @@ from touchcal.errors import NotConverged
 from touchcal.parallel.one_thread import ONE_THREAD
 
 # A path's force over the one before; touches of a path, at least; and how far it goes beyond the least and the largest
-# force or depth: on a rigid plate other moduli are other forces.
-_RATIO, _FEWEST, _MARGIN, _LITTLE = 1.5, 5, 1.8, 1.02
+# depth, or force: on a rigid plate other moduli are other forces.
+_RATIO, _FEWEST, _MARGIN, _MARGIN_ON_BASE, _LITTLE = 1.3, 5, 1.8, 1.3, 1.02
 _DEEPEST = 0.8  # Depth over the thickness of all at which a path ends: equilibria that are deeper take long.
 _COARSER = 1.5  # Element size over the default one: it leaves 0.1 % of the signal, in half the time.
 # Logarithms of the factors at which paths are solved on a soft base, and as far as which they serve.
-_FACTORS, _REACH = (-0.4, 0.0, 0.4), 0.6
+_FACTORS, _REACH = (-0.45, -0.15, 0.15, 0.45), 0.6
 # Of a touch what is interpolated over its depth, all 0 where nothing is touched, and stretches, which are then 1.
 _FIELDS = ("u_r_m", "u_z_m", "contact_radius_m", "pressure_Pa", "sigma_max_Pa", "sigma_ave_Pa", "contact_area_m2",
            "wall_contact_m2")
@@ -102,7 +102,7 @@ def layer_paths(scene: Scene, material: Material, punches: Sequence[Punch]) -> L
 
 
 def _path(material: Material, body: Body, least: Punch, most: Punch) -> LayerPath:
-    law, margin = material.solid, _MARGIN if material.base is None else _LITTLE
+    law, margin = material.solid, _MARGIN if material.base is None else _MARGIN_ON_BASE
     least, most = _times(least, 1 / margin, 1 / _LITTLE), _times(most, margin, _LITTLE)
     touches = [*_solved(law, body, least, most)]
     if len(touches) < 2:
