@@ -1,11 +1,11 @@
-# make demo   raw test files to report PDFs        make test        all tests but the slow ones
-# make lint   ruff and pyright                     make test-slow   the slow ones
+# make demo   raw test files to report PDFs        make test        quick tests
+# make lint   ruff and pyright                     make test-thorough, make test-slow   the longer ones
 # make bench  every benchmark, for hours           make bench QUICK=1   a few cases of each, within half an hour
 # make docs   the site of docs/: pages, reference from the code, examples run; reports/out/docs/site.html
 # make paper  the source paper walked through: seven CPU minutes, within five minutes on two idle cores;
 #             make paper FULL=1 with 4,000 scenes, up to two hours
 # make dist   wheel and source archive in reports/out/dist, checked
-.PHONY: demo test test-slow lint bench docs paper dist clean install
+.PHONY: demo test test-thorough test-slow lint bench docs paper dist clean install
 .DELETE_ON_ERROR:
 
 PYTHON ?= python3
@@ -33,10 +33,13 @@ demo: install
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash examples/demo.sh reports/out $(SCENES) $(WORKERS)
 
 # tests start Python anew in many workers and commands: modules compiled once are kept, whatever the environment says
-test test-slow: export PYTHONDONTWRITEBYTECODE :=
+test test-thorough test-slow: export PYTHONDONTWRITEBYTECODE :=
 
 test: install
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal
+
+test-thorough: install
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "thorough and not slow"
 
 test-slow: install
 	$(BIN)/python -m pytest -q -m slow

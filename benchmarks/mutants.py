@@ -183,7 +183,7 @@ def _run(tree: Path, tests: list[str]) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] in PACKAGES]:
         del sys.modules[name]
     sys.dont_write_bytecode = True
-    os._exit(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests]))
+    os._exit(pytest.main(["-q", "-x", "-m", "not slow", "-p", "no:cacheprovider", *tests]))
 
 
 def rows(tree: Path, chosen: dict[str, list[Mutant]], tests: dict[str, list[str]]) -> Iterator[dict[str, object]]:

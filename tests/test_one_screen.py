@@ -25,6 +25,7 @@ AFTER = [("matcal", "check", "card.json"), ("matcal", "inspect", RAW / "mts_unia
          ("eitsim", "run", ROOT / "examples" / "scene.toml", "--card", "card.json")]
 
 
+@pytest.mark.thorough
 def test_default_outputs_fit_a_screen(command: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Short chains, and a forecast by one row, print as many lines as long ones and by many."""
     monkeypatch.setenv("COLUMNS", "80")

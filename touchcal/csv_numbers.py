@@ -56,10 +56,10 @@ def with_commas(line: str) -> str:
     """A line whose cells semicolons or tabs separate, in which a comma between digits is a decimal mark, or blanks
     between numbers, with commas between its cells.
 
-    >>> [with_commas(line) for line in ("x_mm;F_N", "1,5;2", "a\\t-0,5", "1.5  2 3", "1,2")]
-    ['x_mm,F_N', '1.5,2', 'a,-0.5', '1.5,2,3', '1,2']
+    >>> [with_commas(line) for line in ("x_mm;F_N", "1,5;2", "a\\t-0,5", "1.5  2 3", "1,2", "1,2\\t")]
+    ['x_mm,F_N', '1.5,2', 'a,-0.5', '1.5,2,3', '1,2', '1,2\\t']
     """
-    if (";" in line or "\t" in line) and line.count(",") == len(re.findall(r"(?<=\d),(?=\d)", line)):
+    if (";" in line or "\t" in line.rstrip()) and line.count(",") == len(re.findall(r"(?<=\d),(?=\d)", line)):
         mark = ";" if ";" in line else "\t"
         return re.sub(r"(?<=\d),(?=\d)", ".", line).replace(mark, ",")
     if "," not in line and len(parts := line.split()) > 1 and all(map(is_numeric, parts)):

@@ -47,6 +47,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     assert float(spent) < 0.05
 
 
+@pytest.mark.thorough
 def test_every_function_has_an_example_that_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     elsewhere = {eitsim.frames, eitsim.next_presses, eitsim.write_skin_card}  # what they take is long in the making
     monkeypatch.chdir(Path(__file__).parents[2])

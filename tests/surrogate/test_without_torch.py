@@ -36,6 +36,7 @@ surrogate.train(sys.argv[4], "trainbr", "x0", epochs=1).save("trained")
 """
 
 
+@pytest.mark.thorough
 def test_models_are_read_scored_and_followed_without_torch(inner_model: surrogate.Model, sweep: Path,
                                                            samples: SweepSamples, tmp_path: Path) -> None:
     inner_model.save(tmp_path / "forward")

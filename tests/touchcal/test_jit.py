@@ -37,6 +37,7 @@ def called(folder: Path) -> list[float]:
     return [float(word) for word in done.stdout.split()]
 
 
+@pytest.mark.thorough
 def test_a_loop_is_compiled_again_when_what_it_calls_has_changed(tmp_path: Path) -> None:
     """The files changed have the same length: neither the loop's own file nor a size tells."""
     (tmp_path / "law.py").write_text(LAW.format(2))

@@ -26,6 +26,7 @@ def test_a_cache_of_many_tables_fits_a_screen(command: Callable, tmp_path: Path,
     assert len(command("eitsim", "cache", "--verbose").stdout.splitlines()) > 50
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("solved_once")
 def test_the_forecast_of_a_sweep_is_what_the_sweep_takes(command: Callable, tmp_path: Path) -> None:
     write_card(CARD, tmp_path / "card.json")

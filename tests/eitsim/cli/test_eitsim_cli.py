@@ -48,6 +48,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.thorough
 def test_a_run_prints_one_object_and_saves_it(folder: Path) -> None:
     done = process(folder, "run", "scene.toml", "--json", "--out", "result.json")
     assert done.returncode == 0, done.stderr

@@ -68,6 +68,7 @@ def test_readings_in_another_order_are_no_gains() -> None:
         reconstruct(touched[order], rest[order], scene=scene)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("count", "reading"), [(8, "single-ended"), (16, "differential")])
 def test_magnitudes_take_the_signs_of_the_uniform_skin(count: int, reading: str) -> None:
     rest, touched, scene = frames(count, reading)
@@ -88,6 +89,7 @@ def test_differences_are_imaged_without_an_untouched_frame(tmp_path: Path) -> No
         reconstruct(touched, None, scene=scene)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("empty", "kind"), [(0.0, "voltage"), (np.nan, "magnitude")])
 def test_readings_at_driven_pairs_that_were_not_measured_are_left_out(empty: float, kind: str) -> None:
     """All 16 pairs of neighbours in each pattern, those with a driven electrode 0 or empty, image as without them."""
@@ -137,6 +139,7 @@ def test_a_change_below_the_whole_of_a_conductance_is_marked() -> None:
     assert "whole" not in reconstruct(touched, rest, scene=scene).seen[0].note
 
 
+@pytest.mark.thorough
 def test_the_command_images_magnitudes_and_says_what_to_mind(
         command: Callable[..., CompletedProcess[str]], tmp_path: Path) -> None:
     rest, touched, _ = frames(16)

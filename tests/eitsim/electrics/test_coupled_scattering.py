@@ -65,6 +65,7 @@ def near_edges(gap_m: float, towards: tuple[float, float], bearings: tuple[float
     return replace(pressed(), rim=rim)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("conductor", [False, True])
 def test_an_axisymmetric_touch_scatters_as_its_rings(conductor):
     punch, touch = Punch(0.03, 0.02, conductor=conductor), pressed()
@@ -110,6 +111,7 @@ def test_rings_and_a_mesh_agree_within_their_estimates_near_an_edge(conductor):
     assert np.linalg.norm(axisymmetric - mesh.signal_V) > 0.01 * np.linalg.norm(mesh.signal_V)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("conductor", [False, True])
 @pytest.mark.parametrize(("body", "place_m", "towards", "bearings"), [
     (BODY, (0.045, 0.025), (0.0, 1.0), (0.0, -np.pi / 2)),

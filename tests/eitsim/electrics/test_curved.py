@@ -67,6 +67,7 @@ def test_folding_a_sheet_along_lines_of_its_mesh_changes_nothing(skins: ModuleTy
     np.testing.assert_allclose(found[0], found[1], rtol=1e-10)
 
 
+@pytest.mark.thorough
 def test_a_flat_sheet_in_space_is_the_flat_sheet_and_its_error_is_estimated(skins: ModuleType) -> None:
     nodes, cells, middle = skins.sheet(np.linspace(-0.06, 0.06, 25), np.linspace(-0.04, 0.04, 17),
                                  lambda s, z: skins.turned(np.column_stack([s, z])))

@@ -60,6 +60,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
 
+@pytest.mark.thorough
 def test_dv_of_solved_touches_is_within_a_fifth_of_a_percent_and_its_estimate_within_three():
     honest = []
     for diameter, force, (x, y), strain in TOUCHES:

@@ -124,6 +124,7 @@ def test_fields_conserve_current_on_the_mesh_of_the_touch():
     assert put_in - 2 * contacts < heat < put_in - contacts
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("electrodes", [Electrodes(count=16, width_m=0.008), Electrodes(
     kind="surface", count=20, x_m=np.tile(0.035 * np.arange(-2, 3), 4), y_m=np.repeat([-0.05, -0.017, 0.017, 0.05], 5),
     width_m=0.006)])

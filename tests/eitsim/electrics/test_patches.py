@@ -130,6 +130,7 @@ def test_the_mesh_that_patches_cut_agrees_with_that_of_rings():
     assert relative(*sheets) < 2e-3
 
 
+@pytest.mark.thorough
 def test_a_contact_on_a_patch_reads_alike_on_the_next_one():
     """Within the estimates, though the polygon that stands for the rim has other corners there."""
     step, changes = 2 * np.pi / EVEN.count, []

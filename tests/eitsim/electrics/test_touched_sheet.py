@@ -143,6 +143,7 @@ def test_the_conductance_of_a_stretched_sheet_is_that_of_its_principal_stretches
         np.testing.assert_allclose(found, along @ np.diag(known) @ along.T, rtol=1e-12)
 
 
+@pytest.mark.thorough
 def test_stated_errors_of_round_electrodes_hold_what_a_finer_cut_changes(skins: ModuleType,
                                                                          monkeypatch: pytest.MonkeyPatch) -> None:
     skin = replace(skins.touched_sheet(), patches=(), widths_m=0.024)

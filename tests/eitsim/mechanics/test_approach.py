@@ -102,6 +102,7 @@ def test_a_failure_tells_what_was_reached():
     assert len(caught.value.residuals) > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("half_angle_deg", "kind"), [(20.0, BottomedOut), (8.0, NotConverged)])
 def test_a_tip_that_no_finer_mesh_resolves_ends_the_search(half_angle_deg: float, kind: type[NotConverged]) -> None:
     """In place of a search from rest, of some 1,000 factorisations on the finest mesh, which ends inside out."""
@@ -162,6 +163,7 @@ def test_where_ellipticity_is_lost_is_told(coarse):
     assert non_elliptic_place(coarse, np.zeros_like(x)) is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("diameter_mm", "force_N"), [(10, 2.0), (14, 0.1)])
 def test_error_estimates_cover_largest_pressure_area_and_surface_strain(diameter_mm, force_N):
     punch = Punch(diameter_m=diameter_mm * 1e-3, force_N=force_N)

@@ -41,6 +41,7 @@ def test_gradient_of_two_laws_is_the_derivative_of_their_energy():
     assert (up - down) / (2 * step) == pytest.approx(gradient @ direction, rel=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", [RUBBER, FOAM])
 def test_a_base_of_the_same_law_is_a_thicker_body_and_a_stiff_one_a_plate(law):
     on_base = Body(Disc(0.04), 0.007, 0.0042)

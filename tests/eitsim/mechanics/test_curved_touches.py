@@ -60,6 +60,7 @@ def test_a_grid_on_a_cap_fills_its_shell() -> None:
         on_cap(grids[0], 1.1)
 
 
+@pytest.mark.thorough
 def test_a_cap_is_pressed_as_bricks_say_and_a_flat_layer_is_its_limit() -> None:
     flat, cap = _on_cap(0.0, 0.3), _on_cap(25.0, 0.3)
     assert cap / flat == pytest.approx(BRICKS["sphere"] / BRICKS["flat"], rel=1e-3)

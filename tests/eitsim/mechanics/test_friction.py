@@ -75,6 +75,7 @@ def test_derivatives_of_the_potential_equal_differences(coefficient):
     assert (more - less) / (2 * h) == pytest.approx(float(np.sum(border * way[facets.nodes])) + corner, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_vanishing_coefficient_is_no_friction_and_a_large_one_sticks():
     model = coarse()
     free = cold_start(model, 0.5 / force_unit(TABLE_1, Body())).depth

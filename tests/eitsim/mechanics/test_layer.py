@@ -89,6 +89,7 @@ def test_shallow_flat_punches_press_as_on_the_elastic_layer(nu):
     assert shallow[2] == pytest.approx(1, abs=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_shallow_spheres_press_as_on_the_elastic_layer(nu):
     """The difference vanishes with the strain, in proportion to the contact's radius."""

@@ -113,6 +113,7 @@ def forces_plainly(at: Points, stress: np.ndarray, amplitude: np.ndarray) -> np.
     return out
 
 
+@pytest.mark.thorough
 def test_the_kernels_do_what_numpy_does():
     disc, rng = disc_at(0.002, TINY), np.random.default_rng(2)
     amplitude = disc.base + 0.01 * amplitudes(disc, rng.normal(size=disc.unknowns))
@@ -308,6 +309,7 @@ def on_coarse_meshes():
     return touch, punch, with_signal_errors(on_two_meshes(touch, FOAM, BODY, punch, coarse=TINY, fine=COARSE))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("because", ["it takes many iterations", "the finer one is not found"])
 def test_a_hard_touch_takes_the_coarse_mesh_and_its_error_from_a_rough_one(because, on_coarse_meshes, monkeypatch):
     def lost(law, body, punch, outline, fineness, before=None):

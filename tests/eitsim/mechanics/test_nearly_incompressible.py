@@ -40,6 +40,7 @@ def test_one_element_in_uniaxial_compression_is_the_closed_form():
     assert pulled == pytest.approx(float(nominal_stress(law, "uniaxial", strain)), rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("radius_mm", "depth_mm"), [(20.0, 0.1), (10.0, 0.05)])
 def test_a_sphere_on_a_thin_bonded_layer_follows_dimitriadis(radius_mm, depth_mm):
     """Biophys. J. 82 (2002) 2798, DOI 10.1016/S0006-3495(02)75620-8, nu = 0.5, bonded: a series for small chi, 2 % low
@@ -52,6 +53,7 @@ def test_a_sphere_on_a_thin_bonded_layer_follows_dimitriadis(radius_mm, depth_mm
     assert touch.depth_m == pytest.approx(depth, rel=0.006)  # 1 % of the force
 
 
+@pytest.mark.thorough
 def test_depth_pressure_and_strain_settle_towards_incompressibility():
     found = [solve_touch(NeoHooke(MU_PA, nu), BODY, Punch(diameter_m=0.01, profile="sphere", force_N=1.0))
              for nu in (0.4995, 0.49999)]

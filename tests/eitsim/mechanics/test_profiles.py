@@ -57,6 +57,7 @@ def test_distance_and_arc_of_an_ellipse_are_those_of_a_fine_polygon(fillet: floa
                                atol=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("friction", ["none", "stick"])
 def test_a_touch_of_an_ellipse_has_the_hemisphere_as_its_limit(friction: str) -> None:
     sphere = Punch(diameter_m=0.01, force_N=0.3, profile="sphere", friction=friction)

@@ -70,6 +70,7 @@ def test_distances_to_a_box_are_exact_inside_and_out(tmp_path: Path) -> None:
     assert solid.distance(points / 1e3) * 1e3 == pytest.approx(exact, abs=1e-4)  # the file has single precision
 
 
+@pytest.mark.thorough
 def test_a_shape_is_round_where_its_file_is(tmp_path: Path) -> None:
     (shape,) = shapes_of([shaped(revolved(tmp_path / "ball.stl", BALL))], 0.005)
     assert shape is not None
@@ -83,6 +84,7 @@ def test_a_shape_is_round_where_its_file_is(tmp_path: Path) -> None:
     assert slope == pytest.approx(-away[near] / np.linalg.norm(away[near], axis=1, keepdims=True), abs=0.06)
 
 
+@pytest.mark.thorough
 def test_a_shape_lies_as_its_file_does(tmp_path: Path) -> None:
     turn = np.array([[0.96, 0.0, 0.28], [0.0, 1.0, 0.0], [-0.28, 0.0, 0.96]])
     file = revolved(tmp_path / "leaning.stl", FLAT, turn)

@@ -160,6 +160,7 @@ def test_all_outlines_have_one_shape_and_discs_their_own() -> None:
     assert shape_of(FOAM, RECTANGLE, Punch()).disc == pytest.approx(10.7)
 
 
+@pytest.mark.thorough
 def test_a_table_of_straight_edges_repays_where_touches_lie_near_one_alone() -> None:
     """Those in corners are refused, and those near round edges are solved."""
     skin, thin = {"outline": "rectangle", "width_mm": 200, "height_mm": 150}, {"signal": 0.05}

@@ -17,6 +17,7 @@ from matcal.laws.neo_hooke import NeoHooke
 ONE, OTHER = NeoHooke(9530.0, 0.0), Hyperfoam([9530.0], [2.0], [0.0])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("solve", "punch"), [(solve_touch, Punch(force_N=0.3)),
                                               (solve_near_rim, Punch(x_m=0.085, force_N=0.3))], ids=["inside", "rim"])
 def test_one_material_by_two_laws_is_touched_in_the_same_way(solve, punch) -> None:

@@ -120,6 +120,7 @@ def test_a_corner_adds_more_than_its_edges_and_is_symmetric_about_its_diagonal()
     np.testing.assert_allclose(mirrored, found[:, ::-1, ::-1], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_far_edges_add_up():
     """What two edges change, 1.4 and 1.7 thicknesses from the punch's edge, is their sum to a tenth, in a strip as in a
     corner."""

@@ -43,6 +43,7 @@ def test_the_smallest_fillets_take_no_more_elements():
     assert few < many < 1.2 * few
 
 
+@pytest.mark.thorough
 def test_a_deep_touch_with_a_small_fillet_agrees_between_coarse_meshes():
     coarse, fine = mesh_hierarchy(TABLE_1, Body(), SHARP, None, None)[:2]
     force = 3.0 / force_unit(TABLE_1, Body())

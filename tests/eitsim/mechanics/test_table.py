@@ -56,6 +56,7 @@ def scene(table):
     return replace(found, punches=(pressed(table),))
 
 
+@pytest.mark.thorough
 def test_a_table_serves_its_own_shape_whose_moduli_are_rounded(table) -> None:
     """Moduli of 12 digits over mu_0 need not add up to 1, and over their sum end in other digits."""
     moduli = (0.830199673203, -1.62819339387, 1.79799372067)

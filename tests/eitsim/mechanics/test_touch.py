@@ -281,6 +281,7 @@ def cone_of(half_angle_deg, force_N=1.0, **keys):
     return Punch(profile="cone", half_angle_rad=np.radians(half_angle_deg), force_N=force_N, **keys)
 
 
+@pytest.mark.thorough
 def test_a_blunt_shallow_cone_on_thick_foam_comes_near_sneddon():
     """F = (2/pi) E tan(a) d^2 with nu = 0, d from the apex of the sharp cone, f (1/cos b - 1) below the rounded tip."""
     law, depth, fillet, ratio = Hyperfoam([1e4], [2.0], [0.0]), 1e-4, 2e-4, []
@@ -323,6 +324,7 @@ def test_scaling_all_moduli_scales_the_force_on_a_cone():
     assert other.sigma_max_Pa == pytest.approx(one.sigma_max_Pa * scale, rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("half_angle_deg", "force_N"), [
     (60, 0.05), pytest.param(60, 0.3, marks=pytest.mark.slow), pytest.param(75, 1.0, marks=pytest.mark.slow)])
 def test_error_estimates_of_a_cone_cover_the_errors(half_angle_deg, force_N):

@@ -46,6 +46,7 @@ def test_errors_of_random_profiles_are_covered(study):
     assert all(sum(name == quantity for _, name in left) <= 0.05 * study.SCENES for quantity in study.QUANTITIES)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pressed", [
     SMALL, pytest.param([("sphere", 0.017, 1.1), ("cone", 0.017, 1.1), *SMALL], marks=pytest.mark.slow)])
 def test_contacts_end_where_half_the_element_finds_them_within_their_errors(study, pressed):

@@ -74,6 +74,7 @@ def homogeneous(gradient):
                   0.04, 0.05, BEARING, LAW, 0.04 * np.array([np.cos(BEARING), np.sin(BEARING)]))
 
 
+@pytest.mark.thorough
 def test_cells_fill_the_half_disc_and_stay_upright(read):
     assert {block.type for block in read.cells} == {"hexahedron", "wedge"}
     assert np.array_equal(np.sort(np.concatenate([b.data.ravel() for b in read.cells])), np.arange(len(read.points)))

@@ -220,6 +220,7 @@ print(json.dumps({"compiled": hasattr(_eliminate, "py_func"), "z": impedance(mes
 """
 
 
+@pytest.mark.thorough
 def test_compiled_and_plain_elimination_agree():
     runs = [subprocess.run([sys.executable, "-c", PLAIN], capture_output=True, text=True, check=True,
                            env={**os.environ, "NUMBA_DISABLE_JIT": off}) for off in ("0", "1")]

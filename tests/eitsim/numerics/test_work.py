@@ -101,6 +101,7 @@ def test_products_of_conjugate_gradients_count():
         assert used_up()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("mu_3_Pa", [-22e3, -23e3, -24e3, -25e3, -27e3, -30e3])
 def test_laws_at_the_edge_of_ellipticity_end(mu_3_Pa, taken):
     found, error = ended(mu_3_Pa)

@@ -24,6 +24,7 @@ def path_of(law: matcal.Hyperfoam, friction: float = 0.0, thickness_m: float = 0
                       friction, 3e-3)
 
 
+@pytest.mark.thorough
 def test_derivatives_by_the_law_are_those_of_other_paths() -> None:
     at, step, path = np.log([5e-4, 1e-3, 2e-3]), 1e-2, path_of(START)
     values = vector(START)

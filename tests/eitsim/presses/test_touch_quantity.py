@@ -43,6 +43,7 @@ def scene_file(folder: Path, punch: str) -> str:
     return str(folder / "scene.toml")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("punch", "sampled"), [
     ("diameter_mm = 14\nforce_N = 1", False), ("diameter_mm = 10\nforce_N = 0.3\nprofile = 'sphere'", True)])
 def test_depths_of_other_laws_are_those_of_their_own_paths(punch: str, sampled: bool, tmp_path: Path) -> None:
@@ -68,6 +69,7 @@ def test_depths_of_other_laws_are_those_of_their_own_paths(punch: str, sampled: 
     assert found[0] == pytest.approx(truth[0], rel=0.005)
 
 
+@pytest.mark.thorough
 def test_the_test_that_is_named_narrows_the_depth_as_promised(card: matcal.MaterialCard, tmp_path: Path,
                                                                monkeypatch: pytest.MonkeyPatch) -> None:
     points = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]

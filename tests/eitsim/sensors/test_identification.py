@@ -22,6 +22,7 @@ def simulated(benchmark_module: Callable[[str], ModuleType]) -> ModuleType:
     return benchmark_module("sensor_inspect")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("case", "named"), [("imperfect", 9), ("dead", 4), ("exchanged", 2)])
 def test_scrambled_baselines_are_named_and_none_wrongly(simulated: ModuleType, case: str, named: int) -> None:
     """Seeds that the benchmark does not count; without those of 32 electrodes, which take longer."""

@@ -44,6 +44,7 @@ def inspected(name: str, *, with_sensor: bool) -> tuple[Inspection, Sensor]:
     return inspect(recording, sensor if with_sensor else None), sensor
 
 
+@pytest.mark.thorough
 @real
 @pytest.mark.parametrize(("name", "sign"), [("hydrogel", "magnitude"), ("skin_radial", "unknown"),
                                             ("skin_carbon", "unknown")])
@@ -67,6 +68,7 @@ def test_the_plain_skin_without_its_sensor_file_is_asked_with_the_true_order_fir
     assert any("opposite" in one for one in questions(found))
 
 
+@pytest.mark.thorough
 @real
 @pytest.mark.parametrize("name", ["hydrogel", "skin_plain", "skin_radial", "skin_carbon", "tank"])
 def test_real_sensors_agree_with_their_sensor_file(name: str) -> None:
@@ -76,6 +78,7 @@ def test_real_sensors_agree_with_their_sensor_file(name: str) -> None:
     assert any(one.startswith("Where on the body is electrode 0") for one in questions(found))
 
 
+@pytest.mark.thorough
 @real
 @pytest.mark.parametrize("pattern", ["skip-3", "skip-4", "skip-6"])
 def test_a_wrong_sensor_file_is_not_confirmed_by_a_real_skin(pattern: str) -> None:

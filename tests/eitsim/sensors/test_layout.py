@@ -57,6 +57,7 @@ def own_pairs(scene: Scene) -> np.ndarray:
     return pairs_of(Sensor(scene.body, scene.skin, scene.electrodes, scene.drive))
 
 
+@pytest.mark.thorough
 def test_slopes_of_pairs_are_those_of_their_drive(slopes: TouchSlopes) -> None:
     by, before = solved(slopes.place_mm[1])
     pairs = own_pairs(SCENE)
@@ -78,6 +79,7 @@ OUTLINED = Scene(SKIN, (Punch(diameter_m=0.010, force_N=0.2),), electrodes=Elect
                  drive=Drive(pattern="skip-1"))
 
 
+@pytest.mark.thorough
 def test_on_an_outline_places_keep_from_edges_holes_and_electrodes_and_none_is_turned() -> None:
     found = touch_slopes(OUTLINED, CARD, places=1)
     assert found.place_mm.shape == (1, 2)
@@ -135,6 +137,7 @@ def test_bounds_are_the_roots_of_the_inverse_information() -> None:
     assert np.all(np.isinf(bounds(by[:, :2])).any(axis=1))
 
 
+@pytest.mark.thorough
 def test_a_choice_beats_chance_and_all_readings_beat_it(slopes: TouchSlopes) -> None:
     scene = replace(SCENE, drive=Drive())
     design = design_sensor(scene, CARD, readings=12, places=PLACES)
@@ -153,6 +156,7 @@ def test_a_choice_beats_chance_and_all_readings_beat_it(slopes: TouchSlopes) -> 
     assert free.choice.over_own < design.choice.over_own
 
 
+@pytest.mark.thorough
 def test_an_unknown_diameter_widens_every_bound() -> None:
     known, unknown = (design_sensor(SCENE, CARD, places=1, unknown_diameter=one).drives for one in (False, True))
     for one in known:

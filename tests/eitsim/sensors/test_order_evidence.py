@@ -70,6 +70,7 @@ def test_recorded_adjacent_then_opposite_drives_are_named(session: int) -> None:
     assert found.identified.sign == "magnitude"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("pairs", [ADJACENT, SKIP_2], ids=["adjacent", "skip-2"])
 def test_driven_pairs_that_are_0_name_the_order_whatever_the_body_and_the_gains(pairs: np.ndarray, seed: int) -> None:
@@ -84,6 +85,7 @@ def test_driven_pairs_that_are_0_name_the_order_whatever_the_body_and_the_gains(
         assert found.not_taken.tolist() == np.flatnonzero(at_driven(pairs)).tolist()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 def test_driven_pairs_at_the_end_of_the_range_are_no_readings(seed: int) -> None:
     frame = np.abs(tank(ADJACENT, seed))
@@ -121,6 +123,7 @@ def test_reciprocity_holds_under_the_true_order_alone_whatever_is_added() -> Non
     assert exchanged_difference(frame, Convention(16, 16, 1, "pair", 1, "all", False, 3, 1).pairs()) > 0.5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 def test_a_right_file_is_not_contradicted_by_counts_with_an_offset(seed: int) -> None:
     """Driven pairs saturate softly, as an amplifier does, and all readings stand upon an offset."""
@@ -146,6 +149,7 @@ def test_an_offset_of_a_disc_s_readings_is_found(benchmark_module) -> None:  # t
     assert any("offset" in one for one in cautions(found))
 
 
+@pytest.mark.thorough
 @cases
 @pytest.mark.parametrize("name", ["02_golfball_phantom_mat/vhvi.mat", "02_golfball_phantom_mat/vhvi_B.mat",
                                   "03_montreal_moving_target/demo4.mat", "16_black_sensor_serial_csv/frames256.csv"])
@@ -166,6 +170,7 @@ def test_a_tank_s_symmetry_does_not_exclude_its_order() -> None:
     assert found.identified.unexplained < 0.002
 
 
+@pytest.mark.thorough
 @cases
 @pytest.mark.parametrize("name", ["drop3.csv", "drop4.csv"])
 def test_an_order_far_from_an_even_disc_is_the_first_of_those_asked_for(name: str) -> None:

@@ -94,6 +94,7 @@ def test_a_mirrored_outline_is_named() -> None:
     assert "the electrodes' places do not" in dict(rows(found))["sensor file"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("way", [1, -1])
 def test_places_in_the_order_of_the_readings_repair_what_is_named(way: int) -> None:
     numbered = (3 + way * np.arange(COUNT)) % COUNT

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from eitsim.electrics.forward.untouched import untouched_readings
 from eitsim.electrics.imaging.images import images_of
@@ -42,6 +43,7 @@ def test_images_of_frames_with_zeros_or_gaps_are_those_without_these_readings(tm
         np.testing.assert_allclose(found.change, short.change, rtol=1e-6, atol=1e-9 * np.abs(short.change).max())
 
 
+@pytest.mark.thorough
 def test_a_calibration_does_not_call_them_dead() -> None:
     pairs = Convention(8, 8, 3, "pair", 1, "all", False, 0, 1).pairs()
     tables = {"electrodes": {"count": 8}, "drive": drive_of_pairs(pairs, 8)}

@@ -88,6 +88,7 @@ def check_solved(seed: int, *, exact: bool) -> None:
     assert set(named) == set(found) if "general" in found else named == found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [17])
 def test_the_plan_names_what_solved_touches_hold(seed: int) -> None:
     check_solved(seed, exact=False)
@@ -135,6 +136,7 @@ def called(monkeypatch: pytest.MonkeyPatch, touch: Touch) -> list[str]:
     return calls
 
 
+@pytest.mark.thorough
 def test_solvers_obey_what_was_chosen(called: list[str]) -> None:
     """Of two hundred scenes; a pair near edges begins with its axisymmetric touches."""
     kinds: set[str] = set()

@@ -26,6 +26,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("punch", "strain"), [
     ({"profile": "sphere", "diameter_mm": 10.2, "force_N": 1.03, "x_mm": 45}, "areal"),
     ({"diameter_mm": 10.5, "force_N": 0.477, "x_mm": 46}, "principal")])

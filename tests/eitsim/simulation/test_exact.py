@@ -15,6 +15,7 @@ CARD = MaterialCard("Table 1", Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4
 PUNCH = {"x_mm": 20, "force_N": 0.2}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("change", [{}, pytest.param({"profile": "cone"}, marks=pytest.mark.slow)])
 def test_shortcuts_cost_no_more_than_was_told(change):
     scene = scene_from({"punch": PUNCH | change})

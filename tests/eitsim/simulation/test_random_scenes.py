@@ -24,6 +24,7 @@ def failures(study, count, where, friction):
     return [row for row in rows if row["outcome"] not in ("ok", "bottomed_out")]
 
 
+@pytest.mark.thorough
 def test_few_scenes(study):
     assert failures(study, 8, "interior", "none") == []
 

@@ -207,6 +207,7 @@ def with_contact(k: int, by_Ohm_m: float) -> Electrodes:
     return replace(LINES, contact_impedance_Ohm_m=tuple(z.tolist()))
 
 
+@pytest.mark.thorough
 def test_derivatives_are_those_of_a_solution_without_mesh():
     scene = Scene(punches=(PUNCH,))
     found, touch = sensitivity(scene, 2), settled(FOAM, scene.body, PUNCH).touch

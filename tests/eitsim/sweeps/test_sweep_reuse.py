@@ -41,6 +41,7 @@ def account(card: Path, folder: Path, scenes: int, **options) -> Account:
     return last
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("solved_once")
 def test_another_skin_conductor_drive_or_electrodes_take_the_table_that_is_there(card: Path, tmp_path: Path) -> None:
     assert account(card, tmp_path / "a", 2, reuse=True).outcomes == {"ok": 2}
@@ -131,6 +132,7 @@ class _Deadly:
         return submit
 
 
+@pytest.mark.thorough
 def test_workers_lost_over_the_table_stop_the_sweep_before_any_row(card: Path, tmp_path: Path) -> None:
     with pytest.raises(PoolUnavailable, match="the same command goes on from there"):
         account(card, tmp_path / "a", 2, reuse=True, scheduler=_Deadly())

@@ -71,6 +71,7 @@ def test_listed_places_are_taken_to_the_surface_and_what_a_design_cannot_hold_is
         design_from({"scenes": 2, "fields": {}, "body": ARM, "electrodes": ELECTRODES, "punch": {}})
 
 
+@pytest.mark.thorough
 def test_rows_on_a_ball_have_the_readings_of_their_scenes(tmp_path: Path) -> None:
     design = design_from({"scenes": 2, "seed": 1, "body": {"surface": "sphere", "radius_mm": 40, "thickness_mm": 8},
                           "electrodes": {"at_mm": BALL_RINGS, "width_mm": 8}, "accuracy": {"signal": 0.02},

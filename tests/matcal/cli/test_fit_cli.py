@@ -58,6 +58,7 @@ def test_stability_is_held_over_the_range_asked_for_and_the_records_are_checked(
     assert "uniaxial_1, record itself, drucker: violated at" in printed
 
 
+@pytest.mark.thorough
 def test_nu_term_by_term_from_a_column_of_lateral_strain(tmp_path: Path) -> None:
     e, gamma = np.linspace(-0.6, 0.3, 40), np.linspace(0.01, 0.8, 25)
     uniaxial = table(tmp_path / "uniaxial.csv", {"strain": e, "stress": nominal_stress(MIXED, "uniaxial", e) / 1e3,

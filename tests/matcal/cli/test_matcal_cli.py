@@ -83,6 +83,7 @@ def test_json_is_one_object_and_options_arrive(matcal, tmp_path: Path) -> None:
     assert found["fit"]["shear_1"]["weight"] == 0.75
 
 
+@pytest.mark.thorough
 def test_an_unfinished_posterior_is_saved_and_ends_with_status_3(matcal, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(sampler, "MOST_STEPS", 100)
     monkeypatch.setattr(sampler, "CHUNK", 100)

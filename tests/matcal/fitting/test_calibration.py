@@ -33,6 +33,7 @@ def plain() -> FittedLaws:
     return calibrate(reduce_tests([(None, (DATA / "uniaxial.csv",)), (None, (DATA / "shear.csv",))]))
 
 
+@pytest.mark.thorough
 def test_mu_0_is_within_5_percent_and_inside_its_own_interval(machine: FittedLaws, plain: FittedLaws) -> None:
     for found in (machine, plain):
         interval = found.uncertainty.derived["mu_0_Pa"]

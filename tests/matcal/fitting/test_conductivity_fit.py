@@ -121,6 +121,7 @@ def log_skin(fit: ConductivityFit, points: np.ndarray) -> np.ndarray:
     return out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("truth", [TRUTH, FALLING])
 def test_draws_agree_with_emcee_on_the_same_density(truth: np.ndarray) -> None:
     found = fit_cubic([stretch(truth, noise=1.0)])

@@ -35,6 +35,7 @@ def measured(law: str, k: float, ends: tuple[float, float], seed: int, noise: fl
     return Experiment("conductivity", strain, value * (1 + noise * np.random.default_rng(seed).standard_normal(40)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", OTHERS)
 @pytest.mark.parametrize("ends", [(0.0, 0.4), (-0.4, 0.0)])
 def test_the_band_outside_the_tests_holds_the_hidden_law(law: str, ends: tuple[float, float]) -> None:
@@ -50,6 +51,7 @@ def test_the_band_outside_the_tests_holds_the_hidden_law(law: str, ends: tuple[f
     assert np.mean(held) >= 0.9
 
 
+@pytest.mark.thorough
 def test_the_band_of_an_exponential_card_holds_a_hidden_cubic() -> None:
     """Of six sets for which the exponential is chosen, at -0.5 and -0.6: eleven of twelve."""
     held: list[bool] = []

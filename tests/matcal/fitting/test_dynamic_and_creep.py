@@ -51,6 +51,7 @@ def test_the_complex_modulus_is_the_transform_of_the_relaxation() -> None:
     np.testing.assert_allclose(dynamic(law, omega), by_quadrature, rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_hold_of_the_same_material_is_predicted_to_one_per_cent() -> None:
     """Mean and worst over six materials, a hold after a ramp of 0.5 s, sweeps at seven temperatures with 0.5 % noise
     (with 1 % the worst is 1.1 %)."""
@@ -67,6 +68,7 @@ def test_a_hold_of_the_same_material_is_predicted_to_one_per_cent() -> None:
     assert max(worst) < 0.01
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", [Wlf(9.0, 110.0, 303.15), Arrhenius(90e3, 303.15)], ids=["wlf", "arrhenius"])
 def test_shifts_and_their_law_lie_in_their_intervals(law: Shift) -> None:
     shifts, numbers, chosen = [], [], 0

@@ -44,6 +44,7 @@ def test_a_hold_long_enough_keeps_its_interval_without_a_caution(series: Prony, 
     assert max(f.g_infinity_sd for f in found) < 0.025
 
 
+@pytest.mark.thorough
 def test_a_further_term_is_asked_about_where_the_hold_leaves_room_for_it() -> None:
     short, long = _found(THREE, 30.0, 0.002, 2), _found(THREE, 200.0, 0.002, 2)
     assert short.further is not None

@@ -35,6 +35,7 @@ def test_the_fit_finds_the_law_that_made_the_tests(law) -> None:
     assert found.nu == pytest.approx(law.nu, abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
     inside = []
     for seed in range(12):

@@ -27,6 +27,7 @@ def calibrated(mu_Pa: Sequence[float], alpha: Sequence[float], nu: float, modes:
     return matcal.fit(tests, poisson="fit", **choices), law
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("mu_Pa", "alpha", "nu"), [
     ([60e3, 8e3], [8.0, -4.0], 0.4), pytest.param([20e3, 5e3], [3.0, -2.0], 0.1, marks=pytest.mark.slow)])
 def test_order_and_nu_of_exact_data_are_found_together(mu_Pa, alpha, nu: float) -> None:
@@ -89,6 +90,7 @@ def test_a_nu_that_was_not_given_is_not_said_to_be() -> None:
     assert [card.fit["nu"]["how"] for card in (assumed, given)] == ["assumed", "given"]
 
 
+@pytest.mark.thorough
 def test_bounds_of_a_search_are_those_of_the_card() -> None:
     found, _ = calibrated([10e3], [5.0], 0.3, ("uniaxial", "planar"), order=1)
     assert found.card.fit["nu"]["bounds"] == list(NU_BOUNDS)

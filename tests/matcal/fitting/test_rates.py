@@ -30,6 +30,7 @@ def hold(to: float = -0.5, ramp_s: float = 1.0, end_s: float = 600.0) -> Experim
                       held=(t > ramp_s).astype(float))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("speeds", [(SPEED,), (SPEED, 20 * SPEED, 400 * SPEED)])
 def test_both_kinds_of_moduli_come_back(speeds: tuple[float, ...]) -> None:
     tests = [ramp("uniaxial", -0.8, v) for v in speeds] + [ramp("shear", 1.0, v) for v in speeds]

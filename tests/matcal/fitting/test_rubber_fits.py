@@ -48,6 +48,7 @@ def test_a_fit_finds_the_law_that_made_the_tests(law) -> None:
                                    nominal_stress(law, mode, STRAIN[mode]), rtol=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", [LAWS[0], LAWS[3], LAWS[4]], ids=lambda law: law.name)
 def test_a_volumetric_test_gives_the_bulk_modulus(law) -> None:
     from dataclasses import replace

@@ -60,6 +60,7 @@ def fitted(law: Hyperfoam, damage: Damage, strain: np.ndarray, noise: float, rng
     return calibrate(reduce_tests([("uniaxial", (path,))], branch="all"), FitOptions(law.mu_Pa.size, nu))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("law", "side", "count"), [(RUBBER, 1.0, 8), (FOAM, -1.0, 5)], ids=["rubber", "foam"])
 def test_hidden_numbers_lie_in_their_intervals_and_a_fresh_cycle_follows(law: Hyperfoam, side: float, count: int,
                                                                          tmp_path: Path) -> None:

@@ -33,6 +33,7 @@ def holds(criterion: str, law: Hyperfoam, x: np.ndarray) -> bool:
     return bool(np.linalg.eigvalsh(law.tangent(x)).min() > 0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("criterion", "nu", "ends"), [
     ("drucker", 0.0, (0.2, 1.6)), ("elliptic", 0.0, (0.2, 1.6)), ("drucker", 0.1, (0.5, 1.3)),
     pytest.param("elliptic", 0.1, (0.5, 1.3), marks=pytest.mark.slow)])
@@ -54,6 +55,7 @@ def test_drucker_costs_4_percent_on_table_1() -> None:
     assert any("rejects legitimate foam plateaus" in d for d in found.decisions)
 
 
+@pytest.mark.thorough
 def test_the_elliptic_law_is_no_worse_than_a_drucker_law_that_is_elliptic() -> None:
     ends = (0.4, 1.2)
     drucker, elliptic = (fit(both_modes(), 3, thorough=False, stable=s, stable_range=ends)
@@ -105,6 +107,7 @@ def test_the_nearest_moduli_are_those_of_a_general_solver() -> None:
     np.testing.assert_allclose(found, other.x, atol=1e-4)
 
 
+@pytest.mark.thorough
 def test_moduli_of_a_toe_are_bounded_with_positive_sum() -> None:
     strain = np.linspace(-0.6, -0.005, 60)
     toe = weigh([Experiment("uniaxial", strain, -1e5 * strain**2 * (1 + 10 * strain**2), source=("toe.csv",))])

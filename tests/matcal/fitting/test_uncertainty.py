@@ -46,6 +46,7 @@ def scores(zero_sd: float) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("zero_sd", [0.0, ZERO_SD])
 def test_mu_0_lies_in_its_interval_as_often_as_that_says(zero_sd: float) -> None:
     z = scores(zero_sd)

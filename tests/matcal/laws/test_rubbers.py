@@ -126,6 +126,7 @@ for name, values in (("gent", [[1.0], [20.0], [0.4995]]), ("yeoh", [[0.5], [0.1]
 """
 
 
+@pytest.mark.thorough
 def test_laws_that_were_compiled_by_different_processes_serve_one(tmp_path: Path) -> None:
     """Numba links kept code by names, and functions of one name from two files would be taken for one another."""
     for names in (["gent"], ["yeoh"], ["gent", "yeoh"]):

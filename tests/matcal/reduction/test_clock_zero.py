@@ -105,6 +105,7 @@ def test_the_zero_of_a_tables_clock_changes_nothing(seconds: float, rest_s: floa
     np.testing.assert_allclose(fit_prony([direct], None, 2).prony.g, found.prony.g, rtol=1e-4)
 
 
+@pytest.mark.thorough
 def test_published_table_with_four_zeros() -> None:
     folder = CASES / "attack" / "07"
     if not folder.is_dir():

@@ -52,6 +52,7 @@ def _contacts(name: str, noise: float, replicas: int, samples: int = 12000) -> n
     return np.array(out)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["relaxing", "knee"])
 def test_contact_error_holds_whatever_the_shape(name: str) -> None:
     z = _contacts(name, 0.25, 12)

@@ -39,6 +39,7 @@ def test_rows_kept_of_an_earlier_run_do_not_claim_the_conditions_of_this_one(con
     assert table["code"].tolist()[:2] == ["unknown", "unknown"]
 
 
+@pytest.mark.thorough
 def test_benchmarks_use_public_names_alone_and_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     for path in sorted(BENCHMARKS.glob("*.py")):

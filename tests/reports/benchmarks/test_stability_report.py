@@ -44,6 +44,7 @@ def write_tables(folder: Path, *names: str) -> None:
         table.assign(code="0" * 12 if name == "stiff" else None).to_csv(folder / f"{name}.csv", index=False)
 
 
+@pytest.mark.thorough
 def test_the_report_holds_every_state_of_its_tables(tmp_path: Path, read_pdf: Reader) -> None:
     write_tables(tmp_path, *TABLES)
     write(report, tmp_path, tmp_path / "s.pdf")

@@ -36,6 +36,7 @@ def test_old_code_old_versions_and_no_record_are_told_apart(folder: Path) -> Non
     assert unknown.endswith("4.csv.")
 
 
+@pytest.mark.thorough
 def test_sweeps_of_other_code_are_told_from_those_of_this() -> None:
     here, before = {"code": key_of({})}, {"code": "0" * 64}
     assert [other_code(one) for one in ({}, here, here | {"earlier_code": []})] == [""] * 3

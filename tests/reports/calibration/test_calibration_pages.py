@@ -65,6 +65,7 @@ def filled(pdf: Path, folder: Path) -> list[float]:
     return out
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(shutil.which("pdftoppm") is None, reason="pdftoppm renders the pages")
 def test_no_page_is_nearly_empty(cards: dict[str, Path], tmp_path: Path) -> None:
     for name, card in cards.items():
@@ -125,6 +126,7 @@ def test_a_relaxation_alone_is_warned_of(cards: dict[str, Path], read_pdf: Reade
     assert "The data are synthetic" in text
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not FOAM.exists(), reason="third-party files are not next to this checkout")
 def test_a_real_foam_is_reported_with_the_tension_it_misses(tmp_path: Path, read_pdf: Reader) -> None:
     card = fit(tmp_path / "foam", f"uniaxial={FOAM / 'foam_leap_UC.csv'}", f"shear={FOAM / 'foam_leap_SS.csv'}",

@@ -114,6 +114,7 @@ def change(path: Path, drop: tuple[str, ...] = (), **parts: Any) -> None:
     path.write_text(json.dumps({key: value for key, value in (raw | parts).items() if key not in drop}))
 
 
+@pytest.mark.thorough
 def test_a_calibration_begins_with_its_verdict_and_holds_the_numbers_of_its_card(tmp_path: Path, card_path: Path,
                                                                                   read_pdf: Reader) -> None:
     raw = json.loads(card_path.read_text())

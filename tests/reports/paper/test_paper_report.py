@@ -100,6 +100,7 @@ def run(tmp_path: Path, write_result: Writer) -> Run:
     return made
 
 
+@pytest.mark.thorough
 def test_what_is_there_is_drawn_and_what_is_not_is_said(run: Run, tmp_path: Path, read_pdf: Reader) -> None:
     text = read_pdf(paper_report.write(run, tmp_path, png=False)).whole
     lost = 100 * (1 - float(relaxation(SERIES, 2.0)))

@@ -36,6 +36,7 @@ def model() -> PressModel:
         return learn(frames, labels)
 
 
+@pytest.mark.thorough
 def test_the_command_writes_verdict_scores_families_and_errors(
         model: PressModel, tmp_path: Path, read_pdf: Callable[[Path], Any], drawn: list[Figure]) -> None:
     model.save(tmp_path / "model")

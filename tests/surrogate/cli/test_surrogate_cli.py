@@ -109,6 +109,7 @@ def test_evaluate_prints_one_object(call: Call, inner: Path, few: Path) -> None:
     assert scores["noise"][0]["noise_V"] == pytest.approx(scores["baseline_rms_V"] * 1e-5)
 
 
+@pytest.mark.thorough
 def test_report_writes_a_pdf(call: Call, inner: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same figures as SVG, which take as long as the page, are left out."""
     monkeypatch.setattr("reports.document.style.save_svg", lambda figure, svg: svg.touch())

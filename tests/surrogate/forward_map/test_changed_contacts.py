@@ -29,6 +29,7 @@ def test_directions_are_those_of_the_complete_electrode_model(width_mm: float) -
     assert np.abs(along - np.diag(np.diag(along))).max() < 0.5
 
 
+@pytest.mark.thorough
 def test_places_hold_where_one_contact_changed(inner_model: surrogate.SweepModel,
                                                synthetic: Callable[..., tuple[Array, Array]]) -> None:
     """A change of four standard deviations of the noise, of the contact of each electrode in turn: without counting it

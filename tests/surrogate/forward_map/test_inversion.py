@@ -91,6 +91,7 @@ def test_unknown_noise_widens_the_covariance(learned: ForwardMap, synthetic: Syn
     assert np.all(np.mean(np.abs(found.touch - touch)[:, :2] < 1.645 * sd, axis=0) > 0.7)
 
 
+@pytest.mark.thorough
 def test_a_frame_does_not_depend_on_its_company(learned: ForwardMap, synthetic: Synthetic) -> None:
     _, signal = synthetic(3, 4)
     together = invert(learned, signal, QUIET_V).touch

@@ -45,6 +45,7 @@ def test_an_unknown_punch_is_not_taken_for_a_known_one(learned: ForwardMap, synt
     assert np.quantile(np.abs(found.touch[:, 2] - touch[:, 2]), 0.8) < 0.3
 
 
+@pytest.mark.thorough
 def test_a_punch_between_those_of_a_list_is_in_the_intervals(samples: SweepSamples, synthetic: Synthetic) -> None:
     """Unless the list is said to be whole."""
     touch, signal = synthetic(180, 0, (10, 12, 14, 16, 18), 40.0)

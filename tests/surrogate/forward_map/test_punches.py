@@ -47,6 +47,7 @@ def brute_force(learned: ForwardMap, located: Located, points: int = 240) -> tup
     return np.column_stack([d, force]), np.exp(log_weight - log_weight.max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("d_mm", "force_N", "sd"), [(14.0, 1.0, [0.02, 2e-4, 1.0]), (11.0, 0.4, [0.1, 4e-4, 1.0]),
                                                      (17.0, 1.8, [0.3, 1e-2, 1.0])])
 def test_the_posterior_equals_brute_force(learned: ForwardMap, d_mm: float, force_N: float, sd: list[float]) -> None:

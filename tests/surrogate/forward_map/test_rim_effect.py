@@ -52,6 +52,7 @@ def whole(ring: Ring, synthetic: Synthetic) -> forward_map.ForwardMap:
     return forward_map.fit(ring, *synthetic(300, 0, (), 85.0))
 
 
+@pytest.mark.thorough
 def test_the_rim_effect_improves_the_map_near_the_rim(whole: forward_map.ForwardMap, ring: Ring,
                                                       synthetic: Synthetic) -> None:
     touch, signal = synthetic(100, 1, (), 85.0)

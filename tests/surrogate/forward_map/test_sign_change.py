@@ -41,6 +41,7 @@ def learned(ring: Ring, summed: Sum) -> ForwardMap:
     return forward_map.fit(ring, *summed(250, 0))
 
 
+@pytest.mark.thorough
 def test_signals_are_reproduced_where_the_dipole_has_either_sign_and_none(learned: ForwardMap, summed: Sum) -> None:
     """The error is part of the size of the signal, which does not vanish with the dipole."""
     touch, signal = summed(500, 1)

@@ -41,6 +41,7 @@ def test_fields_stand_for_the_whole_sheet(ring: Ring) -> None:
     assert same_ring(ring, ring)
 
 
+@pytest.mark.thorough
 def test_the_place_and_the_force_of_a_touch_are_found_from_what_it_makes_to_first_order(ring: Ring) -> None:
     """Signals of rings' changes that grow with the force, as the products of fields make them."""
     assert ring.curved is not None

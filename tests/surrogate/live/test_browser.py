@@ -127,6 +127,7 @@ def luminance(page: Any) -> tuple[float, float]:
     return float(np.mean(ground)), float(np.mean(skin))
 
 
+@pytest.mark.thorough
 def test_dark_mode_is_dark(page: Any, address: str) -> None:
     found: dict[str, tuple[float, float]] = {}
     for mode in ("light", "dark"):

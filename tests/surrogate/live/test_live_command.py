@@ -45,6 +45,7 @@ def test_a_port_that_is_taken_is_named(command: Command, address: str, live_fold
     assert f"port {port} cannot be used" in done.stderr
 
 
+@pytest.mark.thorough
 def test_the_page_is_exported(command: Command, live_folder: Path, tmp_path: Path) -> None:
     done = command("surrogate", "live", live_folder, "--export", tmp_path / "page.html")
     assert done.returncode == 0

@@ -159,6 +159,7 @@ def test_ctrl_c_stops_it_without_a_traceback(start: Start, live_folder: Path) ->
     assert "Traceback" not in process.stderr.read()
 
 
+@pytest.mark.thorough
 def test_a_recording_is_shown_and_read(start: Start, inner_model: surrogate.Model, live_folder: Path,
                                        tmp_path: Path) -> None:
     rng, signal_V, target = np.random.default_rng(1), *touch_of(inner_model)
@@ -172,6 +173,7 @@ def test_a_recording_is_shown_and_read(start: Start, inner_model: surrogate.Mode
     assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx(target[:2], abs=0.2)
 
 
+@pytest.mark.thorough
 def test_lines_of_a_device_are_shown_and_read(start: Start, inner_model: surrogate.Model, live_folder: Path) -> None:
     signal_V, target = touch_of(inner_model)
     process, address = start(live_folder, "-", "--noise-V", "1e-6", stdin=subprocess.PIPE)
@@ -196,6 +198,7 @@ def test_a_line_that_is_no_frame_is_said_as_that_alone(inner_model: surrogate.Mo
     assert "208 of 208 readings are dead" in dead["flag"]
 
 
+@pytest.mark.thorough
 def test_a_serial_port_is_shown_until_it_is_unplugged(start: Start, inner_model: surrogate.Model, live_folder: Path
                                                       ) -> None:
     pytest.importorskip("serial")

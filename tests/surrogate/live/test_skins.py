@@ -40,6 +40,7 @@ def skin(table: Table) -> SimulatedSkin:
     return SimulatedSkin(SCENE, material, table, baseline)
 
 
+@pytest.mark.thorough
 def test_a_press_is_answered_as_the_simulator_answers(skin: SimulatedSkin) -> None:
     found = skin.pressed(Controls(12.0, -20.0, 14.0, 0.3))
     punch = eitsim.Punch(x_m=0.012, y_m=-0.02, diameter_m=0.014, force_N=0.3)

@@ -47,6 +47,7 @@ def predictors(forward: Model, ridge: Model, untouched_V: Array) -> dict[str, Pr
     return {model.method: prepare(model, untouched_V, NOISE_V) for model in (forward, ridge)}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["forward", "ridge"])
 def test_sound_frames_are_not_flagged(predictors: dict[str, Predictor], synthetic: Synthetic, untouched_V: Array,
                                       method: str) -> None:
@@ -125,6 +126,7 @@ def test_a_place_as_near_to_the_centre_as_trained_ones_is_outside_for_methods_wi
     assert flag == (f"{WORDS[Flag.OUTSIDE]} of x0" if outside else "")
 
 
+@pytest.mark.thorough
 def test_no_frames_give_no_rows(ridge: Model, forward: Model) -> None:
     for model in (ridge, forward):
         columns = model.predict(model.baseline_V[None], noise_V=1e-4).columns

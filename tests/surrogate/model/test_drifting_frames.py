@@ -90,6 +90,7 @@ def test_no_gain_explains_a_signal_that_leaves_nothing_to_explain(model: surroga
     assert not one_column(span, reversed_V, gain, 0.0)[2].any()
 
 
+@pytest.mark.thorough
 def test_the_channel_of_a_strange_frame_is_named(model: surrogate.Model, touches: tuple[Array, Array]) -> None:
     channel, gain = one_channel(24)
     flags = model.predict(frames_of(model, touches[1], 5 * gain), noise_V=NOISE_V)["flag"]

@@ -31,6 +31,7 @@ def models(samples: SweepSamples) -> dict[str, Model]:
     return {method: train(samples, method, NAMES, 1, epochs=EPOCHS.get(method)) for method in METHODS}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stored_model_predicts_the_same(models: dict[str, Model], samples: SweepSamples, tmp_path: Path,
                                           method: str) -> None:

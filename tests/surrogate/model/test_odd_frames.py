@@ -48,6 +48,7 @@ def test_the_map_may_leave_more_where_it_is_most_of_the_error(ring: Ring) -> Non
     assert odd_share(ring, left, map_part=1.0) == 0
 
 
+@pytest.mark.thorough
 def test_little_of_another_touch_is_odd_where_noise_hides_most_of_what_touches_differ_by(ring: Ring) -> None:
     """Of the directions of trained signals those count alone that exceed the noise: the fewer, the less makes a frame
     odd along them."""

@@ -53,6 +53,7 @@ def brought_up(reader: PressReader, presses: Presses, place: Array) -> tuple[flo
     return distance(found.place.value, place[5:]), float(sound.mean()), float(inside[sound].mean())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("gains", "moved", "most", "draws"), [
     (False, False, 1.3, DRAWS[:4]), (True, False, 1.3, DRAWS[:4]), (True, True, 1.5, DRAWS)])
 def test_five_presses_bring_a_reader_up_to_date(reader: PressReader, gains: bool, moved: bool, most: float,
@@ -123,6 +124,7 @@ def written(folder: Path, presses: Presses, labels: Labels) -> None:
         f"{name},{x},{y}\n" for name, (x, y) in zip(labels.touch, labels.values, strict=True)))
 
 
+@pytest.mark.thorough
 def test_the_command_writes_a_model_that_is_loaded(reader: PressReader, tmp_path: Path) -> None:
     presses, place = second(7, gains=True, moved=True)
     presses = Presses(*(getattr(presses, one)[:30] for one in ("name", "index", "signal", "following", "age", "rest",

@@ -164,6 +164,7 @@ def test_its_stream_has_places_alone(model: PressModel) -> None:
     assert low < value < high
 
 
+@pytest.mark.thorough
 def test_forces_and_depths_are_in_its_stream_and_in_python(with_forces: PressModel) -> None:
     place, sink = synthetic_places(np.random.default_rng(9), 3), io.StringIO()
     frames = stream(place, 0.02)

@@ -124,6 +124,7 @@ def test_readings_of_one_kind_are_each_other_turned() -> None:
     assert (RingSymmetry(protocol).turned[0] == -1).all()
 
 
+@pytest.mark.thorough
 def test_the_symmetry_of_the_ring_foresees_what_no_press_was_near_to(synthetic: Callable[..., tuple[Array, Array]]
                                                                      ) -> None:
     signal, place = ringed(synthetic, 25, 5)

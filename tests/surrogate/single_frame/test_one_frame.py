@@ -103,6 +103,7 @@ def row_of(forward: ForwardMap, signal_V: Array, noise_V: float) -> dict[str, An
     return row | {"broad": bool(found.broad[0])}
 
 
+@pytest.mark.thorough
 def test_a_map_of_one_diameter_knows_the_punch_and_takes_the_simulator_s_answer(
         monkeypatch: pytest.MonkeyPatch, ring: Ring, synthetic: Draw) -> None:
     """Over the posterior of punches its d and F are no broader than about the peak."""
@@ -221,6 +222,7 @@ def test_readings_leave_their_tangent_by_the_square_of_the_interval(forward: For
     assert twice / once == pytest.approx(4.0, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_draws_under_a_linear_map_and_a_gaussian_prior_are_those_of_the_closed_form() -> None:
     rng = np.random.default_rng(1)
     slope, signal = rng.normal(size=(9, 2)), rng.normal(size=9)

@@ -28,6 +28,7 @@ def read(forward: ForwardMap, touches: Array, seed: int = 0, most: int = 3) -> t
     return read_several(forward, frame, NOISE_V, to_unknown(alone, forward.p0)[0], most)
 
 
+@pytest.mark.thorough
 def test_two_touches_are_found_in_either_order(forward: ForwardMap) -> None:
     both = np.array([[-30.0, 12.0, 14.0, 1.2], [28.0, -20.0, 12.0, 0.8]])
     found, turned = read(forward, both), read(forward, both[::-1])

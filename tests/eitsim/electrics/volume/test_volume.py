@@ -55,6 +55,7 @@ def series(places_m: np.ndarray, thick_m: float, modes: int = 500) -> np.ndarray
     return np.einsum("am,an,mn,bm,bn->ab", *mean, weight, *mean, optimize=True)
 
 
+@pytest.mark.thorough
 def test_a_slab_with_two_and_four_electrodes_has_the_readings_of_a_series():
     # contacts so poor that the current density under them is even; what they add to a reading is known exactly
     z = 5e4 * WIDE_M / SIGMA
@@ -117,6 +118,7 @@ def disc(body: Body, electrodes: Electrodes, level: int, rings: int) -> SkinMesh
     return ring_mesh(radii, np.zeros((len(radii), 2)), angles, electrode, electrodes.count, covered=len(patches) - 1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["line", "patch"])
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_thin_layer_is_the_sheet(kind: str, seed: int):

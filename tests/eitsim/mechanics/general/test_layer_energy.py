@@ -34,6 +34,7 @@ def _state(layer: LayerProblem) -> np.ndarray:
     return np.append(moved[layer.mesh.unknown >= 0], [0.021, 0.0211])
 
 
+@pytest.mark.thorough
 def test_gradient_and_hessian_are_derivatives_of_the_energy(layer: LayerProblem) -> None:
     x, rng = _state(layer), np.random.default_rng(1)
     gradient, factorised = many.system(layer, x)

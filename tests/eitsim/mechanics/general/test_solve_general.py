@@ -38,6 +38,7 @@ def alone() -> GeneralSolution:
     return _solved(Body(Disc(0.1)), FLAT)
 
 
+@pytest.mark.thorough
 def test_one_touch_is_the_axisymmetric_one(alone: GeneralSolution) -> None:
     exact, (touch,) = solve_touch(LAW, Body(Disc(0.1)), FLAT), alone.touches
     assert abs(touch.depth_m / exact.depth_m - 1) < min(2e-3, 2 * touch.depth_error)
@@ -97,6 +98,7 @@ def test_near_the_rim_it_is_what_the_rim_changes_of_the_axisymmetric_touch() -> 
     assert touch.depth_m > 1.01 * alone.depth_m
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("punch", [
     replace(FLAT, friction="stick"),
     pytest.param(replace(FLAT, depth_m=0.003, force_N=None, friction="coulomb", friction_coefficient=0.3),

@@ -297,6 +297,7 @@ def document(fitted: tuple[Path, str]) -> dict:
     return json.loads((fitted[0] / "sensor.json").read_text())
 
 
+@pytest.mark.thorough
 def test_a_calibrated_sensor_is_read_back_and_predicts_other_drives(document: dict, tmp_path: Path) -> None:
     state, volts = hidden(6, ("contacts",), noise=1e-6)
     write_json(document, tmp_path / "sensor.json")
@@ -370,6 +371,7 @@ def test_the_commands_fit_and_predict(command: Callable[..., CompletedProcess[st
     assert not (folder / "no.csv").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not REAL.exists(), reason="recordings of real sensors are not here")
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3, 4))])
 def test_a_water_tank_is_predicted_on_drives_that_were_not_fitted(seed: int) -> None:
@@ -399,6 +401,7 @@ def layered(**electrodes: float) -> Sensor:
         count=COUNT, width_m=0.008, contact_impedance_Ohm_m=0.1, **electrodes))
 
 
+@pytest.mark.thorough
 def test_a_layer_s_conductivity_and_contacts_are_found_from_a_solution_of_its_volume() -> None:
     rng, one = np.random.default_rng(11), layered()
     sigma, z = rng.uniform(0.5, 20), 3e-4 * np.exp(0.5 * rng.standard_normal(COUNT))

@@ -137,6 +137,7 @@ def test_the_command_writes_a_recording(command: Callable[..., CompletedProcess[
     np.testing.assert_allclose(found.readings[0], expected, atol=1e-5 * float(np.abs(expected).max()))
 
 
+@pytest.mark.thorough
 def test_the_noise_does_not_hang_on_the_draw() -> None:
     """Leaks so uncertain that some of the drawn sensors give back energy, which no body does."""
     sensor = real("gains")

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from eitsim.electrics.imaging.gauss_newton import pixel_signals, pixels
 from eitsim.scene.channels import Channels
@@ -42,10 +43,12 @@ def test_sums_of_pixels_are_those_of_their_signals() -> None:
     np.testing.assert_allclose(summed, whole @ weight.T, atol=1e-12 * np.abs(whole).max())
 
 
+@pytest.mark.thorough
 def test_a_sensor_that_is_known_adds_nothing() -> None:
     assert np.abs(errors(np.zeros((HELD.size, HELD.size)))).max() < 1e-9 * np.abs(pressed()).max()
 
 
+@pytest.mark.thorough
 def test_a_conductance_in_doubt_scales_all_presses_in_the_same_way() -> None:
     """Signals go with the inverse of the sheet's conductance."""
     doubt = np.zeros((HELD.size, HELD.size))

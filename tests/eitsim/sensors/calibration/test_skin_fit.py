@@ -52,6 +52,7 @@ def test_a_press_with_the_signal_of_another_is_named_and_few_others_are() -> Non
     assert others <= 6
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shared", [0.0, 0.3])
 def test_intervals_hold_the_truth(shared: float) -> None:
     """Of 60 problems, with an error that all presses share and without one."""

@@ -75,6 +75,7 @@ def test_the_sheet_is_off_by_what_it_states_from_what_the_volume_scatters(touch:
     assert 0 < off <= UNSEEN * sheet_error(layer, sheet, PUNCH, law, LAW, REACH_M) < 0.4
 
 
+@pytest.mark.thorough
 def test_the_volume_scatters_what_a_solution_in_three_dimensions_does(touch: Touch):
     law, electrodes, z = skin("piezoresistive", 5.0, 1.0), Electrodes(count=8, contact_impedance_Ohm_m=0.05), 0.05
     layer = layer_section(touch, law, LAW)

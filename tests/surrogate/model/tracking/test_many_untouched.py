@@ -25,6 +25,7 @@ def test_proportional_noise_makes_no_touch(forward_model: Model, untouched_V: Ar
     assert set(states) <= {CALIBRATING, UNTOUCHED}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("given", [0, 20])
 def test_white_noise_alone_is_no_drift(forward_model: Model, untouched_V: Array, given: int) -> None:
     """Twenty frames show shared noise that is none; what other frames say of it counts."""

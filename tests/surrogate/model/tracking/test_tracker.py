@@ -82,6 +82,7 @@ def test_touches_elsewhere_without_a_pause_are_read_as_alone(model: Model, spots
     assert np.allclose(found, alone[["x0_m", "y0_m", "d_m", "F_N"]], rtol=2e-2, atol=1e-4)
 
 
+@pytest.mark.thorough
 def test_a_sliding_press_is_found_followed_held_and_let_go(model: Model, press: Callable[..., Array],
                                                            untouched_V: Array) -> None:
     held = []
@@ -138,6 +139,7 @@ def test_noise_that_patterns_share_is_in_the_ellipses(model: Model, spots: Spots
     assert np.mean(held) > 0.8
 
 
+@pytest.mark.thorough
 def test_a_drift_is_followed_and_makes_no_contact(model: Model, press: Callable[..., Array],
                                                   untouched_V: Array) -> None:
     touch = slide(80)
@@ -167,6 +169,7 @@ def walked(root: Array, frames: int) -> Array:
     return np.cumsum(np.random.default_rng(4).normal(size=(frames, len(root))), axis=0) @ root / np.sqrt(RATE_HZ)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("cause", ["any", "gains"])
 def test_a_drift_that_only_short_pauses_show_makes_no_contact(model: Model, press: Callable[..., Array], cause: str
                                                              ) -> None:
@@ -200,6 +203,7 @@ def test_an_untouched_frame_that_jumps_is_taken_anew(model: Model, press: Callab
     assert {now.state for now in said[-REST + 2:]} == {UNTOUCHED}
 
 
+@pytest.mark.thorough
 def test_a_frame_that_is_cut_changes_nothing(model: Model, press: Callable[..., Array]) -> None:
     """One reading of 1000 V, or all of them half as large again, in an untouched frame."""
     frames = press(slide(), 8)
@@ -227,6 +231,7 @@ def test_a_frame_of_no_single_touch_teaches_nothing_of_the_touch(model: Model, p
         assert -2 * 1e3 * now.below[2] < off[2] < 2 * 1e3 * now.above[2]
 
 
+@pytest.mark.thorough
 def test_a_jump_of_all_readings_is_said_and_scaled(model: Model, press: Callable[..., Array]) -> None:
     """The current rises by a quarter while nothing touches."""
     words: list[str] = []
@@ -250,6 +255,7 @@ def test_a_reading_that_no_instrument_has_is_a_dead_channel(model: Model, press:
     assert (said.state, said.flag) == (TOUCH, "dead channel: column 41")
 
 
+@pytest.mark.thorough
 def test_channels_that_flicker_take_no_more_memory(model: Model, press: Callable[..., Array], untouched_V: Array
                                                    ) -> None:
     """Each frame of a touch lacks another pair of readings, strange ones too."""
@@ -283,6 +289,7 @@ def test_calibration_tells_the_noise_and_how_long_it_takes(model: Model, press: 
     assert said[REST + 10].state == TOUCH
 
 
+@pytest.mark.thorough
 def test_a_channel_that_dies_in_a_touch_costs_nothing(model: Model, press: Callable[..., Array],
                                                       untouched_V: Array) -> None:
     frames = press(slide(), 4)
@@ -299,6 +306,7 @@ def test_a_channel_that_dies_in_a_touch_costs_nothing(model: Model, press: Calla
     assert tracked(Tracker(model, untouched_V, NOISE_V), lost)[REST + 14].state == UNREADABLE
 
 
+@pytest.mark.thorough
 def test_two_touches_are_said_to_be_more_than_one(model: Model, press: Callable[..., Array],
                                                   untouched_V: Array) -> None:
     one = np.tile([-25.0, 5.0, 13.0, 1.0], (12, 1))
@@ -326,6 +334,7 @@ def test_a_punch_whose_error_is_said_to_be_small_is_not_the_likely_one_for_that(
     assert now.value[2] - now.below[2] < 0.016 < now.value[2] + now.above[2]
 
 
+@pytest.mark.thorough
 def test_a_diameter_that_never_varied_has_no_error(samples: SweepSamples, synthetic: Callable[..., tuple[Array, Array]],
                                                    untouched_V: Array) -> None:
     touch, signal = synthetic(100, 11, [14.0], 45.0)
