@@ -107,7 +107,6 @@ def outside(path: Path) -> set[str]:
     return found
 
 
-@pytest.mark.thorough
 def test_imports_go_downstairs() -> None:
     packages, wrong = list(HOUSE), []
     for module, found in imports().items():
@@ -188,7 +187,6 @@ def climbs(work: Callable[[], object]) -> set[tuple[str, str, str]]:
     return found
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("scene", "most"), [({}, 8), ({"punch": {"conductor": True}}, 8), (
     {"punch": {"x_mm": 84, "force_N": 0.2}, "electrodes": {"soft": True}}, 20)], ids=str)
 def test_a_scene_is_solved_downstairs(scene: dict[str, Any], most: int) -> None:
@@ -244,7 +242,6 @@ def test_only_reports_draw() -> None:
     assert [path for path in below if outside(path) & DRAWING] == []
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("work", "may"), [
     ("import matcal.card", set()),
     ("import matcal; matcal.inspect('data_raw/mts_uniaxial.txt')", set()),

@@ -413,7 +413,6 @@ def spoilt_arrays(data: some.DataObject) -> None:
             assert place in said
 
 
-@pytest.mark.thorough
 def test_models_of_spoilt_arrays_are_used_or_refused() -> None:
     settings(max_examples=80, derandomize=True, **QUIET)(given(some.data())(spoilt_arrays))()
 

@@ -72,7 +72,6 @@ def complaints(text: str, root: Path) -> Iterator[str]:
                 yield f"{number}: {line.strip()!r} {wrong}"
 
 
-@pytest.mark.thorough
 def test_figures_are_those_of_their_tables() -> None:
     texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
     assert [name for name, text in texts.items() if len(FIGURES.findall(text)) != text.count("<!-- figures")] == []

@@ -64,7 +64,6 @@ def test_every_page_is_in_the_index() -> None:
             assert f"({folder}/{page.name})" in index, page.name
 
 
-@pytest.mark.thorough
 def test_the_first_python_of_the_pages_fits_a_card_and_simulates_the_scene_of_the_file(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, source in (("disc1.csv", "mts_uniaxial.txt"), ("lap.txt", "mts_shear.txt"),
