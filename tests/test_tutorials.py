@@ -1,5 +1,6 @@
 """Tutorials run as they stand, warn of nothing, and print what is true of the sensors that they simulate."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -19,6 +20,7 @@ def printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], 
     folder = Path(shutil.copytree(ROOT / "docs" / "tutorials", tmp_path / "docs" / "tutorials"))
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")  # of commands
 
     def run(number: int) -> str:
         (page,) = folder.glob(f"{number}_*.py")
