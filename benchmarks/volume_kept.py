@@ -2,7 +2,7 @@
 
 Usage: python benchmarks/volume_kept.py. Writes results/volume_kept.csv. A frictionless sphere under a small force that
 stays; `peers/elastic_layer.py` is exact where strains are small. Columns, per cent: how the depth, the largest pressure
-and the areal strain of the surface change in both, and how far apart that is; of strains the L2 norm over the surface,
+and the areal strain of the surface change in both, and the difference; of strains the L2 norm over the surface,
 over that of the strain.
 """
 

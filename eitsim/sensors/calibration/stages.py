@@ -53,7 +53,7 @@ class Fit:
     state: Array  # (p,)
     misfit: float  # standard deviation of a reading about the model, V, by residual degrees of freedom
     cost: float  # minus twice the logarithm of the posterior, up to a constant
-    covariance: Array  # (p, p) by the Gauss-Newton normal matrix, of held groups the prior's; gauges fixed
+    covariance: Array  # (p, p) by the Gauss-Newton normal matrix and the misfit; gauges fixed
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def fit(instrument: Instrument, frame: Untouched, groups: Sequence[str], start: 
     problem, sd = _Whitened(instrument, frame, mask(instrument, groups)), instrument.prior_sd
     white = ((start - instrument.prior_mean) / sd)[problem.free]
     residual, change = problem.linearised(white)
-    misfit = float(np.sqrt(np.mean(residual**2)))
+    misfit, root = float(np.sqrt(np.mean(residual**2))), np.eye(len(white))
     for _ in range(_ROUNDS if np.isfinite(misfit) else 0):
         white = problem.minimum(white, misfit)
         residual, change = problem.linearised(white)
@@ -159,25 +159,14 @@ def fit(instrument: Instrument, frame: Untouched, groups: Sequence[str], start: 
         if degrees < 1:  # the readings are interpolated, and say nothing of their noise
             break
         before, misfit = misfit, float(np.sqrt(residual @ residual / degrees))
+        root = _root(change / misfit)
         if abs(misfit / before - 1) < _SETTLED:
             break
     whole = np.diag(sd)
-    whole[np.ix_(problem.free, problem.free)] = _spread(problem, white, misfit) * sd[problem.free]
+    whole[np.ix_(problem.free, problem.free)] = root * sd[problem.free]
     whole = instrument.gauged(whole)
     cost = float(2 * len(residual) * np.log(misfit) + white @ white)
     return Fit(problem.state(white), misfit, cost, whole.T @ whole)
-
-
-def _spread(problem: "_Whitened", white: Array, misfit: float) -> Array:
-    """(q, q) M with M' M the covariance of the free parameters at `white`, were all groups free: what those that are
-    held may still be moves the others."""
-    every = mask(problem.instrument, tuple(problem.instrument.places))
-    own, at = problem.free[every], np.zeros(int(every.sum()))
-    at[own] = white
-    _, change = _Whitened(problem.instrument, problem.frame, every).linearised(at)
-    if not misfit or not np.isfinite(change).all():
-        return np.eye(len(white))
-    return np.asarray(np.linalg.qr(_root(change / misfit)[:, own], mode="r"), np.float64)
 
 
 def _root(change: Array) -> Array:
