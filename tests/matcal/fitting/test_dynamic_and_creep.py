@@ -53,10 +53,10 @@ def test_the_complex_modulus_is_the_transform_of_the_relaxation() -> None:
 
 @pytest.mark.thorough
 def test_a_hold_of_the_same_material_is_predicted_to_one_per_cent() -> None:
-    """Mean and worst over six materials, a hold after a ramp of 0.5 s, sweeps at seven temperatures with 0.5 % noise
+    """Mean and worst over ten materials, a hold after a ramp of 0.5 s, sweeps at seven temperatures with 0.5 % noise
     (with 1 % the worst is 1.1 %)."""
     worst = []
-    for seed in range(6):
+    for seed in range(10):
         true, modulus_Pa, rng = material(seed)
         found = fit_spectrum(sweeps(true, modulus_Pa, Wlf(9.0, 110.0, 303.15), 0.005, rng), reference_K=303.15)
         time = np.r_[0.0, np.geomspace(0.5, found.bounds_s[1], 60)]
@@ -72,7 +72,7 @@ def test_a_hold_of_the_same_material_is_predicted_to_one_per_cent() -> None:
 @pytest.mark.parametrize("law", [Wlf(9.0, 110.0, 303.15), Arrhenius(90e3, 303.15)], ids=["wlf", "arrhenius"])
 def test_shifts_and_their_law_lie_in_their_intervals(law: Shift) -> None:
     shifts, numbers, chosen = [], [], 0
-    for seed in range(6):
+    for seed in range(10):
         true, modulus_Pa, rng = material(seed)
         found = fit_spectrum(sweeps(true, modulus_Pa, law, 0.01, rng), reference_K=303.15).shift
         assert found is not None
@@ -87,7 +87,7 @@ def test_shifts_and_their_law_lie_in_their_intervals(law: Shift) -> None:
             numbers += [*(np.abs(np.subtract(values, truth)) < 2.2 * found.law_sd)]
     assert np.mean(shifts) > 0.9
     assert np.mean(numbers) > 0.85
-    assert chosen >= 5
+    assert chosen >= 8
 
 
 def test_creep_and_relaxation_are_inverse() -> None:

@@ -54,14 +54,12 @@ def brought_up(reader: PressReader, presses: Presses, place: Array) -> tuple[flo
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("gains", "moved", "most", "draws"), [
-    (False, False, 1.3, DRAWS[:4]), (True, False, 1.3, DRAWS[:4]), (True, True, 1.5, DRAWS)])
-def test_five_presses_bring_a_reader_up_to_date(reader: PressReader, gains: bool, moved: bool, most: float,
-                                                draws: range) -> None:
+@pytest.mark.parametrize(("gains", "moved", "most"), [(False, False, 1.3), (True, False, 1.3), (True, True, 1.5)])
+def test_five_presses_bring_a_reader_up_to_date(reader: PressReader, gains: bool, moved: bool, most: float) -> None:
     presses, place = against_rest(2, 200, *session(0, 0.0))
     there = read(reader, presses).place
     assert there
-    found = np.array([brought_up(reader, *second(seed, gains=gains, moved=moved)) for seed in draws])
+    found = np.array([brought_up(reader, *second(seed, gains=gains, moved=moved)) for seed in DRAWS])
     assert found[:, 0].mean() <= most * distance(there.value, place)
     assert found[:, 1].mean() >= 0.9
     assert 0.85 <= found[:, 2].mean() <= 0.97

@@ -145,5 +145,5 @@ def test_the_noise_does_not_hang_on_the_draw() -> None:
     leaks[HELD.places["leaks"]] = 100 * HELD.prior_sd[HELD.places["leaks"]]
     unsure = replace(sensor, sd=leaks)
     found = to_ideal(unsure)
-    drawn = [frame_noise(unsure, found, seed) for seed in range(4)]
+    drawn = [frame_noise(unsure, found, seed) for seed in range(6)]
     assert max(drawn) < 3 * min(drawn)
