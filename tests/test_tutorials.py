@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -42,4 +43,39 @@ def test_a_calibrated_sensor_gives_the_ideal_ones_signal_and_an_image_of_volts(p
     assert of_read.startswith("as read: image of normalised\n")
     assert "the untouched frame is no uniform skin's" in of_read
     assert of_corrected == "volts\n"  # and nothing to mind
+    assert "!" not in out
+
+
+@pytest.mark.slow
+def test_touches_that_no_sweep_held_are_read_to_a_millimetre(printed: Callable[[int], str]) -> None:
+    out = printed(3)
+    kept = dict(re.findall(r"^(x0|y0|F) +root mean square error ([0-9.]+) ", out, re.M))
+    assert max(float(kept["x0"]), float(kept["y0"])) < 1
+    assert float(kept["F"]) < 0.1
+    rows = np.array(re.findall(r"^\d +" + r"([-0-9.]+) +" * 6, out, re.M), dtype=float)
+    x, y, _, _, least, most = rows.T  # and no flag, which would be a word behind them
+    assert np.hypot(x - [0.020, -0.030, 0.005, -0.010], y - [0.005, 0.015, -0.040, -0.025]).max() < 1e-3
+    assert np.sum((least <= [0.5, 1.0, 1.5, 0.8]) & (most >= [0.5, 1.0, 1.5, 0.8])) >= 3
+    assert "!" not in out
+
+
+@pytest.mark.slow
+def test_a_recording_says_its_order_or_asks_and_teaches_a_reader(printed: Callable[[int], str]) -> None:
+    out = " ".join(printed(4).split())
+    assert "in a sensor file [drive] pattern = \"adjacent\", reading = \"single-ended\"" in out  # the simulator's own
+    of_time = re.search(r" time +120 +30 +place +([0-9.]+) mm .*? (\d+), (\d+) ", out)
+    assert of_time
+    assert float(of_time[1]) < 1
+    assert min(int(of_time[2]), int(of_time[3])) > 75
+    assert "predictions.csv: 150 frames, none flagged." in out
+
+
+@pytest.mark.slow
+def test_a_moving_touch_is_followed_from_first_to_last(printed: Callable[[int], str]) -> None:
+    out = printed(6)
+    states = [line.rsplit(maxsplit=1)[0].strip() for line in out.splitlines() if re.fullmatch(r" *[a-z]+ +\d+", line)]
+    assert states == ["calibrating", "untouched", "touch", "untouched"]
+    off_mm, held = re.findall(r"place off by ([0-9.]+) mm in the median; (\d+)%", out)[0]
+    assert float(off_mm) < 0.5
+    assert int(held) >= 75
     assert "!" not in out
