@@ -39,6 +39,8 @@ HEADS = {
         负载, 荷载, 試験力, 试验力, 하중, 힘, 시험력, lực, tải trọng""",
     "stretch": "stretch, stretch ratio, lambda, λ, streckung, 伸长比, 伸長比",
     "strain": """
+        compression ratio, compressive ratio, degree of compression, compression degree, stauchungsgrad,
+        taux de compression, grado de compresión, rapporto di compressione,
         strain, microstrain, eyy, exy, exz, eyz, poměrná deformace, angle, winkel, scherwinkel, schubwinkel,
         schiebungswinkel, gleitwinkel, angle de cisaillement,
         eps, epsilon, ε, gamma, γ, dehnung, feindehnung, stauchung, verzerrung, scherung, gleitung, rek,

@@ -11,7 +11,8 @@ from matcal.readers.cells import Grid, shown
 from matcal.readers.column_options import Selection
 from matcal.readers.column_words import HOLDS_MORE, SECOND_CHOICE
 from matcal.readers.complete_rows import complete
-from matcal.readers.dynamic_words import absolute_temperature, is_angular, is_phase
+from matcal.readers.dynamic_words import absolute_temperature, is_angular, is_period, is_phase
+from matcal.readers.impedance_columns import is_magnitude, is_real_part, resistance_of
 from matcal.readers.plausibility import check_credible
 from matcal.readers.recording import QUANTITIES, Recording
 from matcal.readers.shear_angle import is_tensorial, names_angle
@@ -20,6 +21,7 @@ from matcal.readers.unit_table import readings
 from matcal.readers.units import (
     COMMON,
     dynamic_in,
+    factor_for,
     is_common,
     measured,
     measures,
@@ -83,7 +85,9 @@ class _Column:
     @property
     def inverse(self) -> str | None:
         """The quantity whose inverse a column holds by its unit: resistance of a conductance, conductivity of a
-        resistivity."""
+        resistivity, frequency of a period."""
+        if is_period(self.name) and si_factor(self.unit or "", "time") is not None:
+            return "frequency"
         return _INVERSE.get(measured(self.unit or "") or "")
 
 
@@ -115,6 +119,12 @@ def read_columns(grid: Grid, header: Header, vendor: str, selection: Selection |
         values[quantity] = _in_si(grid, header, quantity, column)
         said += _about(grid, quantity, column)
     _absolute(columns, values, said)
+    if "resistance" in columns and "loss_tangent" in columns:
+        values["resistance"], decided, minded = resistance_of(values["resistance"], values.pop("loss_tangent"),
+                                                              shown(columns["resistance"].name))
+        del columns["loss_tangent"], units["loss_tangent"]
+        said.append(decided)
+        warned += [minded] if minded else []
     _add_changes(columns, values, said)
     names = {quantity: column.name for quantity, column in columns.items()}
     check_credible(grid, header.line, values, names, units, said, warned, flag_for(grid, header),
@@ -147,7 +157,8 @@ def _about(grid: Grid, quantity: str, column: _Column) -> list[str]:
     if quantity == "time" and column.index in grid.clocks:
         return [f"column '{shown(column.name)}' is a clock: seconds from its first row."]
     if column.inverse == quantity:
-        return [f"column '{shown(column.name)}' is {measured(column.unit or '')}: {quantity} is its inverse."]
+        what = "a period" if quantity == "frequency" else measured(column.unit or "")
+        return [f"column '{shown(column.name)}' is {what}: {quantity} is its inverse."]
     if quantity == "force" and column.unit and weighs(column.unit):
         return [f"column '{shown(column.name)}' is in {column.unit}, a mass: the force is its weight, at 9.80665 N/kg."]
     return []
@@ -249,10 +260,13 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
     for n, (name, unit) in enumerate(header.cells):
         if (quantity := quantities[n] or _ratio(name, {q for q in quantities if q})) is not None:
             found.setdefault(quantity, []).append(_Column(n, name, unit))
-    for n, (name, unit) in enumerate(header.cells):  # a conductance or a resistivity, where nothing else says as much
-        column = _Column(n, name, unit)
-        if quantities[n] is None and not dynamic and column.inverse and not {"current", column.inverse} & set(found):
+    # a conductance or a resistivity, or the period of a dynamic test, where nothing else says as much
+    for column in (_Column(n, *cell) for n, cell in enumerate(header.cells) if quantities[n] is None):
+        if column.inverse and dynamic == (column.inverse == "frequency") \
+                and not {"current", column.inverse} & set(found):
             found[column.inverse] = [column]
+    if not dynamic and not {"resistance", "conductivity", "current", "relative_resistance"} & set(found):
+        found |= _impedance(grid, header, found)
     if len(found.get("strain", ())) > 1:  # shear components next to the strain along the load
         found["strain"] = [c for c in found["strain"] if not is_tensorial(c.name)] or found["strain"]
     # the table of a relaxation, without its strain
@@ -270,7 +284,8 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
     if len(found) < 2:
         raise InputFileError(grid.path, f"fewer than two columns are known by name. {_listed(header)} Name them strain "
                                         "and stress, or displacement and force (and time), or strain and resistance, "
-                                        "or time and modulus, with a line of units below, or say which is which: "
+                                        "or time and modulus, or frequency, storage modulus and loss modulus, with a "
+                                        "line of units below, or say which is which: "
                                         f"{flag_for(grid, header)}", line=header.line)
     out = {quantity: _one_of(grid, header, quantity, columns, said, warned) for quantity, columns in found.items()}
     labelled, _ = labels_of(grid, [name for name, _ in header.cells], header.rows)
@@ -287,6 +302,26 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
                     f"columns {', '.join(others[:12])}{' ...' if len(others) > 12 else ''} left out: not known "
                     "quantities.")
     return out
+
+
+def _impedance(grid: Grid, header: Header, known: Mapping[str, list[_Column]]) -> dict[str, list[_Column]]:
+    """The resistance in a table that has none by name: the real part of an impedance, or its magnitude with its phase
+    as `loss_tangent`; InputFileError where a magnitude in a unit of resistance has none."""
+    columns = [_Column(n, *cell) for n, cell in enumerate(header.cells)]
+    ohmic = [c for c in columns if si_factor(c.unit or "", "resistance") is not None]
+    phases = [c for c in columns if is_phase(c.name)]
+    if real := [c for c in ohmic if is_real_part(c.name)]:
+        return {"resistance": real[:1]}
+    if (magnitudes := [c for c in ohmic if is_magnitude(c.name)]) and not phases:
+        measures_of = {**{q: c for q, c in known.items() if q in ("strain", "stretch", "displacement")},
+                       "resistance": magnitudes}
+        items = [f"{quantity}={one[0].index + 1}" for quantity, one in measures_of.items()]
+        raise InputFileError(grid.path, f"column '{shown(magnitudes[0].name)}' is the magnitude of an impedance, of "
+                                        "which no resistance follows without its phase: add it as a column, phase "
+                                        "(deg), or the real part Z'. Where the phase is below 5 deg the magnitude is "
+                                        f"the resistance to 0.4 %: {_flag(grid, items)}",
+                             line=header.line)
+    return {"resistance": magnitudes[:1], "loss_tangent": phases[:1]} if magnitudes else {}
 
 
 def _left_alike(grid: Grid, header: Header, used: Mapping[str, _Column], left: Sequence[_Column]) -> list[str]:
@@ -420,7 +455,9 @@ def _in_si(grid: Grid, header: Header, quantity: str, column: _Column) -> Array:
             line = grid.lines[header.rows[int(np.argmin(np.abs(values)))]]
             raise InputFileError(grid.path, f"column '{shown(column.name)}' is 0, of which no {quantity} follows. "
                                             "Delete the row.", line=line)
-        return 1 / (values * readings(column.unit or "")[0][0])
+        unit = column.unit or ""
+        scale = si_factor(unit, "time") if quantity == "frequency" else None
+        return np.asarray(1 / (values * (readings(unit)[0][0] if scale is None else scale)))
     scale = _factor(grid, header, quantity, column)
     with np.errstate(over="ignore"):
         values = values * scale
@@ -440,7 +477,8 @@ def _factor(grid: Grid, header: Header, quantity: str, column: _Column) -> float
     unit = column.unit or {"temperature": "C", "frequency": _of_frequency(column)}.get(quantity, "")
     if quantity == "frequency" and is_angular(column.name) and "hz" not in unit.lower():
         unit = "rad/s"
-    value = 1.0 if quantity == "time" and column.index in grid.clocks else si_factor(unit, quantity)
+    clock = quantity == "time" and column.index in grid.clocks
+    value = 1.0 if clock else factor_for(column.name, unit, quantity)
     angle = _is_angle(quantity, column.name)
     unclear = not unit and (angle or (quantity == "strain" and not column.chosen and is_symbol(column.name)
                                       and len(column.name.strip()) > 1))

@@ -7,6 +7,7 @@ import numpy as np
 from matcal.readers.cells import Grid, shown
 from matcal.readers.recording import QUANTITIES
 from matcal.readers.shear_angle import gamma_of, is_angle, is_tensorial
+from matcal.readers.vocabulary import is_compression_ratio
 from touchcal.arrays import Array
 from touchcal.errors import InputFileError
 
@@ -18,6 +19,7 @@ _LARGEST = {"displacement": 10.0, "force": 1e8, "stress": 1e12, "modulus": 1e14,
             "relative_resistance": 1e12, "cycle": 1e12, "block": 1e12, "lateral": 20.0, "lateral_stretch": 20.0}
 # quantity -> magnitude in SI that any test of a soft foam exceeds somewhere
 _SMALLEST = {"displacement": 1e-12, "force": 1e-12, "stress": 1e-9, "strain": 1e-12}
+_AT_REST = 0.1  # from the first row of a compression ratio to the state of rest
 # fewer rows do not show equal steps; a column within this share of its range of equal steps has them, one above the
 # next has not
 _ENOUGH, _EQUAL, _CURVED = 10, 1e-4, 0.02
@@ -30,6 +32,8 @@ def check_credible(grid: Grid, line: int, values: dict[str, Array], names: dict[
     cannot be what it is called. With columns `chosen` by the user, only what no unit fixes is refused. `flag` is the
     option that exchanges columns, `percent` the one that reads the strain in per cent."""
     _ratios(values, names, units, said)
+    if "strain" in values and is_compression_ratio(names["strain"]):
+        values["strain"] = _compressed(grid, line, values, shown(names["strain"]), units["strain"], said, percent)
     _angles(grid, line, values, names, units, said, warned)
     for quantity, column in values.items():
         reach = float(np.max(np.abs(column)))
@@ -57,6 +61,27 @@ def _ratios(values: dict[str, Array], names: dict[str, str], units: dict[str, st
         values["lateral_stretch"] = values["lateral_stretch"] - 1
         for table in (values, names, units):
             table["lateral"] = table.pop("lateral_stretch")  # type: ignore[assignment]
+
+
+def _compressed(grid: Grid, line: int, values: dict[str, Array], name: str, unit: str, said: list[str],
+                percent: str) -> Array:
+    """The strain (n,) of a compression ratio, which begins at 0, or is 1 - strain and begins at 1, with the sign of its
+    load; InputFileError where it begins at neither end."""
+    ratio = values["strain"]
+    rest, reach = float(ratio[0]), float(np.max(np.abs(ratio)))
+    load = next((values[q] for q in ("stress", "force") if q in values), None)
+    sign = -1.0 if load is not None and load[np.argmax(np.abs(load))] < 0 else 1.0
+    ratio = ratio * (np.sign(ratio[np.argmax(np.abs(ratio))]) or 1.0)
+    if abs(rest) <= _AT_REST and reach < 1:
+        said.append(f"column '{name}' begins at {rest:.3g}: change of height over the height at rest.")
+        return sign * ratio
+    if abs(rest - 1) <= _AT_REST and ratio.min() > 0 and reach <= 1 + _AT_REST:
+        said.append(f"column '{name}' begins at {rest:.3g} and falls: height over the height at rest, 1 - strain.")
+        return sign * (1 - ratio)
+    raise InputFileError(grid.path, f"column '{name}' begins at {rest:.3g} and reaches {reach:.3g}"
+                                    f"{'' if unit else ' and has no unit'}. As a strain it begins at 0, as the height "
+                                    "over that at rest at 1. Name it strain or stretch; in per cent it is given with "
+                                    f"{percent}", line=line)
 
 
 def _angles(grid: Grid, line: int, values: dict[str, Array], names: dict[str, str], units: dict[str, str],

@@ -15,6 +15,7 @@ TIME: Dimensions = (0, 0, 1, 0, 0, 0)
 FREQUENCY: Dimensions = (0, 0, -1, 0, 0, 0)
 ANGULAR: Dimensions = (0, 0, -1, 0, 0, 1)
 COMPLIANCE: Dimensions = (1, -1, 2, 0, 0, 0)
+STIFFNESS: Dimensions = (0, 1, -2, 0, 0, 0)
 FORCE: Dimensions = (1, 1, -2, 0, 0, 0)
 PRESSURE: Dimensions = (-1, 1, -2, 0, 0, 0)
 CURRENT: Dimensions = (0, 0, 0, 1, 0, 0)
@@ -35,7 +36,7 @@ SI = {"": ONE, "s": TIME, "m": LENGTH, "m^2": (2, 0, 0, 0, 0, 0), "N": FORCE, "P
 OTHERS = {TEMPERATURE: "a temperature", FREQUENCY: "a frequency", ANGULAR: "a frequency",
           ANGLE: "an angle", CAPACITANCE: "a capacitance", POWER: "a power", ENERGY: "an energy", CHARGE: "a charge",
           CONDUCTANCE: "a conductance", (1, 0, -1, 0, 0, 0): "a speed", (3, 1, -3, -2, 0, 0): "a resistivity",
-          (3, 0, 0, 0, 0, 0): "a volume", (-1, 1, -1, 0, 0, 0): "a viscosity", (0, 1, -2, 0, 0, 0): "a stiffness",
+          (3, 0, 0, 0, 0, 0): "a volume", (-1, 1, -1, 0, 0, 0): "a viscosity", STIFFNESS: "a stiffness",
           MASS: "a mass"}
 # newton a kilogram: scales and texture analysers give a force as the mass that weighs as much
 G = 9.80665

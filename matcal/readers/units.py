@@ -5,7 +5,7 @@ import re
 import unicodedata
 from functools import cache
 
-from matcal.readers.dynamic_words import CELSIUS, FAHRENHEIT, KELVIN
+from matcal.readers.dynamic_words import CELSIUS, FAHRENHEIT, KELVIN, is_stiffness
 from matcal.readers.recording import QUANTITIES, SIZES
 from matcal.readers.unit_table import (
     ANGLE,
@@ -16,6 +16,7 @@ from matcal.readers.unit_table import (
     OTHERS,
     PRESSURE,
     SI,
+    STIFFNESS,
     Dimensions,
     G,
     plain_unit,
@@ -23,6 +24,7 @@ from matcal.readers.unit_table import (
 )
 from matcal.readers.vocabulary import (
     dynamic_quantity,
+    is_compression_ratio,
     is_symbol,
     quantities_of,
     quantity_of,
@@ -118,7 +120,14 @@ def quantity_in(name: str, unit: str | None) -> str | None:
 def dynamic_in(name: str, unit: str | None) -> str | None:
     """The quantity of a column of a dynamic test, where its unit, if it has one, is of that quantity; else None."""
     quantity = dynamic_quantity(name)
-    return quantity if quantity and (not unit or si_factor(unit, quantity) is not None) else None
+    return quantity if quantity and (not unit or factor_for(name, unit, quantity) is not None) else None
+
+
+def factor_for(name: str, unit: str, quantity: str) -> float | None:
+    """`si_factor` for a column by its name: of a stiffness where that stands for a modulus."""
+    if quantity in ("storage", "loss", "complex_modulus") and is_stiffness(name):
+        return next((factor for factor, dimensions in readings(unit) if dimensions == STIFFNESS), None)
+    return si_factor(unit, quantity)
 
 
 def unused_in(name: str, unit: str | None) -> str | None:
@@ -147,6 +156,8 @@ def split_name(cell: str) -> tuple[str, str | None]:
     unit of length, as DIN has it, is named travel."""
     cell = re.sub(r"(?<=[^\d\s.])\.\d{1,2}$", "", cell.strip()[:200])  # what pandas adds to a name that stands twice
     if relative_of(cell) is not None or relaxing_of(cell) == "normalised" or dynamic_quantity(cell) == "loss_tangent":
+        return cell, None
+    if cell.lower().endswith(" ratio") and is_compression_ratio(cell):
         return cell, None
     if (found := re.fullmatch(r"([EG](?:\(t\))?)(?:\s*[(\[,_/]\s*|\sin\s)([^()\[\]\s]+)[)\]]?", cell)) \
             and si_factor(found[2], "modulus") is not None:
@@ -185,6 +196,6 @@ def _suits(name: str, unit: str) -> bool:
         return True
     if relaxing_of(name) == "modulus" and si_factor(unit, "modulus") is not None:
         return True
-    if (dynamic := dynamic_quantity(name)) is not None and si_factor(unit, dynamic) is not None:
+    if (dynamic := dynamic_quantity(name)) is not None and factor_for(name, unit, dynamic) is not None:
         return True
     return (unused_of(name) is not None or name.strip() == "T") and measured(unit) is not None

@@ -15,8 +15,7 @@ from matcal.readers.column_words import (
     SYMBOLS,
     UNUSED,
 )
-from matcal.readers.dynamic_words import dynamic_of, is_compliance
-from matcal.readers.modulus_words import modulus_of
+from matcal.readers.dynamic_words import dynamic_of, is_compliance, modulus_of
 
 # kinds of tests
 KINDS = ("uniaxial", "biaxial", "planar", "shear", "volumetric", "relaxation", "creep", "dma", "conductivity")
@@ -44,6 +43,8 @@ _SIZES = (
 )
 # letters of their own that no accent is taken off
 _LETTERS = str.maketrans({"ł": "l", "ø": "o", "đ": "d", "ı": "i", "ß": "ss", "æ": "ae", "œ": "oe", "∆": "δ", "″": '"'})
+# a share of the height that was given or that is left: where it begins tells
+_COMPRESSION_RATIO = re.compile(r"(compress(ion|ive) ratio|rapporto di compressione)( .*)?")
 # words that make a strain the logarithmic and a stress that over the area under load
 _TRUE = re.compile(r"\b(true|log(arithmic)?|ln|hencky|cauchy|wahre?|vraie?|verdader[ao]|reale?)\b|真")
 
@@ -53,6 +54,11 @@ def true_quantity(name: str) -> str | None:
     text, found = _TRUE.subn("", _plain(name))
     quantity = quantity_of(text) if found else None
     return quantity if quantity in ("strain", "stretch", "stress") else None
+
+
+def is_compression_ratio(name: str) -> bool:
+    """Whether a name may be that of a compressive strain or of the height over the height at rest."""
+    return _COMPRESSION_RATIO.fullmatch(_plain(name)) is not None
 
 
 def quantity_of(name: str) -> str | None:

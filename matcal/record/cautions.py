@@ -29,6 +29,7 @@ _RUBBER_PA = 2e7  # largest mu_0 of a rubber
 _RUBBER = 0.49  # nu above which a rubber's was given
 _PULLED = 0.02  # strain in tension from which on a test is more than compression
 _ON_BOUND = 1.01  # times the shortest time that is searched up to which a fitted one is on it
+_RAMP_S, _RAMP_COUNTS = 1.0, 0.005  # ramp that a hold without one may have had, change of g_infinity that is said
 _LOST = 0.02  # share of the work that a cycle loses from which on it is said
 _RAMPS_S = (10.0, 1000.0)  # durations of a loading for which the effect of its rate is said where it has no clock
 # relative RMS of a loss modulus, and its ratio to that of the storage modulus, from which on it is said; decades
@@ -477,6 +478,15 @@ def _step(card: MaterialCard) -> Iterator[str]:
         if clock := row.get("step_clock_s", 0.0):
             yield (f"{label}: its first row, at {clock:.6g} s, was taken as the step, since its stress falls faster "
                    "there than that of a material does so long after a step.")
+        if "step_recorded" in row:
+            fallen = card.prony.tau_s / _RAMP_S * -np.expm1(-_RAMP_S / card.prony.tau_s)
+            g = card.prony.g / fallen
+            whole = card.prony.g_infinity + g.sum()
+            if card.prony.g_infinity * (1 - 1 / whole) > _RAMP_COUNTS:
+                yield (f"{label} is held from its first row on, so a step was taken there: what was before is not "
+                       f"known. If it was a ramp of {_RAMP_S:g} s, g_1 is near {g[0] / whole:.2g}, not "
+                       f"{card.prony.g[0]:.2g}, and g_infinity near {card.prony.g_infinity / whole:.3g}, not "
+                       f"{card.prony.g_infinity:.3g}: give the record with its ramp.")
 
 
 def _other_laws(card: MaterialCard, laws: Sequence[Mapping[str, Any]]) -> Iterator[str]:

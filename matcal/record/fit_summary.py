@@ -178,13 +178,14 @@ def _series_part(prony: PronyFit, relaxing: Sequence[Experiment]) -> dict[str, A
 
 
 def _spectral_part(fit: SpectrumFit, experiment: Experiment) -> dict[str, Any]:
-    symbol = next((s for name, s in _MODULI.items() if name in experiment.facts), "modulus_0")
+    symbol = next((s for name, s in _MODULI.items() if name in experiment.facts), None)
     channels = ("storage", "loss") if experiment.kind == "dma" else ("compliance",)
     out: dict[str, Any] = {
         "g_sd": fit.g_sd, "g_infinity_sd": fit.g_infinity_sd, "seen_s": list(fit.bounds_s),
         "orders": [{"order": terms, "rms": rms, "bic": bic} for terms, rms, bic in fit.orders],
-        "relative_rms": dict(zip(channels, fit.relative_rms, strict=True)),
-        "instantaneous": {f"{symbol}_Pa": {"value": fit.modulus_Pa, "sd": fit.modulus_sd_Pa}}}
+        "relative_rms": dict(zip(channels, fit.relative_rms, strict=True))}
+    if symbol:
+        out["instantaneous"] = {f"{symbol}_Pa": {"value": fit.modulus_Pa, "sd": fit.modulus_sd_Pa}}
     if (s := fit.shift) is not None:
         out["shift"] = {"temperature_K": s.temperature_K, "log10_a": s.log10_a, "sd": s.sd, "law_sd": s.law_sd,
                         "misfit_decades": s.misfit_decades, "gaps_K": list(s.gaps), "disagree_K": list(s.disagree)}

@@ -12,7 +12,7 @@ from matcal.readers.recording import Recording
 from matcal.readers.specimens import specimens_of
 from matcal.readers.test_inputs import Input, inputs_of
 from matcal.reduction.experiment import Experiment
-from matcal.reduction.holds.relaxation_tables import reduce_relaxation_table
+from matcal.reduction.holds.relaxation_tables import as_held, reduce_relaxation_table
 from matcal.reduction.kind_doubts import doubts
 from matcal.reduction.load_cycles import BRANCHES
 from matcal.reduction.measured_twice import best_measures, is_table, needs_no_size
@@ -202,6 +202,8 @@ def _of_kind(kind: str, recordings: list[Recording], why: str, specimen: Path | 
     if kind in ("dma", "creep"):
         return _said(reduce_sweeps(first) if kind == "dma" else reduce_creep(first), why), ()
     direction = stated_direction(kind, first, specimen)
+    if kind == "relaxation" and (held := as_held(first)) is not None:
+        return _said(reduce_relaxation_table(held), why), ()
     if is_table(first):
         cycled = branch == "all" and kind in ("uniaxial", "biaxial", "planar", "shear")
         unused = () if specimen is None else (

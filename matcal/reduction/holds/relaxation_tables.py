@@ -11,8 +11,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from matcal.readers.recording import Recording
+from matcal.readers.vocabulary import quantity_of
 from matcal.reduction.experiment import Experiment
 from matcal.reduction.hold_segments import held_samples, held_throughout, loading_start
+from matcal.reduction.stroke_segments import find_stroke
 from matcal.reduction.tables.modulus_symbol import symbol_of
 from matcal.reduction.tables.reduced_tables import reduce_table
 from touchcal.arrays import Array
@@ -20,6 +22,7 @@ from touchcal.errors import InputFileError
 
 # relaxation times that are compared, in each decade; ln of the share by which one of them may have fallen before the
 # first row; relative misfit that no table distinguishes; difference of twice the log likelihood that decides
+_AT_ITS_PEAK = 0.9  # share of its largest that a force has in its first row where no ramp was recorded
 _PER_DECADE, _FALLEN, _FINEST, _CLEAR = 10, np.log(1e3), 1e-3, 10.0
 
 
@@ -34,6 +37,31 @@ def reduce_relaxation_table(recording: Recording, direction: str | None = None) 
     if held_throughout(found.strain[start + 1:]):
         return _as_step(_held_rows(found, start), recording)
     return _from_row(found, start)
+
+
+def as_held(recording: Recording) -> Recording | None:
+    """A record of force over time whose displacement is missing or never moves, and whose force only falls from its
+    first rows on, as a normalised modulus over the time since a step; None for any other record."""
+    has, force = recording.columns, recording.columns.get("force")
+    if force is None or "time" not in has or {"strain", "stretch", "stress"} & set(has):
+        return None
+    load = force * np.sign(np.median(force))
+    if load[0] < _AT_ITS_PEAK * load.max() or load.min() <= 0 or _moves(has.get("displacement")):
+        return None
+    said = (f"No ramp was recorded: column '{recording.names['force']}' over its first value, since a step there.",)
+    return replace(recording, columns={"time": has["time"], "normalised": load / load[0]},
+                   names={"time": recording.names["time"], "normalised": recording.names["force"]},
+                   units={"time": recording.units["time"], "normalised": "-"}, notes=(*recording.notes, *said))
+
+
+def _moves(displacement: Array | None) -> bool:
+    if displacement is None:
+        return False
+    try:
+        find_stroke(displacement)
+    except ValueError:
+        return False
+    return True
 
 
 def _held_rows(found: Experiment, rest: int) -> Experiment:
@@ -75,6 +103,8 @@ def _as_step(found: Experiment, recording: Recording) -> Experiment:
     if first <= 0 or not since_step(time, np.abs(found.value)):
         at = f" (its clock reads {first:.6g} s there)" if first else ""
         facts = {**found.facts, "step_first_s": 0.0, **({"step_clock_s": first} if first > 0 else {})}
+        if not {"modulus", "normalised"} & set(recording.columns) or quantity_of(recording.names.get("normalised", "")):
+            facts["step_recorded"] = 1.0  # what a machine held, after a ramp that is not there
         return replace(found, time_s=time - first, held=np.ones(time.size), facts=facts, decisions=(
             *found.decisions, f"The strain is held from the first row on: a step at that row{at}."))
     return replace(found, held=np.ones(time.size), facts={**found.facts, "step_first_s": first}, decisions=(

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from matcal.readers.dynamic_words import is_stiffness
 from matcal.readers.recording import Recording
 from matcal.reduction.experiment import Experiment, Sweep
 from matcal.reduction.tables.modulus_symbol import symbol_of
@@ -19,7 +20,8 @@ def reduce_sweeps(recording: Recording) -> Experiment:
     needed is missing or not above 0."""
     columns, names = recording.columns, recording.names
     if "frequency" not in columns:
-        raise _error(recording, f"a dynamic test needs a frequency column; found: {', '.join(names.values())}.")
+        raise _error(recording, "a dynamic test needs a frequency column (Hz, rad/s) or the period with its unit (s); "
+                                f"found: {', '.join(names.values())}.")
     storage, loss = _moduli(recording)
     for quantity, values in (("frequency", columns["frequency"]), ("storage modulus", storage), ("loss modulus", loss)):
         if values.min() <= 0:
@@ -31,8 +33,14 @@ def reduce_sweeps(recording: Recording) -> Experiment:
         where = f" at {temperature[counts.argmin()] - 273.15:.4g} C" if temperature.size else ""
         raise _error(recording, f"a sweep{where} has {counts.min()} rows. Give at least {_FEWEST} frequencies at each "
                                 "temperature.")
-    symbol = symbol_of(names.get("storage", names.get("complex_modulus", "")))
-    said = [f"{counts.size} sweep{'s' if counts.size > 1 else ''} of {storage.size} rows, "
+    named = names.get("storage", names.get("complex_modulus", names.get("loss", "")))
+    symbol = symbol_of(named)
+    said = [] if not is_stiffness(named) else [
+        f"Column '{named}' is a stiffness, so that the series is fitted, which needs no size of the specimen, and no "
+        "modulus is stated: that is stiffness x height/area, or x thickness/(faces x area) in shear."]
+    if said:
+        symbol, storage, loss = "table_normalised", storage / storage.max(), loss / storage.max()
+    said += [f"{counts.size} sweep{'s' if counts.size > 1 else ''} of {storage.size} rows, "
             f"{columns['frequency'].min():.4g} to {columns['frequency'].max():.4g} Hz."]
     if temperature.size:
         said.append("Temperatures: " + ", ".join(f"{t - 273.15:.4g}" for t in temperature) + " C.")

@@ -38,6 +38,25 @@ def test_a_sweep_is_read_whatever_its_columns_are_called(names: str, units: str,
                                [FREQUENCY, STORAGE, LOSS], rtol=1e-9)
 
 
+@pytest.mark.parametrize(("names", "units", "per"), [
+    ("Period,Storage modulus,Loss modulus", "s,Pa,Pa", 1.0), ("Periodendauer,K',K''", "ms,N/mm,N/mm", 1e3),
+    ("period,Dynamic stiffness,Loss factor", "s,kN/m,-", 1.0)])
+def test_a_period_and_a_stiffness_give_the_same_series(names: str, units: str, per: float, tmp_path: Path) -> None:
+    stiff, of = "Pa" not in units, 2e-2
+    first = np.hypot(STORAGE, LOSS) if "Loss factor" in names else STORAGE
+    second = LOSS / STORAGE if "Loss factor" in names else LOSS * (1e-3 * of if stiff else 1)
+    path = table(tmp_path, names, units, per / FREQUENCY, first * (1e-3 * of if stiff else 1), second)
+    (found,) = reduce_tests([(None, (path,))])
+    assert found.sweep is not None
+    scale = STORAGE.max() if stiff else 1.0
+    np.testing.assert_allclose([found.sweep.frequency_Hz, found.value, found.sweep.loss_Pa],
+                               [FREQUENCY, STORAGE / scale, LOSS / scale], rtol=1e-8)
+    assert ("table_normalised" in found.facts) == stiff
+    with pytest.raises(InputFileError, match=r"storage|unit|fewer"):  # a modulus is no stiffness
+        reduce_tests([(None, (table(tmp_path, "f,Storage modulus,Loss modulus", "Hz,N/mm,N/mm", FREQUENCY, STORAGE,
+                                    LOSS),))])
+
+
 @pytest.mark.parametrize("names", ["E',tan delta", "|E*|,tan(delta)", "E'',tan_d", "E',loss factor η"])
 def test_the_loss_tangent_gives_the_modulus_that_is_missing(names: str, tmp_path: Path) -> None:
     tangent = LOSS / STORAGE

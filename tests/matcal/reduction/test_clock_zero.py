@@ -1,5 +1,6 @@
 """A constant added to a clock changes nothing, in any reader and any reduction; tables of a step have true times."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -240,3 +241,17 @@ def test_fast_times_are_searched_whatever_was_recorded_before_the_last_ramp(
     found = fit_prony([matcal.read_test({"relaxation": columns})], None, 2).prony
     assert found.tau_s[0] == pytest.approx(0.4, rel=0.2)
     assert found.g[0] == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize("columns", [("strain", "stress"), ("displacement", "force"), ("force",)])
+def test_a_hold_whose_ramp_was_cut_off_says_what_a_ramp_would_change(columns: tuple[str, ...], tmp_path: Path) -> None:
+    series, time = Prony(np.array([0.15, 0.15]), np.array([0.3, 5.0])), np.arange(0, 60, 0.1)
+    each = series.g * series.tau_s * -np.expm1(-1 / series.tau_s)  # after a linear ramp of 1 s
+    load = 30 * (series.g_infinity + np.exp(-time[:, None] / series.tau_s) @ each)
+    values = {"strain": ("-", 0.4 + 0 * time), "stress": ("Pa", load), "displacement": ("mm", 8 + 0 * time),
+              "force": ("N", load)}
+    heads = ",".join(f"{name} ({values[name][0]})" for name in columns)
+    np.savetxt(tmp_path / "relaxation.csv", np.column_stack([time, *(values[name][1] for name in columns)]),
+               delimiter=",", header=f"time (s),{heads}", comments="")
+    (said,) = (one for one in cautions(matcal.fit(tmp_path / "relaxation.csv").card) if "ramp of 1 s" in one)
+    assert re.search(r"g_1 is near 0\.1[4-6].*, not 0\.0[45].*g_infinity near 0\.(69\d|70\d|7),", said)

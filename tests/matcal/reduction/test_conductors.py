@@ -49,6 +49,24 @@ def test_a_conductance_or_a_resistivity_is_read_by_its_unit(head: str, of, tmp_p
     assert got.value == pytest.approx(_conductivity(strain), rel=1e-6)
 
 
+@pytest.mark.parametrize("phase", [0.0, -3.0, 40.0])
+@pytest.mark.parametrize("heads", [("|Z| (kOhm)", "Phase (deg)"), ("Z' (Ohm)", "Z'' (Ohm)"),
+                                   ("Impedance magnitude (Ohm)", "phase angle (rad)")])
+def test_an_impedance_gives_the_resistance_with_its_phase(heads: tuple[str, str], phase: float, tmp_path: Path) -> None:
+    strain, turn = -np.linspace(0, 0.5, 13), np.radians(phase)
+    first = _resistance(strain) / (np.cos(turn) if "Z'" not in heads[0] else 1) / (1e3 if "kOhm" in heads[0] else 1)
+    second = {"deg": phase, "rad": turn}.get(heads[1][-4:-1], 0.0) + 0 * strain
+    got = _experiment(tmp_path, BLOCK, foam={"compression (%)": -100 * strain, heads[0]: first, heads[1]: second})
+    assert got.value == pytest.approx(_conductivity(strain), rel=1e-6)
+    assert any("in parallel" in said for said in got.cautions) == (phase == 40.0 and "Z'" not in heads[0])
+
+
+def test_the_magnitude_of_an_impedance_alone_is_no_resistance(tmp_path: Path) -> None:
+    strain = -np.linspace(0, 0.5, 13)
+    with pytest.raises(InputFileError, match=r"without its phase.*strain=1,resistance=2"):
+        _experiment(tmp_path, BLOCK, foam={"strain (%)": 100 * strain, "|Z| (Ohm)": _resistance(strain)})
+
+
 @pytest.mark.parametrize("relative", [False, True])
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_table_of_strain_and_resistance(relative: bool, side: int, tmp_path: Path) -> None:

@@ -47,6 +47,20 @@ def test_compression_next_to_extension_in_a_name_is_compression(tmp_path: Path) 
     assert not got.cautions
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("per_cent", [False, True])
+@pytest.mark.parametrize("left", [False, True])
+def test_a_compression_ratio_is_what_is_given_or_what_is_left(left: bool, per_cent: bool, side: int,
+                                                              tmp_path: Path) -> None:
+    strain = np.linspace(0, 0.4, 9)
+    head = f"Compression ratio{' (%)' if per_cent else ''},stress (Pa)"
+    column = (100 if per_cent else 1) * (1 - strain if left else strain)
+    found = _experiment(_table(tmp_path, "uniaxial.csv", head, column, side * MODULUS_Pa * strain), None)
+    np.testing.assert_allclose([found.strain, found.value], [-strain, -MODULUS_Pa * strain], atol=1e-9)
+    with pytest.raises(InputFileError, match=r"begins at 0\.3 and"):
+        _experiment(_table(tmp_path, "uniaxial.csv", "Compression ratio,stress (Pa)", 0.3 + strain, strain), None)
+
+
 @pytest.mark.parametrize(("head", "unit"), [("gamma (deg)", 180 / np.pi), ("shear angle (°)", 180 / np.pi),
                                             ("angle (degrees)", 180 / np.pi), ("gamma (rad)", 1.0)])
 @pytest.mark.parametrize("most", [20.0, 60.0])
