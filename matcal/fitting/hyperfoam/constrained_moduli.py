@@ -8,6 +8,7 @@ Source: Lawson & Hanson, Solving Least Squares Problems (1974), chapter 23 (leas
 from collections.abc import Callable
 
 import numpy as np
+from scipy.linalg import null_space
 from scipy.optimize import nnls
 
 from matcal.fitting.hyperfoam.order_selection import EXPLODING as MOST
@@ -18,12 +19,21 @@ from touchcal.errors import NotConverged
 Rows = Callable[[Array], Array]  # (N,) exponents -> (m, N) rows whose product with the moduli keeps a floor
 
 FLOOR = 0.005  # least value of a stability row per mu_0
+_ON = 1e-9  # value of a row over its terms up to which moduli lie on its bound
 
 
 def bounded_moduli(matrix: Array, target: Array, alpha: Array) -> Array:
     """Least-squares moduli (N,) of matrix (n, N) against target (n,) with |mu_i| <= MOST mu_0."""
     free = least_moduli(matrix, target, alpha)
     return nearest(matrix, free, bound_rows(alpha), 0.0)
+
+
+def within_bounds(mu: Array) -> Array:
+    """(N, M) orthonormal directions in which moduli (N,) of `bounded_moduli` are free: across the bounds that they lie
+    on."""
+    rows = bound_rows(mu)
+    on = rows @ mu <= _ON * (np.abs(rows) @ np.abs(mu))
+    return null_space(rows[on]) if on.any() else np.eye(mu.size)
 
 
 def stable_moduli(rows: Rows) -> Solve:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from matcal.fitting.hyperfoam.constrained_moduli import MOST, bounded_moduli
+from matcal.fitting.hyperfoam.constrained_moduli import MOST, bounded_moduli, within_bounds
 from matcal.fitting.hyperfoam.curves import Curve, reached, weighted_design, weighted_stress
 from matcal.fitting.hyperfoam.design_table import Table, tabulate
 from matcal.fitting.hyperfoam.variable_projection import TOLERANCE, Exponents, Optimum, Solve, least_moduli, minimise
@@ -69,7 +69,7 @@ def search(problem: Problem, order: int, starts: int, solve: Solve, more: Sequen
     """Best of the starts, searched on the table and evaluated with the exact design."""
     table = problem.table
     found = minimise(table.design, table.slope, table.target, order, problem.allowed, starts, solve, more,
-                     tolerance)
+                     tolerance, within_bounds if solve is bounded_moduli else None)
     design, stress = weighted_design(problem.curves, found.alpha, problem.nu), weighted_stress(problem.curves)
     mu = solve(design, stress, found.alpha)
     return replace(found, mu_Pa=mu, cost=float(np.sum((design @ mu - stress) ** 2)))

@@ -22,6 +22,8 @@ Design = Callable[[Array], Array]
 Combinations = NDArray[np.intp]
 # (design (n, N), target (n,)) -> moduli (N,); least squares, or least squares under a constraint
 Solve = Callable[[Array, Array, Array], Array]
+# moduli (N,) of a solution -> (N, M) directions in which it is free to move, whatever the exponents
+Within = Callable[[Array], Array]
 
 # combinations kept while starts grow
 _BEAM = 64
@@ -70,12 +72,13 @@ def least_moduli(matrix: Array, target: Array, alpha: Array) -> Array:
 
 
 def minimise(design: Design, slope: Design, target: Array, order: int, allowed: Exponents, starts: int = 8,
-             solve: Solve = least_moduli, more: Sequence[Array] = (), tolerance: float = TOLERANCE) -> Optimum:
+             solve: Solve = least_moduli, more: Sequence[Array] = (), tolerance: float = TOLERANCE,
+             within: Within | None = None) -> Optimum:
     """Moduli and exponents with least ||target - design(alpha) mu||, from the best `starts` grid combinations.
 
-    `slope` is d design/d alpha, column by column; it serves where the moduli are least squares, else differences are
-    taken. `more`: further starts (order,). `tolerance`: relative step at which a start stops. Deterministic; exponents
-    stay as `allowed`.
+    `slope` is d design/d alpha, column by column; it serves where the moduli are least squares, all of them or those
+    `within` the directions that their bounds leave, else differences are taken. `more`: further starts (order,).
+    `tolerance`: relative step at which a start stops. Deterministic; exponents stay as `allowed`.
     """
     calls = 0
 
@@ -88,13 +91,15 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
 
     def jacobian(steps: Array) -> Array:
         alpha = exponents(steps, allowed)
+        matrix = design(alpha)
         moving = np.tril(np.ones((order, order))) * (np.cumsum(steps) <= _ceiling(order, allowed))[:, None]
-        return _projected_slopes(design(alpha), slope(alpha), target) @ moving
+        held = np.eye(order) if within is None else within(solve(matrix, target, alpha))
+        return _projected_slopes(matrix, slope(alpha), target, held) @ moving
 
     lowest = np.r_[allowed.low, np.full(order - 1, allowed.gap)]
     highest = np.r_[allowed.high, np.full(order - 1, allowed.high - allowed.low)]
     free = solve is least_moduli
-    slopes: Any = jacobian if free else "2-point"
+    slopes: Any = jacobian if free or within else "2-point"
 
     def descend(steps: Array, to: float) -> tuple[float, Array]:
         out = least_squares(residual, steps, jac=slopes, bounds=(lowest, highest), gtol=1e-14,
@@ -115,20 +120,20 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
     return Optimum(solve(design(alpha), target, alpha), alpha, cost, tuple(c for c, _ in loose), calls)
 
 
-def _projected_slopes(matrix: Array, slope: Array, target: Array) -> Array:
-    """d(matrix mu - target)/d alpha, (n, N), where mu are the least-squares moduli of matrix (n, N).
+def _projected_slopes(matrix: Array, slope: Array, target: Array, held: Array) -> Array:
+    """d(matrix mu - target)/d alpha, (n, N), where mu = held y, held (N, M), has the least-squares y.
 
-    Column j is P' a_j mu_j - Q R^-T e_j (a_j . r) with a_j the slope of column j, P' = 1 - Q Q' and r the residual;
-    the second part is left out where columns are dependent.
+    With Q R = matrix held, column j is P' a_j mu_j - Q R^-T held' e_j (a_j . r), a_j the slope of column j, P' = 1 - Q Q'
+    and r the residual; the second part is left out where columns are dependent.
     """
-    size = np.linalg.norm(matrix, axis=0)
-    q, r = np.linalg.qr(matrix / size)
-    slope = slope / size
-    mu = np.linalg.lstsq(r, q.T @ target, rcond=1e-13)[0]
-    out = (slope - q @ (q.T @ slope)) * mu
-    if np.abs(np.diag(r)).min() > 1e-10:
-        miss = q @ (r @ mu) - target
-        out -= q @ np.linalg.solve(r.T, np.diag(slope.T @ miss))
+    inside = matrix @ held
+    size = np.linalg.norm(inside, axis=0)
+    q, r = np.linalg.qr(inside / size)
+    y = np.linalg.lstsq(r, q.T @ target, rcond=1e-13)[0]
+    out = (slope - q @ (q.T @ slope)) * (held / size @ y)
+    if held.size and np.abs(np.diag(r)).min() > 1e-10:
+        miss = q @ (r @ y) - target
+        out -= q @ np.linalg.solve(r.T, (held / size).T * (slope.T @ miss))
     return np.array(out, dtype=np.float64)
 
 
