@@ -7,7 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from eitsim.mechanics.axisymmetric import indentation
-from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationProblem, at_rest, energy, equilibrium
+from eitsim.mechanics.axisymmetric.indentation import (
+    Equilibrium,
+    IndentationProblem,
+    at_rest,
+    energy,
+    equilibrium,
+    relieved,
+)
 from eitsim.numerics.work_budget import used_up
 from touchcal.errors import NotConverged
 
@@ -87,7 +94,8 @@ def carried_over(coarse: IndentationProblem, state: Equilibrium, fine: Indentati
     for share in _SHARES:
         if np.isfinite(energy(fine, state.force, share * x)):
             try:
-                return equilibrium(fine, state.force, share * x, limit=_TAKEN_OVER if squeezed else 100)
+                start = relieved(fine, state.force, share * x)
+                return equilibrium(fine, state.force, start, limit=_TAKEN_OVER if squeezed else 100)
             except NotConverged:
                 break
     if squeezed:

@@ -18,7 +18,8 @@ from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.bonded_laws import by_part, laid_on
 from eitsim.mechanics.solid.cap_grid import on_cap
 from eitsim.mechanics.solid.grid import Grid, default_element_m, feature_m, foam_grid, lagrange
-from eitsim.numerics.linear_solvers import Solve, bordered, factorise_band
+from eitsim.mechanics.solid.volume_projection import projects
+from eitsim.numerics.linear_solvers import Indefinite, Solve, bordered, factorise_band
 from eitsim.numerics.newton import System, minimise
 from eitsim.scene.scene import Body, Punch, profile_of
 from matcal.laws.ellipticity import strongly_elliptic
@@ -147,6 +148,20 @@ def equilibrium(model: IndentationProblem, force: float, start: Array, limit: in
         push, reaction = push + more[0], reaction + more[1]
     penetration = float(_gathered(model, push) @ by_force[:-1] + reaction * by_force[-1])
     return Equilibrium(found.x, by_force, force, float(found.x[-1]) - penetration, found.residuals)
+
+
+def relieved(model: IndentationProblem, force: float, x: Array) -> Array:
+    """A state x taken from another mesh after one step without negative curvatures, where the law nearly keeps its
+    volume and the step lowers the energy: interpolated displacements change the volume of elements, and the pressure of
+    that would make the Hessian indefinite."""
+    if not projects(model.law):
+        return x
+    gradient, factorise = system(model, force, x, 0.0)
+    try:
+        moved = x - factorise()(gradient)
+    except Indefinite:
+        return x
+    return moved if energy(model, force, moved) < energy(model, force, x) else x
 
 
 def softened(model: IndentationProblem, state: Equilibrium, share: float) -> Array:

@@ -90,6 +90,12 @@ class Grid:
         return parts.reshape(elements, points, 5, 2 * nodes)
 
     @cached_property
+    def dual(self) -> Array:
+        """(elements, points, m): values at points (points,) give the coefficients of `modes` in their projection."""
+        mass = np.einsum("eq,qm,qn->emn", self.weight, self.modes, self.modes)
+        return (self.weight[..., None] * self.modes) @ np.linalg.inv(mass)
+
+    @cached_property
     def places(self) -> tuple[Indices, Indices]:
         """Where the elements' loads stand in (unknowns,), and their stiffnesses in a raveled lower band (unknowns,
         bandwidth + 1); one past the end where an unknown is fixed or a pair is above the diagonal."""

@@ -78,11 +78,12 @@ def _assembled(law: str, of_invariants: Callable[..., Any], of_stretch: Callable
     def stress_at(p, x_1, x_2, x_3):
         s = x_1 + x_2 + x_3
         a, b, c = x_1 - s / 3, x_2 - s / 3, x_3 - s / 3
-        i_1, i_2 = invariants(a, b, c)
-        w = of_invariants(p, i_1, i_2)
-        t_1 = 2 * w[1] * np.expm1(2 * a) - 2 * w[2] * np.expm1(-2 * a) + of_stretch(p, a)[1]
-        t_2 = 2 * w[1] * np.expm1(2 * b) - 2 * w[2] * np.expm1(-2 * b) + of_stretch(p, b)[1]
-        t_3 = 2 * w[1] * np.expm1(2 * c) - 2 * w[2] * np.expm1(-2 * c) + of_stretch(p, c)[1]
+        g_1, g_2, g_3, h_1, h_2, h_3 = np.expm1(2 * a), np.expm1(2 * b), np.expm1(2 * c), np.expm1(-2 * a), np.expm1(
+            -2 * b), np.expm1(-2 * c)
+        w = of_invariants(p, g_1 + g_2 + g_3, h_1 + h_2 + h_3)
+        t_1 = 2 * w[1] * g_1 - 2 * w[2] * h_1 + of_stretch(p, a)[1]
+        t_2 = 2 * w[1] * g_2 - 2 * w[2] * h_2 + of_stretch(p, b)[1]
+        t_3 = 2 * w[1] * g_3 - 2 * w[2] * h_3 + of_stretch(p, c)[1]
         shift = volume_stress(bulk(p), s) - (t_1 + t_2 + t_3) / 3
         return t_1 + shift, t_2 + shift, t_3 + shift
 
