@@ -38,6 +38,8 @@ _THROUGH = 10.0
 _DEEPEST = 0.5
 # Iterations and relative residual of a softened state, from which errors are estimated.
 _SOFTENING, _SOFTENED = 30, 1e-6
+# Steps without negative curvatures from a state that changes the volume.
+_RELIEFS = 2
 # Relative residual that rounding leaves of a law with kappa_0/mu_0 of one.
 _ROUNDED = 1e-13
 # Depth, thicknesses, from which bottoming out is the likely cause of a failure.
@@ -151,17 +153,19 @@ def equilibrium(model: IndentationProblem, force: float, start: Array, limit: in
 
 
 def relieved(model: IndentationProblem, force: float, x: Array) -> Array:
-    """A state x taken from another mesh after one step without negative curvatures, where the law nearly keeps its
-    volume and the step lowers the energy: interpolated displacements change the volume of elements, and the pressure of
+    """A state x taken from another mesh or law after steps without negative curvatures, where the law nearly keeps its
+    volume and they lower the energy: the displacements of another change the volume of elements, and the pressure of
     that would make the Hessian indefinite."""
-    if not projects(model.law):
-        return x
-    gradient, factorise = system(model, force, x, 0.0)
-    try:
-        moved = x - factorise()(gradient)
-    except Indefinite:
-        return x
-    return moved if energy(model, force, moved) < energy(model, force, x) else x
+    for _ in range(_RELIEFS if projects(model.law) else 0):
+        gradient, factorise = system(model, force, x, 0.0)
+        try:
+            moved = x - factorise()(gradient)
+        except Indefinite:
+            break
+        if not energy(model, force, moved) < energy(model, force, x):
+            break
+        x = moved
+    return x
 
 
 def softened(model: IndentationProblem, state: Equilibrium, share: float) -> Array:
