@@ -94,7 +94,7 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
         matrix = design(alpha)
         moving = np.tril(np.ones((order, order))) * (np.cumsum(steps) <= _ceiling(order, allowed))[:, None]
         held = np.eye(order) if within is None else within(solve(matrix, target, alpha))
-        return _projected_slopes(matrix, slope(alpha), target, held) @ moving
+        return projected_slopes(matrix, slope(alpha), target, held) @ moving
 
     lowest = np.r_[allowed.low, np.full(order - 1, allowed.gap)]
     highest = np.r_[allowed.high, np.full(order - 1, allowed.high - allowed.low)]
@@ -120,11 +120,11 @@ def minimise(design: Design, slope: Design, target: Array, order: int, allowed: 
     return Optimum(solve(design(alpha), target, alpha), alpha, cost, tuple(c for c, _ in loose), calls)
 
 
-def _projected_slopes(matrix: Array, slope: Array, target: Array, held: Array) -> Array:
+def projected_slopes(matrix: Array, slope: Array, target: Array, held: Array) -> Array:
     """d(matrix mu - target)/d alpha, (n, N), where mu = held y, held (N, M), has the least-squares y.
 
-    With Q R = matrix held, column j is P' a_j mu_j - Q R^-T held' e_j (a_j . r), a_j the slope of column j, P' = 1 - Q Q'
-    and r the residual; the second part is left out where columns are dependent.
+    With Q R = matrix held, column j is P' a_j mu_j - Q R^-T held' e_j (a_j . r), a_j the slope of column j, r the
+    residual and P' = 1 - Q Q'; the second part is left out where columns are dependent.
     """
     inside = matrix @ held
     size = np.linalg.norm(inside, axis=0)

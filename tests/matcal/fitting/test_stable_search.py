@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 
-from matcal.fitting.hyperfoam.constrained_moduli import bounded_moduli, nearest
+from matcal.fitting.hyperfoam.constrained_moduli import bounded_moduli, nearest, within_bounds
 from matcal.fitting.hyperfoam.curves import weigh, weighted_design, weighted_stress
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit, relative_rms
 from matcal.fitting.hyperfoam.stable_fit import States, keeps, rows, search_stable, triples
-from matcal.fitting.hyperfoam.variable_projection import least_moduli
+from matcal.fitting.hyperfoam.variable_projection import least_moduli, projected_slopes
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.ellipticity import strongly_elliptic
 from matcal.laws.hyperfoam import Hyperfoam
@@ -105,6 +105,32 @@ def test_the_nearest_moduli_are_those_of_a_general_solver() -> None:
                      constraints=LinearConstraint(held, lb=floor), options={"gtol": 1e-10, "xtol": 1e-12})
     assert np.all(held @ found >= floor - 1e-9)
     np.testing.assert_allclose(found, other.x, atol=1e-4)
+
+
+@pytest.mark.parametrize("terms", [2, 3, 4])
+def test_slopes_along_the_bound_on_moduli_are_those_of_differences(terms: int) -> None:
+    x, rng, bounded = np.linspace(-0.9, -0.02, 50), np.random.default_rng(terms), 0
+
+    def design(alpha: np.ndarray) -> np.ndarray:
+        return 2 / alpha * np.expm1(np.outer(x, alpha))
+
+    def slope(alpha: np.ndarray) -> np.ndarray:
+        return (design(alpha + 1e-5) - design(alpha - 1e-5)) / 2e-5
+
+    for _ in range(20):
+        alpha = np.cumsum(rng.uniform(1, 5, terms)) - 6
+        target = design(alpha + 1) @ rng.normal(size=terms) + rng.normal(0, 0.05, x.size)
+
+        def miss(alpha: np.ndarray, target: np.ndarray = target) -> np.ndarray:
+            matrix = design(alpha)
+            return matrix @ bounded_moduli(matrix, target, alpha) - target
+
+        free = within_bounds(bounded_moduli(design(alpha), target, alpha))
+        bounded += free.shape[1] < terms
+        found = projected_slopes(design(alpha), slope(alpha), target, free)
+        expected = np.stack([(miss(alpha + step) - miss(alpha - step)) / 2e-6 for step in 1e-6 * np.eye(terms)], axis=1)
+        np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
+    assert bounded > 3
 
 
 @pytest.mark.thorough
