@@ -180,7 +180,7 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
                       title="readings off the driven electrodes that stay unexplained, half of the drives fitted")
         for group, left in document["unexplained"].items():
             table.add_row(group, _percent(left["fitted"]), _percent(left["held_out"]),
-                          "kept" if group in document["kept"] else "left as the sensor file says")
+                          "kept" if group in document["kept"] else "freed in the last fit alone")
         _console().print(table)
     groups: dict[str, list[dict[str, float]]] = {}
     for name, one in document["parameters"].items():
@@ -198,7 +198,7 @@ def show_calibration(document: dict[str, Any], out: Path) -> None:
         print(f"sheet conductance: {1e3 * math.exp(one['value']):.4g} mS +- {_percent(one['sd'])}")
         if (layer := document["layer"]) is not None:
             print(f"layer: conducts {layer['conductivity_S_per_m']:.4g} S/m where it is {layer['thickness_mm']:.4g} mm "
-                  "thick, as the sensor file says; only the product of both shows in the readings")
+                  "thick; only the product of both shows in untouched readings")
     for electrode, why in document["left_out"].items():
         print(f"electrode {electrode} is left out: {why}")
     if (presses := document["presses"]) is not None:

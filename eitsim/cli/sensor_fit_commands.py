@@ -24,18 +24,23 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
         card: Annotated[Path | None, typer.Option(
             help="Material card of the skin, with --labels: its conductivity and moduli are fitted to the presses, and "
                  "the card of this skin is written next to --out.")] = None,
+        thickness_sd: Annotated[float | None, typer.Option(
+            help="Standard deviation of a layer's thickness about thickness_mm in [skin], relative, with --card; 0.05 "
+                 "by default.")] = None,
         report: Annotated[Path | None, typer.Option(help="Write a PDF report here.")] = None,
         as_json: JsonOption = False) -> None:
     """Calibrate the model of an untouched sensor: conductance and how it varies, contact impedances, widths and places
     of electrodes, gains against ground, source currents, leaks to ground; or refuse it with the reason.
 
-    Each group of parameters is left out where drives that were not fitted, a random half, are predicted worse by it.
-    Every parameter comes with its standard deviation after and before. A refused model ends with status 0: the readings
-    can be used for changes alone, and the file, of the kind "changes only", says why; `surrogate train` takes it.
+    Groups of parameters are freed in turn on a random half of the drives, each left out where the others are predicted
+    worse by it; the last fit, of all drives, frees all. Every parameter comes with its standard deviation after and
+    before. A refused model ends with status 0: the readings can be used for changes alone, and the file, of the kind
+    "changes only", says why; `surrogate train` takes it.
 
     With --labels and --card, presses of known punch and force fit the amplitude and shape of the conductivity's law, a
-    factor of the foam's moduli and an offset of the places, each kept where presses left out are better read by it. The
-    card of this skin, sensor.card.json, then serves scenes and sweeps with calibrated = "sensor.json".
+    factor of the foam's moduli and an offset of the places, of a layer its thickness, each kept where presses left out
+    are better read by it. The card of this skin, sensor.card.json, then serves scenes and sweeps with calibrated =
+    "sensor.json".
 
     Example: eitsim sensor fit frames.csv --sensor sensor.toml --out sensor.json
 
@@ -45,7 +50,7 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     from eitsim.sensors.calibration.calibrate import calibrate
     from eitsim.sensors.calibration.calibration_file import calibration_document
     from eitsim.sensors.calibration.skin_card import card_path, remove_skin_card, write_skin_card
-    from eitsim.sensors.calibration.skin_law import check_skin, check_strain, held_label
+    from eitsim.sensors.calibration.skin_law import THICKNESS_SD, check_skin, check_thickness_sd, held_label
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.labels import read_labels
     from eitsim.sensors.sensor_file import read_sensor
@@ -60,15 +65,18 @@ def fit(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="CSV
     check_apart(outs, [path for path in (recording, sensor, labels, card) if path is not None])
     check_pdf(report, "--report")
     known = read_sensor(sensor)
+    if thickness_sd is not None:
+        if card is None or not known.skin.fills:
+            raise ValueError("--thickness-sd has no effect without --card and a layer (kind in [skin]); leave it out.")
+        check_thickness_sd(thickness_sd)
     patterns, each = known.protocol.shape
     frames = open_recording(recording, kind=known.kind, readings=patterns * each)
     pressed, material = read_labels(labels) if labels else None, read_card(card) if card else None
     if labels and pressed and card and material:
         _named(labels, lambda: held_label(pressed))
         _named(card, lambda: check_skin(material))
-        _named(sensor, lambda: check_strain(known.skin))
     with waiting("calibrating the sensor"):
-        found = calibrate(known, frames, pressed, material)
+        found = calibrate(known, frames, pressed, material, thickness_sd=thickness_sd or THICKNESS_SD)
     skin_card = write_skin_card(found.skin, out).name if found.skin is not None else None
     removed = found.skin is None and remove_skin_card(out)
     document = calibration_document(found, skin_card)

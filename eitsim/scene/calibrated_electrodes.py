@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from eitsim.scene.fitted_layer import fitted_table
 from touchcal.arrays import Array
 from touchcal.document import Keys, Number
 from touchcal.errors import InputFileError
@@ -102,8 +103,8 @@ def calibrated_tables(path: Path, card: Path | None = None) -> dict[str, Any]:
         fitted = card is None or same_card(card, path.parent / (skin["card"] or ""))
         channels["size_error"] = [skin["size_error"] if fitted else
                                   max(skin["size_error"], skin.get("unexplained", {}).get("card", 0.0))]
-    return {**{key: sensor[key] for key in ("body", "skin", "drive")}, "electrodes": electrodes, "channels": channels,
-            **({"card": skin["card"]} if skin.get("card") else {})}
+    return {"body": sensor["body"], "skin": fitted_table(sensor["skin"], values), "drive": sensor["drive"],
+            "electrodes": electrodes, "channels": channels, **({"card": skin["card"]} if skin.get("card") else {})}
 
 
 def _electrodes(sensor: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:

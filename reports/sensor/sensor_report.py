@@ -105,7 +105,8 @@ def _findings(document: Mapping[str, Any]) -> list[str]:
         found.append(f"On drives that were not fitted {percent(before)} of the readings stay unexplained by a uniform "
                      f"sheet alone, {percent(after)} by the calibrated sensor.")
         lost = [group for group in document["unexplained"] if group not in document["kept"]]
-        found.append(f"Left out, since those drives get worse: {', '.join(lost)}." if lost else
+        found.append("Freed in the last fit alone, since half of the drives does not determine them: "
+                     f"{', '.join(lost)}." if lost else
                      "Every group of parameters is kept: none makes those drives clearly worse.")
         open_ = len(document["not_determined"])
         count = len(document["parameters"])
@@ -144,7 +145,7 @@ def _plates(path: Path, document: Mapping[str, Any]) -> tuple[list[ReportFigure]
 
 def _stage_table(document: Mapping[str, Any]) -> Table:
     rows = [[group, percent(one["fitted"]), percent(one["held_out"]), "kept" if group in document["kept"] else
-             "left as the sensor file says"] for group, one in document["unexplained"].items()]
+             "freed in the last fit alone"] for group, one in document["unexplained"].items()]
     return Table("Groups of parameters in the order in which they were freed.", ["freed", "fitted drives",
                  "other drives", ""], rows, "lrrw")
 

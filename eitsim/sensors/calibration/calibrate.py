@@ -7,26 +7,32 @@ import numpy as np
 
 from eitsim.electrics.forward.small_touch import signal_by_touch
 from eitsim.electrics.forward.untouched import untouched_impedance
-from eitsim.mechanics.load_paths.types import Table
 from eitsim.scene.channels import Channels, channel_readings, sinks
 from eitsim.scene.drive import Protocol
 from eitsim.scene.scene import from_edge_m
 from eitsim.sensors.calibration.faults import dead_electrodes, left_by_electrode, suspect, unexplained, without
-from eitsim.sensors.calibration.instrument_model import Instrument, sources, voltages
+from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources, voltages
 from eitsim.sensors.calibration.labelled_presses import Presses, SignalSize, labelled_presses, signal_size
 from eitsim.sensors.calibration.ohm_tests import OhmTests, ohm_tests
 from eitsim.sensors.calibration.placement import Placement, placement
 from eitsim.sensors.calibration.skin_errors import errors_of_instrument
 from eitsim.sensors.calibration.skin_fit import FEWEST, SkinFit, fit_skin
-from eitsim.sensors.calibration.skin_law import SkinPresses, check_skin, check_strain, held_label, skin_presses
-from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit, fit_best, random_starts, staged
+from eitsim.sensors.calibration.skin_law import (
+    THICKNESS_SD,
+    Paths,
+    SkinPresses,
+    check_skin,
+    check_thickness_sd,
+    held_label,
+    skin_presses,
+)
+from eitsim.sensors.calibration.stages import Fit, Stage, Untouched, driven, fit, jointly, staged
 from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.reading_checks import NO_OHMMETER, dead_readings, mean_frame
 from eitsim.sensors.recording import Recording
 from eitsim.sensors.sensor_file import Sensor
 from eitsim.sensors.taken_readings import idle_readings
 from eitsim.sensors.untouched_scatter import change_noise
-from eitsim.simulation.layer_paths import LayerPaths
 from matcal.card import MaterialCard
 from touchcal.arrays import Array
 
@@ -63,7 +69,7 @@ class Calibration:
     tests: OhmTests | None  # None of differences
     reason: str = ""  # why the absolute model is refused; empty where it is usable
     stages: Mapping[str, Stage] = field(default_factory=dict)  # by group of parameters, on half of the drives
-    kept: tuple[str, ...] = ()  # groups that are fitted, in the order in which they were freed
+    kept: tuple[str, ...] = ()  # groups that half of the drives determine, in the order in which they were freed
     instrument: Instrument | None = None  # None where nothing was fitted
     fit: Fit | None = None  # of all drives
     # readings without a number, from 0, but for those of driven electrodes that the board does not take
@@ -75,18 +81,19 @@ class Calibration:
 
 
 def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None, card: MaterialCard | None = None, *,
-              seed: int = 0) -> Calibration:
+              thickness_sd: float = THICKNESS_SD, seed: int = 0) -> Calibration:
     """Fit conductance and how it varies, contacts, widths, places, gains, currents and leaks of a sensor to the mean of
     its untouched frames, stage by stage, the most probable state under Gaussian priors.
 
     A stage is left out where drives that were not fitted, a random half by `seed`, are clearly worse predicted by it;
-    the last fit takes all drives. Priors stand in `instrument_model.GROUPS`. Readings may be volts or the counts of a
-    board; then conductances are by the same unknown factor. Readings and drives of electrodes that are dead, or that no
-    state explains (`faults`), are left out and named. Refused, with the reason and no state: differences, which have no
-    untouched frame, and readings that are no ohmmeter's (`ohm_tests`). Refused with its state: a model that leaves more
-    than MOST_UNEXPLAINED. Labelled presses give the size of the signal, and where the absolute model is refused a gain
-    for each reading (`labelled_presses`). With a card, labels of places, punches and forces or depths fit its laws on a
-    usable model (`skin_law`, `skin_fit`).
+    the last fit takes all drives, and frees all parameters under their priors, `instrument_model.GROUPS`. Readings may
+    be volts or the counts of a board; then conductances are by the same unknown factor. Readings and drives of
+    electrodes that are dead, or that no state explains (`faults`), are left out and named. Refused, with the reason and
+    no state: differences, which have no untouched frame, and readings that are no ohmmeter's (`ohm_tests`). Refused
+    with its state: a model that leaves more than MOST_UNEXPLAINED. Labelled presses give the size of the signal, and
+    where the absolute model is refused a gain for each reading (`labelled_presses`). With a card, labels of places,
+    punches and forces or depths fit its laws on a usable model (`skin_law`, `skin_fit`), a layer's thickness with the
+    relative standard deviation `thickness_sd`.
 
     ValueError where the sensor has electrodes that are no lines or have no contact, several sinks at once, fewer than
     two drives, no reading off the driven electrodes, or the recording no untouched frame; for labels as
@@ -101,7 +108,7 @@ def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None
     if labels is not None and card is not None:
         held_label(labels)
         check_skin(card)
-        check_strain(sensor.skin)
+        check_thickness_sd(thickness_sd)
     found = _absolute(sensor, recording, seed)
     if labels is None:
         return found
@@ -110,7 +117,7 @@ def calibrate(sensor: Sensor, recording: Recording, labels: Labels | None = None
     found = replace(found, size=_size(found, presses, seed))
     if card is None or found.reason:
         return found
-    return replace(found, skin=_skin(found, presses, labels, card, recording, seed))
+    return replace(found, skin=_skin(found, presses, labels, card, recording, thickness_sd, seed))
 
 
 def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
@@ -131,7 +138,7 @@ def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
     by_electrode = left_by_electrode(frame, voltages(instrument, frame.asked, found.state))
     if (odd := suspect(by_electrode)) is not None:
         others = without(frame, [odd])
-        alone = fit_best(instrument, others, kept, random_starts(instrument, kept, instrument.prior_mean, seed))
+        alone = jointly(instrument, others, found.state, seed)
         if why := unexplained(found.misfit, alone.misfit):
             left_out, frame = {**left_out, odd: why}, others
             _check_left(frame)
@@ -147,12 +154,12 @@ def _absolute(sensor: Sensor, recording: Recording, seed: int) -> Calibration:
 
 def _fitted(instrument: Instrument, frame: Untouched,
             seed: int) -> tuple[dict[str, Stage], tuple[str, ...], Fit, Instrument]:
-    """Stages on half of the drives, what they keep, its fit to all, and the instrument of that, whose mesh, where it
-    has one, is made for the electrodes that were found."""
+    """Stages on half of the drives, what they keep, the fit of all groups to all drives, and the instrument of that,
+    whose mesh, where it has one, is made for the electrodes that were found."""
     stages, kept, half = staged(instrument, frame, seed)
-    found = fit_best(instrument, frame, kept, random_starts(instrument, kept, half.state, seed))
+    found = jointly(instrument, frame, half.state, seed)
     closely = instrument.around(found.state)
-    return stages, kept, found if closely is instrument else fit(closely, frame, kept, found.state), closely
+    return stages, kept, found if closely is instrument else fit(closely, frame, tuple(GROUPS), found.state), closely
 
 
 def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
@@ -180,7 +187,7 @@ def _size(found: Calibration, presses: Presses, seed: int) -> SignalSize:
 
 
 def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCard, recording: Recording,
-          seed: int) -> FittedSkin:
+          thickness_sd: float, seed: int) -> FittedSkin:
     """What the presses say of a card's skin and foam, on the calibrated sensor."""
     assert found.instrument is not None
     assert found.fit is not None
@@ -192,9 +199,9 @@ def _skin(found: Calibration, presses: Presses, labels: Labels, card: MaterialCa
     if sensor.kind == "magnitude":
         sign = np.sign(untouched_readings(found.instrument, state, sensor.protocol, "voltage").ravel())[there]
 
-    def pressed(lies: Placement, paths: Table | LayerPaths | None = None) -> tuple[float, SkinPresses, Placement]:
+    def pressed(lies: Placement, paths: Paths | None = None) -> tuple[float, SkinPresses, Placement]:
         """What the card as it is leaves of the presses there, m. s. of one, and the presses."""
-        held = skin_presses(scene, card, own, lies.placed(presses.place_m), paths)
+        held = skin_presses(scene, card, own, lies.placed(presses.place_m), paths, thickness_sd)
         if len(held.rows) < FEWEST:
             return np.inf, held, lies
         left = sign * held.signals({})[:, there] - presses.signal[held.rows][:, there]

@@ -9,12 +9,13 @@ import numpy as np
 
 from eitsim.scene.calibrated_electrodes import SCHEMA, read_fitted
 from eitsim.scene.drive import Drive, Protocol, as_tuples, matrix_rows, protocol
+from eitsim.scene.fitted_layer import ACROSS, PIEZO, THICKNESS
 from eitsim.scene.scene import scene_tables
 from eitsim.sensors.calibration.calibrate import Calibration, FittedSkin, check_electrodes, untouched_readings
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, sources
 from eitsim.sensors.calibration.labelled_presses import GAIN_SD, MOMENT_SD
 from eitsim.sensors.calibration.placement import Placement
-from eitsim.sensors.calibration.skin_law import PRIORS
+from eitsim.sensors.calibration.skin_law import PRIORS, fitted_skin
 from eitsim.sensors.sensor_file import TABLES, Sensor, read_sensor, sensor_from
 from matcal.card import card_identity
 from touchcal.arrays import Array
@@ -24,7 +25,8 @@ from touchcal.input_file import regular
 NOT_DETERMINED = 0.9  # posterior over prior standard deviation from which the data say nothing of a parameter
 _MOMENT = "ln_moment_mm2"
 # What names of parameters that presses gave begin with
-_OF_PRESSES = (_MOMENT, "reading_gain", *(name for sds in PRIORS.values() for name in sds))
+_OF_PRESSES = (_MOMENT, "reading_gain", THICKNESS, PIEZO, ACROSS,
+                *(name for sds in PRIORS.values() for name in sds))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,14 +83,19 @@ def calibration_document(found: Calibration, skin_card: str | None = None) -> di
 
 
 def layer_of(found: Calibration) -> dict[str, Any] | None:
-    """Conductivity, S/m, and contact impedances (N,), Ohm m^2, of a layer that conducts in its volume, as thick as the
-    sensor file says, with relative standard deviations: S/t and z t of the sheet that was fitted. No reading of
-    electrodes over its whole height tells a thicker layer from a more conductive one. None of other skins, and where
-    nothing was fitted."""
+    """Conductivity, S/m, and contact impedances (N,), Ohm m^2, of a layer that conducts in its volume, with relative
+    standard deviations: S/t and z t of the sheet that was fitted, t as the sensor file says, or as labelled presses do.
+    No untouched reading of electrodes over its whole height tells a thicker layer from a more conductive one. None of
+    other skins, and where nothing was fitted."""
     if not found.sensor.skin.fills or found.instrument is None or found.fit is None:
         return None
-    thickness, (state, places) = found.sensor.skin.thickness_m, (found.fit.state, found.instrument.places)
-    sd = found.instrument.units * np.sqrt(np.diag(found.fit.covariance))
+    thickness, thickness_sd, (state, places) = found.sensor.skin.thickness_m, 0.0, (
+        found.fit.state, found.instrument.places)
+    if found.skin is not None:
+        fit = found.skin.fit
+        thickness = fitted_skin(found.sensor.skin, fit.values).thickness_m
+        thickness_sd = float(np.sqrt(np.diag(fit.covariance)[fit.names.index(THICKNESS)]))
+    sd = np.hypot(found.instrument.units * np.sqrt(np.diag(found.fit.covariance)), thickness_sd)
     sheet, contacts = places["conductance"], places["contacts"]
     return {"thickness_mm": 1e3 * thickness, "conductivity_S_per_m": float(np.exp(state[sheet][0])) / thickness,
             "conductivity_sd": float(sd[sheet][0]),

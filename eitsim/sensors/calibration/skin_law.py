@@ -1,8 +1,10 @@
 """What labelled presses may change of a material card for one skin, and what presses then change of its readings.
 
-The coefficients a of a skin's law become exp(s) a, those of a cubic exp(s) (a_1, a_2 + b_2 f / e_r^2,
-a_3 + b_3 f / e_r^3), with f the r.m.s. of c / c_0 - 1 over the strains of the card's fit, of which e_r is the largest;
-the foam's moduli are times exp(m), and all presses lie further along x and y.
+The coefficients a of a skin's law become exp(s) a, those of a cubic exp(s) (a_1, a_2 + b_2 f / e_r^2, a_3 + b_3 f /
+e_r^3), with f the r.m.s. of c / c_0 - 1 over the strains of the card's fit, of which e_r is the largest; the foam's
+moduli are times exp(m), and all presses lie further along x and y. Of a layer that conducts in its volume the thickness
+and, where it is piezoresistive, its coefficients change (`scene.fitted_layer`). Signals at a thickness are polynomials
+through those at three, each with touches of its own.
 """
 
 import math
@@ -11,7 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eitsim.mechanics.load_paths.table import lagrange_weights
 from eitsim.mechanics.load_paths.types import Table
+from eitsim.scene.fitted_layer import ACROSS, PIEZO, THICKNESS, fitted_layer
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Punch, Scene, Skin
 from eitsim.sensors.labels import PLACE, Labels, unit_of
@@ -31,6 +35,10 @@ OFFSETS = ("press_offset_x_mm", "press_offset_y_mm")
 # Group of parameters -> prior standard deviation of each about 0, in the order in which a fit tries to free them
 PRIORS = {"place": dict.fromkeys(OFFSETS, 1.0), "amplitude": {AMPLITUDE: 0.3}, "modulus": {MODULUS: 0.2},
           "shape": dict.fromkeys(SHAPES, 0.2)}
+# The same of a piezoresistive layer, in the place of a card's law, and of a layer's thickness, its least and most.
+_PIEZO = {"amplitude": {PIEZO: 0.3}, "shape": {ACROSS: 0.2}}
+THICKNESS_SD, _THICKNESS_SDS = 0.05, (0.005, 0.1)
+_NODE = 2.0  # standard deviations of the thickness at which touches are solved, either way
 # Label -> least and most that a press has, and what the label is
 _EXPECTED = {"d_mm": (0.5, 100.0, "the punch's diameter"), "F_N": (1e-3, 1e3, "the force"),
              "depth_mm": (0.02, 100.0, "the depth")}
@@ -39,6 +47,10 @@ _MOST_DIAMETERS = 3  # punches whose load paths are solved one by one; more are 
 # the one by which presses near the rim are left out: half of it is what the rim may change of a signal, which load
 # paths leave out.
 _SIGNAL, _NEAR_RIM = 0.05, 0.08
+
+
+# Logarithm of a layer's thickness over that of its file -> touches at it; 0 alone of a coating
+Paths = Mapping[float, Table | LayerPaths]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,56 +62,69 @@ class SkinPresses:
     rows: Index  # (k,) which of the labels they are
     too_deep: Index  # of the others, those deeper than load paths are stored; the rest lie near the rim
     card: MaterialCard
-    paths: Table | LayerPaths
+    paths: Paths
 
     @property
     def groups(self) -> dict[str, dict[str, float]]:
         """PRIORS of what these presses depend on: moduli have no part in presses to a depth but where a soft base keeps
-        its own, and a law that is no cubic, or without a range of strains, keeps its shape."""
-        skin = _skin_of(self.card)
-        idle = {"modulus": not self.scene.skin.base_m and any(punch.force_N is None for punch in self.punches),
-                "shape": skin.kind != CUBIC or not any(skin.strain_range)}
-        return {group: sds for group, sds in PRIORS.items() if not idle.get(group, False)}
+        its own, and a law that is no cubic, or without a range of strains, keeps its shape; thickness is a layer's."""
+        law, skin = _skin_of(self.card), self.scene.skin
+        piezo = skin.strain == "piezoresistive"
+        idle = {"modulus": not skin.base_m and any(punch.force_N is None for punch in self.punches),
+                "shape": not piezo and (law.kind != CUBIC or not any(law.strain_range))}
+        own = {group: sds for group, sds in (PRIORS | (_PIEZO if piezo else {})).items() if not idle.get(group, False)}
+        return own | ({"thickness": {THICKNESS: max(self.paths) / _NODE}} if skin.fills else {})
 
     def signals(self, values: Mapping[str, float]) -> Array:
         """(k, m) V what the presses change of the readings; ValueError where load paths do not reach one of them, or
         the conductivity is not positive."""
-        skin, layer = material_of(self.scene, changed(self.card, values)).skin, self.scene.skin.fills
-        return np.array([readings_of(scene, (touch,), skin, exact=layer).signal_V.ravel()
+        thicker = values.get(THICKNESS, 0.0)
+        nodes = [*self.paths] if thicker else [0.0]
+        weights = lagrange_weights(np.array(nodes), thicker)
+        return np.einsum("n,nkm->km", weights, [self._signals({**values, THICKNESS: node}) for node in nodes])
+
+    def _signals(self, values: Mapping[str, float]) -> Array:
+        """`signals` at a thickness of the paths."""
+        card, layer = changed(self.card, values), self.scene.skin.fills
+        return np.array([readings_of(scene, (touch,), material_of(scene, card).skin, exact=layer).signal_V.ravel()
                          for scene, touch in self.touches(values)])
 
     def touches(self, values: Mapping[str, float]) -> Iterator[tuple[Scene, Touch]]:
-        """Each press's scene and touch; ValueError as `signals`."""
-        material = material_of(self.scene, changed(self.card, values))
+        """Each press's scene and touch, at a thickness of the paths; ValueError as `signals`."""
+        skinned = replace(self.scene, skin=fitted_skin(self.scene.skin, values))
+        material, paths = material_of(skinned, changed(self.card, values)), self.paths[values.get(THICKNESS, 0.0)]
         x, y = (1e-3 * values.get(name, 0.0) for name in OFFSETS)
         for punch in self.punches:
             moved = replace(punch, x_m=punch.x_m + x, y_m=punch.y_m + y)
-            scene = replace(self.scene, punches=(moved,))
-            if (touch := _touch(self.paths, scene, material)) is None:
+            scene = replace(skinned, punches=(moved,))
+            if (touch := _touch(paths, scene, material)) is None:
                 raise ValueError(f"the press at {1e3 * moved.x_m:.4g}, {1e3 * moved.y_m:.4g} mm is deeper than load "
                                  "paths reach, or too near the rim, for the skin that the others suggest.")
             yield scene, touch
 
 
-def skin_presses(scene: Scene, card: MaterialCard, labels: Labels, places_m: Array,
-                 paths: Table | LayerPaths | None = None) -> SkinPresses:
+def skin_presses(scene: Scene, card: MaterialCard, labels: Labels, places_m: Array, paths: Paths | None = None,
+                 thickness_sd: float = THICKNESS_SD) -> SkinPresses:
     """The presses of labels with d_mm and F_N or depth_mm at places (n, 2) in the sensor's coordinates, those of flat
     punches as a scene's by default; ValueError naming a label or a part of the card or skin that is missing.
 
-    Presses near the rim, or deeper than load paths go, are left out. paths: of the same labels at other places.
+    Presses near the rim, or deeper than load paths go, are left out. paths: of the same labels at other places;
+    thickness_sd: of a layer's thickness, relative.
     """
     scene = replace(scene, accuracy=Accuracy(_SIGNAL))
     held = held_label(labels)
     check_skin(card)
-    check_strain(scene.skin)
+    check_thickness_sd(thickness_sd)
     diameter, size = (labels.values[:, labels.names.index(name)] for name in ("d_mm", held))
     made = [Punch(x, y, 1e-3 * d, force_N=value) if held == "F_N" else Punch(x, y, 1e-3 * d, depth_m=1e-3 * value)
             for (x, y), d, value in zip(places_m.tolist(), diameter.tolist(), size.tolist(), strict=True)]
-    material = material_of(scene, card)
-    paths = paths or _paths(scene, material, made)
+    ends = (-_NODE * thickness_sd, 0.0, _NODE * thickness_sd) if scene.skin.fills else (0.0,)
+    scenes = {end: replace(scene, skin=fitted_skin(scene.skin, {THICKNESS: end})) for end in ends}
+    paths = paths or {end: _paths(one, material_of(one, card), made) for end, one in scenes.items()}
 
     def reached(punch: Punch) -> bool:
-        return _touch(paths, replace(scene, punches=(punch,)), material) is not None
+        return all(_touch(paths[end], replace(one, punches=(punch,)), material_of(one, card)) is not None
+                   for end, one in scenes.items())
 
     rows = [k for k, punch in enumerate(made) if reached(punch)]
     deep = [k for k, punch in enumerate(made) if k not in rows and not reached(replace(punch, x_m=0.0, y_m=0.0))]
@@ -144,12 +169,12 @@ def check_skin(card: MaterialCard) -> None:
     _skin_of(card)
 
 
-def check_strain(skin: Skin) -> None:
-    """ValueError for a layer whose conductivity does not follow a card's law."""
-    if skin.strain == "piezoresistive":
-        raise ValueError('strain = "piezoresistive" in [skin]: presses fit the card\'s law of conductivity, and this '
-                         "layer follows along and across in [skin] in its place. Leave out --card, and learn the "
-                         "presses by `surrogate learn --sensor`.")
+def check_thickness_sd(relative: float) -> None:
+    """ValueError for a standard deviation of a layer's thickness that signals at three thicknesses do not serve."""
+    low, high = _THICKNESS_SDS
+    if not low <= relative <= high:
+        raise ValueError(f"the standard deviation of a layer's thickness is {relative:g} of it, expected {low:g} to "
+                         f"{high:g}. Give that of the layer that thickness_mm in [skin] was measured on.")
 
 
 def changed(card: MaterialCard, values: Mapping[str, float]) -> MaterialCard:
@@ -165,6 +190,14 @@ def changed(card: MaterialCard, values: Mapping[str, float]) -> MaterialCard:
     foam = card.law
     stiffer = foam and scaled(foam, math.exp(values.get(MODULUS, 0.0)))
     return replace(card, law=stiffer, conductivity=replace(law, a=a))
+
+
+def fitted_skin(skin: Skin, values: Mapping[str, float]) -> Skin:
+    """A skin with a layer's fitted thickness and coefficients; values that are not there are 0."""
+    if not skin.fills:
+        return skin
+    thickness_m, along, across = fitted_layer(skin.thickness_m, skin.along, skin.across, values)
+    return replace(skin, thickness_m=thickness_m, along=along, across=across)
 
 
 def _touch(paths: Table | LayerPaths, scene: Scene, material: Material) -> Touch | None:

@@ -30,7 +30,7 @@ from eitsim.sensors.calibration.calibration_file import (
 )
 from eitsim.sensors.calibration.instrument_model import GROUPS, Instrument, derivatives, sources, voltages
 from eitsim.sensors.calibration.ohm_tests import ohm_tests
-from eitsim.sensors.calibration.stages import fit, halves, harms, unexplained
+from eitsim.sensors.calibration.stages import fit, halves, harms, jointly, unexplained
 from eitsim.sensors.recording import Recording, read_recording
 from eitsim.sensors.sensor_file import Sensor, read_sensor
 from touchcal.errors import InputFileError
@@ -161,6 +161,22 @@ def test_what_no_reading_sees_keeps_its_prior_and_what_readings_see_does_not() -
     contact, gain = sd[held.places["contacts"]], sd[held.places["gains"]]
     assert contact[:7].max() < 0.5 * contact[7]
     assert gain[:7].max() < 0.7 < 0.9 < gain[7]
+
+
+@pytest.mark.thorough
+def test_a_last_fit_of_all_groups_takes_back_what_an_early_stage_gave_to_others() -> None:
+    """Electrodes that are freed before gains and widths move by 0.8 mm, and stay there when gains are freed."""
+    state, volts = hidden(26, ("contacts", "width", "widths", "gains"), noise=1e-6)
+    held, frame = instrument_of(sensor()), untouched(sensor(), recording(volts))
+    frame, start = frame.of(np.arange(len(frame.volts)) < 2 * COUNT), held.prior_mean
+    for count in (4, 6):
+        early = fit(held, frame, tuple(GROUPS)[:count], start)
+        start = early.state
+    off, before = ((one.state - state) / np.sqrt(np.diag(one.covariance)) for one in (
+        jointly(held, frame, early.state, 0), early))
+    assert np.abs(before[held.places["positions"]]).max() > 4
+    assert np.abs(off).max() < 3
+    assert np.mean(np.abs(off) < 1.96) > 0.9
 
 
 def test_held_groups_keep_prior_mean_and_prior_sd() -> None:

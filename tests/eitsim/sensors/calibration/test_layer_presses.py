@@ -12,8 +12,9 @@ import matcal
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
 from eitsim.scene.edges.disc import Disc
 from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.fitted_layer import ACROSS, PIEZO, THICKNESS
 from eitsim.scene.scene import Accuracy, Body, Punch, Scene, Skin
-from eitsim.sensors.calibration.skin_law import MODULUS, changed, skin_presses
+from eitsim.sensors.calibration.skin_law import MODULUS, changed, fitted_skin, skin_presses
 from eitsim.sensors.labels import Labels
 from eitsim.simulation.layer_paths import layer_paths
 from eitsim.simulation.material import material_of
@@ -68,6 +69,24 @@ def test_presses_to_a_depth_and_those_that_no_path_reaches(tmp_path: Path) -> No
     stiffer = [touch for _, touch in presses.touches({MODULUS: 0.1})]
     assert [touch.force_N for touch in stiffer] == pytest.approx([np.exp(0.1) * touch.force_N for touch in found])
     assert [touch.u_z_m.min() for touch in stiffer] == pytest.approx([touch.u_z_m.min() for touch in found])
+
+
+@pytest.mark.thorough
+def test_signals_between_thicknesses_are_those_of_a_layer_so_thick(tmp_path: Path) -> None:
+    """And those of a piezoresistive layer are those of one with its fitted coefficients."""
+    scene, at = scene_on(tmp_path, soft=False), np.array([[5.0, 12.0], [-15.0, 0.0]])
+    labels = Labels(np.array([*"ab"]), NAMES, np.column_stack([at, np.full(2, 10.0), [0.5, 1.5]]))
+    presses = skin_presses(scene, CARD, labels, 1e-3 * at)
+    assert presses.groups["thickness"] == {THICKNESS: pytest.approx(0.05)}
+    thick = replace(scene, skin=fitted_skin(scene.skin, {THICKNESS: 0.06}))
+    found, known = presses.signals({THICKNESS: 0.06}), skin_presses(thick, CARD, labels, 1e-3 * at).signals({})
+    assert np.linalg.norm(found - known) < 1e-3 * np.linalg.norm(known)
+    assert np.linalg.norm(presses.signals({}) - known) > 0.03 * np.linalg.norm(known)
+    piezo = replace(presses, scene=replace(scene, skin=Skin(0.003, "piezoresistive", "layer", along=3.0, across=1.0)))
+    assert {*piezo.groups["amplitude"], *piezo.groups["shape"]} == {PIEZO, ACROSS}
+    values = {PIEZO: 0.2, ACROSS: -0.1}
+    other = replace(presses, scene=replace(scene, skin=fitted_skin(piezo.scene.skin, values)))
+    np.testing.assert_allclose(piezo.signals(values), other.signals({}), rtol=1e-12)
 
 
 @pytest.mark.slow

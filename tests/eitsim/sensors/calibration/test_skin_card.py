@@ -15,6 +15,7 @@ from eitsim.cli.fitted_card import check_card_of_design
 from eitsim.scene.channels import Channels
 from eitsim.scene.drive import Drive
 from eitsim.scene.electrodes import Electrodes
+from eitsim.scene.fitted_layer import ACROSS, PIEZO, THICKNESS, fitted_table
 from eitsim.scene.scene import Body, Scene, Skin, read_scene
 from eitsim.sensors.calibration.calibrate import Calibration, FittedSkin
 from eitsim.sensors.calibration.calibration_file import calibration_document, read_calibration
@@ -276,9 +277,18 @@ def test_a_skin_is_fitted_from_files_and_serves_a_scene(command: Callable[..., C
     assert "scatter about its model" in " ".join(done.stdout.split())
 
 
-def test_a_piezoresistive_layer_is_not_fitted_to_presses() -> None:
-    layer = replace(SENSOR, body=Body(thickness_m=3e-3), skin=Skin(3e-3, "piezoresistive", "layer", along=3.0))
+def test_a_standard_deviation_of_the_thickness_that_three_thicknesses_do_not_serve_is_refused() -> None:
     labels = Labels(np.array(["a"]), ("x_mm", "y_mm", "d_mm", "F_N"), np.array([[0.0, 0.0, 8.0, 1.0]]))
     frames = eitsim.Recording(np.ones((2, 40)), np.arange(2), None, np.array(["", "a"]), "voltage", Path("f.csv"))
-    with pytest.raises(ValueError, match=r'strain = "piezoresistive" in .skin.: .* Leave out --card'):
-        eitsim.calibrate(layer, frames, labels, CARD)
+    with pytest.raises(ValueError, match=r"thickness is 0\.3 of it, expected 0\.005 to 0\.1"):
+        eitsim.calibrate(SENSOR, frames, labels, CARD, thickness_sd=0.3)
+
+
+def test_a_fitted_layer_stands_in_the_tables_of_its_sensor() -> None:
+    """Of coatings nothing changes; coefficients that a table does not have stay out of it."""
+    values = {THICKNESS: np.log(1.1), PIEZO: np.log(1.2), ACROSS: 0.1}
+    layer = {"kind": "layer", "thickness_mm": 3.0, "strain": "piezoresistive", "along": 3.0, "across": 4.0}
+    found = fitted_table(layer, values)
+    assert {**found} == pytest.approx({**layer, "thickness_mm": 3.3, "along": 3.6, "across": 1.2 * (4.0 + 0.1 * 5.0)})
+    assert set(fitted_table({"kind": "layer", "thickness_mm": 3.0}, values)) == {"kind", "thickness_mm"}
+    assert fitted_table({"kind": "coating", "thickness_um": 20.0}, values) == {"kind": "coating", "thickness_um": 20.0}
