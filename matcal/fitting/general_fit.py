@@ -11,6 +11,7 @@ import itertools
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,29 +47,47 @@ class _Problem:
     free: NDArray[np.bool_]  # (K,) truth of each parameter: whether it is fitted
     linear: NDArray[np.bool_]  # (K,) truth of each: whether the stress is linear in it
 
-    @property
-    def low(self) -> Array:
-        """(K,) bounds, moduli over mu_0 of the first law."""
-        return np.array([p.bounds[0] for p, _ in expanded(self.first)]) / units(self.first)
+    @cached_property
+    def sizes(self) -> Array:
+        """(K,) units of the parameters: moduli are over mu_0 of the first law."""
+        return units(self.first)
 
-    @property
+    @cached_property
+    def stress(self) -> Array:
+        """(n,) weighted, as measured."""
+        return weighted_stress(self.curves)
+
+    @cached_property
+    def low(self) -> Array:
+        """(K,) bounds."""
+        return np.array([p.bounds[0] for p, _ in expanded(self.first)]) / self.sizes
+
+    @cached_property
     def high(self) -> Array:
-        return np.array([p.bounds[1] for p, _ in expanded(self.first)]) / units(self.first)
+        return np.array([p.bounds[1] for p, _ in expanded(self.first)]) / self.sizes
 
     def law(self, theta: Array) -> Law:
-        return with_vector(self.first, theta * units(self.first))
+        return with_vector(self.first, theta * self.sizes)
+
+    def exists(self, theta: Array) -> bool:
+        """Whether a law has these parameters."""
+        try:
+            self.law(theta)
+        except ValueError:
+            return False
+        return True
 
     def miss(self, theta: Array) -> Array:
         """Weighted residuals, of lateral strains too where nu is fitted."""
         try:
             law = self.law(theta)
-            out = weighted_model(self.curves, law) - weighted_stress(self.curves)
+            out = weighted_model(self.curves, law) - self.stress
             out = np.r_[out, lateral_residual(self.curves, law)] if self._sees_lateral else out
         except (ValueError, NotConverged):
-            return np.full(weighted_stress(self.curves).size, _NO_LAW)
+            return np.full(self.stress.size, _NO_LAW)
         return np.where(np.isfinite(out), np.clip(out, -_NO_LAW, _NO_LAW), _NO_LAW)
 
-    @property
+    @cached_property
     def _sees_lateral(self) -> bool:
         return any(free and p.name == "nu" for free, (p, _) in zip(self.free, expanded(self.first), strict=True))
 
@@ -145,8 +164,8 @@ def _of_orders(curves: tuple[Curve, ...], kind: type[Law], given: Mapping[str, f
 
 def _from(curves: tuple[Curve, ...], near: Law, given: Mapping[str, float]) -> _Found:
     problem = _posed(curves, near, given)
-    found = _projected(problem, vector(problem.first) / units(problem.first))
-    theta = vector(problem.first) / units(problem.first) if found is None else found[0]
+    found = _projected(problem, vector(problem.first) / problem.sizes)
+    theta = vector(problem.first) / problem.sizes if found is None else found[0]
     return _refined(problem, theta)
 
 
@@ -190,7 +209,7 @@ def _stiffness(curves: Sequence[Curve]) -> float:
 def _grid(problem: _Problem, before: Law | None) -> list[Array]:
     """Vectors (K,) to begin from: a grid over the parameters in which the stress is not linear; of a law with terms,
     those of `before` and each further exponent."""
-    start, named = vector(problem.first) / units(problem.first), expanded(problem.first)
+    start, named = vector(problem.first) / problem.sizes, expanded(problem.first)
     loose = np.flatnonzero(problem.free & ~problem.linear)
     if before is not None:
         known = dict(zip((name for _, name in expanded(before)), vector(before), strict=True))
@@ -220,12 +239,12 @@ def _atoms(problem: _Problem) -> list[Array]:
     usable = np.all(np.isfinite(columns), axis=0)
     size = np.zeros(exponents.size)
     length = np.linalg.norm(columns[:, usable], axis=0)
-    size[usable] = lsq_linear(columns[:, usable] / length, weighted_stress(problem.curves), (0, np.inf), "bvls").x
+    size[usable] = lsq_linear(columns[:, usable] / length, problem.stress, (0, np.inf), "bvls").x
     size[size < 1e-9 * size.max()] = 0.0
     groups = np.split(np.arange(exponents.size), np.flatnonzero(size == 0))
     merged = sorted(((size[g].sum(), float(size[g] @ exponents[g] / size[g].sum())) for g in groups if size[g].sum()),
                     reverse=True)
-    start, named = vector(problem.first) / units(problem.first), expanded(problem.first)
+    start, named = vector(problem.first) / problem.sizes, expanded(problem.first)
     terms = [k for k, (p, _) in enumerate(named) if p.each_term and not problem.linear[k]]
     start[terms[:len(merged)]] = [alpha for _, alpha in merged[:len(terms)]]
     return [start]
@@ -240,7 +259,7 @@ def _spread(low: float, high: float, count: int) -> Array:
 
 def _projected(problem: _Problem, theta: Array) -> tuple[Array, Array] | None:
     """theta with the best moduli, and the weighted residuals; None where there is no such law."""
-    linear, stress = problem.free & problem.linear, weighted_stress(problem.curves)
+    linear, stress = problem.free & problem.linear, problem.stress
     models = _models(problem, theta + np.vstack([np.zeros(theta.size), np.eye(theta.size)[linear]]))
     columns = (models[1:] - models[0]).T
     if not np.all(np.isfinite(columns)):
@@ -249,10 +268,12 @@ def _projected(problem: _Problem, theta: Array) -> tuple[Array, Array] | None:
     length = np.linalg.norm(columns, axis=0)
     length[length == 0] = 1.0
     positive = lsq_linear(columns / length, stress, (0, np.inf), "bvls").x / length
+    rest = models[0] - columns @ theta[linear] - stress
     for moduli in (*solutions, positive):  # where mu_0 is not positive, the best of no negative modulus
         at = theta.copy()
         at[linear] = moduli
-        if float(np.sum((miss := problem.miss(at)) ** 2)) < _NO_LAW:
+        miss = rest + columns @ moduli if problem.first.incompressible and problem.exists(at) else problem.miss(at)
+        if float(np.sum(miss**2)) < _NO_LAW:
             return at, miss
     return None
 
@@ -271,7 +292,7 @@ def _projected_slopes(problem: _Problem, theta: Array, moving: NDArray[np.bool_]
 
 def _models(problem: _Problem, thetas: Array) -> Array:
     """(D, n) weighted stresses at thetas (D, K); not finite where there is no such law or state."""
-    laws = LawStack(problem.first, thetas * units(problem.first))
+    laws = LawStack(problem.first, thetas * problem.sizes)
     out = []
     for curve in problem.curves:
         kind, e = curve.experiment.kind, curve.experiment.strain
@@ -340,7 +361,7 @@ def _standard_errors(problem: _Problem, theta: Array, cost: float) -> Array:
     slopes = np.stack([problem.miss(theta + row) - problem.miss(theta) for row in rows], axis=-1)
     spare = max(slopes.shape[0] - slopes.shape[1], 1)
     out[problem.free] = np.sqrt(np.diag(np.linalg.pinv(slopes.T @ slopes)) * cost / spare)
-    return out * units(problem.first)
+    return out * problem.sizes
 
 
 def _at_bound(value: float, bounds: tuple[float, float], size: float) -> bool:

@@ -45,9 +45,10 @@ class Ogden(Isochoric):
         energy, first, second = 0.0, 0.0, 0.0
         for i in range(terms):
             mu, alpha = p[i], p[terms + i]
+            growth = np.expm1(alpha * x)
             energy = energy + 2 * mu / alpha**2 * exp_remainder(alpha * x)
-            first = first + 2 * mu / alpha * np.expm1(alpha * x)
-            second = second + 2 * mu * np.exp(alpha * x)
+            first = first + 2 * mu / alpha * growth
+            second = second + 2 * mu * (growth + 1)
         return energy, first, second
 
     @staticmethod
