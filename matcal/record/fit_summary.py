@@ -23,7 +23,7 @@ from matcal.fitting.relaxation.spectrum_fit import SpectrumFit
 from matcal.fitting.uncertainty.intervals import OF_ONE_FORM, OF_THIS_LAW, Uncertainty
 from matcal.fitting.uncertainty.standard_errors import standard_errors
 from matcal.laws.conduction_laws import conduction_law
-from matcal.laws.law import values_of
+from matcal.laws.law import Law, values_of
 from matcal.record.bands import share_inside
 from matcal.reduction.experiment import Experiment
 
@@ -221,7 +221,8 @@ def _of_test(found: FittedLaws, label: str, experiment: Experiment) -> dict[str,
     if is_curve(experiment) and found.fit:
         curve = curve_of(found, label)
         row |= _errors(curve.experiment.value, relative_rms(found.fit.law, of_mean_foam(curve)))
-        row |= {"weight": curve.weight, "record": _record_errors(curve)}
+        row |= {"rms_at_least_stress": _at_least_stress(curve, found.fit.law), "weight": curve.weight,
+                "record": _record_errors(curve)}
         if found.series:
             row |= {"rate_corrected": curve.kernel is not None}
         if curve.factor != 1:
@@ -244,6 +245,13 @@ def _errors(value: np.ndarray, relative: float) -> dict[str, float | None]:
     square, variance = float(np.mean(value**2)), float(np.var(value))
     return {"rms": relative * np.sqrt(square), "relative_rms": relative,
             "r2": 1 - relative**2 * square / variance if variance > 0 else None}
+
+
+def _at_least_stress(curve: Curve, law: Law) -> float:
+    """Root mean square residual, Pa, of the quarter of the points with the least stress, which the load cell limits."""
+    stress = curve.experiment.value
+    least = np.argsort(np.abs(stress))[:max(stress.size // 4, 1)]
+    return float(np.sqrt(np.mean((stress - curve.model(law))[least] ** 2)))
 
 
 def _range(experiment: Experiment) -> list[float]:

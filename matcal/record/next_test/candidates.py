@@ -1,7 +1,8 @@
 """Tests that a lab can make, what the open laws predict of each, and how well it would be measured.
 
 The noise of a test is that of the card's own: the relative residual of its mode, else the mean of all, yet no less
-stress than the card's own residuals, and as many independent points as the fit counted in one test. A further specimen
+stress than the card's own residuals where stress is least, and as many independent points as the fit counted in one
+test. A further specimen
 has a stiffness of its own where replicates showed how much specimens differ, and errors of contact point, load zero and
 drift of its own where the records state how well theirs are known.
 """
@@ -69,6 +70,8 @@ def candidates(card: MaterialCard, draws: Draws, aim: tuple[str, float] | None =
     for mode, ends in spans(law.strain_range, modes_of(law)).items():
         rest, rate = _rest(mode), _rate(card, mode) if relaxes else None
         for far in (end for end in _reaching(ends, mode, aim) if abs(end - rest) >= _LEAST):
+            if mode == "volumetric" and far > rest:  # no lab pulls a specimen from all sides
+                continue
             sizes = [Test(mode, rest + share * (far - rest), None if rate is None else share * abs(far - rest) / rate)
                      for share in _SHARES]
             if draws.omega is None and _tested(far, *law.strain_range.get(mode, (rest, rest)), rest):
@@ -122,8 +125,9 @@ def relative_noise(card: MaterialCard, kind: str) -> float:
 
 
 def _least_Pa(card: MaterialCard) -> float:
-    """Least residual stress of the card's own tests, Pa, which a load cell leaves in a small test too."""
-    return min((float(row["rms"]) for row in tests(card).values() if row["kind"] in MODES), default=0.0)
+    """Residual of the card's own tests where stress is least, Pa, which a load cell leaves in a small test too."""
+    return min((float(row.get("rms_at_least_stress", row["rms"])) for row in tests(card).values()
+                if row["kind"] in MODES), default=0.0)
 
 
 def record_error(card: MaterialCard, kind: str, name: str) -> float:

@@ -13,6 +13,7 @@ import matcal
 from matcal.cli.main import app
 from matcal.fitting.uncertainty.intervals import intervals
 from matcal.laws.known_laws import law_of
+from matcal.reduction.experiment import Experiment
 
 NOISE = 0.02
 
@@ -58,6 +59,23 @@ def test_tested_strains_are_repeated_only_where_replicates_show_the_scatter(rubb
     found = matcal.next_tests(rubber[3].card)
     assert not found.scatter_known
     assert not any(row.test.kind == "uniaxial" and row.test.strain_to > 0 for row in found.tests)
+
+
+def test_a_small_test_is_as_noisy_as_the_cards_own_where_stress_is_least() -> None:
+    law, strain = matcal.Hyperfoam([8e3, 2e3], [9.0, -2.0], [0.0, 0.0]), np.linspace(0.0, -0.5, 60)[1:]
+    own = matcal.nominal_stress(law, "uniaxial", strain)
+
+    def worth(noise: np.ndarray) -> dict[tuple[str, float], float]:
+        stress = own + noise * np.random.default_rng(3).normal(size=strain.size)
+        card = matcal.fit([Experiment("uniaxial", strain, stress)], order=2).card
+        return {(row.test.kind, row.test.strain_to): row.sd / card.fit["derived"]["mu_0_Pa"]["value"]
+                for row in matcal.next_tests(card).tests}
+
+    of_each_stress, of_the_cell = worth(0.01 * own), worth(np.full(strain.size, 0.01 * float(np.std(own))))
+    smallest = min((key for key in of_each_stress if key[0] == "shear"), key=lambda key: key[1])
+    assert of_each_stress[smallest] < 0.01
+    assert of_the_cell[smallest] > 1.3 * of_each_stress[smallest]
+    assert not any(kind == "volumetric" and to > 1 for kind, to in of_each_stress)
 
 
 def test_minutes_change_the_order_and_leave_other_kinds_out(rubber: tuple) -> None:
