@@ -9,6 +9,8 @@ from touchcal.errors import NotConverged
 from touchcal.number_words import percent, within
 from touchcal.terminal import JsonOption, check_apart, check_out, print_json, waiting
 
+_NOT_FOLLOWED = 0.1  # share of the force that a law leaves from which on its kind is doubted
+
 
 def identify(presses: Annotated[list[Path], typer.Argument(metavar="PRESSES", help=(
                  "CSV of depth_mm and F_N, and `press` where there are several; one file a punch."))],
@@ -79,6 +81,10 @@ def identify(presses: Annotated[list[Path], typer.Argument(metavar="PRESSES", he
         print_table(tables.Printed("Not the law's", ["quantity", "value", "95 % interval", ""], rows, "<>><", [
             f"The law leaves {percent(float(found.misfit.max()), 2)} of the force, r.m.s. of the press that it fits "
             f"worst; {found.cpu_s:.0f} CPU s.", "nu is the start's; presses were not asked for it."]))
+        if found.misfit.max() > _NOT_FOLLOWED:
+            print("! A law of the start's kind does not follow these forces, and its intervals do not hold. A foam "
+                  "takes a start with nu near 0, as examples/foam_start.json, a rubber one as "
+                  "examples/rubber_start.json.")
         if further:
             print_table(tables.Printed(
                 "Next press", ["punch", "to", "force", "narrows mu_0", "and plateau by"],
