@@ -3,6 +3,7 @@
 A band comes from the posterior's draws where there are any, otherwise from the linearised covariance of the fit. Modes
 that were not fitted are given over the principal stretches that the fitted ones reached, and marked as extrapolated.
 Outside the tests a nu that was assumed counts as one more standard deviation: what the law fitted with another says.
+Bands are then of ln stress away from zero, for a stress that may be half as large may be twice as large.
 """
 
 from __future__ import annotations
@@ -81,11 +82,14 @@ def band_in(law: Law, mode: str, strain: Array, source: Draws | Uncertainty, abo
 def with_other_nu(stress: Array, ends: tuple[Array, Array], other: Array, reach: float,
                   outer: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Ends (n,) of a band about a stress, Pa, those of rows `outer` wider by `reach` times what the law of another nu
-    changes."""
-    more = np.where(outer, reach * np.abs(other - stress), 0.0)
+    changes; away from zero these are normal in ln stress, x of the stress at one standard deviation being (1 + x)^reach
+    at `reach` of them."""
+    more, size = reach * np.abs(other - stress), np.maximum(np.abs(stress), np.finfo(float).tiny)
     low, high = np.minimum(*ends), np.maximum(*ends)
-    return (np.where(outer, stress - np.hypot(stress - low, more), low),
-            np.where(outer, stress + np.hypot(high - stress, more), high))
+    below, above = np.hypot(stress - low, more), np.hypot(high - stress, more)
+    further = size * np.expm1(reach * np.log1p(np.where(stress < 0, below, above) / (reach * size)))
+    return (np.where(outer, stress - np.where(stress < 0, further, below), low),
+            np.where(outer, stress + np.where(stress < 0, above, further), high))
 
 
 def share_inside(curve: Curve, law: Law, source: Draws | Uncertainty) -> float:

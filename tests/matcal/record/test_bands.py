@@ -10,7 +10,7 @@ from matcal.fitting.hyperfoam.poisson import PRIOR_NU
 from matcal.fitting.uncertainty.intervals import Uncertainty
 from matcal.laws.hyperfoam import Hyperfoam
 from matcal.posterior.draws import foam_draws, write_draws
-from matcal.record.bands import band_in, stress_bands
+from matcal.record.bands import band_in, stress_bands, with_other_nu
 from matcal.reduction.experiment import Experiment
 
 
@@ -52,6 +52,13 @@ def test_tested_strains_and_a_given_nu_keep_their_band() -> None:
     np.testing.assert_array_equal(wide["stress_hi_Pa"][inside], own["stress_hi_Pa"][inside])
     assert np.all(wide["stress_lo_Pa"] <= own["stress_lo_Pa"])
     assert known_of(uniaxial(0.3, 1), poisson=0.0).other_nu is None
+
+
+def test_outside_the_tests_a_band_is_of_ln_stress_away_from_zero() -> None:
+    stress, other = np.array([-10.0, 10.0, 10.0]), np.array([-5.0, 15.0, 20.0])
+    low, high = with_other_nu(stress, (stress, stress), other, 2.0, np.array([True, True, False]))
+    np.testing.assert_allclose(low, [-10 * 1.5**2, 0.0, 10.0])
+    np.testing.assert_allclose(high, [0.0, 10 * 1.5**2, 10.0])
 
 
 def test_a_cards_draws_are_widened_alike(tmp_path: Path) -> None:
