@@ -153,7 +153,13 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     Example: eitsim sensor correct frames.csv --sensor sensor.json --out corrected.csv
     """
     from eitsim.sensors.calibration.calibration_file import read_calibration
-    from eitsim.sensors.calibration.ideal_frames import frame_noise, ideal_frames, live_readings, to_ideal
+    from eitsim.sensors.calibration.ideal_frames import (
+        changed_since,
+        frame_noise,
+        ideal_frames,
+        live_readings,
+        to_ideal,
+    )
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.recording import write_recording
     from eitsim.sensors.untouched_scatter import change_noise
@@ -165,6 +171,7 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     patterns, each = known.protocol.shape
     read = open_recording(recording, kind=known.kind, readings=patterns * each)
     there = live_readings(read)
+    caution = changed_since(calibrated, read, there)
     found = to_ideal(calibrated, there)
     frames = ideal_frames(found, calibrated, read)
     write_recording(frames, out)
@@ -172,8 +179,10 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     noise = frame_noise(calibrated, found, change_V=scatter)
     if as_json:
         print_json({"out": out, "frames": len(frames.readings), "left": found.left, "change_noise_V": scatter,
-                    "noise_V": noise})
+                    "noise_V": noise, "caution": caution or None})
     else:
+        if caution:
+            print(f"caution: {caution}")
         print(f"frames: {out} ({len(frames.readings)}); {100 * found.left:.2g} % of the ideal sensor's signals are "
               f"not in the calibrated one's")
         print("noise of a touched less an untouched frame, corrected: "

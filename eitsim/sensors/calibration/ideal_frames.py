@@ -24,6 +24,7 @@ from touchcal.arrays import Array, Mask
 from touchcal.errors import InputFileError
 
 _FROM_EDGE = 0.1  # part of the radius, of the disc of its area with an outline, that touches keep from the edge
+_OTHER, _SAID, _MISFITS = 0.5, 0.05, 3.0  # changes of the untouched frame that are refused, and said
 _DRAWS = 4  # of sensors that the calibration may have missed
 _STEP = 1e-3  # of a standard deviation, over which signals are differenced
 _RINGS = 12  # of pixels; one is as large as a touch's usual moment, 36 mm^2 of a disc of 100 mm
@@ -98,6 +99,27 @@ def frame_noise(calibrated: CalibratedSensor, found: ToIdeal, seed: int = 0, cha
 def live_readings(recording: Recording) -> Mask:
     """(m,) which readings are there in every frame and not dead."""
     return ~dead_readings(recording) & np.isfinite(recording.readings).all(axis=0)
+
+
+def changed_since(calibrated: CalibratedSensor, recording: Recording, there: Mask) -> str:
+    """In words, how far the median untouched frame of a recording is from that of the calibrated sensor; empty where it
+    is the same to 5 % or three misfits of the calibration. InputFileError where they differ by half: then the map
+    is that of another sensor, or the readings have another unit or order."""
+    kept = there & np.isfinite(recording.readings).all(axis=0)
+    if not recording.untouched.any() or not kept.any():
+        return ""
+    rest = np.median(np.real(recording.readings[recording.untouched]), axis=0)[kept]
+    model = calibrated.readings().ravel()[kept]
+    whole = float(np.linalg.norm(model))
+    off, times = float(np.linalg.norm(rest - model)) / whole, float(rest @ model) / whole**2
+    if off > _OTHER:
+        raise InputFileError(recording.source, f"its untouched frame is {times:.3g} times that of the calibrated "
+                             f"sensor and differs from it by {off:.0%}: other units (readings are in V), another order "
+                             "or current, or another sensor. Correct the readings, or calibrate on this recording.")
+    if off <= max(_SAID, _MISFITS * calibrated.misfit * np.sqrt(len(model)) / whole):
+        return ""
+    return (f"the untouched frame differs from the calibrated sensor's by {off:.0%} (it is {times:.3g} times as "
+            "large): signals may be off by as much. Calibrate again on this recording.")
 
 
 def ideal_frames(found: ToIdeal, calibrated: CalibratedSensor, recording: Recording) -> Recording:

@@ -17,6 +17,7 @@ from eitsim.scene.scene import Body, Skin
 from eitsim.sensors.calibration.calibrate import Calibration
 from eitsim.sensors.calibration.calibration_file import CalibratedSensor, calibration_document
 from eitsim.sensors.calibration.ideal_frames import (
+    changed_since,
     frame_noise,
     ideal_frames,
     live_readings,
@@ -71,6 +72,23 @@ def test_signals_become_those_of_the_ideal_sensor() -> None:
     off, before = (np.linalg.norm(one - ideal) / np.linalg.norm(ideal) for one in (signal, touched(sensor)))
     print(f"off by {off:.2%} corrected, {before:.2%} as read")
     assert off < before / 5
+
+
+@pytest.mark.parametrize(("times", "answer"), [(1.0, ""), (1.1, "10 %"), (1000.0, "1e+03 times"), (-1.0, "-1 times"),
+                                                   ("turned", "another order")])
+def test_a_recording_of_another_unit_or_order_is_not_corrected(times: float | str, answer: str) -> None:
+    sensor = real("contacts", "gains")
+    read = recording(sensor)
+    frames = np.roll(read.readings, 21, axis=1) if times == "turned" else float(times) * read.readings
+    given = replace(read, readings=frames)
+    if answer in ("", "10 %"):
+        said = changed_since(sensor, given, live_readings(given))
+        assert answer.replace(" ", "") in said
+        assert bool(said) == bool(answer)
+        return
+    with pytest.raises(InputFileError) as refused:
+        changed_since(sensor, given, live_readings(given))
+    assert answer in str(refused.value)
 
 
 @pytest.mark.parametrize("dead", ["one empty", "an electrode stuck"])
