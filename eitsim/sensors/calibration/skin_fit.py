@@ -175,9 +175,15 @@ def _staged(near: _Linear, masks: Mapping[str, Mask], fold: Index) -> tuple[tupl
         for group in (one for one in masks if one not in kept):
             after = np.sum(near.left_out(_of(masks, (*kept, group), count), fold) ** 2, axis=1)
             better, shares[group] = left - after, float(np.sqrt(np.mean(after)))
-            if better.sum() > _CLEARLY * np.std(better, ddof=1) * np.sqrt(len(better)):
+            if _clear(better) or (better.sum() > 0 and _clear(better / (left + after))):
                 kept, left = (*kept, group), after
     return kept, shares
+
+
+def _clear(better: Array) -> bool:
+    """Whether the sum of what presses gain (k,) is so many of its standard errors. Where one gains by far the most its
+    own scatter hides it, and what presses gain of their own counts too."""
+    return float(better.sum()) > _CLEARLY * float(np.std(better, ddof=1)) * np.sqrt(len(better))
 
 
 def _of(masks: Mapping[str, Mask], groups: Sequence[str], count: int) -> Mask:

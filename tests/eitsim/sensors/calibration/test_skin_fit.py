@@ -38,6 +38,18 @@ def test_parameters_are_recovered_and_what_stays_is_the_noise() -> None:
     assert found.pattern_error < 0.3 * NOISE
 
 
+def test_a_group_is_kept_though_one_press_whose_signal_nearly_cancels_gains_by_far_the_most() -> None:
+    truth = {"a": 0.2, "b": -0.1, "c": 0.15}
+    base, slope, common, seen = problem(1, truth)
+    cancelled = 0.05 * seen[3]
+    base[3] += cancelled - seen[3]
+    seen[3] = cancelled
+    found = fitted(base, slope, common, seen)
+    assert found.before > 1
+    assert set(found.kept) == {"one", "two"}
+    np.testing.assert_allclose([found.values[name] for name in "abc"], [*truth.values()], atol=0.03)
+
+
 def test_a_press_with_the_signal_of_another_is_named_and_few_others_are() -> None:
     """One label exchanged for another's in each of 30 problems."""
     named, others = 0, 0
