@@ -4,7 +4,7 @@ Usage: python benchmarks/layer_fit.py [SENSOR ...]. Writes results/layer_fit.csv
 are kept.
 Synthetic: discs of 100 or 160 mm, 8 or 16 electrodes over the whole height of the rim, contacts, widths and gains
 hidden as in sensor_fit.py; layers of rubber, driven by the largest strain, and of foam, by the change of volume, both
-piezoresistive from sensor PIEZO on, 2 to 4 mm thick, on a rigid plate and on a soft base. The skin differs from the
+piezoresistive where PIEZO says so, 2 to 4 mm thick, on a rigid plate and on a soft base. The skin differs from the
 card as in skin_fit.py: its law's amplitude, or both coefficients, by up to 20 %, its moduli by up to 15 %, its shape by
 0.1, the origin of the labels by 0.5 mm; and from the sensor file by its thickness, 5 %, one standard deviation. 16
 presses of 5 to 30 kPa by punches of 6, 10 and 14 mm, within 28 mm of the centre, each with an untouched frame before
@@ -42,8 +42,8 @@ from matcal.laws.hyperfoam import Hyperfoam
 from matcal.laws.law import Law
 from matcal.laws.neo_hooke import NeoHooke
 
-SENSORS, PIEZO, PRESSES, WITHIN_M, NOISE_DB = 10, 8, 16, 0.028, 100.0
-ALONG_ACROSS = 3.0, 1.0
+SENSORS, PRESSES, WITHIN_M, NOISE_DB = 10, 16, 0.028, 100.0
+PIEZO, ALONG_ACROSS = (8, 9), (3.0, 1.0)  # sensors that are piezoresistive, and their coefficients
 DISCS_M = 0.05, 0.08  # on a rigid plate and on a soft base, through which edges reach further
 DIAMETERS_MM, THICKNESSES_MM, MEAN_PRESSURES_PA = (6.0, 10.0, 14.0), (2.0, 4.0), (5e3, 3e4)
 RUBBER, FOAM = NeoHooke(2.5e4, 0.5), Hyperfoam(np.array([2e4]), np.array([4.0]), np.array([0.2]))
@@ -55,7 +55,7 @@ CONDUCTION = Conductivity(0.5, np.array([-1.2, 0.7, -0.15]), (-0.4, 0.8))
 def card_of(seed: int) -> tuple[MaterialCard, str]:
     """The card of a sensor, and what drives its layer."""
     law: Law = FOAM if seed % 2 else RUBBER
-    strain = "piezoresistive" if seed >= PIEZO else "volume" if seed % 2 else "principal"
+    strain = "piezoresistive" if seed in PIEZO else "volume" if seed % 2 else "principal"
     return MaterialCard("layer", law, conductivity=CONDUCTION), strain
 
 
@@ -68,7 +68,7 @@ def row_of(seed: int) -> dict[str, Any]:
     write_card(BASE_CARD, base)
     skin = Skin(thickness_m, strain, "layer", base_m=BASE * thickness_m if soft else 0.0,
                 base_card=str(base) if soft else "", **dict(
-                    zip(("along", "across"), ALONG_ACROSS if seed >= PIEZO else (0.0, 0.0), strict=True)))
+                    zip(("along", "across"), ALONG_ACROSS if seed in PIEZO else (0.0, 0.0), strict=True)))
     plain = described(count)
     sensor = replace(plain, body=Body(Disc(DISCS_M[soft])), skin=skin, electrodes=replace(plain.electrodes, soft=True))
     sensor = replace(sensor, body=sensor.scene.body)
@@ -81,7 +81,7 @@ def row_of(seed: int) -> dict[str, Any]:
              **dict(zip(SHAPES, SHAPE_SD * rng.standard_normal(2), strict=True)),
              **dict(zip(OFFSETS, OFFSET_MM * rng.standard_normal(2), strict=True))}
     truth[THICKNESS] = THICKNESS_SD * np.random.default_rng([52, seed]).standard_normal()
-    if seed >= PIEZO:
+    if seed in PIEZO:
         truth |= {LARGER: truth[AMPLITUDE], ACROSS: truth[SHAPES[0]]}
     radius, angle = WITHIN_M * np.sqrt(rng.uniform(size=PRESSES)), rng.uniform(0, 2 * np.pi, PRESSES)
     d_mm, (low, high) = rng.choice(DIAMETERS_MM, PRESSES), np.log(MEAN_PRESSURES_PA)
