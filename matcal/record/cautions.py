@@ -129,7 +129,13 @@ def _volume(card: MaterialCard) -> Iterator[str]:
 
 
 def _undecided(card: MaterialCard) -> Iterator[str]:
-    """That --law auto found nothing in the tests which parts rubbers from foams, and what it would change."""
+    """That --law auto found nothing in the tests which parts rubbers from foams, or only the shape of a compression,
+    and what it would change."""
+    if card.law is not None and card.fit.get("material", {}).get("by_shape", False):
+        yield ("The test is taken for a rubber's by the shape of its compression alone. A foam with nu of 0.2 to 0.4 "
+               f"may have that shape: with nu = 0.3 its mu_0 would be {card.law.E_0_Pa / 2.6e3:.4g} kPa instead of "
+               f"{card.law.mu_0_Pa / 1e3:.4g} kPa; no interval holds that. Add lateral strain or a second mode, or "
+               "give --poisson.")
     if card.law is None or card.fit.get("material", {}).get("decided", True):
         return
     own, rubber = (f"{value / 1e3:.4g} kPa" for value in (card.law.mu_0_Pa, card.law.E_0_Pa / 3))

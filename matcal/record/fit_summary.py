@@ -94,7 +94,7 @@ def _specimen_part(found: FittedLaws, tests: dict[str, Any]) -> dict[str, Any]:
 def _choice_part(choice: LawChoice) -> dict[str, Any]:
     """What the tests were taken for, and every law that was compared: parameters, their covariance, and how it did."""
     out: dict[str, Any] = {"material": {"rubber": choice.kind.rubber, "decided": choice.kind.decided,
-                                        "because": choice.kind.because}}
+                                        "because": choice.kind.because, "by_shape": choice.kind.by_shape}}
     if choice.laws:
         out["laws"] = [
             {"law": row.law.name, "parameters": {p.name: getattr(row.law, p.name) for p in row.law.parameters},

@@ -81,6 +81,23 @@ def test_foams_and_rubbers_are_told_from_their_curves(law, modes, rubber) -> Non
     assert not kind_of(weigh(part), 0.1).rubber
 
 
+@pytest.mark.parametrize("alpha", [6.0, 7.0, 8.0])
+def test_a_foam_of_some_nu_in_compression_alone_is_not_taken_for_a_rubber(alpha) -> None:
+    strain = np.linspace(-0.7, -0.02, 40)
+    stress = nominal_stress(Hyperfoam([18e3, 2e3], [alpha, -1.8], [0.2, 0.2]), "uniaxial", strain)
+    assert not kind_of(weigh([Experiment("uniaxial", strain, stress)]), None).rubber
+
+
+@pytest.mark.parametrize(("alpha", "said"), [(1.0, 1), (10.0, 0)])
+def test_a_rubber_by_the_shape_of_a_compression_alone_is_a_caution(alpha, said) -> None:
+    """The foam of the first has that shape."""
+    strain = np.linspace(-0.5, -0.02, 40)
+    stress = nominal_stress(Hyperfoam([2e4], [alpha], [0.3]), "uniaxial", strain)
+    card = matcal.fit({"uniaxial": (strain, stress)}, law="auto").card
+    assert card.fit["material"]["rubber"] is bool(said)
+    assert sum("by the shape of its compression" in text for text in cautions(card)) == said
+
+
 FILES = (("foam_leap/foam_leap_UC.csv", "uniaxial", "stretch=1,stress=2:MPa", "foam"),
          ("foam_leap/foam_leap_UT.csv", "uniaxial", "stretch=1,stress=2:MPa", "not decided"),
          ("foam_leap/foam_leap_SS.csv", "shear", "strain=1,stress=2:MPa", "not decided"),
