@@ -4,9 +4,10 @@ was not tested), c_0 and a_i of a conductivity; fresh noise.
 Run by `make bench`, or by hand with REPLICAS [CASE ...]; writes results/parameter_coverage.csv next to this file, where
 cases that were not run keep their earlier rows. Noise is a share of the rms stress, or 0.03 S/m, white or correlated
 from point to point (ar), or grows with the value (proportional); zero: the strain's zero of each test but a volumetric
-one is off by a normal error of this standard deviation; offset: the load's zero, by one of 2 % of the rms stress; assumed
-offset: by one of 2 % of the largest, as fits assume; zeros known: the fit takes both as exact. Per case, method and quantity: replicas, share of them
-whose interval holds the truth, and half its width in per cent of the truth (of 1 for nu).
+one is off by a normal error of this standard deviation; offset: the load's zero, by one of 2 % of the rms stress;
+assumed offset: by one of 2 % of the largest stress, as fits assume; zeros known: the fit takes both as exact. Per case,
+method and quantity: replicas, share of them whose interval holds the truth, and half its width in per cent of the truth
+(of 1 for nu).
 """
 
 import argparse
