@@ -82,7 +82,7 @@ def identify(presses: Annotated[list[Path], typer.Argument(metavar="PRESSES", he
             f"The law leaves {percent(float(found.misfit.max()), 2)} of the force, r.m.s. of the press that it fits "
             f"worst; {found.cpu_s:.0f} CPU s.", "nu is the start's; presses were not asked for it."]))
         if found.misfit.max() > _NOT_FOLLOWED:
-            print("! A law of the start's kind does not follow these forces, and its intervals do not hold. A foam "
+            print("! A law of the start's kind does not follow these forces: trust no interval of it. A foam "
                   "takes a start with nu near 0, as examples/foam_start.json, a rubber one as "
                   "examples/rubber_start.json.")
         if further:

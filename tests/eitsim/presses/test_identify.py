@@ -51,6 +51,11 @@ def test_friction_stiffens_a_flat_press() -> None:
     assert path_of(START, 0.4).at(at) > path_of(START).at(at)
 
 
+def test_starts_are_of_a_foam_and_of_a_rubber() -> None:
+    kept = {kind: matcal.read_card(EXAMPLES / f"{kind}_start.json").law.keeps_volume for kind in ("foam", "rubber")}
+    assert kept == {"foam": False, "rubber": True}
+
+
 def test_files_are_refused_by_line_and_column(tmp_path: Path) -> None:
     path = tmp_path / "press.csv"
     for text, words in (("depth_mm,force\n1,2\n", "must name depth_mm and F_N"),
