@@ -55,6 +55,7 @@ def test_touches_between_those_of_a_path_are_those_solved_from_rest(tmp_path: Pa
         assert np.linalg.norm(own - other) < 5e-3 * np.linalg.norm(other)
 
 
+@pytest.mark.thorough
 def test_presses_to_a_depth_and_those_that_no_path_reaches(tmp_path: Path) -> None:
     scene = scene_on(tmp_path, soft=False)
     at = np.array([[0.0, 0.0], [20.0, 0.0], [0.0, -12.0], [46.0, 0.0]])
