@@ -103,7 +103,7 @@ def test_hidden_parameters_lie_within_their_intervals_and_readings_within_the_no
     assert inside.mean() > 0.9
     assert np.abs(off).max() < 4
     contacts = found.instrument.places["contacts"]
-    assert np.median((sd / prior)[contacts]) < 0.25
+    assert np.median((sd / prior)[contacts]) < 0.21
     missed = read_back(found, tmp_path).readings().ravel() - hidden().clean
     assert np.sqrt(np.mean(missed**2)) < NOISE * np.sqrt(np.mean(hidden().clean**2))
 
