@@ -166,23 +166,35 @@ def _step(model: Callable[[Array], Array], white: Array, found: Array) -> tuple[
 
 
 def _staged(near: _Linear, masks: Mapping[str, Mask], fold: Index) -> tuple[tuple[str, ...], dict[str, float]]:
-    """Groups that are kept, in order, and what stays of presses left out with each."""
+    """Groups that are kept, in order, and what stays of presses left out with each. Those of which none helps alone are
+    tried together at the end: what a thinner layer changes, a softer base may hide."""
     kept: tuple[str, ...] = ()
     count, shares, before = near.slope.shape[-1], {}, -1
-    left = np.sum(near.left_out(_of(masks, kept, count), fold) ** 2, axis=1)
+
+    def after(groups: Sequence[str]) -> Array:
+        return np.sum(near.left_out(_of(masks, groups, count), fold) ** 2, axis=1)
+
+    left = after(kept)
     while len(kept) > before:
         before = len(kept)
         for group in (one for one in masks if one not in kept):
-            after = np.sum(near.left_out(_of(masks, (*kept, group), count), fold) ** 2, axis=1)
-            better, shares[group] = left - after, float(np.sqrt(np.mean(after)))
-            if _clear(better) or (better.sum() > 0 and _clear(better / (left + after))):
-                kept, left = (*kept, group), after
-    return kept, shares
+            now = after((*kept, group))
+            shares[group] = float(np.sqrt(np.mean(now)))
+            if _helps(left, now):
+                kept, left = (*kept, group), now
+    every = (*kept, *(one for one in masks if one not in kept))
+    return every if len(every) > len(kept) + 1 and _helps(left, after(every)) else kept, shares
+
+
+def _helps(left: Array, now: Array) -> bool:
+    """Whether presses left out (k,) are clearly better explained. Where one gains by far the most its own scatter hides
+    that, and what presses gain of their own counts too."""
+    better = left - now
+    return _clear(better) or (better.sum() > 0 and _clear(better / (left + now)))
 
 
 def _clear(better: Array) -> bool:
-    """Whether the sum of what presses gain (k,) is so many of its standard errors. Where one gains by far the most its
-    own scatter hides it, and what presses gain of their own counts too."""
+    """Whether the sum of what presses gain (k,) is so many of its standard errors."""
     return float(better.sum()) > _CLEARLY * float(np.std(better, ddof=1)) * np.sqrt(len(better))
 
 

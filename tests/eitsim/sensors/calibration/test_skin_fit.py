@@ -50,6 +50,19 @@ def test_a_group_is_kept_though_one_press_whose_signal_nearly_cancels_gains_by_f
     np.testing.assert_allclose([found.values[name] for name in "abc"], [*truth.values()], atol=0.03)
 
 
+def test_groups_that_nearly_undo_each_other_are_kept_together() -> None:
+    """What a thinner layer and a softer base change: next to nothing is explained by either alone."""
+    base, slope, common, _ = problem(2, dict.fromkeys("abc", 0.0))
+    slope[..., 1] = 0.05 * slope[..., 1] - slope[..., 0]
+    truth = np.array([0.25, 0.25, 0.0])
+    seen = base + slope @ truth + NOISE * np.random.default_rng(3).standard_normal(base.shape)
+    found = fitted(base, slope, common, seen)
+    assert set(found.kept) == {"one", "two"}
+    off = np.array([found.values[name] for name in "abc"]) - truth
+    assert np.all(np.abs(off) < 3 * np.sqrt(np.diag(found.covariance)))
+    assert np.abs(off).max() < 0.1
+
+
 def test_a_press_with_the_signal_of_another_is_named_and_few_others_are() -> None:
     """One label exchanged for another's in each of 30 problems."""
     named, others = 0, 0
