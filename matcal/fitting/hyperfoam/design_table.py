@@ -1,8 +1,7 @@
 """The weighted design of all curves as a spline in the exponent, on the few directions that its columns span.
 
 Columns d stress/d mu(alpha) are smooth in alpha and nearly dependent: some thirty directions hold them all to 1e-10,
-and a cubic spline between nodes 0.04 apart reproduces them to 2e-7; at the nodes they are those of a spline of degree 7
-through every fifth, to 1e-9. A search or a sampler then costs microseconds a
+and a cubic spline between nodes 0.04 apart reproduces them to 2e-7. A search or a sampler then costs microseconds a
 point whatever the number of measurements; what it finds is evaluated again with the exact design.
 """
 
@@ -11,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import CubicSpline
 
 from matcal.fitting.hyperfoam.curves import Curve, projected_operator, weighted_design, weighted_stress
 from matcal.laws.deformation_modes import second_piola_per_modulus
 from touchcal.arrays import Array
 
 _STEP, _COARSE, _KEPT = 0.04, 80, 1e-11
-_EVERY, _DEGREE = 5, 7  # nodes at which columns are computed, and degree of the spline through them
 # numbers that are held at once
 _AT_ONCE = 2_000_000
 
@@ -52,14 +50,13 @@ def tabulate(curves: Sequence[Curve], nu: float, bounds: tuple[float, float], mo
     left, size, _ = np.linalg.svd(r)
     basis = q @ left[:, size > _KEPT * size[0]]
     nodes = np.linspace(bounds[0] - _STEP, bounds[1] + _STEP, int((bounds[1] - bounds[0]) / _STEP) + 4)
-    places = np.linspace(nodes[0], nodes[-1], 2 * _DEGREE + nodes.size // _EVERY)
-    places = np.where(np.abs(places) < 1e-9, 1e-9, places)
-    columns, first = np.zeros((places.size, basis.shape[1])), 0
+    nodes = np.where(np.abs(nodes) < 1e-9, 1e-9, nodes)
+    columns, first = np.zeros((nodes.size, basis.shape[1])), 0
     for curve in curves:
         n = curve.experiment.value.size
         operator = projected_operator(curve, basis[first:first + n]).T
-        for rows in np.array_split(np.arange(places.size), 1 + places.size * n // _AT_ONCE):
-            unit = second_piola_per_modulus(curve.experiment.kind, curve.experiment.strain, places[rows], nu)
+        for rows in np.array_split(np.arange(nodes.size), 1 + nodes.size * n // _AT_ONCE):
+            unit = second_piola_per_modulus(curve.experiment.kind, curve.experiment.strain, nodes[rows], nu)
             columns[rows] += unit.reshape(rows.size, -1) @ operator
         first += n
-    return Table(basis, CubicSpline(nodes, make_interp_spline(places, columns, _DEGREE)(nodes)), basis.T @ target)
+    return Table(basis, CubicSpline(nodes, columns), basis.T @ target)
