@@ -39,6 +39,7 @@ def test_the_page_shows_the_package() -> None:
     assert set(blocks) == {text for text in files if not text.startswith('"""')}
 
 
+@pytest.mark.thorough
 def test_the_parts_of_the_package_serve(installed: Path) -> None:
     used = """
 import sys; sys.path.insert(0, sys.argv[1])

@@ -95,6 +95,7 @@ def test_mistakes_are_named_with_status_2(command: Command, folder: Path, words:
     assert sorted(p.name for p in folder.iterdir()) == before
 
 
+@pytest.mark.thorough
 def test_readings_follow_the_drive_into_result_and_frames(command: Command, folder: Path) -> None:
     text = (folder / "scene.toml").read_text()
     (folder / "currents.csv").write_text("1,0,0,0,-1,0,0,0\n0,0,1,0,0,0,-1,0\n1,-1,1,-1,1,-1,1,-1\n")

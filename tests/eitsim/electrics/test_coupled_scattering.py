@@ -76,6 +76,7 @@ def test_an_axisymmetric_touch_scatters_as_its_rings(conductor):
     assert off < 2e-5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("conductor", [False, True])
 def test_without_a_known_symmetry_one_edge_scatters_the_same(conductor):
     """The cubics along circles differ at their ends."""

@@ -173,6 +173,7 @@ def test_electrodes_that_nearly_touch_end_where_those_that_touch_are():
     assert steps[0] < 1e-6
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [4, 5, 33, 64])
 def test_any_count_that_touches_conducts(count):
     z = solve_rim(Body(), Electrodes(count=count, width_m=FULL_M / count), 6e-4).impedance_Ohm

@@ -192,6 +192,7 @@ def test_homogeneous_deformations_are_exact_on_the_clipped_disc():
     assert np.abs(gradients(disc.foam, turn)).max() < 1e-12
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sticks", [False, True])
 def test_gradient_and_hessian_belong_to_the_energy(sticks):
     disc, rng = disc_at(0.002, TINY, 0.5, sticks=sticks), np.random.default_rng(3)

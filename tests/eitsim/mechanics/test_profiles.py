@@ -39,6 +39,7 @@ def test_an_ellipse_as_high_as_wide_is_a_hemisphere() -> None:
     np.testing.assert_allclose(ellipse.arc_length(r, y), sphere.arc_length(r, y), atol=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("fillet", [0.02, 0.1, 0.4])
 def test_distance_and_arc_of_an_ellipse_are_those_of_a_fine_polygon(fillet: float) -> None:
     ellipse = Ellipse.of(0.7, fillet, 0.0)

@@ -46,6 +46,7 @@ def inside(punch, points):
     return in_core | near | aside
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", PUNCHES)
 def test_penetration_is_the_distance_to_the_outline(name):
     punch, depth = PUNCHES[name], 0.3

@@ -85,6 +85,7 @@ def test_the_test_that_is_named_narrows_the_depth_as_promised(card: matcal.Mater
     assert 1 - np.median(after) / found.sd == pytest.approx(best.narrows_by, rel=0.25)
 
 
+@pytest.mark.thorough
 def test_touches_that_have_no_such_depth_are_refused(card: matcal.MaterialCard, tmp_path: Path) -> None:
     for punch, words in (("depth_mm = 2", "a given depth"), ("force_N = 500", "does not carry 500 N")):
         with pytest.raises(InputFileError, match=words):

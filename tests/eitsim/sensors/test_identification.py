@@ -111,6 +111,7 @@ def test_orders_of_conventions_are_listed_once() -> None:
     assert len({one.pairs.tobytes() for one in orders}) == len(orders)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("step", "rotating", "first", "advance", "named"), [
     (8, False, 0, 1, True), (3, False, 7, 1, True), (1, False, 3, -1, True), (2, True, 14, -1, False)])
 def test_touches_name_the_order_or_leave_it_among_those_asked_for(step: int, rotating: bool, first: int, advance: int,

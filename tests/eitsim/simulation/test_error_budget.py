@@ -16,6 +16,7 @@ FOAM = Hyperfoam(np.array([14420.0, 16780.0, -21670.0]), np.array([0.288, 4.249,
 CARD = MaterialCard("Table 1", FOAM, None, Conductivity(100.0, np.array([-2.0, 1.0, 0.0]), (0.0, 0.5)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("strain", STRAINS)
 def test_the_signals_error_is_that_of_the_mechanics_and_that_of_the_electrics(strain: str) -> None:
     result = simulate(scene_from({"punch": {"force_N": 0.2}, "skin": {"strain": strain}}), CARD)

@@ -259,6 +259,7 @@ def test_foam_that_bulges_is_held_too():
     assert held[-1][1].depth_m == pytest.approx(soft.depth_m, rel=3e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("control", ["force", "depth"])
 def test_a_held_scene_tells_its_times(control):
     scene = scene_from({"punch": {"force_N": 0.3}, "hold": {"time_s": [2.0, 6.0], "control": control},

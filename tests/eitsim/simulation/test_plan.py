@@ -66,6 +66,7 @@ def test_the_rim_effect_bounds_every_measured_one() -> None:
         assert np.all(measured[["depth", f"{strain}_L2", f"dV_{strain}"]].max(axis=1) <= bound), strain
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("strain", STRAINS)
 def test_the_plan_says_what_the_choice_of_strain_does_to_the_signal(strain: str) -> None:
     """The dipole moments that it states are those of solved touches."""

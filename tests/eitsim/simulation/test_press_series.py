@@ -138,6 +138,7 @@ def test_electrodes_lie_at_the_rim_as_wide_as_given(touches, tmp_path, kind, cel
 OUTLINED = eitsim.Body(eitsim.Outline("rectangle", width_m=0.2, height_m=0.12, holes_m=((-0.06, 0.0, 0.01),)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("electrodes", "cells"), [
     (eitsim.Electrodes(first_angle_rad=0.54), ["line"]),  # one around a corner
     (eitsim.Electrodes(kind="surface", count=4, x_m=(-0.08, 0.08, 0.08, -0.08), y_m=(-0.05, -0.05, 0.05, 0.05),

@@ -43,6 +43,7 @@ def test_half_the_element_size_is_tried_where_it_is_in_reach(touch, monkeypatch,
     assert refined.signal_errors[of_the_skin] == error
 
 
+@pytest.mark.thorough
 def test_finer_elements_are_tried_where_readings_miss_the_accuracy():
     """Skin and conductor nearly cancel: the mechanics' share is met, the readings' error is not. Sweeps do not try."""
     card = MaterialCard("foam", Hyperfoam([9530.0], [8.0], [0.0]), None, Conductivity(30.0, [-2, 2, -1], (0.0, 0.4)))

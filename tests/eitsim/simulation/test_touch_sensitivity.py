@@ -263,6 +263,7 @@ def at_the_rim() -> RimField:
     return rim_change(FOAM, Body(), Punch(0.083, 0.0, 0.014, 1.0), COARSE_RIM).field
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("step", "within", "at"), [
     pytest.param(1e-4, 0.02, lambda by: (FOAM, Punch(0.083 + by, 0.0, 0.014, 1.0)), id="place"),
     pytest.param(0.02, 0.2, lambda by: (FOAM, Punch(0.083, 0.0, 0.014, 1.0 + by)), id="force"),
@@ -327,6 +328,7 @@ def test_several_touches_have_their_own_derivatives_and_one_foam():
     assert distance(by_scale, -by_force) < 1e-5
 
 
+@pytest.mark.thorough
 def test_on_a_disc_given_as_400_corners_derivatives_are_the_discs():
     turn = 2 * np.pi * (np.arange(400) + 0.5) / 400
     corners = 0.1 * np.sqrt(2 * np.pi / (400 * np.sin(2 * np.pi / 400))) * np.column_stack([np.cos(turn), np.sin(turn)])
@@ -382,6 +384,7 @@ def test_what_is_not_built_is_refused_with_its_reason(scene: Scene, named: str):
         scene_sensitivity(scene, card)
 
 
+@pytest.mark.thorough
 def test_run_writes_the_file_and_refuses_before_solving(command: Callable[..., CompletedProcess[str]], tmp_path):
     write_card(CARD, tmp_path / "card.json")
     few = "[electrodes]\ncount = 8\n"

@@ -186,6 +186,7 @@ def test_other_data_sets_are_refused(tmp_path: Path) -> None:
         read_blocks(measured)
 
 
+@pytest.mark.thorough
 def test_a_nested_sweep_grows_and_its_command_tells_all_readings(card: Path, tmp_path: Path) -> None:
     """Only the skin is drawn: the mechanics of a touch are the same with both cards, bit for bit."""
     for scenes in (4, 8):

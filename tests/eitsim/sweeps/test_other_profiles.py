@@ -45,6 +45,7 @@ def test_few_or_several_touches_or_profiles_are_left_as_they_are(changes: dict[s
     assert other_profiles.other_profiles(design(**changes)) is None
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("solved_once")
 def test_a_sweep_puts_them_next_to_its_own_rows_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(other_profiles, "ENOUGH", 2)

@@ -68,6 +68,7 @@ def test_a_continued_sweep_equals_one_in_a_go_on_any_number_of_workers(card: Pat
     pd.testing.assert_frame_equal(a.head(3), first.drop(columns=[*COST]))
 
 
+@pytest.mark.thorough
 def test_a_lost_part_is_made_again(card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweeping, "ROWS_AFRESH", 2)
     account(design_from(RAW, 5), card, tmp_path / "a")

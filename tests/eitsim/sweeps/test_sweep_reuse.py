@@ -141,6 +141,7 @@ def test_workers_lost_over_the_table_stop_the_sweep_before_any_row(card: Path, t
     assert set(read_dataset(tmp_path / "a").table["mechanics_method"]) == {"table"}
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("solved_once")
 def test_rows_from_a_table_are_not_continued_without_it(card: Path, tmp_path: Path,
                                                         monkeypatch: pytest.MonkeyPatch) -> None:

@@ -76,6 +76,7 @@ def test_no_axis_is_preferred_and_rest_is_free_of_stress(drawn) -> None:
     assert law.kirchhoff(np.zeros(3)) == pytest.approx([0, 0, 0], abs=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("numba", [True, False])
 def test_compiled_loops_do_what_arrays_do(drawn, numba, monkeypatch) -> None:
     monkeypatch.setattr("matcal.laws.compiled_response.compiles", lambda: numba)

@@ -109,6 +109,7 @@ def test_units_of_machines(unit: str, quantity: str, factor: float | None) -> No
     assert si_factor(unit, quantity) == (None if factor is None else pytest.approx(factor, rel=1e-6))
 
 
+@pytest.mark.thorough
 @given(st.text(max_size=30)
        | st.from_regex(r"[A-Za-zΔ]{1,3}[_/ ][A-Za-z]{1,3}[0o]?( ?[(\[][a-zA-Z0-9/%^-]{0,8}[)\]])?"))
 @example("R/R0")

@@ -87,6 +87,7 @@ def test_the_criterion_is_bic_for_many_points_and_dear_for_few() -> None:
     assert criterion(1e-4, 6, 10, 10) - criterion(1e-4, 4, 10, 10) > 5 * 2 * np.log(10)
 
 
+@pytest.mark.thorough
 def test_five_points_a_curve_choose_two_terms_and_intervals_hold_the_truth() -> None:
     held = 0
     for seed in range(5):

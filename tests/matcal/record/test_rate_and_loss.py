@@ -29,6 +29,7 @@ def _tests(clock: bool, facts: dict[str, float]) -> list[Experiment]:
             Experiment("relaxation", held, hereditary_stress(FAST, SERIES, "uniaxial", hold_s, held), hold_s)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("clock", "facts", "words"), [
     (True, {}, None), (False, {}, "uniaxial_1 has no clock"),
     (False, {"clock_left_out_s": 60.0}, "its loading begins under stress")])
@@ -49,6 +50,7 @@ def test_what_earlier_cycles_left_unrelaxed_is_said_with_its_size(loadings: floa
     assert any("left unrelaxed" in sentence for sentence in cautions(make_card(found, [], 0))) == said
 
 
+@pytest.mark.thorough
 def test_what_a_cycle_loses_stands_in_mind() -> None:
     card = matcal.fit("uniaxial=data_raw/mts_uniaxial.txt", "data_raw/specimen.toml").card
     share = card.fit["uniaxial_1"].get("loss_share", 0.0)
@@ -59,6 +61,7 @@ def test_what_a_cycle_loses_stands_in_mind() -> None:
     assert "set of 0.010" in said
 
 
+@pytest.mark.thorough
 def test_the_published_compression_without_its_clock() -> None:
     folder = Path(__file__).parents[4] / "shared" / "cases" / "attack" / "07"
     if not folder.is_dir():

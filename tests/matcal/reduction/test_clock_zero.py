@@ -49,6 +49,7 @@ def _equal(one: Experiment, other: Experiment, within_s: float) -> None:
         assert one.facts[name] == pytest.approx(other.facts[name], rel=1e-3, abs=1e-9), name
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seconds", ZEROS)
 @pytest.mark.parametrize(("kind", "name"), [("uniaxial", "mts_uniaxial.txt"), ("shear", "mts_shear.txt"),
                                             ("relaxation", "mts_relaxation.txt")])
@@ -94,6 +95,7 @@ def _ramp(rest_s: float, noise: float = 0.0) -> dict[str, np.ndarray]:
     return out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rest_s", [0.0, 10.0])
 @pytest.mark.parametrize("seconds", [0.0, *ZEROS])
 def test_the_zero_of_a_tables_clock_changes_nothing(seconds: float, rest_s: float) -> None:
@@ -138,6 +140,7 @@ def test_a_table_whose_strain_is_held_from_its_first_row_is_a_step(first_s: floa
     assert any("begins" in sentence for sentence in cautions(found.card)) == (first_s > 0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("first_s", [0.1, 0.5, 1.0])
 def test_errors_of_a_step_seen_late_hold_the_truth(first_s: float, seed: int) -> None:
@@ -166,6 +169,7 @@ def test_published_tables_of_a_step(name: str, rtol: float) -> None:
     np.testing.assert_allclose(card.prony.tau_s, SERIES.tau_s, rtol=rtol)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("head", "scale", "symbol"), [
     ("g_R,time\n-,s", 1.0, None), ("G(t)/G0,time (s)", 1.0, None), ("normalised_stress,time_s", 1.0, None),
     ("E [MPa],t [s]", 5.0, "E_0"), ("G (kPa),Time (s)", 50.0, "G_0"), ("E_relax,t\nMPa,s", 5.0, "E_0"),
@@ -243,6 +247,7 @@ def test_fast_times_are_searched_whatever_was_recorded_before_the_last_ramp(
     assert found.g[0] == pytest.approx(0.2, rel=0.1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("columns", [("strain", "stress"), ("displacement", "force"), ("force",)])
 def test_a_hold_whose_ramp_was_cut_off_says_what_a_ramp_would_change(columns: tuple[str, ...], tmp_path: Path) -> None:
     series, time = Prony(np.array([0.15, 0.15]), np.array([0.3, 5.0])), np.arange(0, 60, 0.1)

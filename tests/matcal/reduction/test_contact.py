@@ -25,6 +25,7 @@ def test_contact_is_exact_without_noise_and_toe() -> None:
     assert found.zero_N == pytest.approx(ZERO, abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_contact_error_is_what_it_says_it_is() -> None:
     rng = np.random.default_rng(1)
     found = [find_contact(*_approach(0.25, rng), 500, LENGTH, 0.9e-3) for _ in range(25)]

@@ -30,6 +30,7 @@ def _reduced(folder: Path, corners: list[float], gap_mm: float, seed: int) -> Ex
     return found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("gap_mm", [0.0, 1.0])
 @pytest.mark.parametrize("corners", [
@@ -45,6 +46,7 @@ def test_the_last_loading_has_the_curve_of_the_specimen(corners: list[float], ga
     assert got.facts["loadings"] == sum(a < b for a, b in pairwise(corners))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 def test_a_move_that_places_the_crosshead_is_no_loading(seed: int, tmp_path: Path) -> None:
     got, straight = (_reduced(tmp_path, corners, 4.0, seed) for corners in ([0, 3, 1, 16], [0, 16]))

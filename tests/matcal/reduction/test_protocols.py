@@ -132,6 +132,7 @@ def test_a_split_test_named_part_by_part_is_read_once(tmp_path: Path) -> None:
         np.testing.assert_array_equal(got.value, whole.value)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kinds", [("uniaxial", "relaxation"), ("relaxation", "uniaxial")])
 def test_the_parts_of_a_split_hold_serve_every_kind_that_they_are_given_as(kinds: tuple[str, ...],
                                                                            tmp_path: Path) -> None:

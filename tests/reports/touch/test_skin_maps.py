@@ -54,6 +54,7 @@ def test_levels_part_the_disc_in_equal_areas(tmp_path: Path) -> None:
     assert np.allclose(below, np.linspace(0, 1, 23)[1:-1], atol=0.01)
 
 
+@pytest.mark.thorough
 def test_a_report_shows_the_maps_of_its_result_and_their_numbers(tmp_path: Path, write_result: Make,
                                                                  read_pdf: Reader) -> None:
     skin = write_skin(tmp_path / "skin.vtu")

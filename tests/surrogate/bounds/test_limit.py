@@ -115,6 +115,7 @@ def squared_errors(ring: Ring, place: tuple[float, float], noise: float) -> Arra
     return (mean - truth) ** 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise", [2e-3, 4e-4, 1e-4])
 def test_no_posterior_mean_beats_the_least_error_and_it_comes_near(ring: Ring, noise: float) -> None:
     where = domain(PRIOR.d_mm, PRIOR.force_N)

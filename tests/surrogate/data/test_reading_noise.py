@@ -32,6 +32,7 @@ def over_stated(noise: ReadingNoise, root: Array, along: Array) -> float:
     return float(np.median(np.linalg.norm(root.T @ weighed, axis=0) / np.sqrt(np.sum(along * weighed, axis=0))))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "frames", "most"), [
     *((kind, 200, 1.12) for kind in ("white", "pattern", "neighbours", "proportional", "not foreseen")),
     ("pattern", 20, 1.25), ("not foreseen", 20, 1.25)])

@@ -116,6 +116,7 @@ def test_what_it_cannot_learn_is_refused(ring: Ring, synthetic: Synthetic) -> No
         forward_map.fit(ring, touch[:10], signal[:10])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise_V", [1e-300, 1.0, 1000.0])
 def test_noise_without_a_meaning_costs_no_answer(learned: ForwardMap, synthetic: Synthetic, noise_V: float) -> None:
     """Least of all an error or a warning of singular equations."""

@@ -183,6 +183,7 @@ def asked(learned: ForwardMap, located: Located) -> float:
     return float(np.mean(outside_diameters.asked_for(inner, outer)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("d_mm", "least", "most"), [(10.0, 0.0, 0.07), (14.0, 0.0, 0.01),
                                                      (18.0, 0.0, 0.07), (22.0, 0.5, 1.0), (26.0, 0.95, 1.0)])
 def test_a_punch_larger_than_the_trained_ones_is_asked_for_where_the_signal_tells(

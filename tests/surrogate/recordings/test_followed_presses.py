@@ -68,6 +68,7 @@ def messages_of(show: Show) -> list[dict[str, Any]]:
             for k, moment in enumerate(show.moments)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["line", "surface"])
 def test_the_page_draws_the_outline_of_the_sensor_where_the_model_knows_it(model: PressModel, tmp_path: Path,
                                                                            kind: str) -> None:

@@ -71,6 +71,7 @@ def test_another_untouched_frame_is_said(reader: PressReader) -> None:
     assert all("untouched frame is unlike those of training" in flag for flag in read(reader, presses).flag)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["white", "proportional", "pattern"])
 @pytest.mark.parametrize("size", [0.3, 1.0, 3.0])
 def test_noise_that_training_had_not_is_flagged_or_held(reader: PressReader, kind: str, size: float) -> None:

@@ -136,6 +136,7 @@ def test_an_old_untouched_frame_is_flagged_where_training_had_too_few_to_learn_d
     assert all("so much that the intervals may not hold" in one for one in flag)
 
 
+@pytest.mark.thorough
 def test_scores_know_no_untouched_frame_after_the_last_training_press() -> None:
     recording, place = recorded(0.02)
     presses, rows = presses_of(recording), np.arange(COUNT)

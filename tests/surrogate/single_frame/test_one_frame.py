@@ -122,6 +122,7 @@ def test_a_map_of_one_diameter_knows_the_punch_and_takes_the_simulator_s_answer(
     assert np.mean(held) > 0.8
 
 
+@pytest.mark.thorough
 def test_a_known_punch_whose_signal_several_forces_make_keeps_the_learned_answer(
         monkeypatch: pytest.MonkeyPatch, ring: Ring, synthetic: Draw, spots: Callable[..., Array]) -> None:
     touch = synthetic(160, 8, [14.0])[0]

@@ -136,6 +136,7 @@ def test_a_thin_layer_is_the_sheet(kind: str, seed: int):
     assert np.linalg.norm(readings - of_sheet) <= 1e-3 * np.linalg.norm(of_sheet)
 
 
+@pytest.mark.thorough
 def test_electrodes_on_part_of_the_rim_resist_more_and_a_layer_may_be_turned_over():
     body, thick, z, heights = Body(Disc(0.03)), 0.004, 1e-4, graded_heights(0.004, 4)
     flat = disc(body, Electrodes("line", 4, width_m=0.008), 1, 8)

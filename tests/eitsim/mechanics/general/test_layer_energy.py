@@ -46,6 +46,7 @@ def test_gradient_and_hessian_are_derivatives_of_the_energy(layer: LayerProblem)
     assert factorised()(change) == pytest.approx(way, abs=2e-3 * np.abs(way).max())
 
 
+@pytest.mark.thorough
 def test_factors_of_another_state_give_newtons_step_until_they_no_longer_serve(layer: LayerProblem) -> None:
     x, factors = _state(layer), []
     many.system(layer, 0.9 * x, 1.0, factors)[1]()

@@ -36,6 +36,7 @@ def scene_on(folder: Path, *, soft: bool) -> Scene:
                  electrodes=Electrodes(count=8, soft=True), accuracy=Accuracy(0.05))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("soft", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_touches_between_those_of_a_path_are_those_solved_from_rest(tmp_path: Path, soft: bool) -> None:
     """With other moduli too; on the mesh of half the element size."""
