@@ -64,9 +64,9 @@ def fit_spectrum(experiment: Experiment, terms: int | str = "auto", times_s: Seq
                  reference_K: float | None = None) -> SpectrumFit:
     """The series of a dynamic test or a creep.
 
-    terms: "auto" (one, two or four times a decade, by BIC), or how many; `times_s` are the times themselves;
-    `reference_K` is the temperature of the series where there are sweeps at several. Raises ValueError for more terms
-    than data.
+    terms: "auto" (one, two or four times a decade, two and four where the storage modulus or the creep has more values
+    than that, by BIC), or how many; `times_s` are the times themselves; `reference_K` is the temperature of the series
+    where there are sweeps at several. Raises ValueError for more terms than data.
     """
     start = time.process_time()
     shift = master = None
@@ -80,11 +80,12 @@ def fit_spectrum(experiment: Experiment, terms: int | str = "auto", times_s: Seq
         assert experiment.time_s is not None
         model, ends = _of_creep(experiment), (float(experiment.time_s[experiment.time_s > 0].min()),
                                               float(experiment.time_s.max()))
-    sets = _times(terms, times_s, ends)
+    least, *more = _times(terms, times_s, ends)
     points = sum(c.size for c in model.channels)
-    if max(t.size for t in sets) + 1 > points:
-        raise ValueError(f"{max(t.size for t in sets)} Prony terms need more than the {points} values of "
+    if least.size >= points:
+        raise ValueError(f"{least.size} Prony terms need more than the {points} values of "
                          f"{', '.join(experiment.source)}. Give fewer.")
+    sets = [least, *(times for times in more if times.size < model.channels[0].size)]
     tried = [(times, *_solved(model, times)) for times in sets]
     rows = [_row(model, *one) for one in tried]
     best = int(np.argmin([bic for *_, bic in rows]))

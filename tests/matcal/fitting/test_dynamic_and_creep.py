@@ -90,6 +90,25 @@ def test_shifts_and_their_law_lie_in_their_intervals(law: Shift) -> None:
     assert chosen >= 8
 
 
+def test_a_short_table_is_followed_by_fewer_terms_than_it_has_frequencies() -> None:
+    """Seven storage moduli with 1 % noise are not met to less than that by as many terms; 17 terms are refused."""
+    omega = 2 * np.pi * np.geomspace(0.01, 10, 7)
+    for seed in range(5):
+        true, modulus_Pa, rng = material(seed)
+        exact = modulus_Pa * dynamic(true, omega)
+        storage, loss = (part * (1 + 0.01 * rng.standard_normal(omega.size)) for part in (exact.real, exact.imag))
+        table = Experiment("dma", np.zeros(omega.size), storage, source=("seven.csv",), facts={"table_of_E": 1.0},
+                           sweep=Sweep(omega / (2 * np.pi), loss, np.zeros(omega.size, dtype=int), np.zeros(1)))
+        found = fit_spectrum(table)
+        assert max(tried for tried, *_ in found.orders) < omega.size
+        assert found.relative_rms[0] > 1e-3
+        assert found.modulus_sd_Pa > 2e-3 * found.modulus_Pa
+        followed = found.modulus_Pa * dynamic(found.prony, omega)
+        assert np.sqrt(np.mean((followed.real / exact.real - 1) ** 2)) < 0.02  # twice the noise
+        with pytest.raises(ValueError, match=r"17 Prony terms need more than the 14 values of seven\.csv"):
+            fit_spectrum(table, 17)
+
+
 def test_creep_and_relaxation_are_inverse() -> None:
     """s J~(s) s E~(s) = 1 at real s, for random series of one to eight terms; and the standard linear solid."""
     for seed in range(30):
