@@ -88,6 +88,8 @@ def _stated_by(recording: Recording) -> tuple[str, str] | None:
         return "conductivity", f"{recording.label}: conductivity, from its columns."
     if {"volume_ratio", "pressure"} & set(recording.columns) and "displacement" not in recording.columns:
         return "volumetric", f"{recording.label}: volumetric, from its columns."
+    if {"modulus", "normalised"} & set(recording.columns) and "time" in recording.columns:
+        return "relaxation", f"{recording.label}: relaxation, from its columns."
     if (kind := _from_words(path.stem)) is not None:
         return kind, f"{recording.label}: {kind}, from its name."
     # the controller calls every file specimen.dat and the folder by the name of the test

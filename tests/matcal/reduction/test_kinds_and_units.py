@@ -143,3 +143,10 @@ def test_a_table_of_compression_that_is_given_as_shear_is_minded(name: str, head
 def test_arrays_are_in_si_and_need_no_unit() -> None:
     e = np.linspace(0, 2.0, 30)
     assert not matcal.read_test({"shear": (e, 20e3 * e)}).cautions
+
+
+@pytest.mark.parametrize("head", ["time (s),relaxation modulus (kPa)", "t [s],G(t) [Pa]", "t (s),normalised modulus"])
+def test_a_modulus_over_time_is_a_relaxation_by_its_columns(tmp_path: Path, head: str) -> None:
+    t = np.geomspace(1, 1000, 12)
+    got = _experiment(_table(tmp_path, "batch_7.csv", head, t, 0.7 + 0.3 * np.exp(-t / 30)), None)
+    assert got.kind == "relaxation"
