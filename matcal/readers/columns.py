@@ -306,13 +306,15 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
 
 def _impedance(grid: Grid, header: Header, known: Mapping[str, list[_Column]]) -> dict[str, list[_Column]]:
     """The resistance in a table that has none by name: the real part of an impedance, or its magnitude with its phase
-    as `loss_tangent`; InputFileError where a magnitude in a unit of resistance has none."""
+    as `loss_tangent`; InputFileError where a magnitude in a unit of resistance has none and no load was measured."""
     columns = [_Column(n, *cell) for n, cell in enumerate(header.cells)]
     ohmic = [c for c in columns if si_factor(c.unit or "", "resistance") is not None]
     phases = [c for c in columns if is_phase(c.name)]
     if real := [c for c in ohmic if is_real_part(c.name)]:
         return {"resistance": real[:1]}
     if (magnitudes := [c for c in ohmic if is_magnitude(c.name)]) and not phases:
+        if {"stress", "force", "pressure"} & set(known):
+            return {}
         measures_of = {**{q: c for q, c in known.items() if q in ("strain", "stretch", "displacement")},
                        "resistance": magnitudes}
         items = [f"{quantity}={one[0].index + 1}" for quantity, one in measures_of.items()]

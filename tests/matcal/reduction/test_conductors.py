@@ -209,3 +209,13 @@ def test_what_unloading_conducts_otherwise_is_said_with_its_size(change: float, 
         assert test.facts["conduction_hysteresis"] == pytest.approx(change, abs=0.01)
     assert ("conduction_hysteresis" in test.facts) == said
     assert any("(hysteresis)" in sentence for sentence in test.cautions) == said
+
+
+def test_the_magnitude_of_an_impedance_next_to_a_load_leaves_a_mechanical_test_as_it_is(tmp_path: Path) -> None:
+    strain, file = np.linspace(0, 0.5, 30), tmp_path / "uniaxial_3.csv"
+    file.write_text("strain,stress (kPa),|Z| (Ohm)\n" + "".join(f"{e:.6g},{20 * e:.6g},{1e3 * (1 + e):.6g}\n"
+                                                                for e in strain), encoding="utf-8")
+    test = read_and_reduce([(None, (file,))]).experiments[0]
+    assert test.kind == "uniaxial"
+    np.testing.assert_allclose(np.abs(test.value), 20e3 * np.abs(test.strain), rtol=1e-4)
+    assert any("'|Z|' left out" in sentence for sentence in test.decisions)
