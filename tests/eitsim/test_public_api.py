@@ -113,6 +113,7 @@ def test_a_sweep_is_one_call_that_returns_its_rows(tmp_path: Path) -> None:
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.thorough
 def test_arrays_are_imaged_as_files_are_and_wrong_ones_named() -> None:
     baseline = eitsim.simulate(eitsim.Scene(accuracy=eitsim.Accuracy(0.05)), CARD).readings
     assert baseline is not None

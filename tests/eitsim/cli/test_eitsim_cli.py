@@ -112,6 +112,7 @@ def test_readings_follow_the_drive_into_result_and_frames(command: Command, fold
     assert frames.volts.tolist() == [[row[0] for row in result[key]] for key in ("baseline_V", "readings_V")]
 
 
+@pytest.mark.thorough
 def test_a_hopeless_touch_saves_what_was_reached_with_status_3(command: Command, folder: Path) -> None:
     done = command("eitsim", "run", "hopeless.toml", "--card", "card.json", "--out", "result.json", cwd=folder)
     assert done.returncode == 3

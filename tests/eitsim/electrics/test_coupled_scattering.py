@@ -152,6 +152,7 @@ def test_a_turned_skin_has_the_same_signal_near_an_edge():
     assert np.linalg.norm(signals[1] - signals[0]) < 5e-4 * np.linalg.norm(signals[0])
 
 
+@pytest.mark.thorough
 def test_a_contact_that_reaches_the_edge_takes_a_mesh():
     touch = replace(near_an_edge(0.0052, (0.0, 1.0)), contact_radius_m=0.0055)
     punch = Punch(0.01, 0.0348, 0.01)

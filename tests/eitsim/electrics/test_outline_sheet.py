@@ -61,6 +61,7 @@ def test_the_rectangle_converges_to_a_cosine_series_and_knows_its_error(outlines
         assert off < 1.5 * found.error + 3e-6
 
 
+@pytest.mark.thorough
 def test_corners_and_holes_need_no_hand_and_the_estimate_holds():
     electrodes = Scene(L_SHAPE, electrodes=Electrodes(count=16, width_m=0.006)).electrodes
     fine = solve_untouched(L_SHAPE.outline, electrodes, S, 1e-5)

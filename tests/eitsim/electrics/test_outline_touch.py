@@ -34,6 +34,7 @@ def pressed(least: float = 0.7, pressure_Pa: float = 1e4) -> Touch:
     return Touch(radius, 0 * rest, 0 * rest, rest, rest, normal, pressure, 0.007, *[0.0] * 9, 0, (), 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("x_m", "y_m", "conductor"), [(0.03, 0.02, False), (-0.05, 0.01, False), (0.0, 0.04, True)])
 def test_a_touch_on_a_polygon_of_400_corners_is_that_on_the_disc(x_m, y_m, conductor):
     punch = Punch(x_m, y_m, conductor=conductor)

@@ -123,6 +123,7 @@ def test_readings_of_a_touch_meet_the_wanted_error():
     assert true < 0.003
 
 
+@pytest.mark.thorough
 def test_the_mesh_that_patches_cut_agrees_with_that_of_rings():
     """Of a touch outside the patches, which both follow."""
     sheets = [change(made(Body(), EVEN, TOUCHES[:1]), EVEN, TOUCHES[:1])

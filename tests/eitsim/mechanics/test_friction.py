@@ -137,6 +137,7 @@ def test_work_is_stored_or_lost_to_slip(coefficient):
     assert slip == 0 if np.isinf(coefficient) else slip > 5e-3 * work
 
 
+@pytest.mark.thorough
 def test_a_flat_punch_that_sticks_to_a_half_space_is_stiffer_by_log_3():
     """Ratio of forces at a small depth, nu = 0; Spence, Proc. R. Soc. Lond. A 305 (1968) 55, after Mossakovskii."""
     body = Body(Disc(0.4), 0.2)

@@ -65,6 +65,7 @@ def test_depth_pressure_and_strain_settle_towards_incompressibility():
     assert normal == pytest.approx(np.ones_like(normal), abs=1e-3)
 
 
+@pytest.mark.thorough
 def test_what_the_bulk_modulus_changes_is_what_it_does_by_linear_elasticity(benchmark_module):
     """From nu = 0.499 to 0.49999, a sphere and force that the stored table does not have: 0.1 % of the depth, 1 % of
     the pressure and of the strain, L2 over the surface. The true change of the strain is more than that."""

@@ -261,6 +261,7 @@ def test_a_solution_turned_inside_out_is_refused(touch):
         volume_fields(replace(touch, volume=homogeneous(np.diag([1.0, 1.0, -0.5]))))
 
 
+@pytest.mark.thorough
 def test_relaxed_stresses_are_those_of_the_softened_foam(touch):
     fields, held = (volume_fields(t)[2] for t in (touch, relaxed(touch, 0.4)))
     for name in ("cauchy_stress_Pa", "contact_pressure_Pa"):

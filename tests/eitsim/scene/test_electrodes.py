@@ -190,6 +190,7 @@ def test_rings_and_mesh_agree_where_electrodes_are_wide_or_touch(electrodes: Ele
     assert relative(mesh.signal_V, rings.signal_V) < min(0.004, mesh.signal_error)
 
 
+@pytest.mark.thorough
 def test_a_kind_of_electrode_is_one_entry_where_a_known_one_lies(monkeypatch: pytest.MonkeyPatch) -> None:
     """Foil at the rim: read from a scene file, checked, meshed and solved as patches are, under its own name."""
     monkeypatch.setitem(KINDS, "foil", KINDS["patch"])

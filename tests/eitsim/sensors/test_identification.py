@@ -43,6 +43,7 @@ def test_readings_that_mirror_each_other_are_not_taken_twice(simulated: ModuleTy
     assert simulated.row(seed, case)["verdict"] == "named"
 
 
+@pytest.mark.thorough
 def test_an_even_ring_is_asked_what_symmetry_hides(simulated: ModuleType) -> None:
     """Which way drives move where readings move with them: the same numbers on an even ring."""
     seeds = [seed for seed in range(2000, 2030) if (one := simulated.scrambled(seed, "even").convention).rotating

@@ -88,6 +88,7 @@ def test_a_wrong_sensor_file_is_not_confirmed_by_a_real_skin(pattern: str) -> No
     assert inspect(open_recording(REAL / "skin_plain" / "frames.csv", kind="difference"), sensor).agrees is not True
 
 
+@pytest.mark.thorough
 @real
 def test_the_tank_s_instrument_is_as_reciprocal_as_was_measured() -> None:
     found, _ = inspected("tank", with_sensor=True)
@@ -99,6 +100,7 @@ def test_the_tank_s_instrument_is_as_reciprocal_as_was_measured() -> None:
     assert found.source_against_sink.most == pytest.approx(0.098, abs=0.003)
 
 
+@pytest.mark.thorough
 @real
 def test_the_hydrogel_s_readings_are_said_to_be_no_voltages_of_a_disc() -> None:
     found, _ = inspected("hydrogel", with_sensor=True)

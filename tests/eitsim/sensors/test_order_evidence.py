@@ -106,6 +106,7 @@ def test_a_frame_that_a_touch_makes_slightly_uneven_is_at_no_end_of_its_range() 
     assert not unmeasured((frame * np.linspace(1, 1.005, 16)[:, None]).ravel()[None]).any()
 
 
+@pytest.mark.thorough
 def test_dead_electrodes_are_dead_and_driven_ones_are_not_taken() -> None:
     dead = (ADJACENT[:, 2:] == 5).any(axis=1)
     silent = at_driven(ADJACENT) | dead
@@ -135,6 +136,7 @@ def test_a_right_file_is_not_contradicted_by_counts_with_an_offset(seed: int) ->
     assert free.identified.order is None or is_order(free, ADJACENT)
 
 
+@pytest.mark.thorough
 def test_an_offset_of_a_disc_s_readings_is_found(benchmark_module) -> None:  # type: ignore[no-untyped-def]
     simulated = benchmark_module("sensor_inspect")
     z = simulated.transfer(np.random.default_rng(0), 16, 1.0)
@@ -180,6 +182,7 @@ def test_an_order_far_from_an_even_disc_is_the_first_of_those_asked_for(name: st
     assert canonical(found.plausible[0].pairs, 16, False) == canonical(pairs, 16, False)
 
 
+@pytest.mark.thorough
 @cases
 def test_a_file_under_which_other_pairs_would_be_0_is_contradicted() -> None:
     folder = CASES / "02_golfball_phantom_mat"

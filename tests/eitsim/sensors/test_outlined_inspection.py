@@ -55,6 +55,7 @@ def inspected(body: Body, numbered: np.ndarray | None = None, drive: Drive | Non
                    replace(sensor, electrodes=electrodes or sensor.electrodes))
 
 
+@pytest.mark.thorough
 def test_a_rectangle_s_order_is_confirmed_and_its_symmetries_are_asked() -> None:
     found = inspected(RECTANGLE)
     assert found.identified.decided_by == "skin"
@@ -76,6 +77,7 @@ def test_reciprocity_is_checked() -> None:
     assert 0 < document(found)["reciprocity"]["together"] < 0.01
 
 
+@pytest.mark.thorough
 def test_a_skin_without_symmetries_says_which_electrode_is_which() -> None:
     found = inspected(UNEVEN)
     assert found.agrees is True
@@ -141,6 +143,7 @@ def test_a_dead_electrode_that_reads_noise_is_named() -> None:
     assert any("Electrode 5 is dead" in one for one in cautions(found))
 
 
+@pytest.mark.thorough
 def test_exchanged_leads_are_named() -> None:
     leads = np.arange(COUNT)
     leads[[3, 4]] = 4, 3

@@ -65,6 +65,7 @@ def test_a_convex_body_gives_way_more_than_a_flat_layer_and_says_so(pressed: Res
     assert document["scene"]["body"]["surface"] == "sphere"
 
 
+@pytest.mark.thorough
 def test_a_kept_depth_relaxes_and_a_plan_says_of_the_body_what_physics_refuses() -> None:
     held = replace(ball(), hold=eitsim.Hold(time_s=(5.0,), control="depth"))
     found = eitsim.simulate(held, CARD)

@@ -98,6 +98,7 @@ def test_one_step_over_a_hundred_million_relaxation_times_is_exact():
     assert last.depth == pytest.approx(late.depth, rel=1e-8)
 
 
+@pytest.mark.thorough
 def test_steps_in_time_converge_faster_than_first_order():
     model = model_of()
     depths = [crept(model, (2.0, 60.0), n)[-1].depth for n in (4, 8, 16, 32)]

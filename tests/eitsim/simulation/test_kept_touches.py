@@ -4,6 +4,7 @@ from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
+import pytest
 
 from eitsim.scene.results import Touch
 from eitsim.scene.scene import Accuracy, Punch, Scene, Skin
@@ -19,6 +20,7 @@ def solved(scene: Scene, *, keep: bool) -> Touch:
     return axisymmetric.AXISYMMETRIC.solve(Case(scene), LAW, keep)
 
 
+@pytest.mark.thorough
 def test_another_skin_and_a_conducting_punch_take_the_kept_touch(monkeypatch, tmp_path) -> None:
     """One solution serves another strain and a punch that conducts, bit for bit what was solved; another force none."""
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))

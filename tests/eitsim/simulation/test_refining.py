@@ -58,6 +58,7 @@ def test_finer_elements_are_tried_where_readings_miss_the_accuracy():
     assert change < swept.error_estimate["signal"]
 
 
+@pytest.mark.thorough
 def test_a_missed_accuracy_is_said_with_its_cause():
     card = MaterialCard("foam", FOAM, None, Conductivity(30.0, np.array([-2.0, 2.0, -1.0]), (0.0, 0.4)))
     met, missed = (simulate(scene_from({"accuracy": {"signal": wanted}}), card) for wanted in (0.01, 1e-4))

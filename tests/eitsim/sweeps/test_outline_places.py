@@ -29,6 +29,7 @@ def test_places_keep_the_gap_that_is_asked_for(sampler):
     assert 0.004 <= gaps.min() < 0.006
 
 
+@pytest.mark.thorough
 def test_places_keep_the_gap_that_the_plan_solves_unless_one_is_given():
     keep = least_gap_m(scene_from({"body": BODY}))
     gaps = gaps_of(DESIGN, 100)

@@ -157,6 +157,7 @@ def silicone() -> list[Experiment]:
     return [Experiment(kind, stretch - 1, stress * 1e6) for kind, (stress, stretch) in read.items()]
 
 
+@pytest.mark.thorough
 def test_a_silicone_of_one_mode_is_held_by_the_band_in_the_others() -> None:
     """Meunier et al. 2008; Ogden with three terms, scipy: mu_0 = 340.7 kPa."""
     tests, inside = silicone(), []

@@ -77,6 +77,7 @@ def test_moduli_are_integrated_out_exactly() -> None:
     np.testing.assert_allclose(value, value[0], atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_walkers_in_a_lost_mode_are_moved_out_of_it() -> None:
     """Two peaks, one of them e^60 times lower: no ensemble keeps walkers there."""
     def density(x: np.ndarray, share: float) -> np.ndarray:

@@ -32,6 +32,7 @@ def uniaxial(nu: float, seed: int) -> list[Experiment]:
             for e in strain]
 
 
+@pytest.mark.thorough
 def test_shear_that_was_not_tested_lies_in_the_band_whatever_nu_is() -> None:
     gamma = np.linspace(0.02, 0.3, 30)
     for seed, nu in enumerate((-0.2, 0.0, 0.2, 0.4)):

@@ -127,6 +127,7 @@ def test_a_plateau_that_no_test_reached_is_left_out_and_said() -> None:
     assert any("plateau_Pa is left out" in s for s in found.decisions)
 
 
+@pytest.mark.thorough
 def test_moduli_on_their_bound_are_warned_of_with_the_safer_command() -> None:
     strain = np.linspace(-0.6, -0.005, 60)
     toe = Experiment("uniaxial", strain, -1e5 * strain**2 * (1 + 10 * strain**2), source=("toe.csv",))

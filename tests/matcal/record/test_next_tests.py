@@ -87,6 +87,7 @@ def test_minutes_change_the_order_and_leave_other_kinds_out(rubber: tuple) -> No
         matcal.next_tests(card, minutes={"pull": 1.0})
 
 
+@pytest.mark.thorough
 def test_between_laws_a_test_in_the_mode_asked_for_is_named(tmp_path: Path) -> None:
     law, rng = law_of("mooney_rivlin", [[5e4], [8e3], [0.5]]), np.random.default_rng(1)
     tests = [measured(law, "uniaxial", 1.0, rng)]

@@ -213,6 +213,7 @@ def test_the_published_master_curve() -> None:
     assert card.fit["prony"]["instantaneous"]["E_0_Pa"]["value"] == pytest.approx(1739e6, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_the_direction_of_a_relaxation_is_in_doubt_next_to_a_law_alone(tmp_path: Path) -> None:
     strain = np.linspace(0.0, 0.6, 30)
     law = np.column_stack([strain, 12e3 * strain + 40e3 * strain**3])

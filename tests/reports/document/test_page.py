@@ -149,6 +149,7 @@ def test_the_house_style_leaves_no_trace() -> None:
     assert dict(matplotlib.rcParams) == before
 
 
+@pytest.mark.thorough
 def test_reports_leave_pyplot_alone() -> None:
     code = (
         "import sys, reports.sweep.sweep_report, reports.calibration.calibration_report; "

@@ -97,6 +97,7 @@ def test_training_leaves_a_model_its_scores_and_its_predictions(inner: Path) -> 
     assert rmse == pytest.approx(scores["outputs"]["x0"]["test"]["rmse"])
 
 
+@pytest.mark.thorough
 def test_evaluate_prints_one_object(call: Call, inner: Path, few: Path) -> None:
     status, out, _ = call("evaluate", inner, few, "--noise-db", "100,80", "--json")
     scores = json.loads(out)

@@ -108,6 +108,7 @@ def test_a_press_is_read(address: str) -> None:
         assert (frame["read"]["x_mm"], frame["read"]["y_mm"]) == pytest.approx((20.0, -10.0), abs=0.2)
 
 
+@pytest.mark.thorough
 def test_what_is_pressed_is_lifted_when_the_browser_goes_away(address: str) -> None:
     with connected(address) as connection:
         pressed(connection)

@@ -142,6 +142,7 @@ def test_readings_of_a_board_have_no_unit(model: PressModel) -> None:
     assert pictured(replace(model, kind="magnitude")).unit == ""
 
 
+@pytest.mark.thorough
 def test_presses_are_found_and_read(model: PressModel) -> None:
     place = synthetic_places(np.random.default_rng(8), 3)
     said = [tracker.update(frame) for tracker in [Tracker(model)] for frame in stream(place, 0.1)]
@@ -154,6 +155,7 @@ def test_presses_are_found_and_read(model: PressModel) -> None:
         assert np.isnan(last.value[2:]).all()
 
 
+@pytest.mark.thorough
 def test_its_stream_has_places_alone(model: PressModel) -> None:
     place, sink = synthetic_places(np.random.default_rng(9), 3), io.StringIO()
     lines = "\n".join(",".join(map(repr, frame)) for frame in stream(place, 0.1).tolist())

@@ -149,6 +149,7 @@ def test_sweeps_are_refused_where_labels_have_no_place(tmp_path: Path) -> None:
     assert "--simulated says how patterns depend on the place" in str(refused.exception)
 
 
+@pytest.mark.thorough
 def test_on_a_body_that_is_no_disc_nothing_is_expected_or_suggested(tmp_path: Path,
                                                                     monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(networks, "MOST_STEPS", 40)

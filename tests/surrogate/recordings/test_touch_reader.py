@@ -136,6 +136,7 @@ def test_an_old_untouched_frame_is_read_by_what_drift_spares(of_drift: PressRead
     assert miss[0] < 0.7 * miss[1]
 
 
+@pytest.mark.thorough
 def test_intervals_hold_where_the_untouched_frame_is_as_old_as_training_could_show(quick: object) -> None:
     known, place = drifting(1, 60, 0, 0.05)
     reader = press_reader.fit(known, labels_at(place))

@@ -325,6 +325,7 @@ def test_a_calibrated_sensor_is_read_back_and_predicts_other_drives(document: di
     np.testing.assert_allclose(found.readings(other), expected, rtol=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("change", "words"), [
     (lambda d: d.update(schema=9), "schema 9 is not 2"),
     (lambda d: d.update(absolute_model="refused", reason="why"), "its absolute model was refused: why"),
@@ -344,6 +345,7 @@ def test_what_is_no_calibrated_sensor_is_refused(document: dict, tmp_path: Path,
         read_calibration(tmp_path / "sensor.json")
 
 
+@pytest.mark.thorough
 def test_one_function_reads_both_files_of_a_sensor_and_says_which(document: dict, tmp_path: Path) -> None:
     write_json(document | {"absolute_model": "refused", "reason": "why"}, tmp_path / "fitted")
     found, words = read_described_sensor(tmp_path / "fitted")
@@ -360,12 +362,14 @@ def test_one_function_reads_both_files_of_a_sensor_and_says_which(document: dict
         read_described_sensor(tmp_path / "neither")
 
 
+@pytest.mark.thorough
 def test_the_conductance_is_shown_in_siemens(document: dict, capsys: pytest.CaptureFixture[str]) -> None:
     show_calibration(document, Path("sensor.json"))
     value_mS = 1e3 * np.exp(document["parameters"]["ln_conductance_S"]["value"])
     assert f"sheet conductance: {value_mS:.4g} mS" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_the_commands_fit_and_predict(command: Callable[..., CompletedProcess[str]], fitted: tuple[Path, str]) -> None:
     (folder, printed), volts = fitted, hidden(6, ("contacts",), noise=1e-6)[1]
     said = json.loads(printed)

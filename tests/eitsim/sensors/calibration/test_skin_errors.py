@@ -60,6 +60,7 @@ def test_a_conductance_in_doubt_scales_all_presses_in_the_same_way() -> None:
     assert 0.01 < np.std(scale) < 0.04
 
 
+@pytest.mark.thorough
 def test_draws_whose_electrodes_overlap_are_left_out() -> None:
     wide = np.zeros((HELD.size, HELD.size))
     wide[HELD.places["width"], HELD.places["width"]] = 3.0**2

@@ -189,6 +189,7 @@ def test_a_drift_that_only_short_pauses_show_makes_no_contact(model: Model, pres
     assert set(states[still]) == {UNTOUCHED}
 
 
+@pytest.mark.thorough
 def test_an_untouched_frame_that_jumps_is_taken_anew(model: Model, press: Callable[..., Array]) -> None:
     """No touch explains what is left, however much it is."""
     frames = press(slide(), 8)
