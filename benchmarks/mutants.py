@@ -38,9 +38,9 @@ TESTS = {
     "matcal/fitting/uncertainty": [f"tests/matcal/fitting/test_{name}.py" for name in ("interval_formulas", "two_nu")],
     "matcal/fitting/relaxation": [f"tests/matcal/fitting/test_{name}.py" for name in (
         "relaxation_formulas", "relaxation_fit", "rates", "dynamic_and_creep")],
-    **{f"matcal/reduction/{name}.py": [f"tests/matcal/reduction/test_{one}.py" for one in (
-        "reduction_formulas", "known_answers", "geometry", "reductions", "settling", "protocols")] for name in (
-            "reduce", "load_frame", "specimen", "strip_conductivity", "stress_relaxation")},
+    **{f"matcal/reduction/{name}": [f"tests/matcal/reduction/test_{one}.py" for one in (
+        "reduction_formulas", "known_answers", "geometry", "reductions", "settling", "protocols", "conductors")]
+       for name in ("reduce.py", "load_frame.py", "specimen.py", "electric", "holds")},
     "eitsim/mechanics/solid": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
         "grid", "solid", "spatial_response", "one_law", "volume")],
     "eitsim/mechanics/contact": [f"tests/eitsim/mechanics/test_{name}.py" for name in (

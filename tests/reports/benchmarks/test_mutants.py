@@ -45,6 +45,7 @@ def test_mutants_change_the_mathematics_alone(mutants: ModuleType, tmp_path: Pat
 def test_every_module_of_the_core_has_tests(mutants: ModuleType) -> None:
     found = mutants.modules([])
     assert len(found) > 40
+    assert all((mutants.ROOT / room).exists() for room in (*mutants.TESTS, *mutants.ROOMS))
     assert all((mutants.ROOT / test).exists() for tests in found.values() for test in tests)
     with pytest.raises(SystemExit, match="no module of the core at nowhere"):
         mutants.modules(["nowhere"])
