@@ -23,6 +23,7 @@ from eitsim.simulation.edge_effects import least_gap_m
 from eitsim.simulation.material import Material
 from eitsim.simulation.routes import known_routes
 from eitsim.simulation.routes.axisymmetric import AXISYMMETRIC, fine_enough
+from eitsim.simulation.routes.general import General
 from eitsim.simulation.routes.route import NOT_MEANT, Case, Route
 from eitsim.simulation.validity import unresolvable
 from matcal.laws.law import Law
@@ -88,6 +89,17 @@ class Chosen:
                       if way is self.way_of(i) and way.touch is None and way.route.refinable(way.case, touch) else way
                       for i, (way, touch) in enumerate(zip(self.ways, touches, strict=True)))
         return None if self.elastic or found == self.ways else replace(self, ways=found)
+
+    def finer_layers(self) -> "Chosen | None":
+        """The same with what is solved in three dimensions on its finest mesh from the start; None where nothing is, or
+        all is already."""
+        def refined(ways: tuple[Way, ...]) -> tuple[Way, ...]:
+            return tuple(replace(way, case=replace(way.case, finer=True)) if isinstance(way.route, General) else way
+                         for way in ways)
+
+        found = replace(self, ways=refined(self.ways), clusters=refined(self.clusters))
+        same = all(self.way_of(i) == found.way_of(i) for i in range(len(self.ways)))
+        return None if same or self.exact or self.elastic else found
 
     def held(self) -> list[tuple[float, tuple[Touch, ...]]]:
         """The held touches at their times, s."""

@@ -1,6 +1,7 @@
 """Touches that are kept by content, so that another skin takes them as they are.
 
-The skin's law, its electrodes and whether the punch conducts are no part of a touch's mechanics.
+The skin's law, its electrodes and how well the punch conducts are no part of a touch's mechanics; whether it does
+sets the mesh.
 """
 
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from touchcal.array_store import from_arrays, to_arrays
 from touchcal.code_version import MECHANICS
 from touchcal.jit import cpu_s
 
-_ELECTRIC = ("conductor", "contact_impedance_Ohm_m2")  # Fields of a punch that change no touch.
+_ELECTRIC = ("contact_impedance_Ohm_m2",)  # Fields of a punch that change no touch.
 # law, body, punch -> its touch
 Solve = Callable[[Law, Body, Punch], Touch]
 

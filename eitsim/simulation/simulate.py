@@ -164,7 +164,12 @@ class _Refused(ValueError):
 def _solved(chosen: Chosen, plan: Plan) -> Result:
     """A planned scene, solved; without a cost yet."""
     try:
-        found = _once(chosen, plan)
+        try:
+            found = _once(chosen, plan)
+        except _Refused:  # a coarse mesh in three dimensions may strain the skin far more where a contact ends
+            if not (finer := chosen.finer_layers()):
+                raise
+            return _once(finer, plan)
         if chosen.bodies and _finer_helps(found, chosen.scene) and (finer := chosen.finer(found.touches)):
             with suppress(NotConverged):
                 return _once(finer, plan)

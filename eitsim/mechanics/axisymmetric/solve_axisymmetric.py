@@ -29,7 +29,7 @@ from eitsim.mechanics.axisymmetric.indentation import Equilibrium, IndentationPr
 from eitsim.mechanics.contact import friction
 from eitsim.mechanics.solid import axisymmetric_assembly
 from eitsim.mechanics.solid.bonded_laws import Bonded
-from eitsim.mechanics.solid.grid import default_element_m
+from eitsim.mechanics.solid.grid import default_element_m, feature_m
 from eitsim.numerics.work_budget import bounded
 from eitsim.scene.results import Section, Touch
 from eitsim.scene.scene import FRICTIONS, STRAINS, Body, Punch, profile_of
@@ -49,6 +49,9 @@ _SOFTER = 1 / 4
 _FINEST = 1 / 8
 # Least size of the coarsest level's elements, in default sizes: there a start from rest is cheapest.
 _COARSEST = 3.0
+# Feature lengths over which elements keep their size outside where a conducting punch's contact ends on the coarsest
+# mesh, whose elements are half of one long.
+_PAST_END = 1.0
 # A prescribed depth: relative error at which it is reached, and steps towards it.
 _DEPTH_TOLERANCE, _DEPTH_STEPS = 1e-9, 60
 # Factorisations on the finest mesh whose work a touch without friction may take, and unknowns up to which it may take
@@ -111,10 +114,11 @@ def force_unit(law: Law, body: Body) -> float:
 
 
 def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
-                   penalty: float | None, order: int = 2, even: float = 0.0, curvature_per_m: float = 0.0
+                   penalty: float | None, order: int = 2, even: float | None = None, curvature_per_m: float = 0.0
                    ) -> list[IndentationProblem]:
     """Frictionless problems from coarse to fine, halving; the coarsest has _COARSEST default element sizes or more;
-    even and curvature_per_m as of `indentation.indentation_problem`."""
+    even and curvature_per_m as of `indentation.indentation_problem`; elements are even by default to where a conducting
+    punch's contact ends, since its readings depend on that place, and else to the punch's edge."""
     if punch.friction != "none":
         raise ValueError(f"friction in [punch]: '{punch.friction}' is not built here; built is none.")
     profile = profile_of(punch)
@@ -127,8 +131,27 @@ def mesh_hierarchy(law: Law, body: Body, punch: Punch, element_m: float | None,
                          f"half the thickness, got {element_m}; the default is {default:.3g} m.")
     while len(sizes) < 2 or sizes[0] < _COARSEST * default:
         sizes.insert(0, 2 * sizes[0])
-    return [indentation.indentation_problem(law, body, punch, size, penalty, order, even, curvature_per_m)
-            for size in sizes]
+
+    def level(size: float, even: float) -> IndentationProblem:
+        return indentation.indentation_problem(law, body, punch, size, penalty, order, even, curvature_per_m)
+
+    if even is None:
+        even = _even_to_the_end(law, body, punch, level(sizes[0], 0.0)) if punch.conductor else 0.0
+    return [level(size, even) for size in sizes]
+
+
+def _even_to_the_end(law: Law, body: Body, punch: Punch, model: IndentationProblem) -> float:
+    """Feature lengths from the punch's edge to _PAST_END outside where its contact ends on a mesh; 0 where that is
+    inside the edge, or no equilibrium is found."""
+    if punch.force_N is None and punch.depth_m is None:
+        return 0.0
+    try:
+        (state,) = (at_depth([model], (punch.depth_m or 0.0) / body.thickness_m) if punch.force_N is None
+                    else under_force([model], punch.force_N / force_unit(law, body)))
+    except NotConverged:
+        return 0.0
+    past = surface.contact_of(model, state.x).radius - model.punch.profile.radius
+    return max(past * body.thickness_m / feature_m(body, punch) + _PAST_END, 0.0)
 
 
 def _rubbing(law: Law, body: Body, punch: Punch, element_m: float | None, penalty: float | None,

@@ -289,7 +289,7 @@ def _found(law: Law, body: Body, punch: Punch, outline: OffsetDisc | OffsetOutli
 def set_up(law: Law, body: Body, punch: Punch, fineness: Resolution) -> tuple[IndentationProblem, Load]:
     """The discretised foam under a punch, without friction, and what is given."""
     unit, smooth = body.thickness_m, replace(punch, friction="none")
-    model = mesh_hierarchy(law, body, smooth, fineness.element * default_element_m(body, punch), None)[-1]
+    model = mesh_hierarchy(law, body, smooth, fineness.element * default_element_m(body, punch), None, even=0.0)[-1]
     load = Load(None if punch.force_N is None else punch.force_N / solve_axisymmetric.force_unit(law, body),
                 None if punch.force_N is not None or punch.depth_m is None else punch.depth_m / unit)
     return _narrowed(model, fineness), load

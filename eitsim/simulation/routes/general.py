@@ -59,14 +59,15 @@ class General(Route):
         return self.solve_together(case, law, keep, ())[0]
 
     def solve_together(self, case: Case, law: Law, keep: bool, known: Sequence[Touch | None]) -> Sequence[Touch]:
+        fine = case.exact or case.finer
         level, coarser = (replace(each, reach=self._reach(case)) for each in (
-            (FINE, COARSE) if case.exact else (COARSE, ROUGH)))
+            (FINE, COARSE) if fine else (COARSE, ROUGH)))
         body, places = case.scene.body, np.array([(punch.x_m, punch.y_m) for punch in case.punches])
         least = np.array([punch.diameter_m / 2 for punch in case.punches]) + LEAST_GAP * body.thickness_m
         bodies = bodies_of(body, case.scene.electrodes, places, least)
         touches = solve_general(law, body, case.punches, level=level, coarser=coarser, bodies=bodies,
                                 shapes=shapes_of(case.punches, body.thickness_m),
-                                requested=None if case.exact else self._requested(case)).touches
+                                requested=None if fine else self._requested(case)).touches
         return [replace(touch, signal_errors=touch.signal_errors + self.outside(case)) for touch in touches]
 
     def _reach(self, case: Case) -> float:

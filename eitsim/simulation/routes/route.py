@@ -49,7 +49,8 @@ class Case:
     # the finest way where a rougher one is expected to miss the requested error
     bodies: bool = True
     keeps_volume: bool = False  # whether elements that know displacements alone would lock, as in a rubber
-    finer: bool = False  # whether what is axisymmetric is solved on elements of half the size from the start
+    # whether what is axisymmetric is solved on elements of half the size from the start, and layers on the FINE level
+    finer: bool = False
 
     @cached_property
     def punches(self) -> tuple[Punch, ...]:

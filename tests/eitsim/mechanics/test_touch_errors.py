@@ -2,6 +2,7 @@
 draws of benchmarks/touch_errors.py, a few here, all among the slow tests."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import ModuleType
 
 import pytest
@@ -63,6 +64,21 @@ def test_contacts_end_where_half_the_element_finds_them_within_their_errors(stud
     print(moved)
     assert max(moved) < 2
     assert sum(each > 1 for each in moved) <= 1
+
+
+@pytest.mark.thorough
+def test_elements_stay_small_to_where_a_conducting_punch_ends(study):
+    """Its contact ends where an insulated one's does, within the errors of both; known twice as well in the foam that
+    climbs a flat punch, and as before under a sphere, whose elements are even anyway."""
+    for profile, share in (("flat", 0.5), ("sphere", 1.0)):
+        punch = Punch(diameter_m=0.014, force_N=1.5, profile=profile)
+        plain, one = (solve_touch(study.LAWS["Table 1"], Body(), replace(punch, conductor=conducts))
+                      for conducts in (False, True))
+        assert plain.contact_end_error is not None
+        assert one.contact_end_error is not None
+        assert one.contact_end_error <= share * plain.contact_end_error
+        assert abs(one.contact_radius_m / plain.contact_radius_m - 1) < plain.contact_end_error + one.contact_end_error
+        assert one.depth_m == pytest.approx(plain.depth_m, rel=plain.depth_error + one.depth_error)
 
 
 def test_a_contact_that_cannot_be_softened_leaves_area_and_strain_unknown(study, monkeypatch):

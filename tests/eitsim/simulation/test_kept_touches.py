@@ -21,16 +21,21 @@ def solved(scene: Scene, *, keep: bool) -> Touch:
 
 
 @pytest.mark.thorough
-def test_another_skin_and_a_conducting_punch_take_the_kept_touch(monkeypatch, tmp_path) -> None:
-    """One solution serves another strain and a punch that conducts, bit for bit what was solved; another force none."""
+def test_another_skin_and_another_contact_take_the_kept_touch(monkeypatch, tmp_path) -> None:
+    """One solution serves another strain and contact impedance, bit for bit what was solved; another force none, and no
+    punch that conducts, whose mesh is another."""
     monkeypatch.setenv("TOUCHCAL_CACHE", str(tmp_path))
     with patch.object(axisymmetric, "solve_touch", wraps=axisymmetric.solve_touch) as solve:
         direct = solved(SCENE, keep=False)
         first = solved(SCENE, keep=True)
         once = solve.call_count
-        conducting = replace(SCENE, punches=(replace(SCENE.punches[0], conductor=True),), skin=Skin(strain="areal"))
-        second = solved(conducting, keep=True)
+        (punch,) = SCENE.punches
+        touched = replace(SCENE, punches=(replace(punch, contact_impedance_Ohm_m2=1e-3),), skin=Skin(strain="areal"))
+        second = solved(touched, keep=True)
         assert solve.call_count == once
+        solved(replace(SCENE, punches=(replace(punch, conductor=True),)), keep=True)
+        assert solve.call_count > once
+        once = solve.call_count
         heavier = replace(SCENE, punches=(replace(SCENE.punches[0], force_N=0.31),))
         other = solved(heavier, keep=True)
         assert solve.call_count > once

@@ -1,19 +1,22 @@
 """When half the element size is tried, when it is out of reach, and what is said where the wanted error is missed."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from eitsim.mechanics.axisymmetric.solve_axisymmetric import solve_touch
+from eitsim.mechanics.general.meshing.levels import COARSE, FINE
 from eitsim.mechanics.solid.grid import default_element_m
 from eitsim.scene.scene import STRAINS, Body, Punch, scene_from
-from eitsim.simulation.routes import axisymmetric
+from eitsim.simulation.routes import axisymmetric, general
 from eitsim.simulation.routes.route import Case
 from eitsim.simulation.simulate import simulate, solve_scene
 from matcal.card import MaterialCard
 from matcal.laws.conductivity import Conductivity
 from matcal.laws.hyperfoam import Hyperfoam
+from matcal.laws.known_laws import law_of
 
 FOAM = Hyperfoam([14420.0, 16780.0, -21670.0], [0.288, 4.249, 0.741], [0.0, 0.0, 0.0])
 
@@ -56,6 +59,26 @@ def test_finer_elements_are_tried_where_readings_miss_the_accuracy():
     assert met.touches[0].radius_m.size > 1.5 * swept.touches[0].radius_m.size
     change = np.linalg.norm(met.readings.signal_V - swept.readings.signal_V) / np.linalg.norm(met.readings.signal_V)
     assert change < swept.error_estimate["signal"]
+
+
+@pytest.mark.parametrize(("x_mm", "levels"), [(90, [COARSE, FINE]), (0, [])])
+def test_what_only_a_coarse_mesh_strains_too_far_is_solved_on_a_finer_one(touch, monkeypatch, x_mm, levels):
+    """A layer solved in three dimensions is refused for its strain on the finer mesh alone; an axisymmetric touch at
+    once, whose surface shows its own strain."""
+    tried, strained = [], np.full_like(touch.stretch_meridian, 3.0)
+
+    def solved(law, body, punches, *, level, **given):
+        tried.append(replace(level, reach=0.0))
+        return SimpleNamespace(touches=[replace(touch, stretch_meridian=strained)])
+
+    monkeypatch.setattr(general, "solve_general", solved)
+    monkeypatch.setattr(axisymmetric, "solve_touch", lambda *given, **how: replace(touch, stretch_meridian=strained))
+    skin = Conductivity(30.0, [-2, 2, -1], (0.0, 0.4))
+    card = MaterialCard("rubber", law_of("neo_hooke", ((1e5,), (0.4995,))), None, skin)
+    result = simulate(scene_from({"punch": {"x_mm": x_mm}, "skin": {"strain": "principal"}}), card)
+    assert result.outcome == "refused"
+    assert "strains the skin further than its law goes" in result.message
+    assert tried == [replace(level, reach=0.0) for level in levels]
 
 
 @pytest.mark.thorough
