@@ -172,7 +172,7 @@ def evaluate(model_folder: ModelFolder,
                 output: row["rmse_over_first"] for output, rows in compared.items() for row in rows
                 if row["set"] == name})
             if "verdict" in scores:
-                print_verdict(scores["verdict"], verbose=verbose)
+                print_verdict(scores, verbose=verbose)
         if verbose and compared:
             print_transfer(compared)
     elif len(sets) == 1:
@@ -194,18 +194,16 @@ def audit(judged: Annotated[Path, typer.Argument(metavar="MODEL|PREDICTIONS.csv"
 
     Example: surrogate audit predictions.csv frames.csv --labels kept_back.csv
     """
-    import pandas as pd
-
     import surrogate
     from eitsim.sensors.formats.open_file import open_recording
     from eitsim.sensors.labels import read_labels
     from surrogate.model.model import load_single
     from surrogate.model.recorded.press_model import PressModel
-    from surrogate.model.recorded.reader_evaluation import evaluate_predictions
+    from surrogate.model.recorded.reader_evaluation import evaluate_predictions, read_predictions
 
     if judged.is_file():
         frames = open_recording(recording, kind="difference")  # values are read elsewhere: names of touches serve here
-        scores = evaluate_predictions(pd.read_csv(judged), frames, read_labels(labels), str(labels))
+        scores = evaluate_predictions(read_predictions(judged), frames, read_labels(labels), str(labels))
     else:
         model = load_single(judged)
         if not isinstance(model, PressModel):
@@ -216,7 +214,7 @@ def audit(judged: Annotated[Path, typer.Argument(metavar="MODEL|PREDICTIONS.csv"
     if as_json:
         print_json({"model": judged, **scores})
     else:
-        print_verdict(scores["verdict"], verbose=True)
+        print_verdict(scores, verbose=True)
     if scores["verdict"] is None or not scores["verdict"]["holds"]:
         raise typer.Exit(NOT_CONVERGED)
 

@@ -29,13 +29,14 @@ def print_scores(result: Mapping[str, Any], *, verbose: bool = False, more: Iter
                                                            "the trained range"))))
 
 
-def print_verdict(verdict: Mapping[str, Any] | None, *, verbose: bool = False) -> None:
+def print_verdict(scores: Mapping[str, Any], *, verbose: bool = False) -> None:
     """Whether the 90 % intervals of labelled presses hold, and by what; verbose: also the diagnostics."""
     from rich import box
     from rich.table import Table
 
+    verdict = scores["verdict"]
     if verdict is None:
-        print("verdict: no frame that was not trained on is without a flag: nothing is vouched for")
+        print(f"verdict: nothing is vouched for: {_unjudged(scores)}")
         return
     if verbose:
         levels = ", ".join(f"{100 * level:.0f}" for level in verdict["levels"])
@@ -56,6 +57,15 @@ def print_verdict(verdict: Mapping[str, Any] | None, *, verbose: bool = False) -
     far = f"distance {verdict['distance_mm']:.3g} mm; " if "distance_mm" in verdict else ""
     print(f"verdict: {said}: {far}the 90 % intervals hold {held} of {of} without a flag; "
           f"{100 * verdict['flagged']:.0f} % of the frames are flagged")
+
+
+def _unjudged(scores: Mapping[str, Any]) -> str:
+    """Why there is no verdict, and what the intervals of flagged frames hold."""
+    unseen = {name: parts[one] for name, parts in scores["outputs"].items() for one in ("new", "all") if one in parts}
+    if not unseen:
+        return "all labelled presses were trained on. Give labels of presses that were kept back."
+    held = ", ".join(f"{name} {100 * one['coverage_90']:.0f} %" for name, one in unseen.items())
+    return (f"every frame that was not trained on is flagged ({scores['scored']}); their 90 % intervals hold {held}")
 
 
 def print_next(model: SweepModel, out: Path) -> None:

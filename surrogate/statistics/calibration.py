@@ -1,6 +1,7 @@
 """Whether predictive distributions are calibrated: ranks, expected coverage, and tests of accuracy with random points.
 
-Of intervals alone, the distribution is taken as normal about the value, of that half width at 90 %.
+Of intervals alone, the distribution is taken as normal about the value, of that half width at 90 %: on the side of the
+target, where an interval reaches farther on one side than on the other.
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from touchcal.arrays import Array
 LEVELS = (0.25, 0.5, 0.75, 0.9)  # of expected coverage
 BINS = 10  # of ranks
 DRAWS = 200  # of the predictive distribution a row
+LEAST = 1e-100  # half width of a point, which is over any error small
 
 
 def rank_histogram(target: Array, value: Array, half_width: Array) -> list[float]:
@@ -22,7 +24,7 @@ def rank_histogram(target: Array, value: Array, half_width: Array) -> list[float
     >>> rank_histogram(np.array([0.0, 9.0]), np.zeros(2), np.ones(2))
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.5]
     """
-    rank = ndtr(normal(COVERAGE) * (target - value) / half_width)
+    rank = ndtr(normal(COVERAGE) * (target - value) / np.maximum(half_width, LEAST))
     return (np.bincount(np.minimum((BINS * rank).astype(int), BINS - 1), minlength=BINS) / len(rank)).tolist()
 
 
@@ -32,7 +34,7 @@ def expected_coverage(target: Array, value: Array, half_width: Array) -> list[fl
     >>> expected_coverage(np.array([0.0, 0.5]), np.zeros(2), np.ones(2))
     [0.5, 0.5, 1.0, 1.0]
     """
-    off = np.abs(target - value) / half_width * normal(COVERAGE)
+    off = np.abs(target - value) / np.maximum(half_width, LEAST) * normal(COVERAGE)
     return [float(np.mean(off <= ndtri((1 + level) / 2))) for level in LEVELS]
 
 

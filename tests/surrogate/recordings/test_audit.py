@@ -54,8 +54,7 @@ def judged(folder: Path, width: float, presses: int, frames: int = 1, flag: str 
         folder / "frames.csv", index=False)
     pd.DataFrame({"touch": [f"p{row}" for row in range(presses)], "x_mm": target[:, 0], "y_mm": target[:, 1]}).to_csv(
         folder / "touches.csv", index=False)
-    words = ["audit", str(folder / "predictions.csv"), str(folder / "frames.csv"), "--labels",
-             str(folder / "touches.csv")]
+    words = words_of(folder)
     done, described = CliRunner().invoke(app, words), CliRunner().invoke(app, [*words, "--json"])
     assert done.exit_code == described.exit_code, done.output
     assert len(done.output.splitlines()) < 20
@@ -80,14 +79,36 @@ def test_presses_count_and_not_their_frames(tmp_path: Path) -> None:
 def test_flagged_frames_are_counted_and_not_judged(tmp_path: Path) -> None:
     status, scores = judged(tmp_path, 1.0, 50, flag="odd")
     assert (status, scores["verdict"]) == (3, None)
+    held = 100 * scores["outputs"]["x0"]["all"]["coverage_90"]
+    said = CliRunner().invoke(app, words_of(tmp_path)).output
+    assert f"50 of 50 frames are flagged, the first: odd); their 90 % intervals hold x0 {held:.0f} %" in said
+
+
+def test_intervals_on_one_side_of_the_value_hold_half(tmp_path: Path) -> None:
+    judged(tmp_path, 1.0, 200)
+    table = pd.read_csv(tmp_path / "predictions.csv")
+    table["x0_hi90_mm"] += table["x0_mm"] - table["x0_lo90_mm"]
+    table["x0_lo90_mm"] = table["x0_mm"]
+    table.to_csv(tmp_path / "predictions.csv", index=False)
+    done = CliRunner().invoke(app, [*words_of(tmp_path), "--json"])
+    one = json.loads(done.stdout)["verdict"]["outputs"]["x0"]
+    assert (done.exit_code, one["holds"]) == (3, False)
+    assert one["coverage_90"] == pytest.approx(0.5, abs=0.1)
+
+
+def words_of(folder: Path) -> list[str]:
+    return ["audit", str(folder / "predictions.csv"), str(folder / "frames.csv"), "--labels",
+            str(folder / "touches.csv")]
 
 
 def test_tables_without_intervals_are_refused(tmp_path: Path) -> None:
     judged(tmp_path, 1.0, 20)
-    table = pd.read_csv(tmp_path / "predictions.csv")
-    words = ["audit", str(tmp_path / "predictions.csv"), str(tmp_path / "frames.csv"), "--labels",
-             str(tmp_path / "touches.csv")]
+    table, words = pd.read_csv(tmp_path / "predictions.csv"), words_of(tmp_path)
     for lacking, words_of_it in ((table.drop(columns="x0_lo90_mm"), "no x0_lo90_mm"), (table[:-1], "lack a row of"),
-                                 (table.drop(columns="touch"), "no column touch")):
+                                 (table.drop(columns="touch"), "no column touch"), (table[:0], "holds no predictions"),
+                                 (table.assign(x0_lo90_mm=table["x0_hi90_mm"], x0_hi90_mm=table["x0_lo90_mm"]),
+                                  "p0 and no interval from x0_lo90_mm up to x0_hi90_mm"),
+                                 (table.assign(y0_hi90_mm=np.nan), "p0 and no interval from y0_lo90_mm"),
+                                 (table.assign(x0_mm="far"), "'far' as x0_mm of touch p0")):
         lacking.to_csv(tmp_path / "predictions.csv", index=False)
         assert words_of_it in str(CliRunner().invoke(app, words).exception)
