@@ -265,7 +265,7 @@ _REFUSALS = {
     Why.LAYER_EDGE: (
         "the punch's edge is {gap_mm:.1f} mm from the nearest edge of a layer that conducts in its volume; its inside "
         "is known where a touch is axisymmetric, from a gap of one thickness on: {thickness_mm:g} mm. Move the punch "
-        "inwards."),
+        "inwards; only a coating, kind = \"sheet\" in [skin], is solved nearer to edges."),
     Why.LAYER_TILT: (
         "tilt_deg and shape in [punch]: the inside of a layer that conducts in its volume is known where a touch is "
         "axisymmetric; leave them out."),

@@ -162,7 +162,8 @@ def predict_command(
         history: Annotated[Path | None, typer.Option(help="File of a path to follow, with columns of strain and time "
                                                      "(a table or a machine file).")] = None,
         as_json: JsonOption = False) -> None:
-    """Print what the card predicts, with its 95 % band where it has a posterior.
+    """Print what the card predicts, with its 95 % band where it has a posterior or
+    several laws were compared.
 
     Example: matcal predict card.json uniaxial --strain=-0.1,-0.5,-0.8 --json
     """

@@ -87,6 +87,11 @@ class Law:
         return bool(np.all(np.asarray(getattr(self, "nu", 0.0)) == 0.5))
 
     @property
+    def body(self) -> str:
+        """What it is a law of: "rubber" where nu is 1/2, or is unless a test says another; else "foam"."""
+        return "rubber" if self.keeps_volume or self.incompressible else "foam"
+
+    @property
     def mu_0_Pa(self) -> float:
         """Initial shear modulus, Pa."""
         at_rest = self.tangent(np.zeros(3))

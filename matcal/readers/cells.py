@@ -1,6 +1,7 @@
 """A file as rows of cells, each row with its line, and the way its numbers are written."""
 
 import csv
+import itertools
 import math
 import re
 from collections.abc import Iterable, Sequence
@@ -79,10 +80,19 @@ class Grid:
             if value is None or not math.isfinite(value):
                 cell = self.cell(row, column)
                 what = f"'{shown(cell)}' is not a finite number" if cell else "the cell is missing"
-                raise InputFileError(self.path, f"column '{shown(name)}': {what}. Correct or delete the row.",
-                                     line=self.lines[row])
+                fix = "Correct or delete the row." if (again := self._names_again(rows, row)) is None else (
+                    f"The names of the columns stand again in line {again}. Save each block as a file of its own, or, "
+                    "where they are one test, delete the lines between them.")
+                raise InputFileError(self.path, f"column '{shown(name)}': {what}. {fix}", line=self.lines[row])
             out[k] = value
         return out
+
+    def _names_again(self, rows: range, first: int) -> int | None:
+        """The line below the first of some rows without numbers that repeats one above all `rows`: another block's
+        names; None where there is none."""
+        above = [cells for cells in self.rows[:rows.start] if len(cells) > 1]
+        between = itertools.takewhile(lambda n: not self.numeric(self.rows[n]), range(first, rows.stop))
+        return next((self.lines[n] for n in between if self.rows[n] in above), None)
 
 
 def shown(text: str, most: int = 40) -> str:

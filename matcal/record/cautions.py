@@ -88,10 +88,10 @@ def _units(card: MaterialCard) -> Iterator[str]:
     """What looks like a wrong unit or size: stiffness that no soft foam has, or that differs from mode to mode."""
     if card.law is None:
         return
-    of, most = ("rubber", _RUBBER_PA) if card.law.keeps_volume else ("foam", _SOFT_PA[1])
+    most = _RUBBER_PA if card.law.body == "rubber" else _SOFT_PA[1]
     if not _SOFT_PA[0] < (mu_0 := card.law.mu_0_Pa) < most:
-        yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft {of} ({_SOFT_PA[0]:g} to {most:g} Pa): check the units "
-               "of stress or force (kPa or MPa) and the sizes of the specimens.")
+        yield (f"mu_0 = {mu_0:.3g} Pa is that of no soft {card.law.body} ({_SOFT_PA[0]:g} to {most:g} Pa): check the "
+               "units of stress or force (kPa or MPa) and the sizes of the specimens.")
     laws = {mode: law_of(card.law.name, [np.ravel(row[p.name]).tolist() for p in card.law.parameters])
             for mode, row in card.fit.get("cross_prediction", {}).items() if mode in card.law.strain_range}
     first, *others = laws or [""]

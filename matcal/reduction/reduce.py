@@ -224,7 +224,7 @@ def _of_kind(kind: str, recordings: list[Recording], why: str, specimen: Path | 
     known = {} if sizes is None else {"specimen_area_mm2": 1e6 * sizes.area_m2,
                                       "specimen_length_mm": 1e3 * sizes.length_m}
     return _said(replace(made, facts={**known, **made.facts}, cautions=(
-        *used.cautions, *compliance_doubt(used.recording, used.block), *made.cautions)), why, *where,
+        *where[1:], *used.cautions, *compliance_doubt(used.recording, used.block), *made.cautions)), why, *where[:1],
                  *used.decisions), files
 
 

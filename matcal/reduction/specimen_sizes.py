@@ -21,10 +21,10 @@ _SECTION = {**dict.fromkeys(("uniaxial", "relaxation"), frozenset(key for way in
 
 def specimen_of(kind: str, recording: Recording, given: Path | None, *,
                 needed: bool = True) -> tuple[Block | Strip | None, tuple[str, ...], tuple[Path, ...]]:
-    """Sizes for `kind`, sentences that say where they are from, and the files that were used; None where they are not
-    `needed` and nothing states a whole specimen.
+    """Sizes for `kind`, a sentence that says where they are from, a second where the file states others, and the files
+    that were used; None where they are not `needed` and nothing states a whole specimen.
 
-    `given` comes first, and a file that states other sizes is mentioned; without it a TOML of the file's name, else
+    `given` comes first, and a file that states other sizes is minded; without it a TOML of the file's name, else
     specimen.toml next to it, where the two must agree. A table that lacks a size is completed by the file's own, and
     where no table is there the file's own serve alone. InputFileError where two sources differ, or sizes are missing.
     """
@@ -47,15 +47,18 @@ def specimen_of(kind: str, recording: Recording, given: Path | None, *,
         stated = f"{recording.label} itself states {_words(recording.properties)}, which does not complete it"
         raise InputFileError(toml, f"{error.problem} {stated}.", line=error.line) from None
     differing = _differing(sizes, _by_file(kind, table, own, path), recording)
+    another = f"give another specimen its own [{kind}] in {path.with_suffix('.toml').name} next to {path.name}"
     if differing and given is None:
-        raise InputFileError(path, f"{differing}, as [{kind}] of {toml.name} says. Correct one of them, or give "
-                                   f"`specimen` {toml.name}.")
+        raise InputFileError(path, f"{differing}, as [{kind}] of {toml.name} says. Correct one of them, or {another}. "
+                                   f"With `specimen` {toml.name} its sizes count.")
     said = f"Specimen from [{kind}] of {toml.name}"
     if added:
         said += f", completed by what {path.name} itself states: {_keys(added)}"
     elif own and not differing:
         said += " and agrees with what the file itself states"
-    return sizes, (f"{said}.", *((f"{differing}.",) if differing else ())), (toml,)
+    minded = (f"{differing}, as [{kind}] of {toml.name} says, which counts. Correct one of them, or {another}, and "
+              "leave --specimen out.",) if differing else ()
+    return sizes, (f"{said}.", *minded), (toml,)
 
 
 def stated_direction(kind: str, recording: Recording, given: Path | None) -> str | None:

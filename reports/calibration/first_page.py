@@ -190,8 +190,7 @@ def _foam_findings(card: MaterialCard) -> list[str]:
     factor, unit = pascals(law.mu_0_Pa)
     middle, ends = _within(known, law.mu_0_Pa, factor)
     terms = f" of {counted(card.hyperfoam.mu_Pa.size, 'term')}" if card.hyperfoam else ""
-    what = "Rubber" if law.keeps_volume else "Foam"
-    said = [f"{what}: {law.name} law{terms}, initial shear modulus μ₀ = {middle} {unit}"
+    said = [f"{law.body.capitalize()}: {law.name} law{terms}, initial shear modulus μ₀ = {middle} {unit}"
             + (f" (95 %: {ends})" if known else "") + f", {moduli(law)}."]
     kinds = [kind for kind in MODES if any(row["kind"] == kind for row in tests(card).values())]
     errors = [f"{percent(relative_rms(card, kind))} in {kind}" for kind in kinds]

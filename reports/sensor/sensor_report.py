@@ -71,7 +71,7 @@ def _verdict(document: Mapping[str, Any]) -> list[Verdict]:
         found.append(Verdict("Changes of readings", GOOD, "channels and contacts are known"))
     else:
         found.append(Verdict("Absolute model", NOT_USABLE, document["reason"]))
-        found.append(Verdict("Changes of readings", USABLE, "with labelled presses and surrogate train; nothing of "
+        found.append(Verdict("Changes of readings", USABLE, "with labelled presses and surrogate learn; nothing of "
                              "the instrument is known"))
     if (presses := document["presses"]) is not None:
         left = min(one["held_out"] for one in presses["unexplained"].values()) if (

@@ -45,7 +45,7 @@ TrainedOn = Annotated[Path, typer.Argument(metavar="DIR", help="Data set that `e
 OfPresses = Annotated[Path | None, typer.Option(hidden=True)]
 SCORED_HELP = ("Data sets that `eitsim sweep` wrote, or for a model of a recording recorded frames with --labels; "
                "several are compared.")
-EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate train`; one for each recording, in the same order. "
+EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate learn`; one for each recording, in the same order. "
                     "Presses of the training are recognised where the untouched frames around them are the same.")
 
 

@@ -259,7 +259,7 @@ def check_electrodes(sensor: Sensor) -> None:
     """ValueError where the instrument model is not built for a sensor's electrodes."""
     if not sensor.electrodes.along_edge:
         raise ValueError("the instrument model is not built for electrodes on the surface (kind in [electrodes]), only "
-                         "for line electrodes; from labelled presses `surrogate train` learns without it.")
+                         "for line electrodes; from labelled presses `surrogate learn` learns without it.")
     if not sensor.electrodes.over_thickness:
         raise ValueError("low_mm, high_mm in [electrodes]: the instrument model is that of a sheet, which a layer is "
                          "where electrodes cover the whole height of its rim. Leave them out where they nearly do; "

@@ -48,7 +48,8 @@ def _held(recording: Recording) -> tuple[Array, Array, Array]:
     columns = recording.columns
     if not {"strain", "stretch"} & set(columns) or "stress" not in columns:
         raise _error(recording, "a creep needs a compliance, or strain and stress; found: "
-                                f"{', '.join(recording.names.values())}.")
+                                f"{', '.join(recording.names.values())}. Divide displacement by the specimen's height "
+                                "and force by its area.")
     time, stress = columns["time"], columns["stress"]
     strain = columns["strain"] if "strain" in columns else columns["stretch"] - 1
     level = float(np.median(stress[stress.size // 2:]))

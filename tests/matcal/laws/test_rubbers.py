@@ -94,6 +94,11 @@ def test_eight_chains_have_abaquss_modulus() -> None:
     assert tube.mu_0_Pa == pytest.approx(2.0 * (1 - 2 * 0.09) + 5.0, rel=1e-12)
 
 
+def test_a_law_that_keeps_its_volume_is_a_rubbers() -> None:
+    assert [law.body for law in (NeoHooke(1e4, 0.5), NeoHooke(1e4, 0.3), Yeoh(1e4, 0.0, 0.0, 0.499),
+                                 Hyperfoam([1e4], [2.0], [0.0]))] == ["rubber", "foam", "rubber", "foam"]
+
+
 def test_chains_that_are_straight_have_no_state() -> None:
     for rubber, limit in ((Gent(1.0, 10.0), 10.0), (ExtendedTube(1.0, 10**-0.5, 1.0, 0.5), 10.0)):
         at = log_stretches(rubber, "uniaxial", np.array([2.4, 2.6]))

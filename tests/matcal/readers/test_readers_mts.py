@@ -74,6 +74,8 @@ def test_strangers_in_a_folder_are_refused(tmp_path: Path) -> None:
     ("Foo \tBar \tTime \nmm\tN\tsec\n1\t2\t3\n", "fewer than two columns are known", 8),
     ("Crosshead \tLoad \tTime \nmm\tN\tsec\n1\t2\t3\n1\tNaN\t4\n", "'NaN' is not a finite number", 10),
     ("Crosshead \tLoad \tTime \nmm\tN\tsec\n1\t2\t3\n1\t2\n", "the cell is missing", 10),
+    ("Crosshead \tLoad \tTime \nmm\tN\tsec\n1\t2\t3\nHold\nCrosshead \tLoad \tTime \nmm\tN\tsec\n1\t2\t3\n",
+     r"stand again in line 11\. Save each block", 10),
 ])
 def test_broken_files_are_named_by_line(body: str, says: str, line: int, tmp_path: Path) -> None:
     path = tmp_path / "mts.txt"

@@ -46,3 +46,10 @@ def test_no_other_test_is_creep(case: str, tmp_path: Path) -> None:
                       "ramp": (-5e-4 * TIME, -10e-3 * TIME),
                       "plateau": (-5e-4 * TIME, -4 - 1e-4 * TIME)}[case]
     assert "creep" not in inspect(_write(tmp_path, strain, stress))["kind_reason"]
+
+
+def test_travel_and_load_of_a_creep_are_refused_with_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "creep.csv"
+    path.write_text("time (s),displacement (mm),force (N)\n" + "".join(f"{t},{1 + 0.01 * t},5\n" for t in range(9)))
+    with pytest.raises(InputFileError, match=r"found: time, displacement, force\. Divide .* height and force by its"):
+        reduce_tests([("creep", (path,))])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from matcal.readers.recording import Recording
+from matcal.reduction.reduce import reduce_tests
 from matcal.reduction.specimen import Block
 from matcal.reduction.specimen_sizes import specimen_of
 from touchcal.errors import InputFileError
@@ -46,13 +47,14 @@ def test_what_agrees_is_used_with_its_compliance_and_what_differs_is_refused_or_
     assert used == (beside,)
     other = _recording(tmp_path, diameter=0.05, height=0.03)
     with pytest.raises(
-        InputFileError, match=r"a length of 30 mm instead of .* 20 mm, as \[uniaxial\] of specimen.toml"
+        InputFileError, match=r"a length of 30 mm instead of .* 20 mm, as \[uniaxial\] of specimen.toml .*in press.toml"
     ):
         specimen_of("uniaxial", other, None)
     block, said, used = specimen_of("uniaxial", other, beside)
     assert isinstance(block, Block)
     assert block.length_m == 0.02
     assert "itself states diameter 50 mm, height 30 mm" in said[1]
+    assert "its own [uniaxial] in press.toml" in said[1]
     own = _toml(tmp_path, "press.toml", DISC.replace("20", "30"))
     assert specimen_of("uniaxial", other, None)[2] == (own,)
 
@@ -97,3 +99,12 @@ def test_a_file_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
         specimen_of("uniaxial", _recording(tmp_path, area=4e-4, diameter=0.05, height=0.02), None)
     with pytest.raises(InputFileError, match=r"needs the key height_mm. .* \[uniaxial\] in `specimen` .* completes it"):
         specimen_of("uniaxial", _recording(tmp_path, diameter=0.05), None)
+
+
+def test_sizes_that_the_given_table_overrules_are_minded(tmp_path: Path) -> None:
+    path = tmp_path / "tension.csv"
+    rows = "".join(f"{0.1 * k:.1f},{0.2 * k:.1f}\n" for k in range(30))
+    path.write_text(f"Width,10,mm\nThickness,10,mm\nGauge length,40,mm\n\nExtension (mm),Load (N)\n{rows}")
+    (found,) = reduce_tests([("uniaxial", (path,))], _toml(tmp_path, "all.toml", DISC))
+    assert any("itself states width 10 mm" in caution and "tension.toml" in caution for caution in found.cautions)
+    assert not any("itself states width" in decision for decision in found.decisions)
