@@ -102,6 +102,8 @@ def test_a_short_table_is_followed_by_fewer_terms_than_it_has_frequencies() -> N
         found = fit_spectrum(table)
         assert max(tried for tried, *_ in found.orders) < omega.size
         assert found.relative_rms[0] > 1e-3
+        whole = np.sqrt(np.mean(np.square(found.relative_rms)))  # channels of as many values
+        assert min(abs(rms / whole - 1) for _, rms, _ in found.orders) < 1e-12
         assert found.modulus_sd_Pa > 2e-3 * found.modulus_Pa
         followed = found.modulus_Pa * dynamic(found.prony, omega)
         assert np.sqrt(np.mean((followed.real / exact.real - 1) ** 2)) < 0.02  # twice the noise
