@@ -42,7 +42,7 @@ TESTS = {
         "reduction_formulas", "known_answers", "geometry", "reductions", "settling", "protocols", "conductors")]
        for name in ("reduce.py", "load_frame.py", "specimen.py", "electric", "holds")},
     "eitsim/mechanics/solid": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
-        "grid", "solid", "spatial_response", "one_law", "volume")],
+        "grid", "solid", "spatial_response", "one_law", "volume", "curved_touches")],
     "eitsim/mechanics/contact": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
         "springs", "punch", "friction", "touch")],
     "eitsim/electrics/cem": [f"tests/eitsim/electrics/test_{name}.py" for name in (

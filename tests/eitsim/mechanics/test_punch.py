@@ -46,12 +46,18 @@ def inside(punch, points):
     return in_core | near | aside
 
 
+def at_nodes(count: int) -> contact.Facets:
+    """Facets of one node and one point each."""
+    return contact.Facets(np.arange(count)[:, None], np.eye(1), np.zeros((count, 1, 1)), np.zeros((count, 1)),
+                          np.ones((count, 1)))
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", PUNCHES)
 def test_penetration_is_the_distance_to_the_outline(name):
     punch, depth = PUNCHES[name], 0.3
     points = np.random.default_rng(0).uniform([0, -0.05], [0.8, 1.2], (600, 2))
-    one = contact.Facets(np.arange(len(points))[:, None], np.eye(1), np.zeros(1), np.zeros(1), np.ones(1))
+    one = at_nodes(len(points))
     at = contact.contact_state(punch, one, points - [0, depth], depth)
     within, distance = inside(punch, points), KDTree(outline(punch), balanced_tree=False).query(points)[0]
     assert 100 < within.sum() < 550
@@ -90,7 +96,7 @@ def test_the_complementary_energy_is_the_integral_of_the_penetration_over_the_pr
     punch, gaps = PUNCHES["firm"], np.linspace(0, 0.05, 2001)
     pressures = contact.pressure(punch, gaps)
     work = np.trapezoid(pressures, gaps)
-    stored = contact.Facets(np.zeros((1, 1), int), np.eye(1), np.zeros(1), np.zeros(1), np.ones((1, 1)))
+    stored = at_nodes(1)
     at = contact.ContactState(gaps[-1:, None], np.array([[[0.0, 1.0]]]), np.zeros((1, 1, 2, 2)), np.zeros((1, 1), bool))
     assert contact.energy(punch, stored, at) == pytest.approx(work, rel=1e-5)
     by_gap = gaps * np.gradient(pressures, gaps)
@@ -101,7 +107,7 @@ def test_the_complementary_energy_is_the_integral_of_the_penetration_over_the_pr
 def test_side_wall_is_told_from_the_face():
     punch = PUNCHES["flat"]
     points = np.array([[0.3, 0.01], [0.69, 0.2], [0.69, 0.01]])
-    one = contact.Facets(np.arange(3)[:, None], np.eye(1), np.zeros(1), np.zeros(1), np.ones(1))
+    one = at_nodes(3)
     at = contact.contact_state(punch, one, points, 0.0)
     assert at.wall[:, 0].tolist() == [False, True, False]
     assert at.normal[1, 0].tolist() == [-1.0, 0.0]
