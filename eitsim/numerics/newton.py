@@ -34,31 +34,33 @@ class Minimum:
     """A converged minimum."""
 
     x: Array  # (n,) where it is
-    solve: Solve  # solves with the exact Hessian there
+    solve: Solve  # solves with the Hessian there, or within a relative residual `near`
     residuals: tuple[float, ...]  # norm of the gradient over its scale after each iteration
 
 
 def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], System], start: Array, *,
-             scale: float, tolerance: float = 1e-10, limit: int = 100) -> Minimum:
+             scale: float, tolerance: float = 1e-10, limit: int = 100, near: float = 0.0) -> Minimum:
     """Local minimum of energy(x) from start, at which |gradient| <= tolerance scale and the Hessian is positive.
 
     system(x, share) gives the gradient and the Hessian whose possibly negative parts are scaled by share: an indefinite
     Hessian and short steps lower it, long steps raise it back to 1. More than `limit` iterations are made only while
     each gradient is less than a tenth of the one before, none once the work is used up that `work.bounded` allows.
+    From a relative residual `near` on one Hessian serves while it takes each gradient to less than a tenth.
     NotConverged carries the last x and the residuals.
     """
-    x, value, share, damped, residuals = start, energy(start), 1.0, False, []
+    x, value, share, damped, residuals, kept = start, energy(start), 1.0, False, [], []
     if not np.isfinite(value):
         raise NotConverged("the start is not admissible: it turns the foam inside out.", estimate=start)
     while len(residuals) < limit or residuals[-1] < _CLOSING * residuals[-2:][0]:
         if used_up():
             raise NotConverged(f"Newton's method was stopped after {len(residuals)} iterations.", estimate=x,
                                residuals=tuple(residuals))
-        gradient, solve, share = _definite(system, x, share, residuals)
+        gradient, solve, share = _definite(system, x, share, residuals, kept, scale)
         residuals.append(float(np.linalg.norm(gradient)) / scale)
         if residuals[-1] <= tolerance and share == 1:
             return Minimum(x, solve, tuple(residuals))
         damped, step = share < 1, -solve(gradient)
+        kept = [solve] if share == 1 and residuals[-1] <= near else []
         del solve  # its memory, before the next takes as much and where the traceback of a failure would hold it
         length, reached = _descend(energy, x, value, gradient, step, residuals)
         if damped and length == 1:
@@ -71,10 +73,14 @@ def minimise(energy: Callable[[Array], float], system: Callable[[Array, float], 
 
 
 def _definite(system: Callable[[Array, float], System], x: Array, share: float,
-              residuals: list[float]) -> tuple[Array, Solve, float]:
-    """Gradient, solve and the share at which the Hessian is positive definite."""
+              residuals: list[float], kept: list[Solve], scale: float) -> tuple[Array, Solve, float]:
+    """Gradient, solve and the share at which the Hessian is positive definite; the solve that was kept, if there is
+    one, where its step took the gradient to less than a tenth."""
     while True:
         gradient, factorise = system(x, share)
+        if kept and float(np.linalg.norm(gradient)) < _CLOSING * residuals[-1] * scale:
+            return gradient, kept[0], share
+        kept.clear()
         try:
             return gradient, factorise(), share
         except Indefinite:

@@ -36,8 +36,11 @@ _FIRM = 0.05
 _THROUGH = 10.0
 # Largest penetration, in fillet radii, that the penalty contact is trusted with.
 _DEEPEST = 0.5
-# Iterations and relative residual of a softened state, from which errors are estimated.
-_SOFTENING, _SOFTENED = 30, 1e-6
+# Relative residual from which one Hessian serves to the end, and for the derivative by the force: by that, 1e-5 moved a
+# corrected depth by up to 6e-8 of it.
+_NEAR = 1e-7
+# Iterations and relative residual of a softened state, from which errors are estimated, and as _NEAR.
+_SOFTENING, _SOFTENED, _NEARLY_SOFTENED = 30, 1e-6, 1e-3
 # Steps without negative curvatures from a state that changes the volume.
 _RELIEFS = 2
 # Relative residual that rounding leaves of a law with kappa_0/mu_0 of one.
@@ -136,7 +139,7 @@ def equilibrium(model: IndentationProblem, force: float, start: Array, limit: in
     tolerance = max(tolerance, _ROUNDED * model.law.kappa_0_Pa / model.law.mu_0_Pa)
     try:
         found = minimise(lambda x: energy(model, force, x), lambda x, scale: system(model, force, x, scale), start,
-                         scale=force, limit=limit, tolerance=tolerance)
+                         scale=force, limit=limit, tolerance=tolerance, near=_NEAR)
     except NotConverged as error:
         raise NotConverged(f"{error} {_state(model, error.estimate)}", estimate=error.estimate,
                            residuals=error.residuals) from None
@@ -179,7 +182,7 @@ def softened(model: IndentationProblem, state: Equilibrium, share: float) -> Arr
         return gradient - kept, factorise
 
     return minimise(lambda x: energy(softer, state.force, x) - float(kept @ x), left, state.x, scale=state.force,
-                    limit=_SOFTENING, tolerance=_SOFTENED).x
+                    limit=_SOFTENING, tolerance=_SOFTENED, near=_NEARLY_SOFTENED).x
 
 
 def _implausible(model: IndentationProblem, at: ContactState, x: Array) -> str:
@@ -237,24 +240,24 @@ def energy(model: IndentationProblem, force: float, x: Array) -> float:
 
 def system(model: IndentationProblem, force: float, x: Array, negative_curvature_scale: float = 1.0) -> System:
     """Gradient of the energy at x and a function that factorises its Hessian, negative parts scaled."""
-    gradient, band = axisymmetric_assembly.residual_and_tangent(model.law, model.grid, x[:-1], negative_curvature_scale,
-                                                                model.prestress)
+    gradient, tangent = axisymmetric_assembly.residual_and_tangent(
+        model.law, model.grid, x[:-1], negative_curvature_scale, model.prestress)
     at = contact_state(model, x)
-    blocks, border, corner = contact.stiffness(model.punch, model.facets, at, negative_curvature_scale)
     push, reaction = contact.forces(model.punch, model.facets, at)
     if model.springs is not None:
-        more = friction.tangent(model.springs, model.facets, seen(model, x), negative_curvature_scale)
-        blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
         more = friction.forces(model.springs, model.facets, seen(model, x))
         push, reaction = push + more[0], reaction + more[1]
-    unknown = _facet_unknowns(model)
-    row, column = np.broadcast_arrays(unknown[:, :, None], unknown[:, None, :])
-    lower = (column >= 0) & (row >= column)
-    np.add.at(band, (column[lower], (row - column)[lower]), blocks.reshape(row.shape)[lower])
-    edge = _gathered(model, border)
 
     def factorise() -> Solve:
-        return bordered(factorise_band(band), edge, corner)
+        blocks, border, corner = contact.stiffness(model.punch, model.facets, at, negative_curvature_scale)
+        if model.springs is not None:
+            more = friction.tangent(model.springs, model.facets, seen(model, x), negative_curvature_scale)
+            blocks, border, corner = blocks + more[0], border + more[1], corner + more[2]
+        unknown = _facet_unknowns(model)
+        row, column = np.broadcast_arrays(unknown[:, :, None], unknown[:, None, :])
+        lower, band = (column >= 0) & (row >= column), tangent()
+        np.add.at(band, (column[lower], (row - column)[lower]), blocks.reshape(row.shape)[lower])
+        return bordered(factorise_band(band), _gathered(model, border), corner)
 
     return np.append(gradient + _gathered(model, push), reaction - force), factorise
 

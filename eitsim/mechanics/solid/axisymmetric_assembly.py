@@ -3,19 +3,17 @@
 Displacement gradients grad_u = F - 1 have the parts rr, rz, zr, zz and hoop.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from eitsim.mechanics.solid.grid import Grid, Indices, modes
-from eitsim.mechanics.solid.meridian_response import area_change, energy_density, log_stretches, response
-from eitsim.mechanics.solid.volume_projection import (
-    VolumeProjection,
-    element_stiffness,
-    projects,
-    volume_projection,
-)
+from eitsim.mechanics.solid.meridian_response import ByVolume, area_change, energy_density, log_stretches, response
+from eitsim.mechanics.solid.volume_projection import VolumeProjection, projects, volume_projection
 from matcal.laws.law import Law
-from touchcal.arrays import Array
+from touchcal.arrays import Array, Index
+from touchcal.jit import compiled
 
 # Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
 _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
@@ -23,10 +21,13 @@ _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
 
 def deformation(grid: Grid, u: Array) -> Array:
     """F - 1 (elements, points, 5), parts rr, rz, zr, zz and hoop, of the unknown displacements u."""
-    moved = nodal(grid, u)[grid.elements]
-    elements, points = grid.weight.shape
-    gradient = np.moveaxis(grid.gradient, 3, 2).reshape(elements, 3 * points, -1)
-    slope = (gradient @ moved).reshape(elements, points, 3, 2)
+    return _deformation(grid, u, slice(None))
+
+
+def _deformation(grid: Grid, u: Array, element: Index | slice) -> Array:
+    """The same of some elements."""
+    moved, slopes = nodal(grid, u)[grid.elements[element]], grid.slopes[element]
+    slope = (slopes.reshape(len(moved), -1, moved.shape[1]) @ moved).reshape(*slopes.shape[:3], 2)
     return np.stack([slope[..., 0, 0], slope[..., 1, 0], slope[..., 0, 1], slope[..., 1, 1], slope[..., 2, 0]], -1)
 
 
@@ -93,9 +94,9 @@ def energy(law: Law, grid: Grid, u: Array, prestress: Array | None = None) -> fl
 
 
 def residual_and_tangent(law: Law, grid: Grid, u: Array, negative_curvature_scale: float = 1.0,
-                         prestress: Array | None = None) -> tuple[Array, Array]:
-    """Gradient (unknowns,) and Hessian of the stored energy, its negative curvatures at points scaled. The Hessian is
-    the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth."""
+                         prestress: Array | None = None) -> tuple[Array, Callable[[], Array]]:
+    """Gradient (unknowns,) and, when called, Hessian of the stored energy, its negative curvatures at points scaled.
+    The Hessian is the lower band (unknowns, bandwidth + 1): column j holds rows j to j + bandwidth."""
     grad_u = deformation(grid, u)
     projection = projection_of(law, grid)
     at = response(law, grad_u, negative_curvature_scale, projection)
@@ -103,11 +104,7 @@ def residual_and_tangent(law: Law, grid: Grid, u: Array, negative_curvature_scal
     if prestress is not None:
         force = force + push_forward(prestress, grad_u)
         tangent = tangent + geometric_stiffness(prestress, negative_curvature_scale)
-    force, tangent = force * grid.weight[..., None], tangent * grid.weight[..., None, None]
-    load, stiffness = element_integrals(grid, force, tangent)
-    if projection is not None and at.by_volume is not None:
-        stiffness += element_stiffness(grid, projection, grad_u, at.by_volume)
-    return assemble(grid, load, stiffness)
+    return assembled_load(grid, force), lambda: assembled_stiffness(grid, tangent, at.by_volume)
 
 
 def resisted(law: Law, grid: Grid, grad_u: Array) -> Array:
@@ -122,19 +119,22 @@ def resisted(law: Law, grid: Grid, grad_u: Array) -> Array:
 def volume_modes(law: Law, grid: Grid, u: Array) -> Array | None:
     """(elements, m) of `grid.modes` in the logarithm of the change of volume that the law resists; None where that is
     the displacements' own."""
-    if (projection := projection_of(law, grid)) is None:
-        return None
-    return projection.coefficients(log_stretches(deformation(grid, u)).sum(axis=-1))
+    return _volume_modes(grid, u, slice(None)) if projects(law) else None
+
+
+def _volume_modes(grid: Grid, u: Array, element: Index | slice) -> Array:
+    volume = log_stretches(_deformation(grid, u, element)).sum(axis=-1)
+    return VolumeProjection(grid.modes, grid.weight[element], grid.dual[element]).coefficients(volume)
 
 
 def surface_volume(law: Law, grid: Grid, u: Array, facets: Indices, s: Array) -> Array | None:
     """Change of volume J (facets, points) that the law resists at s (points,) in [-1, 1] along top facets of these
     nodes (facets, p + 1); None where that is the displacements' own."""
-    if (volume := volume_modes(law, grid, u)) is None:
+    if not projects(law):
         return None
     rows = len(grid.elements) // len(grid.top)
     element = rows * np.searchsorted(grid.top[:, 0], facets[:, 0]) + rows - 1
-    return np.exp(volume[element] @ modes(s, np.ones(1), grid.order).T)
+    return np.exp(_volume_modes(grid, u, element) @ modes(s, np.ones(1), grid.order).T)
 
 
 def projection_of(law: Law, grid: Grid) -> VolumeProjection | None:
@@ -142,20 +142,79 @@ def projection_of(law: Law, grid: Grid) -> VolumeProjection | None:
     return volume_projection(grid) if projects(law) else None
 
 
-def element_integrals(grid: Grid, force: Array, tangent: Array) -> tuple[Array, Array]:
-    """Loads (elements, n) sum_q B' force and stiffnesses (elements, n, n) sum_q B' tangent B of the elements' unknowns
-    (u_r, u_z) node after node; B maps them to the parts rr, rz, zr, zz and hoop of F."""
-    parts = grid.parts
-    elements, points, _, n = parts.shape
-    flat = parts.reshape(elements, 5 * points, n)
-    load = (force.reshape(elements, 1, 5 * points) @ flat)[:, 0]
-    return load, np.swapaxes(flat, 1, 2) @ (tangent @ parts).reshape(flat.shape)
+def assembled_load(grid: Grid, stress: Array) -> Array:
+    """Integral (unknowns,) of B' stress (elements, points, 5); B maps the unknowns to the parts rr, rz, zr, zz and hoop
+    of F."""
+    elements, points, nodes, _ = grid.gradient.shape
+    pushed = (grid.weight[..., None] * stress)[..., [0, 2, 1, 3, 4, 4]]  # along r and z by each of `Grid.slopes`
+    pushed[..., 5] = 0.0
+    slopes = grid.slopes.reshape(elements, 3 * points, nodes)
+    load = np.swapaxes(slopes, 1, 2) @ pushed.reshape(elements, 3 * points, 2)
+    gathered = np.bincount(grid.unknown[grid.elements].ravel() + 1, load.ravel(), grid.unknowns + 1)[1:]
+    return np.asarray(gathered, dtype=float)
 
 
-def assemble(grid: Grid, load: Array, stiffness: Array) -> tuple[Array, Array]:
-    """Sums (unknowns,) of the elements' loads and, as a lower band, of their stiffnesses."""
-    width = grid.bandwidth + 1
-    single, pair = grid.places
-    gradient = np.bincount(single, load.ravel(), grid.unknowns + 1)[:-1]
-    band = np.bincount(pair, stiffness.ravel(), grid.unknowns * width + 1)[:-1]
-    return np.asarray(gradient, dtype=float), np.asarray(band.reshape(-1, width), dtype=float)
+def assembled_stiffness(grid: Grid, tangent: Array, by_volume: ByVolume | None = None) -> Array:
+    """Integral, as a lower band, of B' tangent (elements, points, 5, 5) B, symmetric; with what the projected change of
+    volume couples."""
+    band, none = np.zeros((grid.unknowns, grid.bandwidth + 1)), np.empty((1, 0, 0))
+    coupled = (none, none[0], none, none, none[0]) if by_volume is None else (
+        grid.dual, grid.modes, by_volume.volume, by_volume.shape, by_volume.bulk)
+    _assemble(grid.slopes, grid.numbers, grid.weight, np.ascontiguousarray(tangent), *coupled, band)
+    return band
+
+
+@compiled
+def _assemble(slopes, numbers, weight, tangent, dual, modes, volume, shape, bulk, band):
+    points, nodes, count = slopes.shape[1], slopes.shape[3], modes.shape[1]
+    along, pushed, pair = np.empty((nodes, points, 3)), np.empty((nodes, points, 10)), np.empty((2, 2))
+    by_mode, across, square = np.empty((2, nodes, count)), np.empty((2, nodes, count)), np.empty((count, count))
+    for e in range(slopes.shape[0]):
+        by_mode[:] = 0.0
+        across[:] = 0.0
+        square[:] = 0.0
+        for q in range(points):
+            w, c = weight[e, q], tangent[e, q]
+            for m in range(count):
+                for k in range(count):
+                    square[m, k] += w * bulk[e, q] * modes[q, m] * modes[q, k] / 2
+            for a in range(nodes):
+                r, z, hoop = slopes[e, q, 0, a], slopes[e, q, 1, a], slopes[e, q, 2, a]
+                along[a, q, 0], along[a, q, 1], along[a, q, 2] = r, z, hoop
+                for i in range(5):
+                    pushed[a, q, i] = w * (c[i, 0] * r + c[i, 1] * z + c[i, 4] * hoop)
+                    pushed[a, q, 5 + i] = w * (c[i, 2] * r + c[i, 3] * z)
+                if count:
+                    v, t = volume[e, q], shape[e, q]
+                    v_r, v_z = v[0] * r + v[1] * z + v[4] * hoop, v[2] * r + v[3] * z
+                    t_r, t_z = w * (t[0] * r + t[1] * z + t[4] * hoop), w * (t[2] * r + t[3] * z)
+                    for m in range(count):
+                        by_mode[0, a, m] += dual[e, q, m] * v_r
+                        by_mode[1, a, m] += dual[e, q, m] * v_z
+                        across[0, a, m] += modes[q, m] * t_r
+                        across[1, a, m] += modes[q, m] * t_z
+        for i in range(2):
+            for a in range(nodes):
+                for m in range(count):
+                    for k in range(count):
+                        across[i, a, m] += square[m, k] * by_mode[i, a, k]
+        for a in range(nodes):
+            for b in range(a + 1):
+                rr, rz, zr, zz = 0.0, 0.0, 0.0, 0.0
+                for q in range(points):
+                    r, z, hoop, p = along[a, q, 0], along[a, q, 1], along[a, q, 2], pushed[b, q]
+                    rr += r * p[0] + z * p[1] + hoop * p[4]
+                    zr += r * p[2] + z * p[3]
+                    rz += r * p[5] + z * p[6] + hoop * p[9]
+                    zz += r * p[7] + z * p[8]
+                pair[0, 0], pair[0, 1], pair[1, 0], pair[1, 1] = rr, rz, zr, zz
+                for i in range(2):
+                    row = numbers[e, i * nodes + a]
+                    for j in range(2 if b < a else i + 1):
+                        column = numbers[e, j * nodes + b]
+                        if row < 0 or column < 0:
+                            continue
+                        value = pair[i, j]
+                        for m in range(count):
+                            value += across[i, a, m] * by_mode[j, b, m] + by_mode[i, a, m] * across[j, b, m]
+                        band[min(row, column), abs(row - column)] += value

@@ -81,13 +81,9 @@ class Grid:
         return int((numbers.max(axis=1) - np.where(numbers < 0, numbers.max(), numbers).min(axis=1)).max())
 
     @cached_property
-    def parts(self) -> Array:
-        """(elements, points, 5, n) parts rr, rz, zr, zz and hoop of F by an element's unknowns (u_r, u_z)."""
-        elements, points, nodes, _ = self.gradient.shape
-        parts = np.zeros((elements, points, 5, nodes, 2))
-        for part, slope, direction in ((0, 0, 0), (1, 1, 0), (2, 0, 1), (3, 1, 1), (4, 2, 0)):
-            parts[:, :, part, :, direction] = self.gradient[..., slope]
-        return parts.reshape(elements, points, 5, 2 * nodes)
+    def slopes(self) -> Array:
+        """(elements, points, 3, (p + 1)^2) of `gradient`, N_,r, N_,z and N/r of all nodes in a row."""
+        return np.ascontiguousarray(np.swapaxes(self.gradient, 2, 3))
 
     @cached_property
     def dual(self) -> Array:
@@ -96,14 +92,9 @@ class Grid:
         return (self.weight[..., None] * self.modes) @ np.linalg.inv(mass)
 
     @cached_property
-    def places(self) -> tuple[Indices, Indices]:
-        """Where the elements' loads stand in (unknowns,), and their stiffnesses in a raveled lower band (unknowns,
-        bandwidth + 1); one past the end where an unknown is fixed or a pair is above the diagonal."""
-        number = self.unknown[self.elements].reshape(len(self.elements), -1)
-        row, column, width = number[:, :, None], number[:, None, :], self.bandwidth + 1
-        lower = (column >= 0) & (row >= column)
-        pair = np.where(lower, row - column + column * width, self.unknowns * width)
-        return np.where(number < 0, self.unknowns, number).ravel(), pair.ravel()
+    def numbers(self) -> Indices:
+        """(elements, n) unknowns of an element's nodes, all u_r before all u_z; -1 where the displacement is zero."""
+        return np.swapaxes(self.unknown[self.elements], 1, 2).reshape(len(self.elements), -1)
 
 
 def feature_m(body: Body, punch: Punch) -> float:

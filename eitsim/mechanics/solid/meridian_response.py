@@ -17,6 +17,8 @@ from matcal.laws.law import Law
 from touchcal.arrays import Array
 from touchcal.jit import compiled
 
+_NO_COUPLING = np.empty((0, 3))
+
 
 @dataclass(frozen=True)
 class Response:
@@ -24,9 +26,16 @@ class Response:
 
     stress: Array  # (..., 5) first Piola stress
     tangent: Array  # (..., 5, 5) its derivative by the point's own gradient, negative curvatures scaled
-    # With a projected change of volume: derivatives by it of the Kirchhoff stresses of shape (..., 3) and of the
-    # pressure (...).
-    by_volume: tuple[Array, Array] | None = None
+    by_volume: "ByVolume | None" = None  # with a projected change of volume
+
+
+@dataclass(frozen=True)
+class ByVolume:
+    """What a projected change of volume does at points (...)."""
+
+    volume: Array  # (..., 5) derivative of the point's own logarithm of volume by its gradient
+    shape: Array  # (..., 5) derivative of the first Piola stress of shape by the projected logarithm of volume
+    bulk: Array  # (...) that of the pressure
 
 
 def response(law: Law, grad_u: Array, negative_curvature_scale: float = 1.0,
@@ -38,13 +47,16 @@ def response(law: Law, grad_u: Array, negative_curvature_scale: float = 1.0,
     x, mean, half = _stretches(points)
     shift = _shift(x, projection)
     force, block, slope = by_part(law, responses, x + shift, mean + shift, half)
-    by_volume = None
+    coupling, bulk = _NO_COUPLING, None
     if projection is not None:
         elements = projection.weight.shape
-        force, block, by_volume = split(force.reshape(*elements, 3), block.reshape(*elements, 3, 3), projection)
-        force, block = force.reshape(-1, 3), block.reshape(-1, 3, 3)
-    _compose(points, x, mean, half, force, block, slope, negative_curvature_scale, stress, tangent)
-    return Response(stress.reshape(grad_u.shape), tangent.reshape(*grad_u.shape, 5), by_volume)
+        coupling, bulk = split(force.reshape(*elements, 3), block.reshape(*elements, 3, 3), projection)
+        coupling = coupling.reshape(-1, 3)
+    volume, shape = np.empty((2, len(coupling), 5))
+    _compose(points, x, mean, half, force, block, slope, negative_curvature_scale, coupling, stress, tangent, volume,
+             shape)
+    return Response(stress.reshape(grad_u.shape), tangent.reshape(*grad_u.shape, 5), None if bulk is None else ByVolume(
+        volume.reshape(grad_u.shape), shape.reshape(grad_u.shape), bulk))
 
 
 def _shift(x: Array, projection: VolumeProjection | None) -> Array | float:
@@ -81,7 +93,7 @@ def _stretches(grad_u: Array) -> tuple[Array, Array, Array]:
 
 
 @compiled
-def _compose(grad_u, x, mean, half, forces, blocks, slope, scale, stress, tangent):
+def _compose(grad_u, x, mean, half, forces, blocks, slope, scale, coupling, stress, tangent, volume, shape):
     modes, rest, work, root = np.empty((4, 4)), np.empty(2), np.empty((3, 3, 3)), math.sqrt(0.5)
     for p in range(grad_u.shape[0]):
         rr, rz, zr, zz, _ = grad_u[p]
@@ -105,3 +117,9 @@ def _compose(grad_u, x, mean, half, forces, blocks, slope, scale, stress, tangen
                                     + rest[1] * modes[3, i] * modes[3, j])
         stress[p, 4] = force[2]
         tangent[p, 4, 4] = block[2, 2]
+        if len(coupling):
+            first, second, hoop = math.exp(-x[p, 0]), math.exp(-x[p, 1]), math.exp(-x[p, 2])
+            for i in range(4):
+                volume[p, i] = first * modes[0, i] + second * modes[1, i]
+                shape[p, i] = coupling[p, 0] * first * modes[0, i] + coupling[p, 1] * second * modes[1, i]
+            volume[p, 4], shape[p, 4] = hoop, coupling[p, 2] * hoop

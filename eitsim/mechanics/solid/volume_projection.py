@@ -15,6 +15,7 @@ import numpy as np
 from eitsim.mechanics.solid.grid import Grid
 from matcal.laws.law import Law
 from touchcal.arrays import Array
+from touchcal.jit import compiled
 
 # kappa_0/mu_0 from which the change of volume is projected; nu = 0.45 has 9.7.
 _STIFF = 10.0
@@ -47,48 +48,35 @@ def volume_projection(grid: Grid) -> VolumeProjection:
     return VolumeProjection(grid.modes, grid.weight, grid.dual)
 
 
-def split(tau: Array, tangent: Array, projection: VolumeProjection) -> tuple[Array, Array, tuple[Array, Array]]:
-    """From Kirchhoff stresses (elements, points, 3) and tangents (..., 3, 3) of the law at projected stretches: the
-    stresses that do work on x, with P of the pressure; the tangent of shape alone (..., 3, 3); how the stresses of
-    shape (..., 3) and the pressure (...) change with the projected change of volume."""
-    pressure = tau.mean(axis=-1)
-    working = tau + (projection(pressure) - pressure)[..., None]
-    by_volume = tangent.mean(axis=-1)
-    pressure_by_volume = by_volume.mean(axis=-1)
-    coupling = by_volume - pressure_by_volume[..., None]
-    shape = tangent - by_volume[..., None] - by_volume[..., None, :] + pressure_by_volume[..., None, None]
-    return working, shape, (coupling, pressure_by_volume)
+def split(tau: Array, tangent: Array, projection: VolumeProjection) -> tuple[Array, Array]:
+    """Turn Kirchhoff stresses (elements, points, 3) of the law at projected stretches into those that do work on x,
+    with P of the pressure, and its tangents (..., 3, 3) into those of shape alone. Given are how the stresses of shape
+    (..., 3) and the pressure (...) change with the projected change of volume."""
+    coupling, bulk = np.empty(tau.shape), np.empty(tau.shape[:-1])
+    _split(tau, tangent, projection.dual, projection.modes, coupling, bulk)
+    return coupling, bulk
 
 
-def element_stiffness(grid: Grid, projection: VolumeProjection, grad_u: Array, by_volume: tuple[Array, Array]) -> Array:
-    """(elements, n, n) what couples the points of an element, of the derivatives by the projected change of volume."""
-    coupling, pressure_by_volume = by_volume
-    volume = _on_nodes(grid, _piola(grad_u, np.ones((*coupling.shape[:-1], 3))), projection.dual)
-    shape = _on_nodes(grid, _piola(grad_u, coupling), grid.weight[..., None] * grid.modes)
-    stiffness = np.einsum("eq,qm,qn->emn", grid.weight * pressure_by_volume, grid.modes, grid.modes)
-    across = np.swapaxes(shape, 1, 2) @ volume
-    return across + np.swapaxes(across, 1, 2) + np.swapaxes(volume, 1, 2) @ stiffness @ volume
-
-
-def _on_nodes(grid: Grid, piola: Array, factor: Array) -> Array:
-    """(elements, m, n) sum over points of factor (elements, points, m) times B' piola (elements, points, 5)."""
-    slope, p = grid.gradient, piola[:, :, None, :]
-    nodes = np.stack([slope[..., 0] * p[..., 0] + slope[..., 1] * p[..., 1] + slope[..., 2] * p[..., 4],
-                      slope[..., 0] * p[..., 2] + slope[..., 1] * p[..., 3]], axis=-1)
-    return np.swapaxes(factor, 1, 2) @ nodes.reshape(*nodes.shape[:2], -1)
-
-
-def _piola(grad_u: Array, tau: Array) -> Array:
-    """tau F^-T (..., 5) of principal Kirchhoff stresses (..., 3) along the principal axes of F = 1 + grad_u (..., 5):
-    the larger in-plane stretch's, the smaller's, the hoop's."""
-    rr, rz, zr, zz, hoop = np.moveaxis(grad_u, -1, 0)
-    f_rr, f_zz = 1 + rr, 1 + zz
-    along, across = f_rr**2 + rz**2 - zr**2 - f_zz**2, 2 * (f_rr * zr + rz * f_zz)
-    length = np.hypot(along, across)
-    safe = np.where(length > 0, length, 1.0)
-    mean, half = (tau[..., 0] + tau[..., 1]) / 2, (tau[..., 0] - tau[..., 1]) / 2
-    s_rr, s_zz, s_rz = mean + half * along / safe, mean - half * along / safe, half * across / safe
-    area = f_rr * f_zz - rz * zr
-    return np.stack([(s_rr * f_zz - s_rz * rz) / area, (s_rz * f_rr - s_rr * zr) / area,
-                     (s_rz * f_zz - s_zz * rz) / area, (s_zz * f_rr - s_rz * zr) / area,
-                     tau[..., 2] / (1 + hoop)], axis=-1)
+@compiled
+def _split(tau, tangent, dual, modes, coupling, bulk):
+    pressure = np.empty(modes.shape[1])
+    for e in range(tau.shape[0]):
+        pressure[:] = 0.0
+        for q in range(tau.shape[1]):
+            mean = (tau[e, q, 0] + tau[e, q, 1] + tau[e, q, 2]) / 3
+            for m in range(len(pressure)):
+                pressure[m] += dual[e, q, m] * mean
+            for k in range(3):
+                tau[e, q, k] -= mean
+                coupling[e, q, k] = (tangent[e, q, k, 0] + tangent[e, q, k, 1] + tangent[e, q, k, 2]) / 3
+            volume = (coupling[e, q, 0] + coupling[e, q, 1] + coupling[e, q, 2]) / 3
+            for k in range(3):
+                for j in range(3):
+                    tangent[e, q, k, j] += volume - coupling[e, q, k] - coupling[e, q, j]
+            for k in range(3):
+                coupling[e, q, k] -= volume
+            bulk[e, q] = volume
+        for q in range(tau.shape[1]):
+            for m in range(len(pressure)):
+                for k in range(3):
+                    tau[e, q, k] += modes[q, m] * pressure[m]

@@ -33,7 +33,7 @@ def pressed_smoothly(elements, order):
 
     def system(u, share):
         gradient, band = axisymmetric_assembly.residual_and_tangent(UNIT, grid, u, share)
-        return gradient - load, lambda: factorise_band(band)
+        return gradient - load, lambda: factorise_band(band())
 
     found = minimise(lambda u: axisymmetric_assembly.energy(UNIT, grid, u) - load @ u, system, np.zeros(grid.unknowns),
                      scale=np.linalg.norm(load))

@@ -70,7 +70,7 @@ def test_golden_depths_under_a_uniform_dead_pressure(diameter_mm, force_N, depth
 
     def linearised(u, share):
         gradient, band = axisymmetric_assembly.residual_and_tangent(law, grid, u, share)
-        return gradient - load, lambda: factorise_band(band)
+        return gradient - load, lambda: factorise_band(band())
 
     found = minimise(
         lambda u: axisymmetric_assembly.energy(law, grid, u) - load @ u,
