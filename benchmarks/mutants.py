@@ -46,7 +46,7 @@ TESTS = {
     "eitsim/mechanics/contact": [f"tests/eitsim/mechanics/test_{name}.py" for name in (
         "springs", "punch", "friction", "touch")],
     "eitsim/electrics/cem": [f"tests/eitsim/electrics/test_{name}.py" for name in (
-        "multipole", "cem", "floating", "sensitivity", "rim")],
+        "multipole", "cem", "floating", "sensitivity", "rim", "uneven_sheet")],
     "eitsim/sheet": [f"tests/eitsim/electrics/test_{name}.py" for name in ("dipole", "skin")],
     "surrogate/statistics": ["tests/surrogate/statistics"],
     "surrogate/forward_map/multipole_series.py": ["tests/surrogate/forward_map/test_multipole.py"],
