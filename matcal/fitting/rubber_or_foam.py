@@ -3,8 +3,9 @@
 A ratio that was given; lateral strains; a volumetric test; a stretch to more than twice the length, which foams do not
 stand; compression, in which Mooney's stress P/(lambda - lambda^-2) of a rubber stays about what it is at small strain,
 while the plateau of a foam lowers it somewhere to a fraction; of several modes, whether a rubber's law follows them
-together as a foam's does. Without any it is not decided, and the law is a foam's. Source: Treloar, The Physics of
-Rubber Elasticity (1975), 5; Gibson & Ashby, Cellular Solids (1997), 5.
+together as a foam's does; tension or planar tension, in which that stress of a rubber falls before its chains are
+stretched, while a foam that narrows less makes it rise. Without any it is not decided, and the law is a foam's. Source:
+Treloar, The Physics of Rubber Elasticity (1975), 5; Gibson & Ashby, Cellular Solids (1997), 5.
 """
 
 from collections.abc import Sequence
@@ -27,6 +28,10 @@ _FOAM, _RUBBER, _MOST = 0.8, 0.94, 1.6
 _WINDOW, _WINDOWS = 0.2, 6  # share of the compression that is looked at together, and places of it
 # misfit of a rubber's law over that of a foam's, and misfit, from which on it is no rubber, and from which on a foam
 _WORSE, _WELL, _FAR = 1.5, 0.02, 3.0
+# Tensile strain up to which Mooney's stress is compared with that in its first part, the ratio from which on it is a
+# foam, and the power of the stretch in P/(lambda - lambda^n) of a mode. Gent's law with chains that end at a stretch of
+# 1.9 has 1.1, silicone and Treloar's rubber have 0.7 to 0.9; a real foam and those of two laws had 1.7 to 1.9
+_MODERATE, _STIFFER, _POWER = 0.3, 1.5, {"uniaxial": -2.0, "planar": -3.0}
 _FEW = 3  # starts of a fit on the way
 _PRESSED = 0.9  # volume ratio down to which only foams are pressed
 
@@ -38,7 +43,7 @@ class Kind:
     rubber: bool  # False where it is not decided
     because: str  # half a sentence
     decided: bool = True
-    by_shape: bool = False  # whether only the shape of a compression says so, which some foams share
+    by_shape: bool = False  # whether only the shape of one curve says so, which some of the others share
 
 
 def kind_of(curves: Sequence[Curve], poisson: Poisson | None) -> Kind:
@@ -64,6 +69,9 @@ def kind_of(curves: Sequence[Curve], poisson: Poisson | None) -> Kind:
         return _together(curves)
     if least > _RUBBER and largest < _MOST:
         return Kind(True, what, by_shape=True)
+    if (stiffer := max((_stiffened(c) for c in free), default=np.nan)) > _STIFFER:
+        return Kind(False, f"up to a stretch of {1 + _MODERATE:g} Mooney's stress grows to {stiffer:.2g} times that at "
+                           "small strain", by_shape=True)
     return Kind(False, what if kept else "no compression below -0.15, no stretch above 1 and no lateral strain is in "
                                          "the tests", decided=False)
 
@@ -75,6 +83,19 @@ def _together(curves: Sequence[Curve]) -> Kind:
     is_rubber = rubber < max(_WORSE * foam, _WELL)
     return Kind(is_rubber, f"an Ogden law that keeps the volume misses the modes together by {rubber:.2%}, a foam's "
                            f"by {foam:.2%}", is_rubber or rubber > _FAR * max(foam, _WELL))
+
+
+def _stiffened(curve: Curve) -> float:
+    """Mooney's stress towards _MODERATE in tension over that in its first part; 0 without such a record."""
+    e, stress = curve.experiment.strain, curve.experiment.value
+    if curve.experiment.kind not in _POWER or e.max() < _MODERATE - 1e-9:
+        return 0.0
+    unit = (1 + e) - (1 + e) ** _POWER[curve.experiment.kind]
+    first, last = (((e > low * _MODERATE) & (e <= high * _MODERATE + 1e-9)) for low, high in (
+        (0.0, _EARLY), (1 - _EARLY, 1.0)))
+    early, late = (float(unit[rows] @ stress[rows]) / max(float(unit[rows] @ unit[rows]), 1e-300)
+                   for rows in (first, last))
+    return late / early if early > 0 else 0.0
 
 
 def _kept(curve: Curve) -> tuple[float, float] | None:

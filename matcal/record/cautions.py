@@ -129,9 +129,14 @@ def _volume(card: MaterialCard) -> Iterator[str]:
 
 
 def _undecided(card: MaterialCard) -> Iterator[str]:
-    """That --law auto found nothing in the tests which parts rubbers from foams, or only the shape of a compression,
-    and what it would change."""
-    if card.law is not None and card.fit.get("material", {}).get("by_shape", False):
+    """That --law auto found nothing in the tests which parts rubbers from foams, or only the shape of one curve, and
+    what it would change."""
+    by_shape = card.law is not None and card.fit.get("material", {}).get("by_shape", False)
+    if by_shape and not card.fit["material"]["rubber"]:
+        yield ("The test is taken for a foam's by the shape of its tension alone. A rubber that hung slack in the "
+               "grips may have that shape, and has other stresses in every other mode; no interval holds that. Add "
+               "lateral strain, compression or a second mode, or give --poisson.")
+    elif card.law is not None and by_shape:
         yield ("The test is taken for a rubber's by the shape of its compression alone. A foam with nu of 0.2 to 0.4 "
                f"may have that shape: with nu = 0.3 its mu_0 would be {card.law.E_0_Pa / 2.6e3:.4g} kPa instead of "
                f"{card.law.mu_0_Pa / 1e3:.4g} kPa; no interval holds that. Add lateral strain or a second mode, or "

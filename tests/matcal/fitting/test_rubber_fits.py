@@ -98,8 +98,23 @@ def test_a_rubber_by_the_shape_of_a_compression_alone_is_a_caution(alpha, said) 
     assert sum("by the shape of its compression" in text for text in cautions(card)) == said
 
 
+@pytest.mark.parametrize("mode", ["uniaxial", "planar"])
+def test_a_foam_is_told_by_its_tension_and_no_rubber_is_taken_for_one(mode) -> None:
+    strain, draw = np.linspace(0.01, 0.5, 40), np.random.default_rng(5)
+
+    def of(law):
+        stress = nominal_stress(law, mode, strain)
+        return kind_of(weigh([Experiment(mode, strain, stress + 0.01 * stress.max() * draw.normal(size=40))]), None)
+
+    foam = of(Hyperfoam([2e4], [8.0], [0.4]))
+    assert foam.decided
+    assert foam.by_shape
+    assert not foam.rubber
+    assert [law.name for law in (*LAWS, Gent(2e5, 2.0)) if of(law).decided] == []
+
+
 FILES = (("foam_leap/foam_leap_UC.csv", "uniaxial", "stretch=1,stress=2:MPa", "foam"),
-         ("foam_leap/foam_leap_UT.csv", "uniaxial", "stretch=1,stress=2:MPa", "not decided"),
+         ("foam_leap/foam_leap_UT.csv", "uniaxial", "stretch=1,stress=2:MPa", "foam"),
          ("foam_leap/foam_leap_SS.csv", "shear", "strain=1,stress=2:MPa", "not decided"),
          ("nist_vn600.csv", "uniaxial", None, "foam"),
          ("Treloar1944_UT.txt", "uniaxial", "stress=1:MPa,stretch=2", "rubber"))
