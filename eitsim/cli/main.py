@@ -22,7 +22,7 @@ from matcal.card import MaterialCard, read_card
 from touchcal.errors import InputFileError, NotConverged
 from touchcal.json_file import write_json
 from touchcal.lazy import needed
-from touchcal.terminal import JsonOption, application, check_apart, check_out, numbers, print_json, run
+from touchcal.terminal import JsonOption, application, check_apart, check_out, numbers, print_json, run, waiting
 from touchcal.toml_file import read_toml
 
 if TYPE_CHECKING:
@@ -87,7 +87,8 @@ def _plan_design(path: Path, card: Path | None, scenes: int | None, workers: int
 
     if card is None:
         raise ValueError(f"{path}: no card. Give --card card.json.")
-    expected = forecast(read_design(path, scenes), read_card(card), workers or os.cpu_count() or 1, reuse)
+    with waiting("solving some of the rows"):
+        expected = forecast(read_design(path, scenes), read_card(card), workers or os.cpu_count() or 1, reuse)
     if as_json:
         print_json(asdict(expected) | {"wall_s": expected.wall_s})
     else:
@@ -143,9 +144,10 @@ def run_scene(scene: SceneFile, card: CardOption = None,
     check_output_files(parsed, files, outs)
     material = read_card(path)
     # fields inside the foam are those of touches about an axis, with what edges change: electrodes are no bodies there
-    result = (solve_scene(parsed, material, exact=exact, bodies=False)
-              if fields is not None and isinstance(parsed, Scene)
-              else simulate(parsed, material, exact=exact, reuse=reuse))
+    with waiting("solving the scene"):
+        result = (solve_scene(parsed, material, exact=exact, bodies=False)
+                  if fields is not None and isinstance(parsed, Scene)
+                  else simulate(parsed, material, exact=exact, reuse=reuse))
     document = result_document(result, parsed, material)
     if result.outcome == "refused":
         raise ValueError(f"{scene}: {result.message}")

@@ -11,7 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from eitsim.cli.main import app
 from eitsim.scene.frames import read_frames
 from matcal.card import MaterialCard, write_card
 from matcal.laws.conductivity import Conductivity
@@ -171,3 +173,19 @@ def test_a_plan_says_that_the_signal_need_not_grow_with_the_force_where_that_is_
         done = command("eitsim", "plan", f"{name}.toml", cwd=folder)
         assert done.returncode == 0, done.stderr
         assert ("two forces may give one amplitude" in done.stdout) == said
+
+
+@pytest.mark.parametrize(("words", "solver", "said"), [
+    (("run", "scene.toml"), "eitsim.simulation.simulate.simulate", "solving the scene"),
+    (("plan", "design.toml", "--card", "card.json"), "eitsim.sweeps.run.forecast.forecast",
+     "solving some of the rows")])
+def test_a_terminal_is_told_what_is_solved_meanwhile(words: tuple[str, ...], solver: str, said: str, folder: Path,
+                                                      monkeypatch: pytest.MonkeyPatch,
+                                                      capsys: pytest.CaptureFixture[str]) -> None:
+    terminal = Console(stderr=True, force_terminal=True, _environ={"TERM": "xterm", "COLUMNS": "100"})
+    monkeypatch.setattr("touchcal.terminal._terminal", lambda: terminal)
+    monkeypatch.setattr(solver, lambda *_, **__: 1 / 0)
+    monkeypatch.chdir(folder)
+    with pytest.raises(ZeroDivisionError):
+        app(words, standalone_mode=False)
+    assert said in capsys.readouterr().err
