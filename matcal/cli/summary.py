@@ -168,8 +168,8 @@ def _title(card: MaterialCard) -> str:
     fitted = tests(card).values()
     sources, many = {name for row in fitted for name in row["source"]}, len(fitted)
     files = sum(file["name"] in sources for file in card.provenance.get("files", ()))
-    decided = card.law is not None and card.fit.get("material", {}).get("decided", True)
-    body = card.law.body if decided else "foam or rubber"
+    decided = card.fit.get("material", {}).get("decided", True)
+    body = card.law.body if card.law is not None and decided else "foam or rubber"
     parts = [name for part, name in (("law", body), ("prony", "relaxation"), ("conductivity", "skin"))
              if getattr(card, part) is not None]
     of = " of synthetic data" if card.provenance.get("synthetic") else ""

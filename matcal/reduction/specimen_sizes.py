@@ -96,8 +96,10 @@ def _own_alone(kind: str, recording: Recording, own: Mapping[str, float],
         sizes = make_specimen(kind, own, path)
     except InputFileError as error:
         if own:
+            own_toml = f"{'or without it' if given else 'or'} in {path.with_suffix('.toml').name} next to {path.name}"
             raise InputFileError(path, f"{error.problem} The file itself states {_words(recording.properties)}; a "
-                                       f"table [{kind}] in `specimen` specimen.toml completes it.") from None
+                                       f"table [{kind}] in `specimen` {given.name if given else 'specimen.toml'}, "
+                                       f"{own_toml}, completes it.") from None
         if given is not None:
             raise InputFileError(given, f"no table [{kind}], and {recording.label} is a {kind} test. Add one with "
                                         f"{_needed(kind)}.") from None

@@ -97,8 +97,11 @@ def test_sizes_that_contradict_or_do_not_suffice_are_refused(table: str, own: di
 def test_a_file_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=r"press.csv: .*two cross-sections"):
         specimen_of("uniaxial", _recording(tmp_path, area=4e-4, diameter=0.05, height=0.02), None)
-    with pytest.raises(InputFileError, match=r"needs the key height_mm. .* \[uniaxial\] in `specimen` .* completes it"):
+    needs = r"needs the key height_mm. .* \[uniaxial\] in `specimen` "
+    with pytest.raises(InputFileError, match=needs + "specimen.toml, or in press.toml next to press.csv, completes it"):
         specimen_of("uniaxial", _recording(tmp_path, diameter=0.05), None)
+    with pytest.raises(InputFileError, match=needs + "s.toml, or without it in press.toml next to press.csv"):
+        specimen_of("uniaxial", _recording(tmp_path, diameter=0.05), _toml(tmp_path, "s.toml", "[shear]\nfaces = 1\n"))
 
 
 def test_sizes_that_the_given_table_overrules_are_minded(tmp_path: Path) -> None:
