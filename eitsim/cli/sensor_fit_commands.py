@@ -9,6 +9,7 @@ import typer
 from eitsim.cli.sweep_commands import check_pdf
 from touchcal.errors import InputFileError
 from touchcal.json_file import write_json
+from touchcal.number_words import counted
 from touchcal.terminal import JsonOption, check_apart, check_out, print_json, waiting
 
 
@@ -161,6 +162,7 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
         to_ideal,
     )
     from eitsim.sensors.formats.open_file import open_recording
+    from eitsim.sensors.reading_checks import without_drop_outs
     from eitsim.sensors.recording import write_recording
     from eitsim.sensors.untouched_scatter import change_noise
 
@@ -169,7 +171,7 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     calibrated = read_calibration(sensor)
     known = calibrated.sensor
     patterns, each = known.protocol.shape
-    read = open_recording(recording, kind=known.kind, readings=patterns * each)
+    read, dropped = without_drop_outs(open_recording(recording, kind=known.kind, readings=patterns * each))
     there = live_readings(read)
     caution = changed_since(calibrated, read, there)
     found = to_ideal(calibrated, there)
@@ -179,10 +181,13 @@ def correct(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help=
     noise = frame_noise(calibrated, found, change_V=scatter)
     if as_json:
         print_json({"out": out, "frames": len(frames.readings), "left": found.left, "change_noise_V": scatter,
-                    "noise_V": noise, "caution": caution or None})
+                    "noise_V": noise, "caution": caution or None, "dropped_frames": dropped})
     else:
         if caution:
             print(f"caution: {caution}")
+        if dropped:
+            print(f"caution: {counted(dropped, 'frame')} left out, in which a reading is 0 that is never near it in "
+                  "the others: a channel was lost there")
         print(f"frames: {out} ({len(frames.readings)}); {100 * found.left:.2g} % of the ideal sensor's signals are "
               f"not in the calibrated one's")
         print("noise of a touched less an untouched frame, corrected: "

@@ -4,7 +4,7 @@ Two lists of numbers that should be the same, a and later b, are |a - b| / |a| f
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from touchcal.arrays import Array, Index, Mask
 NO_OHMMETER = 1.0
 _MOSTLY = 0.8  # an electrode is dead where this part of its readings is
 _SILENT = 0.1  # an electrode is dead whose readings are this part of a model's, where the median electrode's are all
+_HALF = 0.5  # of its median size, above which all values of a reading are that a 0 among them is none
 _STILL = 10  # frames over which a reading of a board with few bits may well not change
 
 
@@ -50,6 +51,18 @@ def dead_readings(recording: Recording) -> Mask:
         still = (values == values[0]).all(axis=0)
         dead |= still & (not still.all())
     return dead
+
+
+def without_drop_outs(recording: Recording) -> tuple[Recording, int]:
+    """The recording without frames in which a reading is 0 that otherwise is never less than half its median size, and
+    how many these are; of differences, which may be 0, all frames stay."""
+    size = np.abs(recording.readings)
+    typical = np.median(np.nan_to_num(size), axis=0)
+    never = (typical > 0) & (np.where(size > 0, size, np.inf).min(axis=0) > _HALF * typical)
+    kept = ~((size == 0) & never).any(axis=1) | (recording.kind == "difference")
+    clock = None if recording.time_s is None else recording.time_s[kept]
+    return replace(recording, readings=recording.readings[kept], index=recording.index[kept], time_s=clock,
+                   touch=recording.touch[kept]), int((~kept).sum())
 
 
 def dead_electrodes(dead: Mask, uses: Iterable[Mask]) -> dict[int, float]:

@@ -13,12 +13,12 @@ HEADS = {
         tempo, tijd, czas, čas, cas, doba, zaman, süre, tid, aika, время, час, време, vrijeme, vreme, idő, timp, χρόνος,
         时间, 時間, 時刻, 시간, 경과시간, thời gian""",
     "displacement": """
-        displacement, crosshead, cross head, extension, ext, position, pos, disp, displ, travel, stroke, deflection,
-        distance, separation, grip to grip separation, tool distance, indentation, actuator, lvdt, gap,
-        x head, weg, wegaufnehmer, eindrückung, verschiebung, traverse, traversenposition, verlängerung,
+        displacement, crosshead, cross head, extension, ext, position, pos, disp, displ, travel, stroke,
+        distance, separation, grip to grip separation, tool distance, actuator, lvdt, gap,
+        x head, weg, wegaufnehmer, verschiebung, traverse, traversenposition, verlängerung,
         längenänderung, längung, hub, position,
         eindringweg,
-        déplacement, course, allongement, enfoncement, flèche,
+        déplacement, course, allongement, flèche,
         desplazamiento, recorrido, alargamiento, carrera, posición, extensión, deslocamento, extensão, curso, posição,
         spostamento, corsa, posizione, traversa, cedimento, verplaatsing, slag, positie, verlenging,
         przemieszczenie, droga, położenie, pozycja, skok, ugięcie, posuv, posun, posunutí, dráha, poloha, prodloužení,
@@ -93,7 +93,8 @@ SHARED_HEADS = {
         ("strain", "displacement"),
     "compression, elongation, verformung, alongamento, allungamento, wydłużenie, удлинение, удължение, ściskanie, "
     "odkształcenie trwałe, uzama, allongement, alargamiento, verlängerung, prodloužení, extensão, "
-    "变形, 變形, 변형, 伸び, 신장, elongación, kompression, stauchweg, écrasement": ("displacement", "strain"),
+    "变形, 變形, 변형, 伸び, 신장, elongación, kompression, stauchweg, écrasement, "
+    "deflection, indentation, eindrückung, enfoncement": ("displacement", "strain"),
     "dmm": ("resistance", "potential", "current"),
     "tension, tensión, tensão, tensione": ("stress", "potential", "force"),
     "spannung, spanning, spänning, spenning, spænding, napětí, napätie, "

@@ -296,7 +296,8 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
     unused = {f"'{shown(name)}'": word for name, unit in rest if (word := _unused(name, unit)) is not None}
     others = [name for name in (f"'{shown(name)}'" for name, _ in rest) if name not in unused]
     warned += _left_alike(grid, header, out, left) + _left_across(grid, header, out, left)
-    said += [f"column {name} left out: {word}, which no test uses." for name, word in list(unused.items())[:12]]
+    said += [f"column {name} left out: {word}, which is not used with these columns."
+             for name, word in list(unused.items())[:12]]
     if others:
         said.append(f"column {others[0]} left out: not a known quantity." if len(others) == 1 else
                     f"columns {', '.join(others[:12])}{' ...' if len(others) > 12 else ''} left out: not known "

@@ -98,10 +98,12 @@ def _blocks(recording: Recording) -> dict[str, Any]:
 def _motion(recording: Recording) -> dict[str, Any]:
     if "displacement" not in recording.columns:
         return {}
+    travel = recording.columns["displacement"]
     try:
-        stroke = find_stroke(recording.columns["displacement"])
-    except ValueError as error:
-        return {"motion": f"{error}."}
+        stroke = find_stroke(travel)
+    except ValueError:
+        return {"motion": f"none: the displacement stays at {np.median(travel) * 1e3:.4g} mm, as in a hold without its "
+                          "ramp"}
     if "force" in recording.columns:
         force = recording.columns["force"]
         stroke = with_smaller(stroke, sign_of_load(stroke, force) * force)

@@ -23,6 +23,7 @@ FEW_ROWS = "A table of strain and stress may have few rows."
 # fewer samples than this before contact do not make a zero, unless the contact lies this many of its standard
 # deviations after the start
 _ENOUGH, _CLEAR = 20, 5.0
+_UNLOADED = 0.05  # of the largest load: a record that begins in motion with more is said to begin under load
 
 
 def correct(kind: str, recording: Recording, block: Block, branch: str = "last") -> Loading:
@@ -66,7 +67,8 @@ def correct(kind: str, recording: Recording, block: Block, branch: str = "last")
     whole = Loading(time_s=None if time is None else time[first:] - _contact_time(time, moved, first, contact.travel_m),
                     strain=sign * (moved[first:] - contact.travel_m) / block.length_m,
                     stress_Pa=sign * (load[first:] - contact.zero_N) / block.area_m2, end=stroke.end - first,
-                    noise_Pa=noise / block.area_m2, decisions=tuple(notes), facts=facts, cautions=broken)
+                    noise_Pa=noise / block.area_m2, decisions=tuple(notes), facts=facts,
+                    cautions=broken + _begun_under_load(recording, load, stroke.start, contact))
     spans = tuple((max(begin - first, 0), end - first) for begin, end in stroke.spans)
     return whole if kind == "relaxation" else one_loading(whole, spans, branch, block.length_m)
 
@@ -164,6 +166,16 @@ def _contact(stroke: Stroke, load: Array, block: Block, noise: float, notes: lis
                  f"smooth curve of unknown shape over {contact.reach:.0%} of strain begins; zero load from "
                  f"{counted}.")
     return contact, moved
+
+
+def _begun_under_load(recording: Recording, load: Array, start: int, contact: Contact) -> tuple[str, ...]:
+    """What is said of a record that moves from its first samples on with a load that counts as none."""
+    share = float(contact.zero_N / np.abs(load).max())
+    if start >= _ENOUGH or contact.travel_m > 0 or share < _UNLOADED:
+        return ()
+    return (f"{recording.label} moves from its first samples on, at {contact.zero_N:.3g} N, {share:.0%} of its largest "
+            "load, which count as zero load at rest. If the specimen carried them, the beginning of the test is "
+            "missing, and moduli and relaxation are off: give the record from before contact.",)
 
 
 def _reaches(travel: Array, load: Array, level: float, size: int) -> float:

@@ -46,7 +46,8 @@ OfPresses = Annotated[Path | None, typer.Option(hidden=True)]
 SCORED_HELP = ("Data sets that `eitsim sweep` wrote, or for a model of a recording recorded frames with --labels; "
                "several are compared.")
 EACH_LABELS_HELP = ("Labels of a recording, as of `surrogate learn`; one for each recording, in the same order. "
-                    "Presses of the training are recognised where the untouched frames around them are the same.")
+                    "Presses of the training are recognised where the untouched frames around them are the same, with "
+                    "fewer digits too.")
 
 
 JUDGED_HELP = ("Model that `surrogate learn` wrote, or a CSV of predictions from elsewhere with the columns that "

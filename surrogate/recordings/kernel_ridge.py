@@ -20,6 +20,7 @@ WIDTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  # c
 RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)  # added to the diagonal of the kernel
 MOST_SEARCHED = 600  # rows that settings are chosen on
 ROUNDING = 1e-9  # part of its norm by which a signal computed again may differ
+OF_NOISE = 0.2  # part of the noise by which one that was written again may
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +44,13 @@ class KernelRidge:
         """(n, 1) squared distance of signals (n, m) from the nearest training signal, in the view that is read."""
         return squared_distance(_view(self.view, self.scale, signal), self.nodes).min(axis=1, keepdims=True)
 
-    def trained_on(self, signal: Array) -> Mask:
-        """(n,) whether signals (n, m) are training signals, up to rounding."""
-        seen = _view(self.view, self.scale, signal)
+    def trained_on(self, signal: Array, other: Array) -> Mask:
+        """(n,) whether signals (n, m) are training signals, written with fewer digits perhaps: they are nearer to one
+        than a part of how far `other` is from them, the same signals with the noise of two frames."""
+        seen, moved = (_view(self.view, self.scale, one) for one in (signal, other))
         nearest = self.nodes[squared_distance(seen, self.nodes).argmin(axis=1)]
-        return np.linalg.norm(seen - nearest, axis=1) <= ROUNDING * np.linalg.norm(nearest, axis=1)
+        least = np.maximum(ROUNDING * np.linalg.norm(nearest, axis=1), OF_NOISE * np.linalg.norm(moved - seen, axis=1))
+        return np.linalg.norm(seen - nearest, axis=1) <= least
 
 
 def fit(signal: Array, target: Array, press: Index | None = None) -> KernelRidge:

@@ -56,7 +56,7 @@ class PressReader:
         """(n,) which presses are training ones: their signals, against the same untouched frames, are nodes of the
         kernel ridge regression."""
         ridge = self.place.ridge if self.place else self.scalars[0].ridge
-        return ridge.trained_on(self._seen(presses))
+        return ridge.trained_on(self._seen(presses), self._seen(presses.with_noise))
 
     def yardstick(self, output: str, presses: Presses) -> Array:
         """(n, k) what kernel ridge regression reads of an output."""

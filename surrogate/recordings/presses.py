@@ -27,6 +27,15 @@ class Presses:
     time: Array  # (n,) time of each touched frame, likewise
     clocked: bool = False  # whether times are seconds, and not indices
 
+    @property
+    def with_noise(self) -> "Presses":
+        """The presses with that between two untouched frames added, of the median norm; as they are without two."""
+        steps = np.nan_to_num(np.diff(self.rest, axis=0))
+        if not len(steps):
+            return self
+        step = steps[np.argsort(np.linalg.norm(steps, axis=1))[len(steps) // 2]]
+        return replace(self, signal=self.signal + step, following=self.following + step)
+
 
 def touched(recording: Recording) -> Mask:
     """(frames,) which frames of a recording are touched; all of differences."""

@@ -22,6 +22,7 @@ from touchcal.arrays import Array
 
 # facts of an experiment: standard deviation of a correction -> how far refinement has moved that correction
 FURTHER = "a slower term that the holds do not exclude"
+_FARTHEST = 3.0  # standard deviations by which a correction moves at once: farther, its effect is no straight line
 MOVED = {"strain_zero_sd": "strain_zero_moved", "zero_sd_Pa": "zero_moved_Pa",
          "drift_sd_N_per_s": "drift_moved_N_per_s"}
 
@@ -122,9 +123,11 @@ def settled_records(fit: Fit, variance: float, known: Nuisance | None = None) ->
     slopes, effect = linear_response.fitted_slopes(fit), linear_response.padded(fit, known.effect)
     gain = linear_response.joint_gain(slopes, effect, variance, linear_response.prior_precision(fit))
     miss = np.r_[-np.concatenate(linear_response.misses(fit)), np.sqrt(variance) * known.mean]
-    curves, most = list(fit.curves), 0.0
-    for (k, fact), z in zip(_uncertain(fit), gain[slopes.shape[1]:] @ miss, strict=True):
-        experiment, most = curves[k].experiment, max(most, abs(float(z)))
+    step = gain[slopes.shape[1]:] @ miss
+    most = float(np.max(np.abs(step), initial=0.0))
+    curves = list(fit.curves)
+    for (k, fact), z in zip(_uncertain(fit), step * _FARTHEST / max(most, _FARTHEST), strict=True):
+        experiment = curves[k].experiment
         curves[k] = replace(curves[k], experiment=_moved(experiment, fact, float(z) * experiment.facts[fact]))
     return tuple(curves), most
 

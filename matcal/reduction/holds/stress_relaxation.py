@@ -40,7 +40,7 @@ def reduce_relaxation(recording: Recording, block: Block) -> Experiment:
     return Experiment(kind="relaxation", strain=e, value=p, time_s=t, samples=np.concatenate([[1.0], np.diff(edges)]),
                       held=np.concatenate([[0.0], held]), noise=record.noise_Pa,
                       source=tuple(p.name for p in recording.paths), facts=facts,
-                      decisions=record.decisions + _sentences(facts, len(spans), t.size))
+                      decisions=record.decisions + _sentences(facts, len(spans), t.size), cautions=record.cautions)
 
 
 def _holds(record: Loading, time: Array, path: Path) -> list[tuple[int, int]]:

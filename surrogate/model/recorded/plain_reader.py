@@ -79,7 +79,7 @@ class PlainReader:
 
     def trained_on(self, presses: Presses) -> Mask:
         """(n,) which presses are training ones."""
-        return self.outputs[0].ridge.trained_on(self.signals.whole(presses))
+        return self.outputs[0].ridge.trained_on(self.signals.whole(presses), self.signals.whole(presses.with_noise))
 
     def yardstick(self, output: str, presses: Presses) -> Array:
         """(n, k) what kernel ridge regression reads of an output."""

@@ -96,3 +96,12 @@ def test_electrodes_are_silent_whose_readings_off_driven_electrodes_are_small_ag
     assert reading_checks.silent_electrodes(values, model, pairs, 8) == [3]
     assert reading_checks.silent_electrodes(7 * model, model, pairs, 8) == []
     assert reading_checks.silent_electrodes(np.full(16, np.nan), model, pairs, 8) == []
+
+
+def test_frames_in_which_a_channel_was_lost_are_left_out_and_readings_near_zero_are_not_lost() -> None:
+    readings = frame() + 5 + 1e-3 * np.random.default_rng(4).normal(size=(30, len(PAIRS)))
+    readings[4, 2], readings[9, 5], readings[:, 7] = 0.0, 0.0, 0.0  # two drop-outs, and a channel that is dead
+    readings[:, 8] = np.linspace(-1, 1, 30).round(1)
+    found, dropped = reading_checks.without_drop_outs(recording(readings))
+    assert dropped == 2
+    assert found.index.tolist() == [k for k in range(30) if k not in (4, 9)]

@@ -10,7 +10,13 @@ from matcal.fitting.fit_options import FitOptions
 from matcal.fitting.hyperfoam.curves import weigh
 from matcal.fitting.hyperfoam.hyperfoam_fit import fit
 from matcal.fitting.uncertainty.intervals import derived_quantities, linearised
-from matcal.fitting.uncertainty.nuisance import moved_sentences, nuisance, refined_records, with_drift
+from matcal.fitting.uncertainty.nuisance import (
+    moved_sentences,
+    nuisance,
+    refined_records,
+    settled_records,
+    with_drift,
+)
 from matcal.laws.conductivity import Conductivity, conductivity
 from matcal.laws.deformation_modes import nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -64,6 +70,16 @@ def test_a_wrong_contact_is_found_by_the_whole_curve() -> None:
     assert "uniaxial_1: strain zero moved" in moved_sentences(curves)[0]
     truth = TRUTH.mu_0_Pa
     assert abs(fit(curves, 3, thorough=False).law.mu_0_Pa - truth) < 0.5 * abs(first.law.mu_0_Pa - truth)
+
+
+def test_a_zero_moves_by_three_standard_deviations_at_once() -> None:
+    """Far from the data, as at the ends of a profile of nu, one step drew a zero beyond a strain of -1."""
+    off, other = (replace(one, facts={"strain_zero_sd": ZERO_SD}) for one in pair(4, noise_Pa=1.0))
+    off = replace(off, strain=off.strain + 40 * ZERO_SD)
+    curves, most = settled_records(fit(weigh([off, other]), 3, starts=2, thorough=False), 1e-8)
+    moved = [abs(curve.experiment.facts["strain_zero_moved"]) for curve in curves]
+    assert most > 5
+    assert max(moved) == pytest.approx(3 * ZERO_SD)
 
 
 def test_a_law_that_does_not_fit_says_so_in_its_interval() -> None:

@@ -167,7 +167,9 @@ def test_a_letter_is_what_its_unit_says(tmp_path: Path) -> None:
 def test_a_deformation_without_a_unit_is_asked_for(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="'Deformation' has no unit"):
         read(_table(tmp_path, "Deformation,stress (kPa)", [RISING] * 2))
-    assert read(_table(tmp_path, "Deformation (%),stress (kPa)", [RISING] * 2)).columns["strain"][-1] == 0.003
+    for name in ("Deformation", "Deflection", "Indentation"):
+        assert read(_table(tmp_path, f"{name} (%),stress (kPa)", [RISING] * 2)).columns["strain"][-1] == 0.003
+    assert read(_table(tmp_path, "Deflection (mm),Load (N)", [RISING] * 2)).columns["displacement"][-1] == 3e-4
 
 
 @pytest.mark.parametrize("names", ["Temperature (°C),Speichermodul (MPa),tan delta,Kraft (N),Weg (mm)",

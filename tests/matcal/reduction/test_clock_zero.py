@@ -261,3 +261,19 @@ def test_a_hold_whose_ramp_was_cut_off_says_what_a_ramp_would_change(columns: tu
                delimiter=",", header=f"time (s),{heads}", comments="")
     (said,) = (one for one in cautions(matcal.fit(tmp_path / "relaxation.csv").card) if "ramp of 1 s" in one)
     assert re.search(r"g_1 is near 0\.1[4-6].*, not 0\.0[45].*g_infinity near 0\.(69\d|70\d|7),", said)
+
+
+def test_a_record_that_begins_in_its_ramp_says_that_its_load_counts_as_none(tmp_path: Path) -> None:
+    """Begun 0.4 s into the ramp, g comes out a third too large; begun at rest, nothing is said."""
+    time = np.arange(0, 600) * 0.02
+    strain = np.minimum(0.4 * time, 0.4)
+    load = 100 * strain * (1 - 0.35 * (1 - np.exp(-time / 3)))
+    specimen = tmp_path / "specimen.toml"
+    specimen.write_text('[relaxation]\ndirection = "compression"\ndiameter_mm = 50\nheight_mm = 20\n')
+    for first, says in ((0, False), (20, True)):
+        path = tmp_path / f"relaxation_{first}.csv"
+        rows = (f"{t:.2f},{20 * e:.5f},{f:.5f}" for t, e, f in zip(time[first:], strain[first:], load[first:],
+                                                                  strict=True))
+        path.write_text("\n".join(["Time (s),Displacement (mm),Force (N)", *rows, ""]))
+        (found,) = read_and_reduce([("relaxation", (path,))], specimen).experiments
+        assert any("which count as zero load" in said for said in found.cautions) == says

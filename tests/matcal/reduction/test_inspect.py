@@ -98,3 +98,11 @@ def test_temperatures_are_shown_in_the_unit_that_stands_next_to_them(tmp_path: P
     print_description("dma.csv", inspect(tmp_path / "dma.csv"))
     row = next(line for line in capsys.readouterr().out.splitlines() if "Temperature" in line)
     assert row.split()[-3:] == ["293.15", "295.15", "K"]
+
+
+def test_a_hold_without_its_ramp_is_said_to_be_one(tmp_path: Path) -> None:
+    """`matcal fit` reads it; that nothing moves is no fault of it."""
+    rows = "".join(f"{t},8,{60 + 40 * 0.9**t:.4f}\n" for t in range(30))
+    (tmp_path / "relaxation.csv").write_text(f"Time (s),Displacement (mm),Force (N)\n{rows}")
+    found = inspect(tmp_path / "relaxation.csv")
+    assert found["motion"].startswith("none: the displacement stays at 8 mm, as in a hold")

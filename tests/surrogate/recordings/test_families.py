@@ -147,3 +147,13 @@ def test_a_dead_channel_is_filled_in_by_its_neighbours(presses: Pressed) -> None
     np.testing.assert_array_equal(np.delete(found, [5, 77], axis=1), np.delete(new, [5, 77], axis=1))
     error = np.abs(found - new)[:, [5, 77]].mean()
     assert error < 0.5 * np.abs(new - readings.mean)[:, [5, 77]].mean()
+
+
+def test_a_training_signal_with_fewer_digits_is_known_and_another_frame_of_its_press_is_not() -> None:
+    rng = np.random.default_rng(5)
+    signal, place = rng.normal(size=(20, 30)), rng.normal(size=(20, 2))
+    noise = 0.02 * rng.normal(size=30)
+    fitted = kernel_ridge.fit(signal, place)
+    again, another = signal.round(3), signal + 0.02 * rng.normal(size=signal.shape)
+    assert fitted.trained_on(again, again + noise).all()
+    assert not fitted.trained_on(another, another + noise).any()
