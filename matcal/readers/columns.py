@@ -271,9 +271,10 @@ def _recognised(grid: Grid, header: Header, said: list[str], warned: list[str]) 
         found["strain"] = [c for c in found["strain"] if not is_tensorial(c.name)] or found["strain"]
     # the table of a relaxation, without its strain
     if "time" in found and not {"stress", "force"} & set(found) and not dynamic:
-        for n, (name, unit) in enumerate(header.cells):
-            if quantities[n] is None and (quantity := modulus_by_unit(name, unit) or relaxing_of(name)) is not None:
-                found.setdefault(quantity, []).append(_Column(n, name, unit))
+        for column in (_Column(n, *cell) for n, cell in enumerate(header.cells) if quantities[n] is None):
+            quantity = modulus_by_unit(column.name, column.unit) or relaxing_of(column.name)
+            if quantity is not None and column.inverse is None:
+                found.setdefault(quantity, []).append(column)
     true = [(quantity, name) for name, _ in header.cells if (quantity := true_quantity(name)) is not None]
     if true and not ({"strain", "stress"} <= set(found) or {"displacement", "force"} <= set(found)):
         raise _true(grid, header, *true[0])

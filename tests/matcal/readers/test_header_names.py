@@ -164,6 +164,12 @@ def test_a_letter_is_what_its_unit_says(tmp_path: Path) -> None:
     assert any("'T' left out: a temperature" in note for note in got.notes)
 
 
+def test_a_conductance_g_next_to_a_clock_is_no_modulus_that_relaxes(tmp_path: Path) -> None:
+    found = read(_table(tmp_path, "time (s),displacement (mm),G (uS)", [RISING, RISING, [100.0, 80.0, 50.0, 40.0]]))
+    assert found.columns["resistance"] == pytest.approx([1e4, 1.25e4, 2e4, 2.5e4])
+    assert "modulus" not in found.columns
+
+
 def test_a_deformation_without_a_unit_is_asked_for(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="'Deformation' has no unit"):
         read(_table(tmp_path, "Deformation,stress (kPa)", [RISING] * 2))
