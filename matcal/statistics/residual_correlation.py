@@ -9,12 +9,13 @@ are as likely white as correlated.
 Source: Patterson & Thompson, Biometrika 58 (1971) 545, DOI 10.1093/biomet/58.3.545.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.linalg import cho_solve, toeplitz
 
 from touchcal.arrays import Array
 
@@ -54,7 +55,7 @@ def correlated_errors(residuals: Sequence[Array], slopes: Sequence[Array], prior
     (K, K) of its prior in units of the residual's variance, and the least standard deviation that its noise has."""
     blocks = [_blocks(r, x) for r, x in zip(residuals, slopes, strict=True)]
     grids = [_grid(r.size) for r, _, _ in blocks]
-    sums = [[_sums(correlation, r, x) for correlation in grid] for grid, (r, x, _) in zip(grids, blocks, strict=True)]
+    sums = [[_sums(root, r, x) for root in _roots(r.size)] for r, x, _ in blocks]
     unit = [float(np.mean(r**2)) or 1e-300 for r, _, _ in blocks]
     chosen = [_scaled(s[0], u) for s, u in zip(sums, unit, strict=True)]
     share: list[Array] = []
@@ -81,20 +82,30 @@ def _blocks(residual: Array, slopes: Array) -> tuple[Array, Array, NDArray[np.in
     return np.add.reduceat(residual, first) / count, np.add.reduceat(slopes, first, axis=0) / count[:, None], first
 
 
-def _grid(n: int) -> list[Array]:
-    """Correlation matrices (n, n): white, then slow ones of several lengths with some white noise added."""
+# Sizes of curves whose matrices are kept: of one fit's curves, which several laws follow in turn; 20 MB each at most.
+_KEPT = 4
+
+
+@functools.lru_cache(_KEPT)
+def _grid(n: int) -> Array:
+    """Correlation matrices (grid, n, n): white, then slow ones of several lengths with some white noise added."""
     lags, out = np.arange(n), [np.eye(n)]
     for length in np.geomspace(0.7, max(n / 4, 1.0), _LENGTHS):
         slow = toeplitz(np.exp(-lags / length))
         out += [(1 - white) * slow + white * np.eye(n) for white in _WHITE]
-    return out
+    return np.stack(out)
 
 
-def _sums(correlation: Array, residual: Array, slopes: Array) -> _Sums:
-    factor = cho_factor(correlation + 1e-10 * np.eye(residual.size), lower=True)
-    solved = cho_solve(factor, np.column_stack([slopes, residual]))
+@functools.lru_cache(_KEPT)
+def _roots(n: int) -> Array:
+    """Lower Cholesky factors (grid, n, n) of those matrices."""
+    return np.asarray(np.linalg.cholesky(_grid(n) + 1e-10 * np.eye(n)), dtype=float)
+
+
+def _sums(root: Array, residual: Array, slopes: Array) -> _Sums:
+    solved = cho_solve((root, True), np.column_stack([slopes, residual]))
     return _Sums(slopes.T @ solved[:, :-1], slopes.T @ solved[:, -1], float(residual @ solved[:, -1]),
-                 2 * float(np.log(np.diag(factor[0])).sum()), residual.size)
+                 2 * float(np.log(np.diag(root)).sum()), residual.size)
 
 
 def _scaled(sums: _Sums, variance: float) -> _Sums:
@@ -121,11 +132,11 @@ def _weights(own: Sequence[_Sums], unit: float, others: Sequence[_Sums], prior: 
     return weight / weight.sum()
 
 
-def _average(grid: Sequence[Array], weight: Array, unit: float, first: NDArray[np.int64], least: float,
+def _average(grid: Array, weight: Array, unit: float, first: NDArray[np.int64], least: float,
              n: int) -> Errors:
     """Covariance averaged over correlations and sizes, scaled up to the noise that is known to be there."""
     per_shape = weight @ (unit * _SIZES)
-    covariance = np.tensordot(per_shape, np.stack(grid), axes=1)
+    covariance = np.tensordot(per_shape, grid, axes=1)
     size = float(covariance[0, 0])
     covariance = covariance * max(1.0, least**2 * first.size / n / size)
     effective = first.size**2 * float(covariance[0, 0]) / float(covariance.sum())

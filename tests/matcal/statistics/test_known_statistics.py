@@ -107,7 +107,7 @@ def test_probabilities_of_correlations_are_those_of_restricted_likelihood() -> N
     prior, unit = np.diag([0.3, 0.1]), 1.7
     lags = np.abs(np.subtract.outer(range(12), range(12)))
     grid = [np.eye(12), np.exp(-lags / 2.0), 0.9 * np.exp(-lags / 4.0) + 0.1 * np.eye(12)]
-    found = _weights([_sums(c, r, x) for c in grid], unit, [_sums(np.eye(9), other, y)], prior)
+    found = _weights([_sums(np.linalg.cholesky(c), r, x) for c in grid], unit, [_sums(np.eye(9), other, y)], prior)
     log = np.empty((3, _SIZES.size))
     for i, correlation in enumerate(grid):
         for j, size in enumerate(_SIZES):
