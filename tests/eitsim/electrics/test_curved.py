@@ -17,7 +17,7 @@ from eitsim.electrics.cem.assembly import impedance
 from eitsim.electrics.curved import adapted_sheet
 from eitsim.electrics.curved.adapted_sheet import skin_mesh
 from eitsim.electrics.curved.facets import Facets, halved, slopes
-from eitsim.electrics.curved.rounds import cut_out
+from eitsim.electrics.curved.rounds import Ball, cut_out, refined_at
 from eitsim.electrics.curved.solve_curved import facets_of, prepared, solve_curved_skin
 from eitsim.electrics.mesh.p2_triangles import uniform_refinement
 from eitsim.electrics.outline.adapted_mesh import readings_difference, solve_untouched
@@ -92,6 +92,20 @@ def test_a_patch_changes_readings_as_on_a_flat_mesh_of_another_mesher(skins: Mod
     assert np.linalg.norm(found.signal_V) > 1e-3 * np.linalg.norm(found.baseline_V)
 
 
+def test_triangles_that_a_ball_cuts_are_small_and_those_far_from_it_stay(skins: ModuleType) -> None:
+    line = np.linspace(-1.0, 1.0, 11)
+    nodes, cells, _ = skins.sheet(line, line, lambda s, z: 0.05 * np.column_stack([s, z, 0 * s]))
+    whole = facets_of(TriangleMesh("square", nodes, cells, {}))  # type: ignore[arg-type]
+    found = refined_at(whole, [Ball(np.array([0.004, -0.003, 0.0]), 0.008)])
+    corners = found.corners_m
+    away = np.linalg.norm(corners - [0.004, -0.003, 0.0], axis=2)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    at = (away.min(axis=1) < 0.008) & (away.max(axis=1) > 0.008)
+    assert at.any()
+    assert longest[at].max() <= 2 * np.pi * 0.008 / Ball(np.zeros(3), 0.008).chords
+    assert longest[away.min(axis=1) > 0.035].min() == pytest.approx(0.01 * np.sqrt(2))
+
+
 def test_a_ball_cuts_the_area_of_a_cap_out_of_a_sphere_and_one_piece_alone(skins: ModuleType) -> None:
     """The cap within a chord r of a point of a sphere has the area pi r^2, whatever the sphere's radius."""
     line = np.linspace(-1.2, 1.2, 25)
@@ -160,13 +174,14 @@ def test_accuracy_that_needs_too_many_triangles_is_not_reached(skins: ModuleType
         solve_curved_skin(skins.touched_sheet(), readings=1.0, signal=1e-13)
 
 
-@pytest.mark.slow
 def test_a_change_of_rounding_alone_is_exact(skins: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adapted_sheet, "_MOST", 10_000)
     skin = skins.touched_sheet()
     for factor in (1.0, 1 + 1e-15):
         patch = replace(skin.patches[0], factor=factor)
-        assert solve_curved_skin(replace(skin, patches=(patch,)), readings=1e-2).signal_error == 0
+        found = solve_curved_skin(replace(skin, patches=(patch,)), readings=1e-2)
+        assert found.signal_error == 0
+        assert np.abs(found.signal_V).max() < 1e-12 * np.abs(found.baseline_V).max()
     weak = replace(skin.patches[0], factor=1 + 1e-9)
     assert solve_curved_skin(replace(skin, patches=(weak,)), readings=1e-2).signal_error != 0
 
