@@ -3,7 +3,7 @@
 Compiled loops are kept on disk. Numba compiles a loop again where its own file has changed; here also where the file of
 a compiled function has changed that its module imports, directly or not. Numbers from other files are not followed.
 What compilation takes, once, is no cost of a result: `cpu_s` leaves it out, and a terminal is told when it begins.
-Without numba the same loops run as they are written: axisymmetric touches some 60 times slower, others over 100 times.
+Without numba the same loops run as they are written: axisymmetric touches some 20 times slower, others over 100 times.
 """
 
 import functools
@@ -26,7 +26,7 @@ Result = TypeVar("Result")
 _WITH_LOOPS: set[str] = set()  # Modules with functions that are compiled.
 _COMPILABLE: set[Callable[..., Any]] = set()
 COMPILING = "compiling, once after an installation or a change of the code: some 10 CPU seconds"
-UNCOMPILED = "numba is not installed, so that touches take 60 to over 100 times longer"
+UNCOMPILED = "numba is not installed, so that touches take 20 to over 100 times longer"
 
 
 def where(condition: ArrayLike, yes: ArrayLike, no: ArrayLike) -> NDArray[np.float64]:

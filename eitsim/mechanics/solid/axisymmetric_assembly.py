@@ -13,7 +13,7 @@ from eitsim.mechanics.solid.meridian_response import ByVolume, area_change, ener
 from eitsim.mechanics.solid.volume_projection import VolumeProjection, projects, volume_projection
 from matcal.laws.law import Law
 from touchcal.arrays import Array, Index
-from touchcal.jit import compiled
+from touchcal.jit import compiled, compiles
 
 # Weights of the parts rr, rz, zz and hoop of a symmetric tensor in a double contraction.
 _TWICE_OFF_DIAGONAL = np.array([1.0, 2.0, 1.0, 1.0])
@@ -157,11 +157,34 @@ def assembled_load(grid: Grid, stress: Array) -> Array:
 def assembled_stiffness(grid: Grid, tangent: Array, by_volume: ByVolume | None = None) -> Array:
     """Integral, as a lower band, of B' tangent (elements, points, 5, 5) B, symmetric; with what the projected change of
     volume couples."""
+    if not compiles():
+        return stiffness_by_arrays(grid, tangent, by_volume)
     band, none = np.zeros((grid.unknowns, grid.bandwidth + 1)), np.empty((1, 0, 0))
     coupled = (none, none[0], none, none, none[0]) if by_volume is None else (
         grid.dual, grid.modes, by_volume.volume, by_volume.shape, by_volume.bulk)
     _assemble(grid.slopes, grid.numbers, grid.weight, np.ascontiguousarray(tangent), *coupled, band)
     return band
+
+
+def stiffness_by_arrays(grid: Grid, tangent: Array, by_volume: ByVolume | None = None) -> Array:
+    """The same without compiled loops, which take a hundred times longer where they are not compiled."""
+    elements, points, _, nodes = grid.slopes.shape
+    parts = np.zeros((elements, points, 5, 2 * nodes))
+    parts[:, :, [0, 1, 4], :nodes], parts[:, :, [2, 3], nodes:] = grid.slopes, grid.slopes[:, :, :2]
+    flat = parts.reshape(elements, 5 * points, 2 * nodes)
+    pushed = grid.weight[..., None, None] * (tangent @ parts)
+    stiffness = np.swapaxes(flat, 1, 2) @ pushed.reshape(flat.shape)
+    if by_volume is not None:
+        shape, bulk = grid.weight[..., None] * by_volume.shape, grid.weight * by_volume.bulk
+        by_mode = np.einsum("eqm,eqi,eqin->enm", grid.dual, by_volume.volume, parts, optimize=True)
+        across = np.einsum("qm,eqi,eqin->enm", grid.modes, shape, parts, optimize=True)
+        across += by_mode @ np.einsum("qm,qk,eq->emk", grid.modes, grid.modes, bulk, optimize=True) / 2
+        coupled = across @ np.swapaxes(by_mode, 1, 2)
+        stiffness += coupled + np.swapaxes(coupled, 1, 2)
+    row, column = np.broadcast_arrays(grid.numbers[:, :, None], grid.numbers[:, None, :])
+    kept, width = (row >= column) & (column >= 0), grid.bandwidth + 1
+    place = column[kept] * width + row[kept] - column[kept]
+    return np.bincount(place, stiffness[kept], grid.unknowns * width).reshape(-1, width)
 
 
 @compiled

@@ -7,7 +7,7 @@ import pytest
 
 from eitsim.mechanics.solid import axisymmetric_assembly, meridian_response
 from eitsim.mechanics.solid.grid import foam_grid, tensor_grid
-from eitsim.mechanics.solid.meridian_response import energy_density, response
+from eitsim.mechanics.solid.meridian_response import ByVolume, energy_density, response
 from eitsim.scene.scene import Body, Punch
 from matcal.laws.deformation_modes import log_stretches, nominal_stress
 from matcal.laws.hyperfoam import Hyperfoam
@@ -225,6 +225,18 @@ def test_the_assembly_equals_that_by_definition(order):
     np.add.at(matrix, (number[:, :, :, None, None], number[:, None, None]), blocks)
     assert np.allclose(gradient, twin[:-1], rtol=0, atol=1e-12 * np.abs(twin).max())
     assert np.allclose(full(band), matrix[:-1, :-1], rtol=0, atol=1e-12 * np.abs(matrix).max())
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_arrays_assemble_what_compiled_loops_do(coupled):
+    grid = foam_grid(Body(), Punch(), 1e-3, 2)
+    rng, shape = np.random.default_rng(1), grid.weight.shape
+    tangent = rng.standard_normal((*shape, 5, 5))
+    tangent = tangent + np.swapaxes(tangent, -1, -2)
+    by_volume = ByVolume(*rng.standard_normal((2, *shape, 5)), rng.standard_normal(shape)) if coupled else None
+    band = axisymmetric_assembly.assembled_stiffness(grid, tangent, by_volume)
+    again = axisymmetric_assembly.stiffness_by_arrays(grid, tangent, by_volume)
+    assert np.allclose(again, band, rtol=0, atol=1e-12 * np.abs(band).max())
 
 
 def test_nodes_are_numbered_column_after_column_whatever_the_rounding():
