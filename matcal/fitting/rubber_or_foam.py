@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from matcal.fitting.general_fit import fit_law
 from matcal.fitting.hyperfoam.curves import Curve
@@ -85,32 +86,31 @@ def _together(curves: Sequence[Curve]) -> Kind:
                            f"by {foam:.2%}", is_rubber or rubber > _FAR * max(foam, _WELL))
 
 
+def _mooney(curve: Curve, rows: NDArray[np.bool_]) -> float:
+    """Mooney's stress, Pa, of some rows, by least squares; NaN without any."""
+    stretch, stress = 1 + curve.experiment.strain[rows], curve.experiment.value[rows]
+    unit = stretch - stretch ** _POWER[curve.experiment.kind]
+    return float(unit @ stress / (unit @ unit)) if rows.any() else np.nan
+
+
 def _stiffened(curve: Curve) -> float:
     """Mooney's stress towards _MODERATE in tension over that in its first part; 0 without such a record."""
-    e, stress = curve.experiment.strain, curve.experiment.value
+    e = curve.experiment.strain
     if curve.experiment.kind not in _POWER or e.max() < _MODERATE - 1e-9:
         return 0.0
-    unit = (1 + e) - (1 + e) ** _POWER[curve.experiment.kind]
-    first, last = (((e > low * _MODERATE) & (e <= high * _MODERATE + 1e-9)) for low, high in (
-        (0.0, _EARLY), (1 - _EARLY, 1.0)))
-    early, late = (float(unit[rows] @ stress[rows]) / max(float(unit[rows] @ unit[rows]), 1e-300)
-                   for rows in (first, last))
-    return late / early if early > 0 else 0.0
+    early, late = (_mooney(curve, (e > low * _MODERATE) & (e <= high * _MODERATE + 1e-9))
+                   for low, high in ((0.0, _EARLY), (1 - _EARLY, 1.0)))
+    return late / early if early > 0 and late > 0 else 0.0
 
 
 def _kept(curve: Curve) -> tuple[float, float] | None:
     """Least and largest Mooney's stress deeper in a compression over that in its first part; None without such a
     record."""
-    e, stress = curve.experiment.strain, curve.experiment.value
+    e = curve.experiment.strain
     share = e / float(e.min()) if e.min() < 0 else np.zeros_like(e)
-    unit = (1 + e) - (1 + e) ** -2.0
-
-    def mooney(low: float, high: float) -> float:
-        rows = (e < 0) & (share >= low) & (share <= high)
-        return float(unit[rows] @ stress[rows] / (unit[rows] @ unit[rows])) if rows.any() else np.nan
-
-    first = mooney(0.0, _EARLY)
-    deeper = [mooney(low, low + _WINDOW) / first for low in np.linspace(_EARLY, 1 - _WINDOW, _WINDOWS)]
+    first, *deeper = (_mooney(curve, (e < 0) & (share >= low) & (share <= high)) for low, high in (
+        (0.0, _EARLY), *((low, low + _WINDOW) for low in np.linspace(_EARLY, 1 - _WINDOW, _WINDOWS))))
+    deeper = [one / first for one in deeper]
     if e.min() > _DEEP or not first > 0 or np.all(np.isnan(deeper)):
         return None
     return float(np.nanmin(deeper)), float(np.nanmax(deeper))

@@ -65,7 +65,7 @@ def _unjudged(scores: Mapping[str, Any]) -> str:
     if not unseen:
         return "all labelled presses were trained on. Give labels of presses that were kept back."
     held = ", ".join(f"{name} {100 * one['coverage_90']:.0f} %" for name, one in unseen.items())
-    return (f"every frame that was not trained on is flagged ({scores['scored']}); their 90 % intervals hold {held}")
+    return f"every frame that was not trained on is flagged ({scores['scored']}); their 90 % intervals hold {held}"
 
 
 def print_next(model: SweepModel, out: Path) -> None:

@@ -99,7 +99,7 @@ def test_a_rubber_by_the_shape_of_a_compression_alone_is_a_caution(alpha, said) 
 
 
 @pytest.mark.parametrize("mode", ["uniaxial", "planar"])
-def test_a_foam_is_told_by_its_tension_and_no_rubber_is_taken_for_one(mode) -> None:
+def test_a_foam_is_known_by_its_tension_and_no_rubber_is_taken_for_one(mode) -> None:
     strain, draw = np.linspace(0.01, 0.5, 40), np.random.default_rng(5)
 
     def of(law):

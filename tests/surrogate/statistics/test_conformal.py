@@ -172,7 +172,7 @@ def test_half_widths_and_correlations_by_hand() -> None:
 
 
 def test_the_correlation_is_that_of_held_out_errors_less_what_spreads_say() -> None:
-    """Errors of x and y alike in 60 of 75 rows and opposite in 15: 0.6, which 50 rows of none are taken against."""
+    """Errors of x and y equal in 60 of 75 rows and opposite in 15: 0.6, which 50 rows of none are taken against."""
     error = np.ones((75, 2))
     error[::5, 1] = -1
     found = calibrated(error, np.ones((75, 2)), np.zeros(75))
