@@ -184,7 +184,8 @@ def stiffness_by_arrays(grid: Grid, tangent: Array, by_volume: ByVolume | None =
     row, column = np.broadcast_arrays(grid.numbers[:, :, None], grid.numbers[:, None, :])
     kept, width = (row >= column) & (column >= 0), grid.bandwidth + 1
     place = column[kept] * width + row[kept] - column[kept]
-    return np.bincount(place, stiffness[kept], grid.unknowns * width).reshape(-1, width)
+    band = np.bincount(place, stiffness[kept], grid.unknowns * width)
+    return np.asarray(band, dtype=float).reshape(-1, width)
 
 
 @compiled
