@@ -18,7 +18,7 @@ from matcal.laws.histories.damage import Damage
 from matcal.laws.histories.strain_paths import along, eta, follow
 from matcal.laws.law import Law, scaled, vector, with_vector
 from matcal.laws.prony import Prony
-from matcal.reduction.experiment import Experiment, StrainPath
+from matcal.reduction.experiment import NO_UNLOADING, Experiment, StrainPath
 from matcal.statistics.residual_correlation import correlated_errors, propagated
 from touchcal.arrays import Array
 from touchcal.number_words import percent
@@ -63,9 +63,13 @@ class _Seen:
 
 def fit_softening(experiments: Sequence[Experiment], law: Law, uncertainty: Uncertainty,
                   prony: Prony | None) -> SofteningFit | None:
-    """The softening of tests with a whole path; None where no test has one. ValueError for a path without unloading."""
+    """The softening of tests with a whole path; None where no test has one. ValueError where no test unloads of those
+    of which it was asked for."""
     started = time.process_time()
-    seen = [_seen(e, law, prony) for e in experiments if e.path is not None]
+    seen = [_seen(e, e.path, law, prony) for e in experiments if e.path is not None]
+    if not seen and (loaded := [name for e in experiments if NO_UNLOADING in e.facts for name in e.source]):
+        raise ValueError(f"{', '.join(loaded)}: no unloading is recorded. Leave `unloading` out, or give the whole "
+                         "cycle.")
     if not seen:
         return None
     work = [along(law, s.mode, s.path.strain).at(s.path.strain)[1] for s in seen]
@@ -104,15 +108,9 @@ def fit_softening(experiments: Sequence[Experiment], law: Law, uncertainty: Unce
                         time.process_time() - started)
 
 
-def _seen(experiment: Experiment, law: Law, prony: Prony | None) -> _Seen:
-    path = experiment.path
-    assert path is not None
+def _seen(experiment: Experiment, path: StrainPath, law: Law, prony: Prony | None) -> _Seen:
     relaxing = prony if prony is not None and path.time_s is not None and law.moduli == "longterm" else None
     own = scaled(law, 1 / relaxing.g_infinity) if relaxing is not None else law
-    most = np.maximum.accumulate(np.abs(path.strain))
-    if not np.any(np.abs(path.strain) < 0.9 * most):
-        raise ValueError(f"{', '.join(experiment.source)}: the record has no unloading. Leave `unloading` out, or give "
-                         "the whole cycle.")
     return _Seen(experiment.kind, path, own, relaxing, float(np.abs(path.stress_Pa).max()))
 
 

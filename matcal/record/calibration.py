@@ -12,6 +12,7 @@ from matcal.fitting.calibrate import FittedLaws, calibrate
 from matcal.fitting.fit_options import FitOptions
 from matcal.readers.column_options import parse_selection, selections_of
 from matcal.record.write import check_place, make_card, write_record
+from matcal.reduction.experiment import NO_UNLOADING
 from matcal.reduction.reduce import Given, read_and_reduce, tests_of
 from touchcal.errors import NotConverged
 from touchcal.lazy import needed
@@ -120,7 +121,7 @@ def fit(tests: Given | Sequence[Given], specimen: Path | str | None = None, *, o
     selected = selections_of([*own, *others], [parse_selection(text) for text in columns])
     reduced = read_and_reduce(own, specimen, selected[:len(own)], branch)
     options.check_used(reduced.experiments)
-    if branch == "all" and not any(e.path is not None for e in reduced.experiments):
+    if branch == "all" and not any(e.path is not None or NO_UNLOADING in e.facts for e in reduced.experiments):
         kinds = ", ".join(dict.fromkeys(e.kind for e in reduced.experiments))
         raise ValueError(f"`unloading` fits the cycles of uniaxial, biaxial, planar or shear tests, and the tests are "
                          f"{kinds} only. Leave it out, or add such a test.")

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from matcal.readers.vocabulary import KINDS
 from touchcal.arrays import Array
 
+NO_UNLOADING = "no_unloading"  # fact of a test of which unloading was asked for and which has none
+_UNLOADED = 0.9  # share of the largest strain below which unloading counts
 _OPTIONAL = ("time_s", "samples", "deviation", "lateral", "held")
 
 
@@ -31,6 +33,12 @@ class StrainPath:
     stress_Pa: Array  # (n,) nominal stress
     time_s: Array | None  # (n,) time from contact, s; None without a clock
     noise_Pa: float  # standard deviation of the noise of a value
+
+    @property
+    def unloads(self) -> bool:
+        """Whether the strain falls clearly below the largest one before it."""
+        size = np.abs(self.strain)
+        return bool(np.any(size < _UNLOADED * np.maximum.accumulate(size)))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from matcal.readers.detect import files_of, read
 from matcal.readers.recording import Recording
 from matcal.readers.specimens import specimens_of
 from matcal.readers.test_inputs import Input, inputs_of
-from matcal.reduction.experiment import Experiment
+from matcal.reduction.experiment import NO_UNLOADING, Experiment
 from matcal.reduction.holds.relaxation_tables import as_held, reduce_relaxation_table
 from matcal.reduction.kind_doubts import doubts
 from matcal.reduction.load_cycles import BRANCHES
@@ -191,6 +191,10 @@ def _reduce(explicit: str | None, recordings: list[Recording], specimen: Path | 
                          "replicate as a test of its own.")
     doubted = doubts(kind, first)
     made, files = _of_kind(kind, recordings, why, specimen, branch)
+    if made.path is not None and not made.path.unloads:
+        made, files = _of_kind(kind, recordings, why, specimen, "first")
+        said = f"{first.label} has no unloading: it is fitted as one loading, and the softening is that of other tests."
+        made = replace(made, facts={**made.facts, NO_UNLOADING: 1.0}, cautions=(*made.cautions, said))
     return replace(made, cautions=(*doubted, *made.cautions)), files
 
 

@@ -184,3 +184,19 @@ def test_a_record_without_unloading_is_refused(tmp_path: Path) -> None:
     path = table(tmp_path, strain, nominal_stress(RUBBER, "uniaxial", strain), "tension.csv")
     with pytest.raises((ValueError, InputFileError), match="no unloading"):
         calibrate(reduce_tests([("uniaxial", (path,))], branch="all"), FitOptions(1, 0.45))
+
+
+def test_of_two_records_the_one_that_unloads_gives_the_softening(tmp_path: Path) -> None:
+    damage, strain = Damage(2.0, 5e3), cycles([0.4, 0.8])
+    cyclic = table(tmp_path, strain, follow(RUBBER, "uniaxial", strain, damage), "tension.csv")
+    plain = np.linspace(0, 0.9, 40)
+    single = table(tmp_path, plain, nominal_stress(RUBBER, "uniaxial", plain), "tension_again.csv")
+    options = FitOptions(1, 0.45)
+    found, alone = (calibrate(reduce_tests([("uniaxial", (path,)) for path in paths], branch="all"), options)
+                    for paths in ((cyclic, single), (cyclic,)))
+    assert found.softening is not None
+    assert alone.softening is not None
+    assert found.softening.damage.r == pytest.approx(2.0, rel=0.02)
+    assert len(found.softening.relative_rms) == len(alone.softening.relative_rms) == 1
+    said = [sentence for test in found.experiments for sentence in test.cautions if "no unloading" in sentence]
+    assert [sentence.split()[0] for sentence in said] == ["tension_again.csv"]
