@@ -2,11 +2,13 @@
 
 Each law is fitted without each mode in turn and predicts it; of one mode, without each third of its strains. With e_k
 its error there, over the stress that was left out, law k has the weight exp(-(e_k^2 - e^2)/(2 (e^2 + 0.1^2))), e the
-least: laws that predict one mode equally well miss another by some 10 %. A law that loses Drucker stability at the
-stretches of the tests has none, nor one whose own interval leaves a mode without a test open by more than a factor. Of
-several laws the band about the mean has the half width t s, s^2 the mean of their own variances and the variance
-between them, t Student's of as many laws as the weights amount to. Source: Burnham & Anderson, Model Selection and
-Multimodel Inference (2002), 4.
+least: laws that predict one mode equally well miss another by some 10 %. Of several modes e_k^2 is a mean of few that
+may disagree: a law whose mean is above the least by no more than one standard error, of the differences from mode to
+mode, has the weight 1. A law that loses Drucker stability at the stretches of the tests has none, nor one whose own
+interval leaves a mode without a test open by more than a factor. Of several laws the band about the mean has the half
+width t s, s^2 the mean of their own variances and the variance between them, t Student's of as many laws as the weights
+amount to. Source: Burnham & Anderson, Model Selection and Multimodel Inference (2002), 4; Breiman et al.,
+Classification and Regression Trees (1984), 3.4.3 (one standard error).
 """
 
 import itertools
@@ -33,6 +35,7 @@ _PARTS, _SCANNED = 3, 41  # parts of one mode; points of a scan for stability
 _WORST = 10.0  # error of a prediction that does not exist
 _LEAST_SPARE = 2.0  # least degrees of freedom of Student's law
 _OTHERWISE = 0.1  # error in a mode that nothing shows
+_NEARLY = 0.5  # weight over the largest from which on a law of one mode predicts nearly best
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,8 @@ class Ranked:
     lost: tuple[str, ...]  # modes in which it loses Drucker stability
     left_open: tuple[str, ...]  # modes that its own interval leaves open
     weight: float = 0.0
+    errors: tuple[float, ...] = ()  # relative RMS of each mode or part that was left out
+    nearly: bool = False  # whether no law predicts clearly better
 
 
 def ranked(curves: Sequence[Curve], given: dict[str, float]) -> tuple[Ranked, ...]:
@@ -53,10 +58,21 @@ def ranked(curves: Sequence[Curve], given: dict[str, float]) -> tuple[Ranked, ..
     tried = [row for name in LAWS if name == "neo_hooke" or law_type(name).keeps_volume
              for row in _tried(tuple(curves), law_type(name), given)]
     usable = [row for row in tried if not row.lost and not row.left_open] or [r for r in tried if not r.lost] or tried
-    least = min(row.predicted for row in usable)
-    weight = [support(row.predicted, least) if row in usable else 0.0 for row in tried]
-    rows = [replace(row, weight=w / sum(weight)) for row, w in zip(tried, weight, strict=True)]
+    best = min(usable, key=lambda row: row.predicted)
+    weight = [support(row.predicted, best.predicted) if row in usable else 0.0 for row in tried]
+    nearly = [w >= _NEARLY for w in weight]
+    if len({curve.experiment.kind for curve in curves}) > 1:
+        nearly = [row in usable and not _clearly_worse(row.errors, best.errors) for row in tried]
+        weight = [1.0 if near else w for near, w in zip(nearly, weight, strict=True)]
+    rows = [replace(row, weight=w / sum(weight), nearly=near)
+            for row, w, near in zip(tried, weight, nearly, strict=True)]
     return tuple(sorted(rows, key=lambda row: (-row.weight, row.predicted)))
+
+
+def _clearly_worse(errors: Sequence[float], best: Sequence[float]) -> bool:
+    """Whether the mean square of errors, one a mode, is above that of the best law by more than its standard error."""
+    more = np.square(errors) - np.square(best)
+    return bool(np.mean(more) > np.std(more, ddof=1) / np.sqrt(more.size))
 
 
 def support(error: float, least: float) -> float:
@@ -104,10 +120,11 @@ def _tried(curves: tuple[Curve, ...], kind: type[Law], given: dict[str, float]) 
     try:
         fit = fit_law(curves, kind, kept, thorough=False)
         covariance = linearised(fit).covariance
-        predicted = float(np.sqrt(np.mean([_miss(fit, kept, seen, unseen) ** 2 for seen, unseen in _folds(curves)])))
+        errors = tuple(_miss(fit, kept, seen, unseen) for seen, unseen in _folds(curves))
     except (ValueError, NotConverged):
         return  # too few strains for this law
-    row = Ranked(fit.law, covariance, fit.optimum.cost**0.5, predicted, (), ())
+    predicted = float(np.sqrt(np.mean(np.square(errors))))
+    row = Ranked(fit.law, covariance, fit.optimum.cost**0.5, predicted, (), (), errors=errors)
     reached = _stretches([(c.experiment.kind, float(c.experiment.strain.min()), float(c.experiment.strain.max()))
                           for c in curves])
     yield replace(row, lost=tuple(_lost(fit.law, reached)), left_open=tuple(_open(row, reached)))
