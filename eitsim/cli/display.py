@@ -33,7 +33,8 @@ def show_plan(made: Plan, *, reasons: bool = True) -> None:
     table = Table("may cost", "decision", *(["reason"] if reasons else []), box=box.SIMPLE_HEAD, title_justify="left",
                   title="plan: each choice, and what it may cost of the signal (readings touched less untouched)")
     for d in made.decisions:
-        table.add_row(_cost(d), escape(d.decision), *([escape(d.reason)] if reasons else []))
+        of = "" if d.touch is None else f"touch {d.touch}: "
+        table.add_row(_cost(d), escape(of + d.decision), *([escape(d.reason)] if reasons else []))
     table.add_section()
     table.add_row(_percent(made.error_bound), "all known costs together")
     _console().print(table)

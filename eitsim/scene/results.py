@@ -24,6 +24,7 @@ class Decision:
     # relative error of the strain that drives the skin, L2 over the surface, that it may cost; None: as error_bound
     strain_bound: float | None = None
     remedy: str = ""  # what to write in a scene where it costs nothing, a sentence; empty where nothing says so
+    touch: int | None = None  # number of the touch that it is of, from 1; None: of all, or of the only one
 
 
 @dataclass(frozen=True)

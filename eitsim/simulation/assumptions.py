@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from eitsim.electrics.outline.adapted_mesh import READINGS
@@ -53,12 +54,12 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
     for i, way in enumerate(chosen.ways):
         solving = chosen.way_of(i)
         route = solving.route.of_touch(solving.case)
-        yield Choice(route.kind, route.values(way.case, way.touch), route.leaves_out(way.case))
+        of = [Choice(route.kind, route.values(way.case, way.touch), route.leaves_out(way.case))]
         if way.touch is not None and chosen.table is not None:
-            yield stored_choice(chosen.table, way.touch, scene)
+            of.append(stored_choice(chosen.table, way.touch, scene))
         elif way.case.punch.force_N is not None:
-            yield Choice(Kind.FROM_REST)
-        yield from _conductor(way, solving.route, i in paired)
+            of.append(Choice(Kind.FROM_REST))
+        yield from _numbered(chosen, i, [*of, *_conductor(way, solving.route, i in paired)])
     yield from _neighbours(chosen)
     yield from hold_choices(scene.hold, scene.skin.surface_strain, law, elastic=chosen.elastic) if (
         scene.hold.time_s) else (moduli_choice(scene.hold, law, card.prony),)
@@ -69,8 +70,9 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
         "strain": scene.skin.strain, "conducts": any(p.conductor for p in scene.punches)}, None),)
     yield Choice(Kind.ONE_CARD, cost=None)
     for i, way in enumerate(chosen.ways):
-        yield Choice(Kind.NO_FRICTION, cost=None) if way.case.punch.friction == "none" else Choice(
-            Kind.FRICTION, {"near": way.case.near or chosen.way_of(i).route.spatial})
+        yield from _numbered(chosen, i, [
+            Choice(Kind.NO_FRICTION, cost=None) if way.case.punch.friction == "none" else Choice(
+                Kind.FRICTION, {"near": way.case.near or chosen.way_of(i).route.spatial})])
     if not scene.skin.fills:
         yield Choice(Kind.FIXED_CHOICES, cost=None)
     yield Choice(Kind.RIGID_PUNCH, {"ratio": STEEL_E_PA / law.E_0_Pa}, law.E_0_Pa / STEEL_E_PA)
@@ -82,6 +84,13 @@ def _choices(chosen: Chosen) -> Iterator[Choice]:
         yield Choice(Kind.SHEET, {"over_fillet": over_fillet}, over_fillet**2)
     yield from _electrodes(scene)
     yield Choice(Kind.ONE_MATRIX, {"patterns": protocol(scene.drive, scene.electrodes.count).shape[0]})
+
+
+def _numbered(chosen: Chosen, i: int, of: list[Choice]) -> list[Choice]:
+    """The choices of touch i, which say that they are its where there are several."""
+    if len(chosen.ways) == 1:
+        return of
+    return [replace(choice, values={**choice.values, "touch": i + 1}) for choice in of]
 
 
 def _layer(chosen: Chosen) -> Iterator[Choice]:

@@ -99,10 +99,12 @@ def _rows(values: Array) -> list[list[float | None]]:
 
 
 def decisions(plan: Plan) -> list[dict[str, Any]]:
-    """The decisions of a plan as plain JSON values; strain_bound only where it is not the error_bound."""
+    """The decisions of a plan as plain JSON values; strain_bound only where it is not the error_bound, touch
+    (from 1) where it is of one of several."""
     return [{"kind": d.kind, "decision": d.decision, "reason": d.reason, "error_bound": d.error_bound,
              "unbounded": d.unbounded}
-            | ({} if d.strain_bound is None else {"strain_bound": d.strain_bound}) for d in plan.decisions]
+            | ({} if d.strain_bound is None else {"strain_bound": d.strain_bound})
+            | ({} if d.touch is None else {"touch": d.touch}) for d in plan.decisions]
 
 
 def moment_block(moment: Moment, plan: Plan, strain: str) -> dict[str, Any]:

@@ -250,7 +250,7 @@ def decision(choice: Choice) -> Decision:
     made = _MADE | {route.kind: route.words for route in known_routes.ROUTES}
     what, why = made[kind](of) if kind in made else (part.format_map(of) for part in _LINES[Kind(kind)])
     return Decision(kind, what, why + (_STAYS if of.get("stays") else ""), choice.cost or 0.0, choice.cost is None,
-                    of.get("strain_bound"), _REMEDIES.get(kind, ""))
+                    of.get("strain_bound"), _REMEDIES.get(kind, ""), of.get("touch"))
 
 
 def _in_mm(values: Values) -> dict[str, Any]:

@@ -146,3 +146,11 @@ def test_an_exact_hold_that_creeps_stays_axisymmetric_and_says_so():
                    for raw in ({"hold": {"time_s": [2.0]}}, {}))
     assert "mechanics axisymmetric about the punch" in held
     assert any("on the whole disc" in decision for decision in plain)
+
+
+def test_lines_of_one_of_several_touches_say_of_which() -> None:
+    two = make_plan(scene_from({"punch": [{"x_mm": -30}, {"x_mm": 30, "friction": "stick"}]}), CARD)
+    assert [(d.touch, d.decision) for d in two.decisions if "friction" in d.decision or "stick" in d.decision] == [
+        (1, "no friction"), (2, next(d.decision for d in two.decisions if d.kind == "friction"))]
+    assert {d.touch for d in two.decisions} == {None, 1, 2}
+    assert {d.touch for d in make_plan(scene_from({}), CARD).decisions} == {None}
