@@ -13,6 +13,11 @@ from touchcal.csv_numbers import csv_rows, finite, too_wide
 from touchcal.errors import InputFileError, unknown_key
 
 NAMES = ("x_mm", "y_mm", "d_mm", "F_N", "depth_mm", "z_mm")
+# Other units that labels are often in, and how many of the unit of NAMES one of them is.
+_OTHER_UNITS = {"mm": {"um": 1e-3, "cm": 10.0, "m": 1000.0, "in": 25.4},
+                "N": {"mN": 1e-3, "kN": 1000.0, "g": 9.80665e-3, "gf": 9.80665e-3, "kg": 9.80665, "kgf": 9.80665}}
+OTHER_UNITS = {f"{name.rpartition('_')[0]}_{unit}": (name, factor) for name in NAMES
+               for unit, factor in _OTHER_UNITS[name.rpartition("_")[2]].items()}
 TOUCH, PRESS = "touch", "press"
 PLACE = NAMES[:2]
 
@@ -102,6 +107,9 @@ def named_once(path: Path, header: list[str], rows: list[tuple[int, list[str]]])
 
 def _check_header(path: Path, line: int, header: list[str]) -> None:
     known = (TOUCH, PRESS, *NAMES)
+    if other := [name for name in header if name in OTHER_UNITS]:
+        asked = ", ".join(f"{OTHER_UNITS[name][0]} ({OTHER_UNITS[name][1]:g} times as large)" for name in other)
+        raise InputFileError(path, f"{', '.join(other)} in a unit that labels do not take; give {asked}.", line=line)
     if odd := [name for name in header if name not in known]:
         raise InputFileError(path, unknown_key(odd[0][:20], known), line=line)
     if len(set(header)) < len(header):

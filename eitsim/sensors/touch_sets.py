@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eitsim.sensors.labels import NAMES, PLACE, PRESS, TOUCH, checked, named_once
+from eitsim.sensors.labels import NAMES, OTHER_UNITS, PLACE, PRESS, TOUCH, checked, named_once
 from eitsim.sensors.recording import touch_name
 from touchcal.arrays import Array, Mask
 from touchcal.csv_numbers import csv_rows, finite
@@ -67,7 +67,7 @@ def read_touch_sets(path: Path | str) -> TouchSets:
 
 def _columns(header: list[str]) -> list[str]:
     """The columns of a header that name places."""
-    known = {TOUCH, PRESS, POINTS, NAMED, *NAMES}
+    known = {TOUCH, PRESS, POINTS, NAMED, *NAMES, *OTHER_UNITS}
     return [] if {NAMED, *NAMES} & {*header} else [name for name in header if name and name not in known]
 
 

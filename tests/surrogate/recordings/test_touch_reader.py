@@ -252,7 +252,7 @@ def test_what_cannot_be_scored_is_refused(kept_back: tuple[Path, Array]) -> None
     given = [folder / "frames.csv", "--labels", folder / "touches.csv"]
     cases = [(given[:1], "got 0 files of labels for .*frames.csv. Give one --labels touches.csv for each"),
              ([folder / "frames.csv", *given], "got 1 files of labels"),
-             ([*given[:2], folder / "cm.csv"], "cm.csv, line 1: unknown key 'x_cm'.*Did you mean 'x_mm'"),
+             ([*given[:2], folder / "cm.csv"], "cm.csv, line 1: x_cm in a unit that .*; give x_mm .10 times as large"),
              ([*given[:2], folder / "depth.csv"], "depth.csv: its labels are depth_mm, and the model reads x_mm, y_mm"),
              ([*given[:2], folder / "others.csv"], "others.csv: none of its 1 touches is one of the recording's"),
              ([folder / "narrow.csv", *given[1:]], "narrow.csv, line 2: 99 readings a frame"),
