@@ -64,6 +64,7 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
     from surrogate.cli.several_command import check_alone, learn_several
     from surrogate.data.skin_from_above import skin_of
     from surrogate.model.store import check_own
+    from surrogate.recordings.presses import unmatched
     from surrogate.recordings.signals import FEWEST
     from surrogate.recordings.worth import NothingToRead
 
@@ -96,16 +97,18 @@ def learn(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="R
         return
     frames = open_recording(recording) if known is None else open_recording(
         recording, kind=known.kind, readings=known.protocol.weights.size // known.electrodes.count)
-    if not as_json and (known is None or len(given.touch) >= FEWEST):
+    odd = unmatched(frames, given)
+    if not as_json and method == "families" and (known is None or len(given.touch) >= FEWEST):
         print(SLOW, file=sys.stderr)
     try:
         with waiting("learning the presses"):
             model = surrogate.learn(frames, given, seed, workers or cores(), expectation, method)
-    except NothingToRead:
+    except NothingToRead as error:
         _write_suggested(ahead, out)
         if not as_json:
             _print_suggested(ahead)
-        raise
+        raise NothingToRead(" ".join([str(error), *odd])) from None
+    model = replace(model, left_out=(*model.left_out, *odd))
     if known is None:
         model = replace(model, left_out=(*model.left_out, NO_SENSOR))
     elif expectation is None:

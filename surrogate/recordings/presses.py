@@ -89,6 +89,17 @@ def labelled(presses: Presses, labels: Labels, source: str) -> tuple[Presses, La
     return kept, labels_of(labels, np.array([row[name] for name in kept.name.tolist()]))
 
 
+def unmatched(recording: Recording, labels: Labels) -> list[str]:
+    """Labels without a touch in the recording, and its touches without a label, a sentence each."""
+    there, named = ([*dict.fromkeys(one.tolist())] for one in (recording.touch[recording.touch != ""], labels.touch))
+    strange, unknown = ([name for name in some if name not in {*others}]
+                        for some, others in ((named, there), (there, named)))
+    return [f"{what}: {len(odd)} of {len(whole)} touches, the first '{odd[0][:20]}'."
+            for what, odd, whole in (("labelled, but not in the recording", strange, named),
+                                     ("in the recording, but without a label, so that they teach nothing", unknown,
+                                      there)) if odd]
+
+
 def cut(presses: Presses) -> Presses:
     """The presses without the frames that follow them."""
     return replace(presses, following=np.full_like(presses.following, np.nan))

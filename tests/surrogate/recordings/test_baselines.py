@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from eitsim.sensors.labels import Labels
+from eitsim.sensors.labels import Labels, labels_of
 from eitsim.sensors.recording import Recording
 from surrogate.recordings.baselines import learn_drift, tracked, without
-from surrogate.recordings.presses import labelled, presses_of
+from surrogate.recordings.presses import labelled, presses_of, unmatched
 from touchcal.errors import InputFileError
 
 
@@ -62,5 +62,9 @@ def test_labels_meet_their_presses_by_name() -> None:
     kept, known = labelled(presses, labels, "touches.csv")
     assert kept.name.tolist() == known.touch.tolist() == ["a", "c"]
     np.testing.assert_array_equal(known.values, [[3, 4], [1, 2]])
+    assert unmatched(recording("difference", ["a", "b", "", "c"]), labels) == [
+        "labelled, but not in the recording: 1 of 3 touches, the first 'z'.",
+        "in the recording, but without a label, so that they teach nothing: 1 of 3 touches, the first 'b'."]
+    assert unmatched(recording("difference", ["a", "", "c"]), labels_of(labels, np.array([0, 1]))) == []
     with pytest.raises(ValueError, match="none of its 1 touches"):
         labelled(presses, Labels(np.array(["z"]), ("x_mm", "y_mm"), np.ones((1, 2))), "touches.csv")
